@@ -1,0 +1,1 @@
+"""Inverse and forward dynamics, models and effects of the Par4 parallel robot."""

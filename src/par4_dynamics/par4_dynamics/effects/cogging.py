@@ -1,0 +1,49 @@
+"""Torque periodic in the joint angle, whatever the load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+
+LOWEST_PERIODS, HIGHEST_PERIODS = 4, 160
+
+
+class Cogging(Effect):
+    """tau_i += a_i sin(N q_i + phi_i): slots of the motor, seen through its gear."""
+
+    name = 'cogging'
+    phrase = 'cogging torque'
+    parameters = (EffectParameter('amplitude', 'N m', 'joint'),
+                  EffectParameter('periods', '1/turn', 'machine'),
+                  EffectParameter('phase', 'rad', 'joint'))
+
+    def shapes(self, state):
+        # Periods a turn are whole: the torque returns after one turn. Below four of them in the
+        # range of q they cannot be told from gravity.
+        span = float(np.min(np.ptp(state.q, axis=0)))
+        lowest = max(LOWEST_PERIODS, int(np.ceil(1.5 * 2.0 * np.pi / max(span, 1e-3))))
+        return tuple({'periods': float(periods)}
+                     for periods in range(lowest, HIGHEST_PERIODS + 1))
+
+    def columns(self, state, shape):
+        angle = shape['periods'] * state.q
+        return np.stack((np.sin(angle), np.cos(angle)), axis=-1)
+
+    def coefficients(self, values):
+        return values['amplitude'] * np.stack((np.cos(values['phase']), np.sin(values['phase'])))
+
+    def values(self, coefficients, shape):
+        amplitude = np.hypot(coefficients[0], coefficients[1])
+        return {'amplitude': amplitude,
+                'periods': np.full_like(amplitude, shape['periods']),
+                'phase': np.arctan2(coefficients[1], coefficients[0])}
+
+    def shape_of(self, values):
+        return {'periods': float(values['periods'])}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        return None
+
+    def signature(self, state):
+        return Signature(state.q, 'joint position, rad')

@@ -1,0 +1,103 @@
+"""What an effect is: named parameters, regressor columns, torque, plausibility, signature."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from par4_dynamics.state import State
+
+Shape = Mapping[str, float]
+Values = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """A parameter of an effect: its name, unit, and whether each joint has its own."""
+
+    name: str
+    unit: str
+    scope: Literal['joint', 'machine']
+
+
+@dataclass(frozen=True)
+class Signature:
+    """How the effect shows in a plot: residual over `abscissa` (n, J), labelled."""
+
+    abscissa: np.ndarray
+    label: str
+
+
+class Effect(ABC):
+    """One effect of the catalogue.
+
+    Its torque is linear in coefficients c, given at most two shape parameters:
+    torque_j = sum_k columns[:, j, k] c_k (shared by the joints) or c_kj (one a joint).
+
+    Attributes:
+        name: the name in `diagnosis.json` and `model.yaml`.
+        parameters: what describes it to a user.
+        shared: True where the joints share the coefficients.
+        needs_platform: True where a single axis cannot have it.
+        phrase: the effect in words, for the report, e.g. 'cogging torque'.
+    """
+
+    name: ClassVar[str]
+    parameters: ClassVar[tuple[EffectParameter, ...]]
+    shared: ClassVar[bool] = False
+    needs_platform: ClassVar[bool] = False
+    phrase: ClassVar[str]
+
+    def shapes(self, state: State) -> tuple[Shape, ...]:  # noqa: ARG002
+        """Return the shape parameters worth trying on this motion; one empty one if linear."""
+        return ({},)
+
+    def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:  # noqa: ARG002
+        """Return shapes around `shape`, `step` being 1 for the spacing of `shapes`."""
+        return (shape,)
+
+    @abstractmethod
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        """Return the torque per unit coefficient, (n, J, K), N m."""
+
+    @abstractmethod
+    def coefficients(self, values: Values) -> np.ndarray:
+        """Return the coefficients (K, J) of parameter values, each (J,)."""
+
+    @abstractmethod
+    def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
+        """Return the parameter values, each (J,), of coefficients (K, J) and a shape."""
+
+    @abstractmethod
+    def implausible(self, values: Values, base: Mapping[str, np.ndarray]) -> str | None:
+        """Return why these values, each (J,), cannot be real, or None; base parameters (J,)."""
+
+    @abstractmethod
+    def signature(self, state: State) -> Signature:
+        """Return the abscissa over which the effect shows."""
+
+    def shape_of(self, values: Values) -> Shape:  # noqa: ARG002
+        """Return the shape parameters among the values (those of the machine)."""
+        return {}
+
+    def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
+        """Return the torque (n, J), N m; zero on joints not in `joints`.
+
+        Args:
+            state: the motion.
+            values: parameter name -> (J,).
+            joints: where the effect acts.
+        """
+        acting = np.zeros(state.joints)
+        acting[list(joints)] = 1.0
+        coefficients = self.coefficients(values) * acting
+        total = np.zeros_like(state.q)
+        for joint in joints:  # a joint's shape may be its own
+            shape = self.shape_of({name: value[joint] for name, value in values.items()})
+            columns = self.columns(state, shape)[:, joint]
+            total[:, joint] = columns @ coefficients[:, joint]
+        return total

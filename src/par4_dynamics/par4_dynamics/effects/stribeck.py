@@ -1,0 +1,56 @@
+"""Friction that is higher at low speed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+
+SPEEDS = np.geomspace(0.01, 1.0, 13)
+
+
+class Stribeck(Effect):
+    """tau_i += F_s exp(-(qd / v_s)^2) sign(qd): breakaway above the Coulomb level."""
+
+    name = 'stribeck'
+    phrase = 'Stribeck friction'
+    parameters = (EffectParameter('stribeck_torque', 'N m', 'joint'),
+                  EffectParameter('stribeck_velocity', 'rad/s', 'joint'))
+
+    def shapes(self, state):
+        fastest = float(np.max(np.abs(state.qd)))
+        return tuple({'stribeck_velocity': float(speed)} for speed in SPEEDS
+                     if speed < 0.5 * fastest)
+
+    def refined(self, shape, step):
+        spacing = (SPEEDS[1] / SPEEDS[0]) ** step
+        centre = shape['stribeck_velocity']
+        return tuple({'stribeck_velocity': centre * spacing ** power}
+                     for power in (-0.5, 0.0, 0.5))
+
+    def columns(self, state, shape):
+        ratio = state.qd / shape['stribeck_velocity']
+        return (np.exp(-ratio * ratio) * np.sign(state.qd))[..., None]
+
+    def coefficients(self, values):
+        return values['stribeck_torque'][None]
+
+    def values(self, coefficients, shape):
+        torque = coefficients[0]
+        return {'stribeck_torque': torque,
+                'stribeck_velocity': np.full_like(torque, shape['stribeck_velocity'])}
+
+    def shape_of(self, values):
+        return {'stribeck_velocity': float(values['stribeck_velocity'])}
+
+    def implausible(self, values, base):
+        torque, level = values['stribeck_torque'], base['coulomb_friction']
+        if np.any(torque < 0):
+            return f'Stribeck torque must add to friction, found {torque.min():.3g} N m'
+        if np.any(torque > 2.0 * np.maximum(level, 1e-9)):
+            return (f'Stribeck torque {torque.max():.3g} N m is more than twice the Coulomb level '
+                    f'{np.min(level):.3g} N m')
+        return None
+
+    def signature(self, state):
+        return Signature(state.qd, 'joint speed, rad/s')

@@ -1,0 +1,30 @@
+"""A constant torque on each joint."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+
+
+class TorqueOffset(Effect):
+    """tau_i += o_i: a zero error of the amplifier or a constant load."""
+
+    name = 'torque_offset'
+    phrase = 'constant torque offset'
+    parameters = (EffectParameter('offset', 'N m', 'joint'),)
+
+    def columns(self, state, shape):  # noqa: ARG002
+        return np.ones((*state.q.shape, 1))
+
+    def coefficients(self, values):
+        return values['offset'][None]
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return {'offset': coefficients[0]}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        return None
+
+    def signature(self, state):
+        return Signature(np.broadcast_to(state.t[:, None], state.q.shape), 'time, s')

@@ -1,0 +1,151 @@
+"""The model of a machine: the base terms of (20), the bodies it leaves out, and effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from par4_dynamics.base_terms import BASE_TERMS, base_columns, base_terms, unmodelled_columns
+from par4_dynamics.effects.catalogue import effect_named
+from par4_dynamics.effects.effect import Effect
+from par4_dynamics.mechanism import LumpedBodies, physical_bodies
+from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file
+from par4_dynamics.state import State
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import Axis, Bodies, Robot
+
+
+@dataclass(frozen=True)
+class ActiveEffect:
+    """An effect with its values: parameter name -> (J,), and the joints it acts on."""
+
+    effect: Effect
+    joints: tuple[int, ...]
+    values: dict[str, np.ndarray]
+
+    def torque(self, state: State) -> np.ndarray:
+        """Return its torque (n, J), N m."""
+        return self.effect.torque(state, self.values, self.joints)
+
+
+@dataclass(frozen=True)
+class Model:
+    """Torque of a motion: W chi of (21), plus distributed bodies (`full`), plus effects.
+
+    Attributes:
+        rigid_body: 'paper' for (20), 'full' for distributed rods and bars.
+        values: base parameter name -> (J,).
+        bodies: the masses that `full` distributes.
+        effects: what else the machine does.
+        torque_limit: of the drives where the model needs its own, N m.
+    """
+
+    rigid_body: str
+    values: dict[str, np.ndarray]
+    bodies: Bodies
+    effects: tuple[ActiveEffect, ...] = ()
+    torque_limit: float | None = None
+
+    def base_torque(self, state: State) -> np.ndarray:
+        """Return W chi (n, J), N m: equation (20)."""
+        columns = base_columns(state)
+        chi = np.stack([self.values[term.name] for term in base_terms(state)])
+        return np.einsum('njp,pj->nj', columns, chi)
+
+    def known_torque(self, state: State) -> np.ndarray:
+        """Return what is not linear in the base parameters (n, J): bodies and effects."""
+        total = np.zeros_like(state.q)
+        if self.rigid_body == 'full' and state.geometry is not None:
+            total += unmodelled_columns(state) @ (
+                self.bodies.rod_mass, self.bodies.bar_mass, self.bodies.theta_inertia)
+        for active in self.effects:
+            total += active.torque(state)
+        return total
+
+    def torque(self, state: State) -> np.ndarray:
+        """Return the joint torques (n, J), N m, that this motion needs."""
+        return self.base_torque(state) + self.known_torque(state)
+
+    def lumped_bodies(self) -> LumpedBodies:
+        """Return the rigid bodies as the equations of motion take them.
+
+        Raises:
+            InputError: platform masses that differ between joints.
+        """
+        for name in ('platform_mass_1', 'platform_mass_2'):
+            if np.ptp(self.values[name]) > 0:
+                raise InputError(f'{name}: one number for the machine, found '
+                                 f'{self.values[name].tolist()}')
+        full = self.rigid_body == 'full'
+        return LumpedBodies(
+            self.values['actuator_inertia'], float(self.values['platform_mass_1'][0]),
+            float(self.values['platform_mass_2'][0]), self.values['arm_gravity'],
+            self.bodies.rod_mass if full else 0.0, self.bodies.bar_mass if full else 0.0,
+            self.bodies.theta_inertia if full else 0.0)
+
+    def without_effects(self) -> Model:
+        """Return the same model with no effects."""
+        return replace(self, effects=())
+
+
+def build_model(machine: Robot | Axis, model_file: ModelFile) -> Model:
+    """Return the model of `machine` with the parameters and effects of `model_file`.
+
+    Raises:
+        InputError: a parameter that is missing or has the wrong number of values, an unknown
+            effect, or masses that make a body negative.
+    """
+    joints = len(machine.joint_names)
+    is_robot = isinstance(machine, Robot)
+    wanted = [term for term in BASE_TERMS if is_robot or not term.needs_platform]
+    missing = [term.name for term in wanted if term.name not in model_file.parameters]
+    if missing:
+        raise InputError(f'model for {machine.name}: missing parameters {", ".join(missing)}; '
+                         f'found {", ".join(model_file.parameters)}; add them')
+    values = {}
+    for term in wanted:
+        parameter = model_file.parameters[term.name]
+        if isinstance(parameter.value, tuple) and len(parameter.value) != joints:
+            raise InputError(f'{term.name}: expected one number or {joints}, found '
+                             f'{len(parameter.value)}')
+        values[term.name] = parameter.per_joint(joints)
+    effects = tuple(_active_effect(entry, joints, is_robot) for entry in model_file.effects)
+    bodies = machine.bodies if is_robot else Bodies()
+    model = Model(model_file.rigid_body, values, bodies, effects, model_file.torque_limit)
+    if is_robot and model.rigid_body == 'full':
+        physical_bodies(machine.geometry, model.lumped_bodies(), bodies.rod_mass, bodies.bar_mass)
+    return model
+
+
+def _active_effect(entry: EffectEntry, joints: int, is_robot: bool) -> ActiveEffect:
+    effect = effect_named(entry.effect)
+    if effect.needs_platform and not is_robot:
+        raise InputError(f'effect {effect.name} needs a platform, the machine is a single axis')
+    wanted = {parameter.name for parameter in effect.parameters}
+    if set(entry.parameters) != wanted:
+        raise InputError(f'effect {effect.name}: expected parameters {", ".join(sorted(wanted))}, '
+                         f'found {", ".join(sorted(entry.parameters)) or "none"}')
+    acting = tuple(range(joints)) if entry.joints is None else entry.joints
+    if any(not 0 <= joint < joints for joint in acting):
+        raise InputError(f'effect {effect.name}: joints must be 0 to {joints - 1}, found '
+                         f'{list(acting)}')
+    values = {}
+    for name, parameter in entry.parameters.items():
+        full = np.zeros(joints)
+        given = parameter.value
+        if isinstance(given, tuple) and len(given) not in (joints, len(acting)):
+            raise InputError(f'effect {effect.name}, {name}: expected one number, one for each of '
+                             f'its {len(acting)} joints or {joints}, found {len(given)}')
+        if isinstance(given, tuple) and len(given) == joints:
+            full[:] = given
+        else:
+            full[list(acting)] = given
+        values[name] = full
+    return ActiveEffect(effect, acting, values)
+
+
+def read_model(name_or_path: str | Path, machine: Robot | Axis) -> Model:
+    """Return the model of a `model.yaml` or built-in name for `machine`; see `build_model`."""
+    return build_model(machine, read_model_file(name_or_path))

@@ -1,0 +1,79 @@
+"""What every term and effect is computed from: the motion of a machine over a log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from par4_kinematics.acceleration import JointMotion, joint_motion, platform_motion
+from par4_kinematics.arrays import as_matching_rows
+from par4_kinematics.geometry import Geometry
+from par4_kinematics.velocity import jacobian_parts
+
+GRAVITY = 9.81
+"""m/s2, along -z of `base`."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Motion of n samples of a machine with J joints; SI, radians.
+
+    Attributes:
+        t: time since the start of the log, (n,) s.
+        q, qd, qdd: joints, (n, J).
+        geometry: dimensions, or None for a single axis; then x, xd, xdd are None too.
+        x, xd, xdd: pose of D and theta, (n, 4).
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+    geometry: Geometry | None = None
+    x: np.ndarray | None = None
+    xd: np.ndarray | None = None
+    xdd: np.ndarray | None = None
+
+    @property
+    def joints(self) -> int:
+        """Number of joints J."""
+        return self.q.shape[1]
+
+    def torque_of_force(self, force: ArrayLike) -> np.ndarray:
+        """Return the joint torques J_1^T f (n, 4), N m, that carry a generalised force f.
+
+        Args:
+            force: (n, 4) or (4,): force on D in `base`, N, and moment about theta, N m.
+        """
+        j_x, j_q = jacobian_parts(self.geometry, self.x)
+        force = np.broadcast_to(np.asarray(force, dtype=float), self.x.shape)
+        return j_q * np.linalg.solve(np.swapaxes(j_x, -1, -2), force[..., None])[..., 0]
+
+
+def state_of_joints(geometry: Geometry | None, t: ArrayLike, q: ArrayLike, qd: ArrayLike,
+                    qdd: ArrayLike) -> State:
+    """Return the state of a joint motion (n, J); with a geometry, its platform motion is solved.
+
+    Raises:
+        UnreachableError: joint positions with which the mechanism does not close.
+    """
+    t = np.asarray(t, dtype=float)
+    if geometry is None:
+        return State(t, *(np.asarray(part, dtype=float) for part in (q, qd, qdd)))
+    (q, qd, qdd), _ = as_matching_rows({'q': q, 'qd': qd, 'qdd': qdd})
+    platform = platform_motion(geometry, q, qd, qdd)
+    return State(t, q, qd, qdd, geometry, platform.x, platform.xd, platform.xdd)
+
+
+def state_of_platform(geometry: Geometry, t: ArrayLike, x: ArrayLike, xd: ArrayLike,
+                      xdd: ArrayLike) -> State:
+    """Return the state of a platform motion (n, 4) of D and theta.
+
+    Raises:
+        UnreachableError: a pose that a leg cannot reach.
+    """
+    (x, xd, xdd), _ = as_matching_rows({'x': x, 'xd': xd, 'xdd': xdd})
+    joints: JointMotion = joint_motion(geometry, x, xd, xdd)
+    return State(np.asarray(t, dtype=float), joints.q, joints.qd, joints.qdd, geometry, x, xd, xdd)

@@ -1,0 +1,24 @@
+from setuptools import find_packages, setup
+
+package_name = 'par4_dynamics'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    description='Inverse and forward dynamics, models and effects of the Par4 parallel robot.',
+    license='Apache-2.0',
+    author='Par4 maintainers',
+    packages=find_packages(),
+    package_data={'par4_dynamics': ['builtin/*.yaml']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml']),
+    ],
+    install_requires=['numba', 'numpy', 'pydantic'],
+    zip_safe=False,
+    entry_points={
+        'console_scripts': [
+            'par4_feedforward = par4_dynamics.ros.feedforward_node:main',
+        ],
+    },
+)

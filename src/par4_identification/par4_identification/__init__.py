@@ -1,0 +1,1 @@
+"""Recording, identification, validation and diagnosis of measured Par4 data."""

@@ -1,0 +1,27 @@
+from setuptools import find_packages, setup
+
+package_name = 'par4_identification'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    description='Recording, identification, validation and diagnosis of measured Par4 data.',
+    license='Apache-2.0',
+    author='Par4 maintainers',
+    packages=find_packages(),
+    package_data={'par4_identification': ['templates/*']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml']),
+    ],
+    install_requires=['click', 'jinja2', 'matplotlib', 'numpy', 'rich', 'scipy'],
+    zip_safe=False,
+    entry_points={
+        'console_scripts': [
+            'par4_record = par4_identification.ros.record_node:main',
+            'par4_identify = par4_identification.commands.identify:main',
+            'par4_validate = par4_identification.commands.validate:main',
+            'par4_diagnose = par4_identification.commands.diagnose:main',
+        ],
+    },
+)

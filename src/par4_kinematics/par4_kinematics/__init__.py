@@ -1,0 +1,1 @@
+"""Kinematics, motions, files and contract of the Par4 parallel robot."""

@@ -1,0 +1,124 @@
+"""Reading checked YAML and writing results so that nothing is ever half written."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import resources
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from par4_kinematics.errors import InputError
+
+
+class FileModel(BaseModel):
+    """Base of everything read from YAML: immutable, finite numbers, unknown keys refused."""
+
+    model_config = ConfigDict(frozen=True, extra='forbid', allow_inf_nan=False)
+
+
+FileType = TypeVar('FileType', bound=BaseModel)
+
+
+def read_yaml(path: str | Path) -> object:
+    """Return the content of a YAML 1.2 file (`1e-3` is a number).
+
+    Raises:
+        InputError: the file does not exist, cannot be read or is not YAML.
+    """
+    path = Path(path)
+    try:
+        return YAML(typ='safe', pure=True).load(path.read_text(encoding='utf-8'))
+    except FileNotFoundError:
+        raise InputError(f'{path}: no such file; give the path of an existing file') from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f'{path}: cannot be read as text ({error})') from error
+    except YAMLError as error:
+        line = ' '.join(str(error).split())
+        raise InputError(f'{path}: not valid YAML ({line}); mend the file') from error
+
+
+def parse(content: object, model: type[FileType], source: str) -> FileType:
+    """Return `content` as `model`; `source` names it in the error.
+
+    Raises:
+        InputError: what breaks the schema, all of it in one line.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        found = '; '.join(
+            f'{".".join(map(str, item["loc"])) or "file"}: {item["msg"]}'
+            + (f' (found {item["input"]!r})' if not isinstance(item['input'], dict) else '')
+            for item in error.errors()[:4]
+        )
+        raise InputError(f'{source}: {found}; see docs/interface.md') from error
+
+
+def expect_schema(content: object, schemas: tuple[str, ...], source: str) -> str:
+    """Return the schema that `content` declares, which must be one of `schemas`."""
+    if not isinstance(content, dict):
+        raise InputError(f'{source}: expected a mapping with `schema: {schemas[0]}`, found '
+                         f'{type(content).__name__}')
+    found = content.get('schema')
+    if found not in schemas:
+        raise InputError(f'{source}: expected schema {" or ".join(schemas)}, found {found!r}')
+    return found
+
+
+def resolve_builtin(name_or_path: str | Path, package: str) -> Path:
+    """Return the path of the built-in file of that name in `package`, else the path itself.
+
+    Raises:
+        InputError: neither a built-in name nor an existing file.
+    """
+    folder = Path(str(resources.files(package))) / 'builtin'
+    builtin = {file.stem: file for file in sorted(folder.glob('*.yaml'))}
+    if str(name_or_path) in builtin:
+        return builtin[str(name_or_path)]
+    path = Path(name_or_path)
+    if not path.is_file():
+        raise InputError(f'{name_or_path}: no such file, and not a built-in name '
+                         f'({", ".join(builtin)}); give one of these or the path of a file')
+    return path
+
+
+@contextmanager
+def written_atomically(path: str | Path) -> Iterator[Path]:
+    """Yield a scratch path beside `path` (a file or a folder to fill) that replaces it on success.
+
+    If the block raises, `path` stays as it was and the scratch is removed.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    scratch_folder = Path(tempfile.mkdtemp(prefix=f'.{path.name}.', dir=path.parent))
+    scratch = scratch_folder / path.name
+    try:
+        yield scratch
+        if path.is_dir() and scratch.is_dir():
+            path.rename(scratch_folder / 'replaced')
+        os.replace(scratch, path)
+    finally:
+        shutil.rmtree(scratch_folder, ignore_errors=True)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write `text` to `path` atomically."""
+    with written_atomically(path) as scratch:
+        scratch.write_text(text, encoding='utf-8')
+
+
+def write_yaml(path: str | Path, content: object) -> None:
+    """Write `content` (plain dicts, lists, numbers and strings) as YAML atomically."""
+    yaml = YAML(typ='safe', pure=True)
+    yaml.default_flow_style = False
+    yaml.sort_base_mapping_type_on_output = False
+    with written_atomically(path) as scratch, scratch.open('w', encoding='utf-8') as stream:
+        yaml.dump(content, stream)

@@ -1,0 +1,72 @@
+"""The dimensions of a robot with the Par4 topology.
+
+Frame `base`: origin at the centre of the four actuator axes, z up. Legs 0 and 1 carry half plate
+2 (its point D'), legs 2 and 3 carry half plate 1 (its point D), which also carries the tool.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from par4_kinematics.files import FileModel
+
+LEGS = 4
+POSE_NAMES = ('x', 'y', 'z', 'theta')
+HOME = (0.0, 0.0, -0.78, 0.0)
+"""Default pose X = (x, y, z, theta) of D, m and rad."""
+
+
+class Geometry(FileModel):
+    """Dimensions in metres and radians, as in `robot.yaml`.
+
+    Attributes:
+        arm_length: L, actuator axis P_i to elbow A_i.
+        forearm_length: l, elbow A_i to plate joint B_i.
+        base_radius: R, origin to actuator axis P_i.
+        platform_radius: r_p, centre of the platform to B_i at theta = 0.
+        platform_bar_length: h, length of the bars that join the half plates, D to D'.
+        actuator_azimuth: azimuth of the four legs.
+        rotation_amplification: tool angle per theta (belt and pulleys).
+    """
+
+    arm_length: float = Field(gt=0)
+    forearm_length: float = Field(gt=0)
+    base_radius: float = Field(ge=0)
+    platform_radius: float = Field(ge=0)
+    platform_bar_length: float = Field(gt=0)
+    actuator_azimuth: tuple[float, float, float, float] = tuple(
+        math.pi / 4 + leg * math.pi / 2 for leg in range(LEGS))
+    rotation_amplification: float = 4.0
+
+    @model_validator(mode='after')
+    def _loops_can_close(self) -> Geometry:
+        across = abs(self.base_radius - self.platform_radius)
+        reach = self.arm_length + self.forearm_length
+        if across >= reach:
+            raise ValueError(
+                f'leg 0 (and every other) cannot close its loop: with the platform centred its '
+                f'plate joint is {across:.3f} m from its actuator at the least, arm and forearm '
+                f'together reach {reach:.3f} m; lengthen them or bring the radii together')
+        return self
+
+    @cached_property
+    def packed(self) -> np.ndarray:
+        """The dimensions as the compiled kernels take them.
+
+        (L, l, R, h, then for each leg cos and sin of its azimuth and x, y of the vector from D
+        (legs 2, 3) or D' (legs 0, 1) to B_i), shape (20,).
+        """
+        packed = np.empty(4 + 4 * LEGS)
+        packed[:4] = (self.arm_length, self.forearm_length, self.base_radius,
+                      self.platform_bar_length)
+        for leg, azimuth in enumerate(self.actuator_azimuth):
+            cosine, sine = math.cos(azimuth), math.sin(azimuth)
+            side = 0.5 * self.platform_bar_length * (1 if leg >= 2 else -1)
+            packed[4 + 4 * leg:8 + 4 * leg] = (
+                cosine, sine, self.platform_radius * cosine, self.platform_radius * sine + side)
+        packed.setflags(write=False)
+        return packed

@@ -1,0 +1,146 @@
+"""The contract with other programs as one table: topics, services, executables, parameters.
+
+Readable without ROS; `python -m par4_kinematics.interface` prints `docs/interface.md`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from par4_kinematics.robot import JOINT_NAMES
+
+BASE_FRAME = 'base'
+TOOL_FRAME = 'tool'
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic: relative name (a namespace or a remap moves it), message type, who to whom."""
+
+    name: str
+    type: str
+    source: str
+    target: str
+    content: str
+    transient_local: bool = False
+    depth: int = 1000
+
+    @property
+    def qos_yaml(self) -> str:
+        """Durability in words."""
+        return (f'reliable, {"transient local" if self.transient_local else "volatile"}, '
+                f'keep last {self.depth}')
+
+
+JOINT_STATES = Topic(
+    'joint_states', 'sensor_msgs/msg/JointState', 'robot or simulation', 'all',
+    f'{JOINT_NAMES[0]} .. {JOINT_NAMES[-1]} selected by name, any order, other joints ignored; '
+    'rad, rad/s; effort = nominal G_i V_i, N m')
+AMPLIFIER_VOLTAGE = Topic(
+    'amplifier_voltage', 'sensor_msgs/msg/JointState', 'robot or simulation', 'recorder',
+    "same names; effort carries the amplifier's input in V, after clipping; torque = G_i V_i (24)")
+REFERENCE = Topic(
+    'reference', 'trajectory_msgs/msg/JointTrajectory', 'motion', 'feedforward, drive',
+    '1..N points: positions, velocities, accelerations of the four joints; time = header.stamp + '
+    'time_from_start; a stamp of zero starts 0.2 s after receipt')
+FEEDFORWARD_TORQUE = Topic(
+    'feedforward_torque', 'trajectory_msgs/msg/JointTrajectory', 'feedforward', 'drive',
+    'the reference with effort filled, N m; stamp and times copied')
+PLATFORM_POSE = Topic(
+    'platform_pose', 'geometry_msgs/msg/PoseStamped', 'kinematics', 'users',
+    f'pose of D in `{BASE_FRAME}`, rotation = tool angle = rotation_amplification x theta')
+ROBOT_DESCRIPTION = Topic(
+    'robot_description', 'std_msgs/msg/String', 'simulation', 'viewers',
+    'URDF (tree with the loops cut)', transient_local=True, depth=1)
+CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', 'simulation (`publish_clock`)', 'all',
+              'simulated time; QoS as ROS defines')
+DIAGNOSTICS = Topic(
+    '/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'every node', 'users',
+    'late steps, rejected messages, unreachable poses, dropped samples')
+TRUE_TORQUE = Topic('~/true_torque', 'sensor_msgs/msg/JointState', 'simulation', 'tests only',
+                    'what a real robot would not tell; never read by identification')
+TRUE_POSE = Topic('~/true_pose', 'geometry_msgs/msg/PoseStamped', 'simulation', 'tests only',
+                  'what a real robot would not tell; never read by identification')
+
+TOPICS = (JOINT_STATES, AMPLIFIER_VOLTAGE, REFERENCE, FEEDFORWARD_TORQUE, PLATFORM_POSE,
+          ROBOT_DESCRIPTION, CLOCK, DIAGNOSTICS, TRUE_TORQUE, TRUE_POSE)
+RECORDED_TOPICS = (JOINT_STATES, AMPLIFIER_VOLTAGE, REFERENCE, FEEDFORWARD_TORQUE)
+"""What `par4_record` writes and `par4_simulate` leaves in its bag."""
+
+SERVICES = (
+    ('par4_simulation', ('~/reset', '~/stop', '~/pause', '~/resume')),
+    ('par4_record', ('~/start', '~/stop')),
+    ('nodes with a model', ('~/reload_model',)),
+)
+"""All std_srvs/srv/Trigger."""
+
+EXECUTABLES = (
+    ('par4_kinematics', 'par4_kinematics', 'node: joint_states -> platform_pose'),
+    ('par4_kinematics', 'par4_motion',
+     'node: plays a motion (adept, excitation, circle, a file) as `reference`'),
+    ('par4_dynamics', 'par4_feedforward', 'node: reference -> feedforward_torque'),
+    ('par4_sim', 'par4_simulation', 'node: the simulated Par4 with drives and sensors'),
+    ('par4_sim', 'par4_simulate',
+     'offline: the same simulation without ROS, same topics in the bag'),
+    ('par4_identification', 'par4_record', 'node: records a bag; `--repair BAG` mends one cut off'),
+    ('par4_identification', 'par4_identify', 'offline: identifies a model from bags'),
+    ('par4_identification', 'par4_validate', 'offline: cross-validates a model on a bag'),
+    ('par4_identification', 'par4_diagnose', 'offline: names what the model gets wrong'),
+)
+
+SCHEMAS = (
+    ('robot.yaml', 'par4/robot/1', 'a robot with the Par4 topology'),
+    ('robot.yaml', 'par4/axis/1', 'a single motor-driven axis'),
+    ('model.yaml', 'par4/model/1', 'parameters and effects: identification, feedforward and '
+                                   'simulation share it'),
+    ('motion.yaml', 'par4/motion/1', 'a recipe, or samples in a CSV beside it'),
+    ('identification.json', 'par4/identification/1', 'written by `par4_identify`'),
+    ('validation.json', 'par4/validation/1', 'written by `par4_validate`'),
+    ('diagnosis.json', 'par4/diagnosis/1', 'written by `par4_diagnose`'),
+)
+
+START_DELAY = 0.2
+"""Seconds from receipt to the start of a reference whose stamp is zero."""
+
+
+def _table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    lines = ['| ' + ' | '.join(header) + ' |', '|' + '---|' * len(header)]
+    return '\n'.join(lines + ['| ' + ' | '.join(row) + ' |' for row in rows])
+
+
+def markdown() -> str:
+    """Return `docs/interface.md`."""
+    topics = [(f'`{topic.name}`', topic.type.replace('/msg/', '/'),
+               f'{topic.source} -> {topic.target}', topic.content) for topic in TOPICS]
+    services = [(f'`{node}`', ', '.join(f'`{name}`' for name in names)) for node, names in SERVICES]
+    return f"""# Interface
+
+Generated from `par4_kinematics/interface.py` by `make docs`; do not edit.
+
+## Topics
+
+Reliable, volatile, keep last {JOINT_STATES.depth}; `{ROBOT_DESCRIPTION.name}` \
+{ROBOT_DESCRIPTION.qos_yaml}. A stamp is the time at which the value is valid, never that of
+publishing. With a simulation all stamps are on its clock and every other node runs with
+`use_sim_time`.
+
+{_table(('topic', 'type', 'from -> to', 'content'), topics)}
+
+## Services (std_srvs/Trigger)
+
+{_table(('node', 'services'), services)}
+
+## Executables
+
+{_table(('package', 'executable', 'purpose'), [(a, f'`{b}`', c) for a, b, c in EXECUTABLES])}
+
+## Files
+
+SI units, radians; YAML 1.2 (`1e-3` is a number).
+
+{_table(('file', 'schema', 'content'), [(f'`{a}`', f'`{b}`', c) for a, b, c in SCHEMAS])}
+"""
+
+
+if __name__ == '__main__':
+    print(markdown(), end='')

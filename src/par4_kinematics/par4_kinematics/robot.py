@@ -1,0 +1,129 @@
+"""What `robot.yaml` says of a machine: geometry, bodies, drives, limits; or a single axis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from par4_kinematics.files import FileModel, expect_schema, parse, read_yaml, resolve_builtin
+from par4_kinematics.geometry import LEGS, Geometry
+
+ROBOT_SCHEMA = 'par4/robot/1'
+AXIS_SCHEMA = 'par4/axis/1'
+JOINT_NAMES = tuple(f'arm_joint_{leg}' for leg in range(LEGS))
+
+
+class Bodies(FileModel):
+    """Masses that the base parameters do not tell apart: one rod, one bar (kg), tool, theta."""
+
+    rod_mass: float = Field(0.0, ge=0)
+    bar_mass: float = Field(0.0, ge=0)
+    theta_inertia: float = Field(0.0, ge=0)
+    tool_mass: float = Field(0.0, ge=0)
+
+
+class Drives(FileModel):
+    """Actuators and their control loops.
+
+    Attributes:
+        gain: G_i, torque per amplifier volt (24), N m/V.
+        torque_limit: N m, symmetric.
+        velocity_gain: N m s/rad.
+        position_gain: 1/s.
+        integral_gain: 1/s2.
+        current_lag: time constant of the current loop, s.
+        encoder_counts: counts per turn of the arm, 0 = ideal.
+    """
+
+    gain: tuple[float, float, float, float]
+    torque_limit: float = Field(200.0, gt=0)
+    velocity_gain: float = Field(40.0, ge=0)
+    position_gain: float = Field(60.0, ge=0)
+    integral_gain: float = Field(300.0, ge=0)
+    current_lag: float = Field(0.0, ge=0)
+    encoder_counts: int = Field(131072, ge=0)
+
+    @model_validator(mode='after')
+    def _gain_nonzero(self) -> Drives:
+        if any(value <= 0 for value in self.gain):
+            raise ValueError(f'drives.gain must be positive N m/V, found {list(self.gain)}')
+        return self
+
+
+class Workspace(FileModel):
+    """Cylinder of D, m, and range of |theta|, rad."""
+
+    radius: float = Field(0.5, gt=0)
+    z: tuple[float, float] = (-0.90, -0.55)
+    theta: float = Field(0.785, gt=0)
+
+
+class Limits(FileModel):
+    """Ranges that motions must keep; rad, rad/s."""
+
+    joint_position: tuple[float, float] = (-1.0, 1.6)
+    joint_speed: float = Field(15.0, gt=0)
+    workspace: Workspace = Workspace()
+
+
+class Robot(FileModel):
+    """A machine with the Par4 topology."""
+
+    schema_name: Literal['par4/robot/1'] = Field(alias='schema')
+    name: str
+    geometry: Geometry
+    bodies: Bodies = Bodies()
+    drives: Drives
+    limits: Limits = Limits()
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the actuated joints, in the order of every array of this project."""
+        return JOINT_NAMES
+
+    @property
+    def drive_gain(self) -> tuple[float, ...]:
+        """G_i of each joint, N m/V."""
+        return self.drives.gain
+
+
+class Axis(FileModel):
+    """A single motor-driven axis: no geometry, only joint-space terms apply."""
+
+    schema_name: Literal['par4/axis/1'] = Field(alias='schema')
+    name: str
+    joint: str
+    kind: Literal['linear', 'revolute']
+    gain: float = Field(gt=0)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Name of the one joint."""
+        return (self.joint,)
+
+    @property
+    def drive_gain(self) -> tuple[float, ...]:
+        """Force or torque per volt of the one joint."""
+        return (self.gain,)
+
+
+def read_machine(name_or_path: str | Path) -> Robot | Axis:
+    """Return the machine of a `robot.yaml` of either schema, or of a built-in name.
+
+    Raises:
+        InputError: not found, not YAML, wrong schema or values out of range.
+    """
+    path = resolve_builtin(name_or_path, 'par4_kinematics')
+    content = read_yaml(path)
+    schema = expect_schema(content, (ROBOT_SCHEMA, AXIS_SCHEMA), str(path))
+    return parse(content, Robot if schema == ROBOT_SCHEMA else Axis, str(path))
+
+
+def read_robot(name_or_path: str | Path) -> Robot:
+    """Return the Par4 robot of a `robot.yaml` or of a built-in name; see `read_machine`."""
+    path = resolve_builtin(name_or_path, 'par4_kinematics')
+    content = read_yaml(path)
+    expect_schema(content, (ROBOT_SCHEMA,), str(path))
+    return parse(content, Robot, str(path))

@@ -1,0 +1,25 @@
+from setuptools import find_packages, setup
+
+package_name = 'par4_kinematics'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    description='Kinematics, motions, files and contract of the Par4 parallel robot.',
+    license='Apache-2.0',
+    author='Par4 maintainers',
+    packages=find_packages(),
+    package_data={'par4_kinematics': ['builtin/*.yaml']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml']),
+    ],
+    install_requires=['numba', 'numpy', 'pydantic', 'ruamel.yaml'],
+    zip_safe=False,
+    entry_points={
+        'console_scripts': [
+            'par4_kinematics = par4_kinematics.ros.kinematics_node:main',
+            'par4_motion = par4_kinematics.ros.motion_node:main',
+        ],
+    },
+)

@@ -1,0 +1,1 @@
+"""Simulated Par4 with drives and sensors, in pybullet and in reduced coordinates."""

@@ -1,0 +1,24 @@
+from setuptools import find_packages, setup
+
+package_name = 'par4_sim'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    description='Simulated Par4 with drives and sensors, in pybullet and in reduced coordinates.',
+    license='Apache-2.0',
+    author='Par4 maintainers',
+    packages=find_packages(),
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml']),
+    ],
+    install_requires=['click', 'numba', 'numpy', 'pybullet', 'rosbags'],
+    zip_safe=False,
+    entry_points={
+        'console_scripts': [
+            'par4_simulation = par4_sim.ros.simulation_node:main',
+            'par4_simulate = par4_sim.commands.simulate:main',
+        ],
+    },
+)
