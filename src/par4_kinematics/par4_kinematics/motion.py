@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +13,9 @@ from par4_kinematics.acceleration import joint_motion, platform_motion
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import POSE_NAMES, Geometry
 from par4_kinematics.robot import Robot
+from par4_kinematics.time_laws import SCurve, require_positive
+
+MAX_SAMPLES = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,22 @@ class Motion:
         return float(self.t[1] - self.t[0])
 
 
+def sample_times(duration: float, period: float) -> np.ndarray:
+    """Return times (n,) from 0, `period` seconds apart, the last at or just after `duration`.
+
+    Raises:
+        InputError: a duration or period that is not positive, or more than `MAX_SAMPLES`.
+    """
+    if not (0 < period < math.inf and 0 < duration < math.inf):
+        raise InputError(f'a motion of {duration:g} s every {period:g} s: both must be positive '
+                         f'and finite')
+    steps = max(1, math.ceil(duration / period - 1e-9))
+    if steps >= MAX_SAMPLES:
+        raise InputError(f'a motion of {duration:g} s every {period:g} s: {steps + 1} samples, at '
+                         f'most {MAX_SAMPLES} are possible; make it shorter or the period longer')
+    return np.arange(steps + 1) * period
+
+
 def motion_of_platform(name: str, geometry: Geometry, t: ArrayLike, x: ArrayLike, xd: ArrayLike,
                        xdd: ArrayLike) -> Motion:
     """Return the motion of platform samples (n, 4).
@@ -66,6 +87,58 @@ def motion_of_joints(name: str, geometry: Geometry, t: ArrayLike, q: ArrayLike, 
     platform = platform_motion(geometry, q, qd, qdd)
     return Motion(name, np.asarray(t, float), *(np.asarray(part, float) for part in (q, qd, qdd)),
                   platform.x, platform.xd, platform.xdd)
+
+
+def waypoints_motion(robot: Robot, poses: Sequence[Sequence[float]], *, speed: float = 1.0,
+                     acceleration: float = 10.0, jerk: float = 500.0, theta_speed: float = 3.0,
+                     theta_acceleration: float = 30.0, theta_jerk: float = 1500.0,
+                     dwell: float = 0.0, period: float = 1e-3) -> Motion:
+    """Return straight jerk-limited moves from pose to pose, at rest in each.
+
+    Args:
+        robot: the machine.
+        poses: at least two poses (x, y, z, theta), (n, 4) m and rad.
+        speed, acceleration, jerk: limits of D, m/s, m/s2, m/s3.
+        theta_speed, theta_acceleration, theta_jerk: limits of theta, rad/s, rad/s2, rad/s3.
+        dwell: rest in each pose but the first, s.
+        period: seconds between samples.
+
+    Raises:
+        InputError: poses of another shape or all the same, or limits that are not positive.
+        UnreachableError: a sample that a leg cannot reach.
+    """
+    widths = {len(pose) for pose in poses}
+    if len(poses) < 2 or widths != {len(POSE_NAMES)}:
+        raise InputError(f'waypoints: expected at least two poses ({", ".join(POSE_NAMES)}), found '
+                         f'{len(poses)} of {" or ".join(map(str, sorted(widths)))} numbers')
+    steps = np.diff(np.asarray(poses, dtype=float), axis=0)
+    of_d, of_theta = (speed, acceleration, jerk), (theta_speed, theta_acceleration, theta_jerk)
+    for limits, what in ((of_d, 'waypoints, D'), (of_theta, 'waypoints, theta')):
+        require_positive(dict(zip(('speed', 'acceleration', 'jerk'), limits, strict=True)), what)
+    if not 0.0 <= dwell < math.inf:
+        raise InputError(f'waypoints: dwell must be 0 s or more, found {dwell}')
+    moves, end = [], 0.0
+    for step in steps:
+        law = _move_law(step, of_d, of_theta)
+        moves.append((end, step, law))
+        end += dwell + (law.duration if law else 0.0)
+    t = sample_times(end, period)
+    x = np.zeros((3, len(t), 4))
+    x[0] = poses[0]
+    for start, step, law in moves:
+        if law:
+            x += np.stack(law.sample(t - start))[..., None] * step
+    return motion_of_platform('waypoints', robot.geometry, t, *x)
+
+
+def _move_law(step: np.ndarray, of_d: Sequence[float], of_theta: Sequence[float]) -> SCurve | None:
+    """Return the law from 0 to 1 of a move under the limits of D and of theta; None to stay."""
+    distance, angle = float(np.linalg.norm(step[:3])), abs(float(step[3]))
+    if distance == 0.0 and angle == 0.0:
+        return None
+    return SCurve(1.0, *(
+        min(along / distance if distance else math.inf, turning / angle if angle else math.inf)
+        for along, turning in zip(of_d, of_theta, strict=True)))
 
 
 def check_limits(motion: Motion, robot: Robot) -> None:

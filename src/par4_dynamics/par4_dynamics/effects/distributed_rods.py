@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-
 from par4_dynamics.base_terms import UNMODELLED, unmodelled_columns
 from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
-
-HEAVIEST = 1.0
 
 
 class DistributedRods(Effect):

@@ -1,0 +1,144 @@
+"""The drive's queue of reference points, followed by time."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+MATCH = 1e-4
+"""Effort belongs to the reference point within this time, s."""
+COLUMNS = 16
+"""q, qd, qdd, feedforward torque of four joints; the torque is NaN until it arrives."""
+
+
+@numba.njit(cache=True, error_model='numpy')
+def interpolate(times, points, t, target):
+    """Write q_ref, qd_ref, tau_ff (12,) at time t; hold before the first and after the last point.
+
+    Position by the quintic Hermite polynomial through position, velocity and acceleration of the
+    neighbours, torque linearly; a missing torque counts as zero.
+    """
+    n = times.shape[0]
+    if t < times[0] or t >= times[n - 1] or n == 1:
+        row = 0 if t < times[0] else n - 1
+        on_time = abs(t - times[row]) < 1e-9
+        for joint in range(4):
+            target[joint] = points[row, joint]
+            target[4 + joint] = 0.0
+            torque = points[row, 12 + joint]
+            target[8 + joint] = torque if (on_time or row == n - 1) and torque == torque else 0.0
+        return
+    after = np.searchsorted(times, t, side='right')
+    before = after - 1
+    span = times[after] - times[before]
+    u = (t - times[before]) / span
+    v = 1.0 - u
+    for joint in range(4):
+        p0, p1 = points[before, joint], points[after, joint]
+        v0, v1 = points[before, 4 + joint] * span, points[after, 4 + joint] * span
+        a0, a1 = points[before, 8 + joint] * span ** 2, points[after, 8 + joint] * span ** 2
+        # p(u) = p0 + v0 u + a0 u^2/2 + u^3 (c3 + c4 u + c5 u^2)
+        gap = p1 - p0 - v0 - 0.5 * a0
+        slope = v1 - v0 - a0
+        bend = a1 - a0
+        c3 = 10.0 * gap - 4.0 * slope + 0.5 * bend
+        c4 = -15.0 * gap + 7.0 * slope - bend
+        c5 = 6.0 * gap - 3.0 * slope + 0.5 * bend
+        target[joint] = p0 + u * (v0 + u * (0.5 * a0 + u * (c3 + u * (c4 + u * c5))))
+        target[4 + joint] = (v0 + u * (a0 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))) / span
+        t0, t1 = points[before, 12 + joint], points[after, 12 + joint]
+        target[8 + joint] = v * (t0 if t0 == t0 else 0.0) + u * (t1 if t1 == t1 else 0.0)
+
+
+class ReferenceQueue:
+    """Reference points by time, joined with feedforward torques that come on their own.
+
+    Attributes:
+        late_points: points dropped because their time had passed.
+        missing_effort: points used without a feedforward torque.
+    """
+
+    def __init__(self, q: np.ndarray) -> None:
+        """Hold at joint positions q (4,) from time 0."""
+        self.late_points = 0
+        self.missing_effort = 0
+        self.restart(q)
+
+    def restart(self, q: np.ndarray) -> None:
+        """Forget every queued point and hold at q (4,) from time 0; the counts stay."""
+        self.times = np.zeros(1)
+        self.points = np.zeros((1, COLUMNS))
+        self.points[0, :4] = q
+        self._efforts: dict[int, np.ndarray] = {}
+        self._used = 1
+
+    def queue(self, now: float, times: np.ndarray, q: np.ndarray, qd: np.ndarray,
+              qdd: np.ndarray) -> None:
+        """Replace every point from times[0] on by the points (n, 4) at `times` (n,), s.
+
+        Points before `now` are dropped and counted. A resting drive leaves its place smoothly
+        from `now` to the first point.
+        """
+        late = int(np.searchsorted(times, now))
+        self.late_points += late
+        if late == len(times):
+            return
+        if late > 0:
+            times, q, qd, qdd = times[late:], q[late:], qd[late:], qdd[late:]
+        added = np.full((len(times), COLUMNS), np.nan)
+        added[:, :4], added[:, 4:8], added[:, 8:12] = q, qd, qdd
+        keep = int(np.searchsorted(self.times, times[0] - 1e-9))
+        kept_times, kept = self.times[:keep], self.points[:keep]
+        self._used = min(self._used, keep)
+        if keep == 0 or kept_times[-1] < now:
+            hold = np.zeros((1, COLUMNS))
+            hold[0, :4] = self.points[max(keep - 1, 0), :4]
+            if times[0] > now:
+                kept_times, kept = np.array([now]), hold
+                self._used = 1
+            else:
+                kept_times, kept = np.empty(0), np.empty((0, COLUMNS))
+                self._used = 0
+        self.times = np.concatenate((kept_times, times))
+        self.points = np.concatenate((kept, added))
+        self._match()
+
+    def queue_effort(self, times: np.ndarray, tau: np.ndarray) -> None:
+        """Fill the torque tau (n, 4), N m, of the points at `times` (n,), now or when they come."""
+        for time, torque in zip(times, tau):
+            self._efforts[round(time / MATCH)] = torque
+        self._match()
+
+    def _match(self) -> None:
+        if not self._efforts:
+            return
+        for row in np.flatnonzero(np.isnan(self.points[:, 12])):
+            slot = round(self.times[row] / MATCH)
+            for key in (slot, slot - 1, slot + 1):
+                torque = self._efforts.pop(key, None)
+                if torque is not None:
+                    self.points[row, 12:] = torque
+                    break
+
+    def use_until(self, now: float) -> None:
+        """Count the points passed by `now` without torque and forget what lies behind."""
+        passed = int(np.searchsorted(self.times, now + 1e-9))
+        if passed > self._used:
+            self.missing_effort += int(np.isnan(self.points[self._used:passed, 12]).sum())
+            self._used = passed
+        if passed > 2000:
+            # one point more than the current segment needs: rounding may put now just before it
+            self.times, self.points = self.times[passed - 2:], self.points[passed - 2:]
+            self._used = 2
+            oldest = round((now - 1.0) / MATCH)
+            self._efforts = {key: tau for key, tau in self._efforts.items() if key > oldest}
+
+    def uncovered(self, until: float) -> bool:
+        """Return whether a point that will be used by `until` still lacks its torque."""
+        stop = int(np.searchsorted(self.times, until)) + 1
+        return bool(np.isnan(self.points[self._used:stop, 12]).any())
+
+    @property
+    def end(self) -> float:
+        """Time of the last queued point, s."""
+        return float(self.times[-1])
