@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -20,8 +22,7 @@ HOME = np.array((0.0, 0.0, -0.78, 0.0))
 
 
 def free_machine(model, robot=REFERENCE):
-    return Machine(robot.geometry, model.lumped_bodies(), robot.bodies.rod_mass,
-                   robot.bodies.bar_mass, Friction())
+    return Machine(robot.geometry, model.lumped_bodies(), Friction())
 
 
 def holding(model, x, robot=REFERENCE):
@@ -153,8 +154,7 @@ def test_an_effect_loads_the_drives_with_its_torque(name, values, extra):
     """What holds the frictionless machine still is gravity plus the effect, by its physics."""
     model = model_with(read_model('table1', REFERENCE), name, **values)
     machine = machine_of_model(REFERENCE, model)
-    machine = Machine(machine.geometry, machine.bodies, machine.rod_mass, machine.bar_mass,
-                      Friction(), machine.loads)
+    machine = replace(machine, friction=Friction())
     plant = ExactPlant(machine)
     plant.reset(HOME)
     plain = holding(read_model('table1', REFERENCE), HOME)

@@ -22,15 +22,11 @@ class Machine:
     Attributes:
         geometry: dimensions.
         bodies: lumped masses; rod_mass and bar_mass in them are distributed, 0 = end masses.
-        rod_mass, bar_mass: of one rod and bar for engines that want every body (also where
-            `bodies` has them as end masses), kg.
         friction: of the four joints.
         loads: further joint torques that depend on time, position and velocity.
     """
 
     geometry: Geometry
     bodies: LumpedBodies
-    rod_mass: float
-    bar_mass: float
     friction: Friction
     loads: tuple[LoadTorque, ...] = ()

@@ -25,7 +25,7 @@ def machine_of_model(robot: Robot, model: Model) -> Machine:
         InputError: an effect that no simulated machine can have.
     """
     machine = Machine(
-        robot.geometry, model.lumped_bodies(), robot.bodies.rod_mass, robot.bodies.bar_mass,
+        robot.geometry, model.lumped_bodies(),
         Friction(model.values['coulomb_friction'], model.values['viscous_friction']))
     for active in model.effects:
         if active.effect.name not in _APPLY:
@@ -76,8 +76,7 @@ def _distributed_rods(machine: Machine, active: ActiveEffect) -> Machine:
     if mass < 0:
         raise InputError(f'effect distributed_rods: rod_mass must not be negative, found {mass}')
     return replace(machine, bodies=replace(machine.bodies,
-                                           rod_mass=machine.bodies.rod_mass + mass),
-                   rod_mass=machine.bodies.rod_mass + mass)
+                                           rod_mass=machine.bodies.rod_mass + mass))
 
 
 _APPLY: dict[str, Callable[[Machine, ActiveEffect], Machine]] = {
