@@ -1,0 +1,1 @@
+"""Naming what a model gets wrong: evidence, selection, sufficiency, verdict."""

@@ -1,0 +1,404 @@
+"""From measured logs to causes: fit, search, confirm, sufficiency, verdict, extended model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.effects.effect import Effect
+from par4_dynamics.model import build_model
+from par4_dynamics.model_file import EffectEntry, ModelFile
+from par4_dynamics.parameters import Parameter
+from par4_identification.diagnosis.evidence import (
+    Evidence,
+    Fit,
+    Hypothesis,
+    flat_whitener,
+    gather,
+    project,
+    residuals,
+    solve,
+    whitener_of_residuals,
+)
+from par4_identification.diagnosis.floor import noise_floor
+from par4_identification.diagnosis.gate import unusable
+from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
+from par4_identification.diagnosis.nameless import available_blocks, fit_block, ranges_of
+from par4_identification.diagnosis.observations import Observations, observe
+from par4_identification.diagnosis.selection import Found, Rejected, Rules, Selector
+from par4_identification.identification import identify_runs
+from par4_identification.log import Log
+from par4_identification.rows import Conditioning, Run, runs_of_log
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import Axis, Robot
+
+CONDITIONING = Conditioning(low_speed=0.02)
+"""Lower than identification's: effects of low speed must show."""
+
+Verdict = Literal['clean', 'explained', 'partly_explained', 'unknown', 'unusable_data']
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A named cause.
+
+    Attributes:
+        effect: from the catalogue.
+        joints: where it acts.
+        parameters: with standard deviations; one number for the machine or one a joint in
+            `joints`.
+        twins: names that explain the data as well.
+        visible_fraction: rms left of it after refitting the base parameters, over its full rms.
+        p_value: family-wise.
+        gain: on held-out rows.
+        fraction_of_torque: its rms over that of the torque.
+    """
+
+    effect: Effect
+    joints: tuple[int, ...]
+    parameters: dict[str, Parameter]
+    twins: tuple[str, ...]
+    visible_fraction: float
+    p_value: float
+    gain: Gain
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """What nameless blocks still explain on held-out rows."""
+
+    significant: bool
+    looks_like: str | None
+    gain: Gain
+    floor_excess: float
+
+
+@dataclass(frozen=True)
+class Holdout:
+    """Held-out rows before and after, for errors and pictures.
+
+    Attributes:
+        runs: the rows.
+        baseline, extended: residuals (m, J) of each run, N m.
+        baseline_rms, extended_rms, noise_floor_rms: (J,), N m, over valid rows.
+        explained_fraction: (before - after) / (before - floor) in mean squares.
+        interval: 95 %, block bootstrap.
+    """
+
+    runs: tuple[Run, ...]
+    baseline: tuple[np.ndarray, ...]
+    extended: tuple[np.ndarray, ...]
+    baseline_rms: np.ndarray
+    extended_rms: np.ndarray
+    noise_floor_rms: np.ndarray
+    explained_fraction: float
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The answer.
+
+    Attributes:
+        verdict: 'clean', 'explained', 'partly_explained', 'unknown' or 'unusable_data'.
+        causes: strongest first.
+        reasons: why the data are unusable, or why names were withheld.
+        rejected: candidates that were looked at and why they are no causes.
+        holdout: errors before and after; None for unusable data.
+        remaining: what is left; None for unusable data.
+        base_before, base_after: base parameters without and with the causes.
+        extended_model: base parameters and causes as one model; None for unusable data.
+        fit_runs: rows that were fitted.
+    """
+
+    verdict: Verdict
+    causes: tuple[Cause, ...]
+    reasons: tuple[str, ...]
+    rejected: tuple[Rejected, ...]
+    holdout: Holdout | None
+    remaining: Remaining | None
+    base_before: dict[str, Parameter]
+    base_after: dict[str, Parameter]
+    extended_model: ModelFile | None
+    fit_runs: tuple[Run, ...]
+
+
+def _silent(step: str) -> None:
+    """Report nothing."""
+
+
+def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Robot | Axis,
+               conditioning: Conditioning) -> tuple[list[Run], list[Run]]:
+    """Return the rows to fit and those held out.
+
+    Without held-out logs the last log is held out; of a single log the last third, cut at a
+    standstill where there is one in its middle third.
+    """
+    fit_runs = [run for log in fit_logs for run in runs_of_log(log, machine, conditioning)]
+    if holdout_logs:
+        return fit_runs, [run for log in holdout_logs
+                          for run in runs_of_log(log, machine, conditioning)]
+    if len(fit_logs) > 1:
+        last = fit_logs[-1].name
+        return ([run for run in fit_runs if run.name != last],
+                [run for run in fit_runs if run.name == last])
+    if len(fit_runs) > 1:
+        return fit_runs[:-1], fit_runs[-1:]
+    run = fit_runs[0]
+    rows = len(run.t)
+    cut = 2 * rows // 3
+    resting = np.flatnonzero(run.standstill.all(axis=1))
+    resting = resting[(resting > rows // 2) & (resting < 5 * rows // 6)]
+    if len(resting):
+        cut = int(resting[np.argmin(np.abs(resting - cut))])
+    return [run.part(slice(0, cut))], [run.part(slice(cut, rows))]
+
+
+def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None = None,
+             holdout_logs: Sequence[Log] = (), library: Mapping[str, Effect] | None = None,
+             rules: Rules | None = None, conditioning: Conditioning = CONDITIONING,
+             progress: Progress = _silent) -> Diagnosis:
+    """Return what the model gets wrong about the machine that made the logs.
+
+    Args:
+        fit_logs: data to learn from.
+        machine: geometry, bodies, gains.
+        baseline: model whose rigid body and effects are taken as known; equation (20) without
+            effects if None. Its base parameters are fitted anew.
+        holdout_logs: data to confirm on; see `split_runs`.
+        library: effects that may be named; all of the catalogue by default.
+        rules: what a cause must show.
+        conditioning: filters and rates.
+        progress: called with the name of each step.
+
+    Raises:
+        InputError: data that cannot be filtered.
+    """
+    rules = rules or Rules()
+    rigid_body = baseline.rigid_body if baseline else 'paper'
+    known = build_model(machine, baseline) if baseline else None
+    progress('filtering the logs')
+    fit_runs, holdout_runs = split_runs(fit_logs, holdout_logs, machine, conditioning)
+    observations = observe(fit_runs, machine, rigid_body, known)
+    heldout = observe(holdout_runs, machine, rigid_body, known)
+    progress('fitting the base model')
+    try:
+        identification = identify_runs(fit_runs, observations.target, observations.base, rigid_body)
+    except InputError as error:
+        return _unusable((str(error),), tuple(fit_runs))
+    reasons = unusable(fit_runs, identification)
+    if not any(run.valid.any() for run in holdout_runs):
+        reasons.append('no joint moves in the held-out data; give a bag of another motion')
+    if reasons:
+        return _unusable(tuple(reasons), tuple(fit_runs))
+
+    applicable = {name: effect for name, effect in
+                  (CATALOGUE if library is None else library).items()
+                  if isinstance(machine, Robot) or not effect.needs_platform}
+    sigma = identification.estimate.rms
+    blocks = blocks_of_runs([run.t for run in holdout_runs], [run.valid for run in holdout_runs],
+                            sigma)
+    progress('searching the library for the noise model')
+    flat = gather(observations, flat_whitener(observations, sigma))
+    richest = Selector(applicable, flat, heldout, blocks, rules).richest()
+    left = residuals(observations, richest, solve(flat, richest))
+    whitener = whitener_of_residuals(observations, left, len(identification.terms) + len(richest))
+    evidence = gather(observations, whitener)
+
+    progress('searching the library for causes')
+    selector = Selector(applicable, evidence, heldout, blocks, rules)
+    selection = selector.run()
+    progress('looking for twins')
+    selection = selector.with_twins(selection)
+    hypotheses = selection.hypotheses
+    base_only, full_fit = solve(evidence, []), solve(evidence, hypotheses)
+
+    progress('checking what remains')
+    before = residuals(heldout, [], base_only)
+    after = residuals(heldout, hypotheses, full_fit)
+    extended = _extended_model(baseline, rigid_body, evidence, hypotheses, full_fit)
+    floor = noise_floor(holdout_runs, machine, build_model(machine, extended))
+    remaining, explained_share = _remaining(evidence, heldout, hypotheses, blocks, before, after,
+                                            floor, rules)
+    verdict, withheld = _verdict(selection.found, remaining, explained_share, rules)
+    rejected = list(selection.rejected)
+    if withheld:
+        rejected += [Rejected(item.hypothesis.label, withheld) for item in selection.found]
+        hypotheses, full_fit, after = [], base_only, before
+        extended = _extended_model(baseline, rigid_body, evidence, [], base_only)
+        selection.found.clear()
+    return Diagnosis(
+        verdict=verdict,
+        causes=tuple(_cause(item, evidence, full_fit, index)
+                     for index, item in enumerate(selection.found)),
+        reasons=(withheld,) if withheld else (),
+        rejected=tuple(rejected),
+        holdout=_holdout(holdout_runs, blocks, before, after, floor),
+        remaining=remaining,
+        base_before=_base_parameters(evidence, base_only),
+        base_after=_base_parameters(evidence, full_fit),
+        extended_model=extended, fit_runs=tuple(fit_runs))
+
+
+def _unusable(reasons: tuple[str, ...], runs: tuple[Run, ...]) -> Diagnosis:
+    return Diagnosis('unusable_data', (), reasons, (), None, None, {}, {}, None, runs)
+
+
+def _remaining(evidence: Evidence, heldout: Observations, hypotheses: Sequence[Hypothesis],
+               blocks: Blocks, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
+               floor: np.ndarray, rules: Rules) -> tuple[Remaining, float]:
+    """Return what remains and the share of all that anything explains that the causes explain."""
+    left = residuals(evidence.observations, hypotheses, solve(evidence, hypotheses))
+    ranges = ranges_of(evidence.observations, left)
+    fits = [fit_block(block, evidence, heldout, hypotheses, ranges)
+            for block in available_blocks(evidence.observations)]
+    gains = [blocks.gain(after, fit.heldout) for fit in fits]
+    strongest = int(np.argmax([gain.low for gain in gains]))
+    gain = gains[strongest]
+    valid_rows = blocks.counts().sum(axis=0)
+    mean_square = blocks.sums(after, weighted=False).sum(axis=0) / np.maximum(valid_rows, 1)
+    excess = float(np.sqrt(mean_square.sum() / max((floor ** 2).sum(), 1e-30)))
+    significant = gain.share > rules.remaining_gain and gain.low > 0.0
+    looks_like = fits[strongest].block if significant else None
+    old, new = blocks.sums(before).sum(), blocks.sums(after).sum()
+    best = min(new, blocks.sums(fits[strongest].heldout).sum()) if significant else new
+    share = float((old - new) / max(old - best, 1e-30)) if hypotheses else 0.0
+    return Remaining(significant, looks_like, gain, excess), share
+
+
+def _verdict(found: Sequence[Found], remaining: Remaining, explained_share: float, rules: Rules
+             ) -> tuple[Verdict, str]:
+    """Return the verdict and, where names are withheld, why."""
+    if not found:
+        wrong = remaining.significant or remaining.floor_excess > rules.floor_excess
+        return ('unknown' if wrong else 'clean'), ''
+    if remaining.significant and explained_share < rules.sufficient_share:
+        return 'unknown', (f'the names found explain {explained_share:.0%} of what a nameless '
+                           f'function of {remaining.looks_like} and they explain together; a '
+                           f'cause that is not in the library is more likely')
+    return ('partly_explained' if remaining.significant else 'explained'), ''
+
+
+def _holdout(runs: Sequence[Run], blocks: Blocks, before: Sequence[np.ndarray],
+             after: Sequence[np.ndarray], floor: np.ndarray) -> Holdout:
+    counts = blocks.counts()
+    rows = np.maximum(counts.sum(axis=0), 1)
+    old, new = blocks.sums(before, weighted=False), blocks.sums(after, weighted=False)
+
+    def fraction(weights: np.ndarray) -> float:
+        # each joint counts with the inverse of its noise, so that none drowns the others
+        scale = np.maximum(floor, 1e-9) ** 2
+        total = (weights @ (old / scale)).sum()
+        closed = total - (weights @ (new / scale)).sum()
+        open_before = total - (weights @ counts).sum()
+        return float(np.clip(closed / max(open_before, 1e-30), -1.0, 1.0)) if (
+            open_before > 0.0) else 0.0
+
+    drawn = [fraction(weights) for weights in blocks.draws]
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    return Holdout(
+        tuple(runs), tuple(before), tuple(after), np.sqrt(old.sum(axis=0) / rows),
+        np.sqrt(new.sum(axis=0) / rows), floor, fraction(np.ones(len(old))),
+        (float(low), float(high)))
+
+
+def _base_parameters(evidence: Evidence, fit: Fit) -> dict[str, Parameter]:
+    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    return {term.name: Parameter(value=float(value), std=float(error), unit=term.unit)
+            for term, value, error in zip(evidence.observations.terms, fit.base, std)}
+
+
+def _effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
+                       ) -> dict[str, Parameter]:
+    """Return parameters with standard deviations of coefficients, by finite differences."""
+    effect, acting = hypothesis.effect, list(hypothesis.joints)
+    coefficients = fit.coefficients[index][:, acting]
+    covariance = fit.covariance[fit.slices[index], fit.slices[index]]
+    width = len(coefficients)
+    values = effect.values(coefficients, hypothesis.shape)
+    shape_std = _shape_std(evidence, hypothesis, fit, index)
+    result = {}
+    for parameter in effect.parameters:
+        std = np.zeros(len(acting))
+        for position in range(len(acting)):
+            block = 0 if effect.shared else position * width
+            own = covariance[block:block + width, block:block + width]
+            slope = np.empty(width)
+            for row in range(width):
+                step = 1e-3 * max(np.sqrt(own[row, row]), 1e-12)
+                moved = coefficients.copy()
+                moved[row, position] += step
+                slope[row] = (effect.values(moved, hypothesis.shape)[parameter.name][position]
+                              - values[parameter.name][position]) / step
+            std[position] = np.sqrt(max(slope @ own @ slope, 0.0))
+        if parameter.name in hypothesis.shape:
+            std[:] = shape_std[parameter.name]
+        whole = parameter.scope == 'machine'
+        result[parameter.name] = Parameter(
+            value=float(values[parameter.name][0]) if whole
+            else tuple(map(float, values[parameter.name])),
+            std=float(std[0]) if whole else tuple(map(float, std)), unit=parameter.unit)
+    return result
+
+
+def _shape_std(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
+               ) -> dict[str, float]:
+    """Return the standard deviation of each shape parameter from the slope of its columns.
+
+    First order: a shape error d changes the torque by d times the columns' derivative times the
+    coefficients; what of that the other columns cannot follow carries the information on d.
+    """
+    result = {}
+    if not hypothesis.shape:
+        return result
+    projection = project(evidence, [hypothesis])
+    acting = list(hypothesis.joints)
+    coefficients = fit.coefficients[index]
+    flat = (coefficients[:, 0] if hypothesis.effect.shared
+            else coefficients[:, acting].T.ravel())
+    for name, value in hypothesis.shape.items():
+        step = 1e-3 * max(abs(value), 1e-6)
+        moved = Hypothesis(hypothesis.effect, {**hypothesis.shape, name: value + step},
+                           hypothesis.joints)
+        slope = (evidence.columns(moved) - evidence.columns(hypothesis)) @ flat / step
+        left = slope - projection.basis @ (projection.basis.T @ slope)
+        result[name] = float(1.0 / max(np.linalg.norm(left), 1e-30))
+    return result
+
+
+def _cause(found: Found, evidence: Evidence, fit: Fit, index: int) -> Cause:
+    hypothesis = found.hypothesis
+    columns = evidence.columns(hypothesis)
+    coefficients = fit.coefficients[index]
+    flat = (coefficients[:, 0] if hypothesis.effect.shared
+            else coefficients[:, list(hypothesis.joints)].T.ravel())
+    return Cause(
+        effect=hypothesis.effect, joints=hypothesis.joints,
+        parameters=_effect_parameters(evidence, hypothesis, fit, index), twins=found.twins,
+        visible_fraction=project(evidence, []).left_share(columns, flat),
+        p_value=found.p_value, gain=found.gain)
+
+
+def _extended_model(baseline: ModelFile | None, rigid_body: str, evidence: Evidence,
+                    hypotheses: Sequence[Hypothesis], fit: Fit) -> ModelFile:
+    """Return the baseline with refitted base parameters and the causes added.
+
+    A base parameter that came out slightly negative is written as zero.
+    """
+    parameters = {}
+    for term in evidence.observations.terms:
+        fitted = _base_parameters(evidence, fit)[term.name]
+        parameters[term.name] = (fitted.model_copy(update={'value': max(fitted.value, 0.0)})
+                                 if term.nonnegative else fitted)
+    added = tuple(
+        EffectEntry(effect=hypothesis.effect.name, joints=hypothesis.joints,
+                    parameters=_effect_parameters(evidence, hypothesis, fit, index))
+        for index, hypothesis in enumerate(hypotheses))
+    return ModelFile(schema='par4/model/1', rigid_body=rigid_body, parameters=parameters,
+                     effects=(*(baseline.effects if baseline else ()), *added),
+                     torque_limit=baseline.torque_limit if baseline else None)

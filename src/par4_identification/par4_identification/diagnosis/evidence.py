@@ -1,0 +1,212 @@
+"""Whitened linear algebra: what a block of columns explains beyond those already in the model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, Shape
+from par4_identification.diagnosis.observations import Observations
+from par4_identification.noise import ArNoise, fit_noise
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """An effect with its shape, acting on some joints."""
+
+    effect: Effect
+    shape: Shape
+    joints: tuple[int, ...]
+
+    @property
+    def label(self) -> str:
+        """Name with shape, for messages."""
+        shape = ', '.join(f'{name} {value:.4g}' for name, value in self.shape.items())
+        return f'{self.effect.name} ({shape})' if shape else self.effect.name
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Standardises rows by the noise of their joint; invalid rows become zero.
+
+    Attributes:
+        noise: of each joint.
+        valid: (m, J) of each run.
+    """
+
+    noise: tuple[ArNoise, ...]
+    valid: tuple[np.ndarray, ...]
+
+    def whiten(self, rows: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Return for each joint the whitened rows (n, k) of all runs, (m, J, k) a run."""
+        return [np.concatenate([noise.whiten(part[:, joint], valid[:, joint])
+                                for part, valid in zip(rows, self.valid)])
+                for joint, noise in enumerate(self.noise)]
+
+
+def whitener_of_residuals(observations: Observations, residuals: Sequence[np.ndarray],
+                          parameters: int) -> Whitener:
+    """Return the whitener whose noise model fits residuals (m, J) of each run."""
+    valid = tuple(run.valid for run in observations.runs)
+    joints = observations.joints
+    noise = tuple(
+        fit_noise([part[:, joint] for part in residuals], [mask[:, joint] for mask in valid],
+                  parameters / joints)
+        for joint in range(joints))
+    return Whitener(noise, valid)
+
+
+def flat_whitener(observations: Observations, sigma: np.ndarray) -> Whitener:
+    """Return a whitener for white noise of standard deviation sigma (J,)."""
+    noise = tuple(ArNoise(np.zeros(1), float(value) ** 2) for value in sigma)
+    return Whitener(noise, tuple(run.valid for run in observations.runs))
+
+
+def spread(blocks: list[np.ndarray], joints: tuple[int, ...], shared: bool) -> np.ndarray:
+    """Return columns of each joint (n_j, K) stacked over the joints as one matrix.
+
+    Shared coefficients give K columns; otherwise each acting joint has K columns of its own.
+    """
+    lengths = [len(block) for block in blocks]
+    ends = np.cumsum([0, *lengths])
+    width = blocks[0].shape[1]
+    columns = np.zeros((ends[-1], width if shared else width * len(joints)))
+    for position, joint in enumerate(joints):
+        rows = slice(ends[joint], ends[joint + 1])
+        first = 0 if shared else position * width
+        columns[rows, first:first + width] = blocks[joint]
+    return columns
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The whitened problem: target and base columns of all joints stacked.
+
+    Attributes:
+        observations: the rows.
+        whitener: noise models.
+        target: y, (N,).
+        base: (N, p).
+    """
+
+    observations: Observations
+    whitener: Whitener
+    target: np.ndarray
+    base: np.ndarray
+
+    def columns(self, hypothesis: Hypothesis) -> np.ndarray:
+        """Return the whitened, stacked columns of a hypothesis."""
+        rows = self.observations.effect_rows(hypothesis.effect, hypothesis.shape)
+        return spread(self.whitener.whiten(rows), hypothesis.joints, hypothesis.effect.shared)
+
+    def design(self, hypotheses: Sequence[Hypothesis]) -> np.ndarray:
+        """Return base columns and those of the hypotheses, (N, c)."""
+        return np.hstack([self.base, *(self.columns(item) for item in hypotheses)])
+
+    @property
+    def rows(self) -> int:
+        """Number of rows that count."""
+        return int(sum(valid.sum() for valid in self.whitener.valid))
+
+
+def gather(observations: Observations, whitener: Whitener) -> Evidence:
+    """Return the whitened problem of observations."""
+    joints = tuple(range(observations.joints))
+    target = whitener.whiten([part[..., None] for part in observations.target])
+    base = whitener.whiten(observations.base)
+    return Evidence(observations, whitener, np.concatenate(target)[:, 0],
+                    spread(base, joints, shared=True))
+
+
+@dataclass(frozen=True)
+class Projection:
+    """What is left of the target after a design, and the design's orthonormal basis."""
+
+    basis: np.ndarray
+    residual: np.ndarray
+
+    def gain(self, columns: np.ndarray) -> float:
+        """Return twice the gain in log-likelihood by adding columns (N, k)."""
+        inside = self.basis.T @ columns
+        gram = columns.T @ columns - inside.T @ inside
+        moment = columns.T @ self.residual
+        return quadratic(gram, moment, np.diag(columns.T @ columns))
+
+    def left_share(self, columns: np.ndarray, coefficients: np.ndarray) -> float:
+        """Return the share (rms) of columns @ coefficients that the design does not swallow."""
+        signal = columns @ coefficients
+        left = signal - self.basis @ (self.basis.T @ signal)
+        return float(np.linalg.norm(left) / max(np.linalg.norm(signal), 1e-30))
+
+
+def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> float:
+    """Return moment^T gram^-1 moment over the directions of gram that are not rounding."""
+    scale = np.sqrt(np.maximum(size, 1e-30))
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+    kept = values > 1e-7
+    along = vectors[:, kept].T @ (moment / scale)
+    return float(np.sum(along ** 2 / values[kept]))
+
+
+def project(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Projection:
+    """Return the projection of the target out of base columns and hypotheses."""
+    design = evidence.design(hypotheses)
+    basis, _ = np.linalg.qr(design / np.maximum(np.linalg.norm(design, axis=0), 1e-30))
+    return Projection(basis, evidence.target - basis @ (basis.T @ evidence.target))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Generalised least squares of base terms and hypotheses.
+
+    Attributes:
+        base: values (p,).
+        coefficients: (K, J) of each hypothesis, zero on joints it does not act on.
+        covariance: of everything, in the order of the design, (c, c).
+    """
+
+    base: np.ndarray
+    coefficients: tuple[np.ndarray, ...]
+    covariance: np.ndarray
+    slices: tuple[slice, ...]
+
+
+def solve(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Fit:
+    """Return the fit of base terms and hypotheses with its covariance."""
+    design = evidence.design(hypotheses)
+    scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
+    inverse = np.linalg.pinv((design / scale).T @ (design / scale), rcond=1e-12, hermitian=True)
+    values = inverse @ ((design / scale).T @ evidence.target) / scale
+    covariance = inverse / np.outer(scale, scale)
+    parameters = evidence.base.shape[1]
+    joints = evidence.observations.joints
+    coefficients, slices, first = [], [], parameters
+    for hypothesis in hypotheses:
+        rows = evidence.observations.effect_rows(hypothesis.effect, hypothesis.shape)
+        width = rows[0].shape[2]
+        full = np.zeros((width, joints))
+        if hypothesis.effect.shared:
+            span = slice(first, first + width)
+            full[:] = values[span, None]
+        else:
+            span = slice(first, first + width * len(hypothesis.joints))
+            full[:, list(hypothesis.joints)] = values[span].reshape(-1, width).T
+        coefficients.append(full)
+        slices.append(span)
+        first = span.stop
+    return Fit(values[:parameters], tuple(coefficients), covariance, tuple(slices))
+
+
+def residuals(observations: Observations, hypotheses: Sequence[Hypothesis], fit: Fit
+              ) -> tuple[np.ndarray, ...]:
+    """Return measured minus fitted torque (m, J) of each run of `observations`."""
+    results = []
+    for index, (target, base) in enumerate(zip(observations.target, observations.base)):
+        left = target - base @ fit.base
+        for hypothesis, coefficients in zip(hypotheses, fit.coefficients):
+            rows = observations.effect_rows(hypothesis.effect, hypothesis.shape)[index]
+            left = left - np.einsum('mjk,kj->mj', rows, coefficients)
+        results.append(left)
+    return tuple(results)

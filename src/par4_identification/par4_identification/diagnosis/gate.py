@@ -1,0 +1,43 @@
+"""The data gate: what makes data unfit for a diagnosis, before any model is blamed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from par4_identification.identification import Identification
+from par4_identification.rows import Run
+
+LEAST_ROWS = 200
+WORST_ERROR = 0.6
+WORST_STD = 0.3
+
+
+def unusable(runs: Sequence[Run], identification: Identification) -> list[str]:
+    """Return why the data cannot carry a diagnosis, each with what to do; empty if they can."""
+    reasons = []
+    rows = sum(run.valid.sum(axis=0) for run in runs)
+    for joint in np.flatnonzero(rows < LEAST_ROWS):
+        reasons.append(f'joint {joint} moves in only {rows[joint]} rows, {LEAST_ROWS} are needed; '
+                       f'record a longer motion of all joints')
+    estimate = identification.estimate
+    values = {term.name: (value, std) for term, value, std in
+              zip(identification.terms, estimate.values, estimate.std)}
+    friction = values['coulomb_friction'][0] + 0.5 * values['viscous_friction'][0]
+    if friction < 0:
+        reasons.append('friction comes out driving the joints instead of braking them; check the '
+                       'sign of torque and position')
+    if estimate.relative_error > WORST_ERROR:
+        reasons.append(f'the rigid bodies explain only {1 - estimate.relative_error:.0%} of the '
+                       f'torque; check order, sign and zero of the joints, the gains and the '
+                       f'robot file')
+    for term in identification.terms:
+        value, std = values[term.name]
+        if term.nonnegative and term.name != 'coulomb_friction' and value < -5.0 * std:
+            reasons.append(f'{term.name} comes out as {value:.3g} {term.unit}; check order and '
+                           f'sign of the joints')
+        if term.name == 'actuator_inertia' and std > WORST_STD * abs(value):
+            reasons.append(f'the motion does not excite {term.name} (standard deviation '
+                           f'{std / max(abs(value), 1e-12):.0%}); record faster motions')
+    return reasons

@@ -1,0 +1,184 @@
+"""Nameless blocks: smooth functions of the motion that may explain what no named effect does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from par4_dynamics.state import State
+from par4_identification.diagnosis.evidence import Evidence, Hypothesis, spread
+from par4_identification.diagnosis.observations import Observations
+
+RIDGE = 3.0
+"""Prior weight of a standardised nameless coefficient, in rows."""
+PERIODS = np.arange(4, 161)
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Scales of the fit data that make the blocks the same functions on other data."""
+
+    q: tuple[np.ndarray, np.ndarray]
+    qd: np.ndarray
+    qdd: np.ndarray
+    end: float
+    x: tuple[np.ndarray, np.ndarray] | None
+    xd: np.ndarray | None
+    xdd: np.ndarray | None
+    periods: tuple[tuple[int, ...], ...]
+
+
+def splines(values: np.ndarray, low: np.ndarray, high: np.ndarray, count: int) -> np.ndarray:
+    """Return cubic B-splines (n, J, count) of values (n, J) over low .. high (J,)."""
+    unit = np.clip((values - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
+    knots = np.concatenate(([0.0] * 3, np.linspace(0.0, 1.0, count - 2), [1.0] * 3))
+    flat = BSpline.design_matrix(np.minimum(unit.ravel(), 1.0 - 1e-12), knots, 3).toarray()
+    return flat.reshape(*values.shape, count)
+
+
+def _position(state: State, ranges: Ranges) -> np.ndarray:
+    return splines(state.q, *ranges.q, 10)
+
+
+def _speed(state: State, ranges: Ranges) -> np.ndarray:
+    sign = np.sign(state.qd)
+    slow = [np.exp(-(state.qd / speed) ** 2) * sign for speed in (0.05, 0.15, 0.5)]
+    smooth = splines(np.abs(state.qd), np.zeros_like(ranges.qd), ranges.qd, 6)
+    return np.concatenate((np.stack([*slow, np.ones_like(sign), np.abs(state.qd)], axis=-1),
+                           smooth * sign[..., None]), axis=-1)
+
+
+def _time(state: State, ranges: Ranges) -> np.ndarray:
+    time = np.broadcast_to(state.t[:, None], state.q.shape)
+    return splines(time, np.zeros(state.joints), np.full(state.joints, ranges.end), 6)
+
+
+def _acceleration(state: State, ranges: Ranges) -> np.ndarray:
+    scaled = state.qdd / ranges.qdd
+    bent = [np.sin(state.q) * scaled, np.cos(state.q) * scaled, np.sign(state.qd) * np.abs(scaled),
+            (state.qd / ranges.qd) ** 2 * np.cos(state.q)]
+    return np.stack([scaled, np.abs(scaled), *bent], axis=-1)
+
+
+def _platform(state: State, ranges: Ranges) -> np.ndarray:
+    low, high = ranges.x
+    place = 2.0 * (state.x - low) / np.maximum(high - low, 1e-12) - 1.0
+    speed, acceleration = state.xd / ranges.xd, state.xdd / ranges.xdd
+    parts = [place, speed, acceleration]
+    parts += [acceleration * place[:, [axis]] for axis in range(4)]
+    parts += [speed * speed[:, [axis]] for axis in range(4)]
+    features = np.concatenate(parts, axis=1)
+    return np.broadcast_to(features[:, None, :], (*state.q.shape, features.shape[1]))
+
+
+def _periodic(state: State, ranges: Ranges) -> np.ndarray:
+    periods = np.array(ranges.periods, dtype=float)  # (J, k)
+    angle = periods * state.q[..., None]
+    return np.concatenate((np.sin(angle), np.cos(angle)), axis=-1)
+
+
+BLOCKS = {'position': _position, 'speed': _speed, 'time': _time, 'acceleration': _acceleration,
+          'platform': _platform, 'periodic': _periodic}
+
+
+def ranges_of(observations: Observations, left: Sequence[np.ndarray]) -> Ranges:
+    """Return the scales of fit data and the periods that residuals `left` (m, J) show most."""
+    states = [run.state for run in observations.runs]
+
+    def largest(name):
+        return np.maximum(np.max([np.abs(getattr(state, name)).max(axis=0) for state in states],
+                                 axis=0), 1e-9)
+
+    def span(name):
+        return (np.min([getattr(state, name).min(axis=0) for state in states], axis=0),
+                np.max([getattr(state, name).max(axis=0) for state in states], axis=0))
+
+    platform = states[0].x is not None
+    low, high = span('q')
+    return Ranges(
+        span('q'), largest('qd'), largest('qdd'), float(max(state.t[-1] for state in states)),
+        span('x') if platform else None, largest('xd') if platform else None,
+        largest('xdd') if platform else None,
+        _strongest_periods(observations, left, high - low))
+
+
+def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], span: np.ndarray
+                       ) -> tuple[tuple[int, ...], ...]:
+    chosen = []
+    for joint in range(observations.joints):
+        power = np.zeros(len(PERIODS))
+        for index, period in enumerate(PERIODS):
+            if period * span[joint] < 1.5 * 2.0 * np.pi:
+                continue
+            total = 0.0 + 0.0j
+            for run, residual in zip(observations.runs, left):
+                q = np.interp(run.t, run.state.t, run.state.q[:, joint])
+                total += np.sum(np.where(run.valid[:, joint], residual[:, joint], 0.0)
+                                * np.exp(1j * period * q))
+            power[index] = abs(total)
+        order = np.argsort(-power)[:4]
+        chosen.append(tuple(int(PERIODS[index]) for index in order))
+    return tuple(chosen)
+
+
+@dataclass(frozen=True)
+class NamelessFit:
+    """Residuals on fit and held-out rows after hypotheses and one nameless block."""
+
+    block: str
+    fitted: tuple[np.ndarray, ...]
+    heldout: tuple[np.ndarray, ...]
+
+
+def fit_block(block: str, evidence: Evidence, heldout: Observations,
+              hypotheses: Sequence[Hypothesis], ranges: Ranges) -> NamelessFit:
+    """Return what is left with a nameless block beside base terms and hypotheses."""
+    function = BLOCKS[block]
+    joints = tuple(range(heldout.joints))
+    fit_rows = tuple(run.rows(np.ascontiguousarray(function(run.state, ranges)))
+                     for run in evidence.observations.runs)
+    columns = spread(evidence.whitener.whiten(fit_rows), joints, shared=False)
+    design = evidence.design(hypotheses)
+    known = design.shape[1]
+    stacked = np.hstack([design, columns])
+    scale = np.maximum(np.linalg.norm(stacked, axis=0), 1e-30) / np.sqrt(len(stacked))
+    gram = (stacked / scale).T @ (stacked / scale)
+    gram[np.arange(known), np.arange(known)] += 1e-9 * len(stacked)
+    gram[np.arange(known, len(gram)), np.arange(known, len(gram))] += RIDGE
+    values = np.linalg.solve(gram, (stacked / scale).T @ evidence.target) / scale
+    nameless = values[known:].reshape(len(joints), -1)
+    return NamelessFit(
+        block, _left(evidence.observations, hypotheses, values, fit_rows, nameless),
+        _left(heldout, hypotheses, values,
+              tuple(run.rows(np.ascontiguousarray(function(run.state, ranges)))
+                    for run in heldout.runs), nameless))
+
+
+def _left(observations: Observations, hypotheses: Sequence[Hypothesis], values: np.ndarray,
+          rows: Sequence[np.ndarray], nameless: np.ndarray) -> tuple[np.ndarray, ...]:
+    results = []
+    for index, (target, base) in enumerate(zip(observations.target, observations.base)):
+        parameters = base.shape[2]
+        left = target - base @ values[:parameters]
+        first = parameters
+        for hypothesis in hypotheses:
+            columns = observations.effect_rows(hypothesis.effect, hypothesis.shape)[index]
+            width = columns.shape[2]
+            if hypothesis.effect.shared:
+                left = left - columns @ values[first:first + width]
+                first += width
+            else:
+                for joint in hypothesis.joints:
+                    left[:, joint] -= columns[:, joint] @ values[first:first + width]
+                    first += width
+        results.append(left - np.einsum('mjk,jk->mj', rows[index], nameless))
+    return tuple(results)
+
+
+def available_blocks(observations: Observations) -> tuple[str, ...]:
+    """Return the blocks that apply to this machine."""
+    platform = observations.runs[0].state.x is not None
+    return tuple(name for name in BLOCKS if platform or name != 'platform')

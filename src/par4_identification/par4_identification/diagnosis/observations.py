@@ -1,0 +1,65 @@
+"""The data of a diagnosis: rows to fit and rows held out, columns filtered once and kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms
+from par4_dynamics.effects.effect import Effect, Shape
+from par4_dynamics.model import Model
+from par4_identification.identification import distributed_torque
+from par4_identification.rows import Run
+from par4_kinematics.robot import Axis, Robot
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Rows of some runs against a baseline model.
+
+    Attributes:
+        runs: uninterrupted stretches.
+        target: torque minus what the baseline knows besides its base terms, (m, J) a run.
+        base: base columns, (m, J, p) a run.
+        terms: the base terms.
+    """
+
+    runs: tuple[Run, ...]
+    target: tuple[np.ndarray, ...]
+    base: tuple[np.ndarray, ...]
+    terms: tuple[BaseTerm, ...]
+    _kept: dict = field(default_factory=dict)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return self.target[0].shape[1]
+
+    def effect_rows(self, effect: Effect, shape: Shape) -> tuple[np.ndarray, ...]:
+        """Return the filtered columns (m, J, K) of an effect in each run; computed once."""
+        key = (effect.name, tuple(sorted(shape.items())))
+        if key not in self._kept:
+            self._kept[key] = tuple(run.rows(effect.columns(run.state, shape))
+                                    for run in self.runs)
+        return self._kept[key]
+
+
+def observe(runs: list[Run], machine: Robot | Axis, rigid_body: str, baseline: Model | None
+            ) -> Observations:
+    """Return the observations of `runs`.
+
+    Args:
+        runs: rows of the logs.
+        machine: geometry and bodies.
+        rigid_body: 'paper' or 'full', where there is no baseline.
+        baseline: model whose rigid body and effects are taken as known; its base parameters are
+            fitted anew.
+    """
+    targets, bases = [], []
+    for run in runs:
+        known = (distributed_torque(machine, rigid_body, run.state) if baseline is None
+                 else baseline.known_torque(run.state))
+        targets.append(run.tau - run.rows(known))
+        bases.append(run.rows(base_columns(run.state)))
+    return Observations(tuple(runs), tuple(targets), tuple(bases), base_terms(runs[0].state))

@@ -1,0 +1,315 @@
+"""Forward selection of causes, each accepted only on every kind of evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from par4_dynamics.effects.effect import Effect
+from par4_identification.diagnosis.evidence import (
+    Evidence,
+    Fit,
+    Hypothesis,
+    Projection,
+    project,
+    residuals,
+    solve,
+)
+from par4_identification.diagnosis.holdout import Blocks, Gain
+from par4_identification.diagnosis.observations import Observations
+
+HALF_BLOCK = 100
+"""Rows after which the two halves alternate, so that both see slow and fast motion."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What a cause must show; fixed before any scored run.
+
+    Attributes:
+        p_value: family-wise, over all effects and shapes tried.
+        holdout_gain: least share of the held-out squared error that it removes.
+        agreement: least cosine between its estimates from two interleaved halves of the fit rows.
+        joint_p_value: below which a joint keeps an effect that others have.
+        joint_share: least share of the effect's likelihood ratio that a joint must carry.
+        twin_margin: difference of log-likelihood within which another name is as good.
+        most: number of causes.
+        sufficient_share: least share of what anything explains that the causes must explain.
+        remaining_gain: held-out gain of nameless blocks that counts as something left.
+        floor_excess: residual over noise floor beyond which something is wrong though no block
+            explains it.
+    """
+
+    p_value: float = 1e-3
+    holdout_gain: float = 0.02
+    agreement: float = 0.6
+    joint_p_value: float = 1e-3
+    joint_share: float = 0.0005
+    twin_margin: float = 10.0
+    most: int = 4
+    sufficient_share: float = 0.75
+    remaining_gain: float = 0.04
+    floor_excess: float = 1.6
+
+
+@dataclass(frozen=True)
+class Found:
+    """An accepted cause.
+
+    Attributes:
+        hypothesis: effect, shape, joints.
+        likelihood_ratio: twice its gain in log-likelihood given the other causes.
+        p_value: family-wise.
+        gain: on held-out rows, over the model without it.
+        twins: names that explain it as well.
+    """
+
+    hypothesis: Hypothesis
+    likelihood_ratio: float
+    p_value: float
+    gain: Gain
+    twins: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """A candidate that was strong enough to be looked at, and why it is not a cause."""
+
+    label: str
+    reason: str
+
+
+@dataclass
+class Selection:
+    """Causes found and candidates rejected, in the order in which it happened."""
+
+    found: list[Found] = field(default_factory=list)
+    rejected: list[Rejected] = field(default_factory=list)
+
+    @property
+    def hypotheses(self) -> list[Hypothesis]:
+        """The causes' hypotheses."""
+        return [item.hypothesis for item in self.found]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """The best shape of one effect given the model so far."""
+
+    hypothesis: Hypothesis
+    likelihood_ratio: float
+    freedoms: int
+    tried: int
+
+    def p_value(self, family: int) -> float:
+        """Return the family-wise p-value among `family` tests."""
+        return float(min(1.0, chi2.sf(self.likelihood_ratio, self.freedoms) * family))
+
+    def score(self, rows: int) -> float:
+        """Return the evidence: BIC with a penalty for the shapes tried."""
+        return (self.likelihood_ratio - self.freedoms * np.log(rows)
+                - 2.0 * np.log(max(self.tried, 1)))
+
+
+class Selector:
+    """Searches the library on fit rows and confirms on held-out rows.
+
+    Args:
+        library: effects that may be named.
+        evidence: whitened fit rows.
+        heldout: rows that take no part in any fit.
+        blocks: of the held-out rows.
+        rules: what a cause must show.
+    """
+
+    def __init__(self, library: Mapping[str, Effect], evidence: Evidence, heldout: Observations,
+                 blocks: Blocks, rules: Rules) -> None:
+        self._library = library
+        self._evidence = evidence
+        self._heldout = heldout
+        self._blocks = blocks
+        self._rules = rules
+        state = max(evidence.observations.runs, key=lambda run: len(run.t)).state
+        self._shapes = {name: effect.shapes(state) for name, effect in library.items()}
+        self._family = sum(len(shapes) for shapes in self._shapes.values())
+        self._joints = tuple(range(evidence.observations.joints))
+
+    def best(self, effect: Effect, projection: Projection) -> Candidate | None:
+        """Return the best shape of an effect on all joints given a projection."""
+        shapes = self._shapes[effect.name]
+        if not shapes:
+            return None
+
+        def ratio(shape):
+            hypothesis = Hypothesis(effect, shape, self._joints)
+            return projection.gain(self._evidence.columns(hypothesis))
+
+        ratios = [ratio(shape) for shape in shapes]
+        shape, best = shapes[int(np.argmax(ratios))], max(ratios)
+        for step in (1.0, 0.5, 0.25):
+            around = effect.refined(shape, step)
+            if len(around) < 2:
+                break
+            ratios = [ratio(item) for item in around]
+            if max(ratios) > best:
+                shape, best = around[int(np.argmax(ratios))], max(ratios)
+        hypothesis = Hypothesis(effect, shape, self._joints)
+        return Candidate(hypothesis, best, self._freedoms(hypothesis), len(shapes))
+
+    def _freedoms(self, hypothesis: Hypothesis) -> int:
+        rows = self._evidence.observations.effect_rows(hypothesis.effect, hypothesis.shape)
+        width = rows[0].shape[2]
+        return (width if hypothesis.effect.shared else width * len(hypothesis.joints)) + len(
+            hypothesis.shape)
+
+    def run(self) -> Selection:
+        """Return the causes: add the best, re-test the others, until nothing is left."""
+        selection = Selection()
+        refused: set[str] = set()
+        visited: set[frozenset[str]] = set()
+        while len(selection.found) < self._rules.most:
+            projection = project(self._evidence, selection.hypotheses)
+            named = {item.effect.name for item in selection.hypotheses}
+            candidates = [self.best(effect, projection) for name, effect in self._library.items()
+                          if name not in named | refused]
+            candidates = [item for item in candidates if item is not None
+                          and item.p_value(self._family) < self._rules.p_value
+                          and item.score(self._evidence.rows) > 0.0]
+            if not candidates:
+                break
+            candidate = max(candidates, key=lambda item: item.score(self._evidence.rows))
+            candidate = self._keep_acting_joints(candidate, projection)
+            name = candidate.hypothesis.effect.name
+            verdict = self._confirm(candidate, selection.hypotheses)
+            if isinstance(verdict, Rejected):
+                selection.rejected.append(verdict)
+                refused.add(name)
+                continue
+            trial = replace_found(selection, [*selection.found, verdict])
+            self._retest(trial)
+            state = frozenset(item.effect.name for item in trial.hypotheses)
+            if state in visited:
+                refused.add(name)
+                continue
+            visited.add(state)
+            selection = trial
+        selection.found.sort(key=lambda item: -item.likelihood_ratio)
+        return selection
+
+    def _keep_acting_joints(self, candidate: Candidate, projection: Projection) -> Candidate:
+        """Return the candidate without the joints that do not need it beside the others.
+
+        Joints share the base parameters, so that an effect on one leaves a trace on all: joints
+        are taken away one by one, the least needed first, as long as that costs nothing.
+        """
+        hypothesis = candidate.hypothesis
+        if hypothesis.effect.shared:
+            return candidate
+        width = (candidate.freedoms - len(hypothesis.shape)) // len(hypothesis.joints)
+        ratio = candidate.likelihood_ratio
+        while len(hypothesis.joints) > 1:
+            trials = []
+            for joint in hypothesis.joints:
+                rest = replace(hypothesis, joints=tuple(
+                    other for other in hypothesis.joints if other != joint))
+                trials.append((projection.gain(self._evidence.columns(rest)), rest))
+            left, rest = max(trials, key=lambda trial: trial[0])
+            lost = ratio - left
+            needed = chi2.sf(lost, width) * len(self._joints) < self._rules.joint_p_value
+            if needed and lost > self._rules.joint_share * ratio:
+                break
+            hypothesis, ratio = rest, left
+        return Candidate(hypothesis, ratio, self._freedoms(hypothesis), candidate.tried)
+
+    def _confirm(self, candidate: Candidate, others: Sequence[Hypothesis]) -> Found | Rejected:
+        hypothesis = candidate.hypothesis
+        together = [*others, hypothesis]
+        fit = solve(self._evidence, together)
+        before = residuals(self._heldout, others, solve(self._evidence, others))
+        gain = self._blocks.gain(before, residuals(self._heldout, together, fit))
+        if gain.share < self._rules.holdout_gain or gain.low <= 0.0:
+            return Rejected(hypothesis.label, f'removes {gain.share:.1%} of the held-out squared '
+                            f'error (95 % interval {gain.low:.1%} to {gain.high:.1%})')
+        reason = self._implausible(hypothesis, fit, len(together) - 1)
+        if reason:
+            return Rejected(hypothesis.label, reason)
+        agreement = self._agreement(together)
+        if agreement < self._rules.agreement:
+            return Rejected(hypothesis.label, f'its estimates from the two halves of the data '
+                            f'disagree (cosine {agreement:.2f})')
+        return Found(hypothesis, candidate.likelihood_ratio, candidate.p_value(self._family), gain)
+
+    def _implausible(self, hypothesis: Hypothesis, fit: Fit, index: int) -> str | None:
+        effect = hypothesis.effect
+        acting = list(hypothesis.joints)
+        values = effect.values(fit.coefficients[index][:, acting], hypothesis.shape)
+        base = {term.name: np.full(len(acting), value)
+                for term, value in zip(self._evidence.observations.terms, fit.base)}
+        return effect.implausible(values, base)
+
+    def _agreement(self, hypotheses: Sequence[Hypothesis]) -> float:
+        """Return the cosine between the last effect's torque as the two halves estimate it."""
+        columns = self._evidence.columns(hypotheses[-1])
+        rest = self._evidence.design(hypotheses[:-1])
+        estimates = []
+        joints = self._evidence.observations.joints
+        half = np.tile(np.arange(len(columns) // joints) // HALF_BLOCK % 2 == 0, joints)
+        for rows in (half, ~half):
+            design = np.hstack([rest[rows], columns[rows]])
+            scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
+            values = np.linalg.lstsq(design / scale, self._evidence.target[rows], rcond=1e-9)[0]
+            estimates.append((values / scale)[rest.shape[1]:])
+        first, second = (columns @ estimate for estimate in estimates)
+        return float(first @ second / max(np.linalg.norm(first) * np.linalg.norm(second), 1e-30))
+
+    def _retest(self, selection: Selection) -> None:
+        """Look at every cause but the newest again, beside the others: shape, joints, need."""
+        for item in list(selection.found[:-1]):
+            others = [other.hypothesis for other in selection.found if other is not item]
+            projection = project(self._evidence, others)
+            candidate = self.best(item.hypothesis.effect, projection)
+            verdict: Found | Rejected = Rejected(item.hypothesis.label,
+                                                 'explained by another cause')
+            if candidate and candidate.p_value(self._family) < self._rules.p_value:
+                verdict = self._confirm(self._keep_acting_joints(candidate, projection), others)
+            position = selection.found.index(item)
+            if isinstance(verdict, Rejected):
+                selection.rejected.append(verdict)
+                selection.found.pop(position)
+            else:
+                selection.found[position] = verdict
+
+    def with_twins(self, selection: Selection) -> Selection:
+        """Return the selection with the names that could stand in for each cause."""
+        found = []
+        for item in selection.found:
+            others = [other for other in selection.hypotheses if other is not item.hypothesis]
+            named = {other.effect.name for other in others} | {item.hypothesis.effect.name}
+            projection = project(self._evidence, others)
+            own = projection.gain(self._evidence.columns(item.hypothesis))
+            twins = []
+            for name, effect in self._library.items():
+                if name in named:
+                    continue
+                rival = self.best(effect, projection)
+                if rival is None or own - rival.likelihood_ratio > 2.0 * self._rules.twin_margin:
+                    continue
+                fit = solve(self._evidence, [*others, rival.hypothesis])
+                if self._implausible(rival.hypothesis, fit, len(others)) is None:
+                    twins.append(name)
+            found.append(replace(item, twins=tuple(twins)))
+        return replace_found(selection, found)
+
+    def richest(self) -> list[Hypothesis]:
+        """Return every effect at its best shape: what the noise model must not swallow."""
+        projection = project(self._evidence, [])
+        candidates = (self.best(effect, projection) for effect in self._library.values())
+        return [item.hypothesis for item in candidates if item is not None]
+
+
+def replace_found(selection: Selection, found: list[Found]) -> Selection:
+    """Return a selection with other causes and the same rejections."""
+    return Selection(list(found), list(selection.rejected))

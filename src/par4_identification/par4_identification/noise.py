@@ -1,0 +1,145 @@
+"""Coloured noise of the rows: an autoregressive model per joint, exact over missing rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from scipy.linalg import solve_toeplitz
+
+ORDER = 6
+
+
+@dataclass(frozen=True)
+class ArNoise:
+    """r_t = sum_k a_k r_{t-k} + e_t, var(e) = variance.
+
+    Attributes:
+        coefficients: a, (p,).
+        variance: of the innovation, N2 m2.
+    """
+
+    coefficients: np.ndarray
+    variance: float
+
+    def autocovariance(self, lags: int) -> np.ndarray:
+        """Return the autocovariance at lags 0 .. lags - 1, (lags,)."""
+        order = len(self.coefficients)
+        companion = _companion(self.coefficients)
+        covariance = _stationary_covariance(companion, self.variance)
+        values = list(covariance[0])
+        while len(values) < lags:
+            values.append(float(self.coefficients @ values[-1:-order - 1:-1]))
+        return np.array(values[:lags])
+
+    def whiten(self, columns: np.ndarray, valid: np.ndarray) -> np.ndarray:
+        """Return the standardised innovations (n, k) of columns (n, k); zero where not valid.
+
+        A Kalman filter treats invalid rows as missing, which is exact: nothing is joined and
+        nothing is lost at the edges.
+        """
+        companion = _companion(self.coefficients)
+        initial = _stationary_covariance(companion, self.variance)
+        return _whiten(np.ascontiguousarray(columns), valid, companion, self.variance, initial)
+
+
+def _companion(coefficients: np.ndarray) -> np.ndarray:
+    order = len(coefficients)
+    companion = np.eye(order, k=-1)
+    companion[0] = coefficients
+    return companion
+
+
+def _stationary_covariance(companion: np.ndarray, variance: float) -> np.ndarray:
+    order = len(companion)
+    innovation = np.zeros((order, order))
+    innovation[0, 0] = variance
+    flat = np.linalg.solve(np.eye(order * order) - np.kron(companion, companion),
+                           innovation.ravel())
+    covariance = flat.reshape(order, order)
+    return 0.5 * (covariance + covariance.T)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _whiten(columns, valid, companion, variance, initial):
+    n, width = columns.shape
+    order = companion.shape[0]
+    white = np.zeros((n, width))
+    state, moved = np.zeros((order, width)), np.zeros((order, width))
+    covariance = initial.copy()
+    half = np.empty((order, order))
+    gain = np.empty(order)
+    for row in range(n):
+        if valid[row]:
+            spread = covariance[0, 0]
+            scale = 1.0 / np.sqrt(spread)
+            for i in range(order):
+                gain[i] = covariance[i, 0] / spread
+            for column in range(width):
+                innovation = columns[row, column] - state[0, column]
+                white[row, column] = innovation * scale
+                for i in range(order):
+                    state[i, column] += gain[i] * innovation
+            for i in range(order):
+                for j in range(order):
+                    half[i, j] = covariance[i, j] - gain[i] * covariance[0, j]
+            covariance[:] = half
+        # predict: the companion shifts and adds the new value in front
+        for column in range(width):
+            total = 0.0
+            for i in range(order):
+                total += companion[0, i] * state[i, column]
+            for i in range(order - 1, 0, -1):
+                moved[i, column] = state[i - 1, column]
+            moved[0, column] = total
+        state[:] = moved
+        for i in range(order):
+            for j in range(order):
+                if i > 0:
+                    half[i, j] = covariance[i - 1, j]
+                else:
+                    total = 0.0
+                    for k in range(order):
+                        total += companion[0, k] * covariance[k, j]
+                    half[i, j] = total
+        for i in range(order):
+            for j in range(order):
+                if j > 0:
+                    covariance[i, j] = half[i, j - 1]
+                else:
+                    total = 0.0
+                    for k in range(order):
+                        total += half[i, k] * companion[0, k]
+                    covariance[i, j] = total
+        covariance[0, 0] += variance
+    return white
+
+
+def fit_noise(residuals: list[np.ndarray], valid: list[np.ndarray], parameters: float = 0.0,
+              order: int = ORDER) -> ArNoise:
+    """Return the autoregressive model of residual series (n_i,), rows not `valid` left out.
+
+    Yule-Walker on the pooled autocovariance of all series; nothing is joined. `parameters` is how
+    many of the fitted parameters fall on these rows, a correction of the variance.
+    """
+    products, pairs = np.zeros(order + 1), np.zeros(order + 1)
+    for residual, mask in zip(residuals, valid):
+        kept = np.where(mask, residual, 0.0)
+        for lag in range(min(order + 1, len(kept))):
+            products[lag] += kept[lag:] @ kept[:len(kept) - lag]
+            pairs[lag] += np.count_nonzero(mask[lag:] & mask[:len(mask) - lag])
+    count = max(pairs[0], 1.0)
+    covariance = products / np.maximum(pairs, 1.0)
+    # taper: with missing rows the estimate need not be positive definite
+    covariance *= 1.0 - np.arange(order + 1) / count
+    covariance *= count / max(count - parameters, 1.0)
+    floor = max(covariance[0], 1e-18)
+    covariance[0] = floor * (1.0 + 1e-6)
+    for used in range(order, 0, -1):
+        coefficients = solve_toeplitz(covariance[:used], covariance[1:used + 1])
+        variance = covariance[0] - coefficients @ covariance[1:used + 1]
+        stable = np.max(np.abs(np.linalg.eigvals(_companion(coefficients)))) < 0.9999
+        if variance > 0 and stable:
+            return ArNoise(np.concatenate((coefficients, np.zeros(order - used))), float(variance))
+    return ArNoise(np.zeros(order), float(floor))

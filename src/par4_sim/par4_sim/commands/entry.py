@@ -1,0 +1,36 @@
+"""How every offline executable starts and ends: one line on bad input, never a traceback."""
+
+from __future__ import annotations
+
+import sys
+from typing import NoReturn
+
+import click
+
+from par4_kinematics.errors import Par4Error
+
+
+def run(command: click.Command) -> NoReturn:
+    """Run a command; exit 0 if it did its work, 2 with `error: ...` on bad input, 130 if stopped.
+
+    An interrupt leaves nothing half written: results are put in place only when complete.
+    """
+    try:
+        command.main(standalone_mode=False)
+    except click.exceptions.Exit as finished:
+        sys.exit(finished.exit_code)
+    except click.ClickException as error:
+        _refuse(' '.join(error.format_message().split()) + f'; see {command.name} --help')
+    except Par4Error as error:
+        _refuse(str(error))
+    except OSError as error:
+        _refuse(f'{error.filename or "file"}: {error.strerror or error}; check path and space')
+    except (click.Abort, KeyboardInterrupt):
+        print('stopped; nothing was changed', file=sys.stderr)
+        sys.exit(130)
+    sys.exit(0)
+
+
+def _refuse(line: str) -> NoReturn:
+    print(f'error: {line}', file=sys.stderr)
+    sys.exit(2)

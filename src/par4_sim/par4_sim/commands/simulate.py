@@ -1,0 +1,58 @@
+"""par4_simulate: a motion of a simulated Par4 into a bag, without ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from par4_dynamics.model import read_model
+from par4_kinematics.motion_file import named_motion
+from par4_kinematics.robot import read_robot
+from par4_sim.commands.entry import run
+from par4_sim.offline import simulate_to_bag
+from par4_sim.simulation import FIDELITIES, build_simulation
+
+
+@click.command('par4_simulate')
+@click.argument('motion')
+@click.option('--robot', default='reference', show_default=True, help='robot.yaml or built-in name')
+@click.option('--model', default='table1_full', show_default=True,
+              help='model.yaml or built-in name: the machine as it truly is, effects included')
+@click.option('--output', required=True, type=click.Path(path_type=Path), help='bag to write')
+@click.option('--fidelity', default='exact', show_default=True, type=click.Choice(FIDELITIES))
+@click.option('--feedforward', default=None, help='model whose torques the drives get')
+@click.option('--duration', default=None, type=click.FloatRange(min=0.1),
+              help='seconds, of a named motion')
+@click.option('--motion-seed', default=0, show_default=True, type=int,
+              help='seed of the excitation')
+@click.option('--seed', default=0, show_default=True, type=int, help='seed of the noise')
+@click.option('--torque-noise', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
+              help='noise on the recorded voltage, as torque, N m rms')
+@click.option('--rate', default=1000.0, show_default=True, type=click.FloatRange(min=1.0),
+              help='samples a second')
+@click.option('--storage', default='mcap', show_default=True,
+              type=click.Choice(('mcap', 'sqlite3')))
+def simulate(motion: str, robot: str, model: str, output: Path, fidelity: str,
+             feedforward: str | None, duration: float | None, motion_seed: int, seed: int,
+             torque_noise: float, rate: float, storage: str) -> None:
+    """Simulate MOTION (adept, excitation, circle or a motion.yaml) into a bag, without ROS."""
+    machine = read_robot(robot)
+    truth = read_model(model, machine)
+    helping = None if feedforward is None else read_model(feedforward, machine)
+    played = named_motion(motion, machine, duration, motion_seed)
+    simulation = build_simulation(machine, truth, fidelity, 1.0 / rate, seed, torque_noise)
+    with click.progressbar(length=1000, label=f'simulating {played.name}') as bar:
+        counts = simulate_to_bag(simulation, played, machine, output, helping, storage,
+                                 lambda share: bar.update(round(1000 * share) - bar.pos))
+        bar.update(1000 - bar.pos)
+    if feedforward is None:
+        counts.pop('missing_effort')
+    troubles = ', '.join(f'{name} {count}' for name, count in counts.items() if count)
+    click.echo(f'{output}: {played.duration:.1f} s of {played.name} on {machine.name} '
+               f'({fidelity}){"; " + troubles if troubles else ""}')
+
+
+def main() -> None:
+    """Run the executable."""
+    run(simulate)

@@ -1,0 +1,84 @@
+"""A motion simulated into a bag without ROS: the same loop, the same topics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from par4_dynamics.model import Model
+from par4_dynamics.state import state_of_joints
+from par4_kinematics.approach import with_approach
+from par4_kinematics.errors import InputError
+from par4_kinematics.files import written_atomically
+from par4_kinematics.interface import (
+    AMPLIFIER_VOLTAGE,
+    FEEDFORWARD_TORQUE,
+    JOINT_STATES,
+    REFERENCE,
+)
+from par4_kinematics.motion import Motion
+from par4_kinematics.robot import JOINT_NAMES, Robot
+from par4_sim.bag import BagWriter
+from par4_sim.simulation import Simulation
+
+DWELL = 0.5
+"""Seconds of rest before and after the motion: they show the noise of a resting machine."""
+CHUNK = 0.25
+"""Seconds of reference a message."""
+SECOND = 1_000_000_000
+
+
+def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: str | Path,
+                    feedforward: Model | None = None, storage: str = 'mcap',
+                    progress: Callable[[float], None] | None = None) -> dict[str, int]:
+    """Write the bag of a motion and return the simulation's counts.
+
+    Args:
+        simulation: at rest at home; closed by this function.
+        motion: what the drives follow, behind an approach from home where it begins elsewhere.
+        robot: for the limits of the approach.
+        path: of the bag, which must not exist; it appears only when complete.
+        feedforward: model whose torques the drives get, or None.
+        storage: 'mcap' or 'sqlite3'.
+        progress: called with the share done, 0 to 1.
+
+    Raises:
+        InputError: the path exists, or the approach leaves the limits.
+        UnreachableError: the machine was driven out of its workspace.
+    """
+    if Path(path).exists():
+        raise InputError(f'{path}: exists already; give another path or remove it')
+    motion = with_approach(motion, robot, simulation.plant.q)
+    start = simulation.time + DWELL
+    tau = None if feedforward is None else feedforward.torque(
+        state_of_joints(robot.geometry, motion.t, motion.q, motion.qd, motion.qdd))
+    simulation.queue_reference(start + motion.t, motion.q, motion.qd, motion.qdd)
+    if tau is not None:
+        simulation.queue_effort(start + motion.t, tau)
+    samples = round((motion.duration + 2.0 * DWELL) / simulation.sample_period)
+    with written_atomically(path) as scratch, BagWriter(scratch, storage) as bag:
+        chunk = max(1, round(CHUNK / motion.period))
+        for first in range(0, len(motion.t), chunk):
+            part = slice(first, first + chunk)
+            stamp = round((start + motion.t[first]) * SECOND)
+            after = np.round((motion.t[part] - motion.t[first]) * SECOND).astype(np.int64)
+            # on the bag's clock each chunk is there half a second ahead of its first point
+            received = max(1, stamp - SECOND // 2)
+            points = (after, motion.q[part], motion.qd[part], motion.qdd[part])
+            bag.write_trajectory(f'/{REFERENCE.name}', stamp, JOINT_NAMES, *points,
+                                 received=received)
+            if tau is not None:
+                bag.write_trajectory(f'/{FEEDFORWARD_TORQUE.name}', stamp, JOINT_NAMES, *points,
+                                     effort=tau[part], received=received)
+        for index in range(samples):
+            sample = simulation.next_sample()
+            bag.write_joint_state(f'/{JOINT_STATES.name}', sample.time_ns, JOINT_NAMES, sample.q,
+                                  sample.qd, sample.effort)
+            bag.write_joint_state(f'/{AMPLIFIER_VOLTAGE.name}', sample.time_ns, JOINT_NAMES,
+                                  effort=sample.voltage)
+            if progress and index % 200 == 0:
+                progress(index / samples)
+    simulation.close()
+    return simulation.counts

@@ -1,0 +1,63 @@
+"""Logs of simulated machines for tests of identification and diagnosis."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from par4_dynamics.model import Model
+from par4_dynamics.state import state_of_joints, state_of_platform
+from par4_identification.log import Log
+from par4_kinematics.excitation import excitation_motion
+from par4_kinematics.motion import Motion
+from par4_kinematics.robot import Robot
+from par4_kinematics.workspace import home_pose
+from par4_sim.exact import ExactPlant
+from par4_sim.machine import Machine
+from par4_sim.machine_effects import machine_of_model
+from par4_sim.simulation import Simulation
+from robots import OTHER, REFERENCE
+
+DWELL = 0.5
+ROBOTS = {robot.name: robot for robot in (REFERENCE, OTHER)}
+
+
+@cache
+def excitation(robot_name: str, duration: float, seed: int) -> Motion:
+    """Return the quasi-random excitation of a robot; made once."""
+    return excitation_motion(ROBOTS[robot_name], duration=duration, seed=seed)
+
+
+def simulation_of(robot: Robot, machine: Machine, model: Model, seed: int, noise: float
+                  ) -> Simulation:
+    """Return a simulation of `machine`, whose drives rest with the torque of `model`."""
+    still = np.zeros((1, 4))
+    rest = state_of_platform(robot.geometry, np.zeros(1), home_pose(robot)[None], still, still)
+    return Simulation(robot, ExactPlant(machine), 1e-3, seed, noise, robot.drives.torque_limit,
+                      model.torque(rest)[0])
+
+
+def log_of_machine(robot: Robot, machine: Machine, model: Model, *, duration: float = 10.0,
+                   seed: int = 0, noise: float = 0.05, feedforward: bool = False,
+                   name: str | None = None) -> Log:
+    """Return the log of an excitation on `machine`; `model` is what its drives know of it."""
+    motion = excitation(robot.name, duration, seed)
+    simulation = simulation_of(robot, machine, model, seed, noise)
+    start = simulation.time + DWELL
+    simulation.queue_reference(start + motion.t, motion.q, motion.qd, motion.qdd)
+    if feedforward:
+        state = state_of_joints(robot.geometry, motion.t, motion.q, motion.qd, motion.qdd)
+        simulation.queue_effort(start + motion.t, model.torque(state))
+    samples = [simulation.next_sample()
+               for _ in range(round((motion.duration + 2 * DWELL) / 1e-3))]
+    q = np.array([sample.q for sample in samples])
+    tau = np.array([sample.effort for sample in samples])
+    return Log(name=name or f'{robot.name} {seed}', joint_names=robot.joint_names,
+               start_stamp=samples[0].time_ns, period=1e-3, t=np.arange(len(samples)) * 1e-3,
+               q=q, tau=tau, segments=(slice(0, len(samples)),), reference=None, accounts=None)
+
+
+def log_of_model(robot: Robot, model: Model, **options) -> Log:
+    """Return the log of an excitation on the machine that `model` describes."""
+    return log_of_machine(robot, machine_of_model(robot, model), model, **options)

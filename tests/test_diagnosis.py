@@ -1,0 +1,241 @@
+"""Effects hidden in the data must be found; where there is none, none may be named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hidden import clean, draw, with_coloured_noise
+from measured import DWELL, excitation, log_of_machine, log_of_model
+
+from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.model import build_model, read_model
+from par4_dynamics.model_file import read_model_file
+from par4_dynamics.state import state_of_joints
+from par4_identification.diagnosis.diagnosis import diagnose
+from par4_identification.diagnosis.holdout import blocks_of_runs
+from par4_identification.rows import runs_of_log
+from par4_kinematics.position import inverse_kinematics
+from par4_sim.machine_effects import machine_of_model
+from robots import OTHER, REFERENCE, model_with
+
+
+def logs_of(hidden, seed, noise=0.05, feedforward=True):
+    """Return one log to learn from and one held out."""
+    return [log_of_machine(hidden.robot, hidden.machine, hidden.model, duration=duration,
+                           seed=seed + offset, noise=noise, feedforward=feedforward)
+            for duration, offset in ((16.0, 100), (10.0, 200))]
+
+
+def diagnosis_of(hidden, seed, library=None, **options):
+    fit, heldout = logs_of(hidden, seed, **options)
+    return diagnose([fit], hidden.robot, holdout_logs=[heldout], library=library)
+
+
+def names(diagnosis):
+    return [cause.effect.name for cause in diagnosis.causes]
+
+
+def spread_to_joints(parameter, joints):
+    values = np.zeros(4)
+    values[list(joints)] = parameter.value
+    return values
+
+
+@pytest.mark.parametrize('seed', [1, 2, 3])
+@pytest.mark.parametrize('effect', ['torque_offset', 'stribeck', 'cogging', 'distributed_rods'])
+def test_a_hidden_effect_is_named_sized_and_gained(effect, seed):
+    hidden = draw(effect, seed)
+    result = diagnosis_of(hidden, seed)
+    assert names(result) == [effect]
+    assert result.verdict == 'explained'
+    cause = result.causes[0]
+    assert cause.joints == hidden.joints
+    for name, truth in hidden.truth.items():
+        found = spread_to_joints(cause.parameters[name], cause.joints)
+        expected = np.broadcast_to(truth, (4,))[list(cause.joints)]
+        tolerance = {'phase': 0.1, 'periods': 0.0}.get(name, 0.1 * np.abs(expected).max())
+        np.testing.assert_allclose(found[list(cause.joints)], expected, atol=tolerance)
+    holdout = result.holdout
+    acting = list(hidden.joints)
+    assert np.all(holdout.extended_rms[acting] < holdout.baseline_rms[acting])
+    assert holdout.explained_fraction > 0.85
+    assert holdout.interval[0] > 0.7
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_a_clean_machine_is_called_clean(seed):
+    hidden = draw(None, seed)
+    if seed % 2:
+        hidden = with_coloured_noise(hidden, 0.1, np.random.default_rng(seed))
+    result = diagnosis_of(hidden, seed, noise=(0.02, 0.2)[seed % 3 == 0],
+                          feedforward=seed % 2 == 0)
+    assert names(result) == []
+    # noise that wanders by itself exceeds the floor but is nobody's function of the motion
+    assert result.verdict in (('clean', 'unknown') if seed % 2 else ('clean',))
+    np.testing.assert_array_equal(result.holdout.extended_rms, result.holdout.baseline_rms)
+
+
+@pytest.mark.parametrize('effect', ['torque_offset', 'stribeck', 'cogging', 'distributed_rods'])
+def test_an_effect_outside_the_library_ends_as_unknown(effect):
+    hidden = draw(effect, 4)
+    library = {name: known for name, known in CATALOGUE.items() if name != effect}
+    result = diagnosis_of(hidden, 4, library)
+    assert result.verdict == 'unknown'
+    assert names(result) == []
+    assert result.remaining.significant
+
+
+def test_two_effects_are_both_named():
+    model = read_model('table1', REFERENCE)
+    model = model_with(model, 'cogging', (0, 1), amplitude=0.4, periods=31.0, phase=(0, 1, 2, 3))
+    model = model_with(model, 'stribeck', stribeck_torque=0.9, stribeck_velocity=0.12)
+    machine = machine_of_model(REFERENCE, model)
+    fit, heldout = (log_of_machine(REFERENCE, machine, read_model('table1', REFERENCE),
+                                   duration=duration, seed=seed) for duration, seed in
+                    ((16.0, 31), (10.0, 32)))
+    result = diagnose([fit], REFERENCE, holdout_logs=[heldout])
+    assert set(names(result)) == {'cogging', 'stribeck'}
+    cogging, = (cause for cause in result.causes if cause.effect.name == 'cogging')
+    assert cogging.joints == (0, 1)
+
+
+def test_an_effect_below_the_noise_is_not_named():
+    hidden = draw('torque_offset', 2)
+    model = model_with(hidden.model, 'torque_offset', offset=0.003)
+    machine = machine_of_model(hidden.robot, model)
+    fit, heldout = (log_of_machine(hidden.robot, machine, hidden.model, duration=10.0, seed=seed,
+                                   noise=0.2) for seed in (51, 52))
+    result = diagnose([fit], hidden.robot, holdout_logs=[heldout])
+    assert names(result) == []
+    assert result.verdict == 'clean'
+
+
+def test_a_known_effect_in_the_baseline_is_not_named_again():
+    hidden = draw('cogging', 1)
+    fit, heldout = logs_of(hidden, 1)
+    first = diagnose([fit], hidden.robot, holdout_logs=[heldout])
+    again = diagnose([fit], hidden.robot, first.extended_model, [heldout])
+    assert names(again) == []
+    assert again.verdict == 'clean'
+    assert again.holdout.baseline_rms.mean() < 1.1 * first.holdout.extended_rms.mean()
+
+
+def test_full_baseline_knows_the_rods():
+    model = read_model('table1_full', REFERENCE)
+    fit, heldout = (log_of_model(REFERENCE, model, duration=12.0, seed=seed) for seed in (61, 62))
+    with_paper = diagnose([fit], REFERENCE, holdout_logs=[heldout])
+    assert names(with_paper) == ['distributed_rods']
+    with_full = diagnose([fit], REFERENCE, read_model_file('table1_full'), [heldout])
+    assert names(with_full) == []
+    assert with_full.verdict == 'clean'
+
+
+def test_the_extended_model_helps_the_feedforward_of_the_machine():
+    """The gain in the loop: tracking with feedforward from the extended model, on the machine."""
+    hidden = draw('cogging', 5)
+    fit, heldout = logs_of(hidden, 5)
+    result = diagnose([fit], hidden.robot, holdout_logs=[heldout])
+    extended = build_model(hidden.robot, result.extended_model)
+
+    # the extended model runs as a machine: its torque is that of the true one
+    run, = runs_of_log(heldout, hidden.robot)
+    state = run.state
+    left = np.where(run.valid, run.tau - run.rows(extended.torque(state)), 0.0)
+    assert np.sqrt(np.mean(left ** 2)) < 1.5 * np.sqrt(np.mean(result.holdout.extended_rms ** 2))
+    twin = machine_of_model(hidden.robot, extended)
+    again = log_of_machine(hidden.robot, twin, hidden.model, duration=10.0, seed=205,
+                           feedforward=True)
+    assert np.sqrt(np.mean((again.q - heldout.q) ** 2)) < 2e-4
+
+    motion = excitation(hidden.robot.name, 10.0, 205)
+    start = round(DWELL / 1e-3)
+
+    def error(model):
+        log = log_of_machine(hidden.robot, hidden.machine, model, duration=10.0, seed=205,
+                             feedforward=True)
+        return np.sqrt(np.mean((log.q[start:start + len(motion.q)] - motion.q) ** 2))
+
+    assert error(extended) < 0.9 * error(extended.without_effects())
+
+
+@pytest.mark.parametrize(('spoil', 'words'), [
+    (lambda log: {'tau': -log.tau}, 'sign'),
+    (lambda log: {'tau': log.tau[:, ::-1]}, 'order'),
+    (lambda log: {'q': np.repeat(log.q[:1], len(log.q), axis=0)}, 'rows'),
+    (lambda log: {'tau': np.random.default_rng(0).standard_normal(log.tau.shape)}, 'explain only'),
+])
+def test_unfit_data_are_called_unusable(spoil, words):
+    fit, heldout = (log_of_model(REFERENCE, read_model('table1', REFERENCE), seed=seed)
+                    for seed in (71, 72))
+    result = diagnose([replace(fit, **spoil(fit))], REFERENCE, holdout_logs=[heldout])
+    assert result.verdict == 'unusable_data'
+    assert result.causes == ()
+    assert any(words in reason for reason in result.reasons)
+
+
+def test_a_single_log_is_cut_and_its_last_third_held_out():
+    hidden = draw('torque_offset', 3)
+    log = log_of_machine(hidden.robot, hidden.machine, hidden.model, duration=18.0, seed=81)
+    result = diagnose([log], hidden.robot)
+    assert names(result) == ['torque_offset']
+    rows_fit = sum(run.valid.any(axis=1).sum() for run in result.fit_runs)
+    rows_held = sum(run.valid.any(axis=1).sum() for run in result.holdout.runs)
+    assert 0.2 < rows_held / (rows_fit + rows_held) < 0.5
+    last = max(run.t[run.valid.any(axis=1)].max() for run in result.fit_runs)
+    first = min(run.t[run.valid.any(axis=1)].min() for run in result.holdout.runs)
+    assert last < first
+
+
+@pytest.mark.parametrize('name', sorted(CATALOGUE))
+def test_coefficients_and_values_are_two_readings_of_an_effect(name):
+    """torque = columns @ coefficients, and values(coefficients(values)) = values."""
+    effect = CATALOGUE[name]
+    model = model_with(read_model('table1', OTHER), name, **{
+        'torque_offset': {'offset': (0.1, -0.2, 0.3, 0.4)},
+        'stribeck': {'stribeck_torque': (0.5, 0.6, 0.7, 0.8), 'stribeck_velocity': 0.1},
+        'cogging': {'amplitude': (0.1, 0.2, 0.3, 0.4), 'periods': 20.0, 'phase': (0, 1, 2, -1)},
+        'distributed_rods': {'rod_mass': 0.05}}[name])
+    active = model.effects[0]
+    log = log_of_model(OTHER, read_model('table1', OTHER), duration=8.0, seed=1)
+    run, = runs_of_log(log, OTHER)
+    shape = effect.shape_of({key: value[0] for key, value in active.values.items()})
+    coefficients = effect.coefficients(active.values)
+    again = effect.values(coefficients, shape)
+    for key, value in active.values.items():
+        np.testing.assert_allclose(again[key], value)
+    columns = effect.columns(run.state, shape)
+    np.testing.assert_allclose(np.einsum('njk,kj->nj', columns, coefficients),
+                               active.torque(run.state), atol=1e-12)
+
+
+def test_bootstrap_interval_covers_the_gain():
+    random = np.random.default_rng(3)
+    t, valid = np.arange(4000) * 0.01, np.ones((4000, 2), bool)
+    blocks = blocks_of_runs([t], [valid], np.ones(2))
+    after = random.standard_normal((4000, 2))
+    before = after + random.standard_normal((4000, 2))
+    gain = blocks.gain([before], [after])
+    assert gain.low < 0.5 < gain.high
+    assert gain.high - gain.low < 0.1
+    nothing = blocks.gain([after], [random.permutation(after)])
+    assert nothing.low < 0.0 < nothing.high
+
+
+def test_simulated_effects_have_the_torque_of_the_catalogue():
+    """The plant's reading of an effect and the regressor's agree, though written apart."""
+    q = inverse_kinematics(REFERENCE.geometry, (0.1, -0.05, -0.75, 0.3))
+    qd = np.array((0.3, -0.1, 0.2, 1.0))
+    state = state_of_joints(REFERENCE.geometry, [0.0], q[None], qd[None], np.zeros((1, 4)))
+    model = read_model('table1', REFERENCE)
+    for name, values in (('torque_offset', {'offset': (0.1, 0.2, -0.3, 0.4)}),
+                         ('cogging', {'amplitude': 0.5, 'periods': 18.0, 'phase': (0, 1, 2, 3)})):
+        extended = model_with(model, name, **values)
+        machine = machine_of_model(REFERENCE, extended)
+        np.testing.assert_allclose(sum(load(0.0, q, qd) for load in machine.loads),
+                                   extended.effects[0].torque(state)[0])
+    friction = machine_of_model(REFERENCE, model_with(
+        model, 'stribeck', stribeck_torque=0.8, stribeck_velocity=0.2)).friction
+    np.testing.assert_allclose(friction.stribeck_torque, 0.8)
+    assert clean(REFERENCE).machine.friction.stribeck_torque.max() == 0.0
