@@ -13,7 +13,7 @@ setup(
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
     ],
-    install_requires=['click', 'numba', 'numpy', 'pybullet', 'rosbags'],
+    install_requires=['click', 'numba', 'numpy', 'pybullet', 'rosbags', 'lz4', 'backports.zstd'],
     zip_safe=False,
     entry_points={
         'console_scripts': [

@@ -1,0 +1,736 @@
+"""Measured bags: writing rosbag2 folders that survive a kill, reading them, mending cut-off ones.
+
+The only file that knows the bag library. A bag is written in the format of ROS 2 Jazzy (version 9)
+as MCAP or sqlite3; it is read in either, with or without compression. Messages leave here as
+columns of numpy arrays; joints and topics are found by name.
+"""
+
+from __future__ import annotations
+
+import mmap
+import shutil
+import sqlite3
+import struct
+import tempfile
+import time
+from binascii import crc32
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from types import TracebackType
+
+import lz4.frame
+import numpy as np
+from backports import zstd
+from numpy.typing import ArrayLike
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer, WriterError
+from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.serde import SerdeError
+from rosbags.typesys import (
+    Stores,
+    TypesysError,
+    get_types_from_idl,
+    get_types_from_msg,
+    get_typestore,
+)
+
+from par4_kinematics.errors import InputError
+from par4_kinematics.files import written_atomically
+from par4_kinematics.interface import JOINT_STATES, RECORDED_TOPICS, REFERENCE, Topic
+
+JOINT_STATE_TYPE = JOINT_STATES.type
+TRAJECTORY_TYPE = REFERENCE.type
+STORAGES = ('mcap', 'sqlite3')
+FLUSH_PERIOD = 1.0
+"""Seconds after which written messages are handed to the operating system."""
+
+_STORAGE_SUFFIXES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
+_ZSTD_SUFFIX = '.zstd'
+_ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
+_MCAP_MAGIC = b'\x89MCAP0\r\n'
+_SQLITE_MAGIC = b'SQLite format 3\0'
+_FOREVER = QosTime(9223372036, 854775807)
+_QOS = Qos(QosHistory.KEEP_LAST, JOINT_STATES.depth, QosReliability.RELIABLE,
+           QosDurability.VOLATILE, _FOREVER, _FOREVER, QosLiveliness.AUTOMATIC, _FOREVER, False)
+_NANOSECONDS = 1_000_000_000
+
+
+class BagWriter:
+    """A rosbag2 folder being written; a context manager.
+
+    The folder stands at its final path from the start. Closing completes it, also when the block
+    raises: what was measured is kept. Killed, it keeps everything up to the last `flush`, and
+    `repair_bag` recovers that. Writing flushes once a second; whoever may stop writing for longer
+    calls `flush` itself. sqlite3 demands that one thread opens, writes and closes.
+    """
+
+    def __init__(self, path: str | Path, storage: str = 'mcap') -> None:
+        """Create the folder `path`; `storage` is 'mcap' or 'sqlite3'.
+
+        Raises:
+            InputError: the path exists or cannot be created, or the storage is unknown.
+        """
+        self.path = Path(path)
+        if storage not in STORAGES:
+            raise InputError(f'storage {storage!r}: unknown; give one of {", ".join(STORAGES)}')
+        self._typestore = get_typestore(Stores.ROS2_JAZZY)
+        self._connections: dict[str, object] = {}
+        try:
+            self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin[
+                storage.upper()])
+            self._writer.open()
+        except WriterError:
+            raise InputError(f'{path}: exists already; give another path or remove it') from None
+        except (OSError, sqlite3.Error) as error:
+            raise InputError(f'{path}: cannot be created ({error}); give another path') from error
+        self.flush()
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(self, exc_type: type[BaseException] | None, exc_val: BaseException | None,
+                 exc_tb: TracebackType | None) -> None:
+        self.close()
+
+    def declare_type(self, type_name: str, encoding: str, definition: str) -> None:
+        """Make a message type known that ROS 2 Jazzy's common interfaces do not have.
+
+        Raises:
+            InputError: the definition cannot be understood.
+        """
+        if type_name in self._typestore.fielddefs:
+            return
+        try:
+            types = (get_types_from_msg(definition, type_name) if encoding == 'ros2msg'
+                     else get_types_from_idl(definition))
+            self._typestore.register({name: fields for name, fields in types.items()
+                                      if name not in self._typestore.fielddefs})
+            self._typestore.hash_rihs01(type_name)
+        except (TypesysError, KeyError, ValueError) as error:
+            raise InputError(f'{type_name}: its definition cannot be understood ({error}); record '
+                             'the types of docs/interface.md') from error
+
+    def write_raw(self, topic: str, type_name: str, received: int,
+                  data: bytes | memoryview) -> None:
+        """Write one serialised message (CDR); the bag announces the contract's quality of service.
+
+        Args:
+            topic: name with its namespace.
+            type_name: such as sensor_msgs/msg/JointState.
+            received: ns, on a clock that never jumps: it orders the bag.
+            data: the message as it came.
+
+        Raises:
+            InputError: a type without definition, or the disk refuses.
+        """
+        try:
+            if topic not in self._connections:
+                if type_name not in self._typestore.fielddefs:
+                    raise InputError(f'{topic}: type {type_name} is unknown; record the types of '
+                                     'docs/interface.md')
+                self._connections[topic] = self._writer.add_connection(
+                    topic, type_name, typestore=self._typestore,
+                    offered_qos_profiles=[_QOS])
+            self._writer.write(self._connections[topic], received, data)
+        except (OSError, sqlite3.Error) as error:
+            raise self._refused(error) from error
+        if time.monotonic() - self._flushed > FLUSH_PERIOD:
+            self.flush()
+
+    def write_joint_state(self, topic: str, stamp: int, names: Sequence[str],
+                          position: ArrayLike = (), velocity: ArrayLike = (),
+                          effort: ArrayLike = (), received: int | None = None) -> None:
+        """Write one JointState stamped `stamp`, ns; received then, or at `received`, ns."""
+        types = self._typestore.types
+        message = types[JOINT_STATE_TYPE](
+            self._header(stamp), list(names),
+            *(np.ascontiguousarray(part, dtype=np.float64)
+              for part in (position, velocity, effort)))
+        self._write_message(topic, JOINT_STATE_TYPE, stamp if received is None else received,
+                            message)
+
+    def write_trajectory(self, topic: str, stamp: int, names: Sequence[str],
+                         time_from_start: ArrayLike, position: ArrayLike,
+                         velocity: ArrayLike | None = None, acceleration: ArrayLike | None = None,
+                         effort: ArrayLike | None = None, received: int | None = None) -> None:
+        """Write one JointTrajectory of m points stamped `stamp`, ns.
+
+        Args:
+            topic: name with its namespace.
+            stamp: of the header, ns; 0 = START_DELAY after receipt.
+            names: of the J joints.
+            time_from_start: (m,) ns.
+            position, velocity, acceleration, effort: (m, J); None leaves the field empty.
+            received: bag time, ns; without it `stamp`.
+        """
+        types = self._typestore.types
+        columns = [None if part is None else np.ascontiguousarray(part, dtype=np.float64)
+                   for part in (position, velocity, acceleration, effort)]
+        points = [
+            types['trajectory_msgs/msg/JointTrajectoryPoint'](
+                *(np.empty(0) if part is None else part[index] for part in columns),
+                types['builtin_interfaces/msg/Duration'](*divmod(int(after), _NANOSECONDS)))
+            for index, after in enumerate(np.asarray(time_from_start))
+        ]
+        message = types[TRAJECTORY_TYPE](self._header(stamp), list(names), points)
+        self._write_message(topic, TRAJECTORY_TYPE, stamp if received is None else received,
+                            message)
+
+    def flush(self) -> None:
+        """Hand everything written so far to the operating system, so that a kill cannot lose it.
+
+        The library's writer keeps up to 1 MiB of MCAP messages, or a whole sqlite3 transaction, to
+        itself and offers no flush. This is the one place that reaches into its storage: it closes
+        the open MCAP chunk, or commits.
+
+        Raises:
+            InputError: the disk refuses.
+        """
+        storage = self._writer.storage
+        try:
+            if not isinstance(storage, McapWriter):
+                storage.conn.commit()
+            else:
+                if storage.chunk.msgs:
+                    storage.close_chunk()
+                storage.bio.flush()
+        except (OSError, sqlite3.Error) as error:
+            raise self._refused(error) from error
+        self._flushed = time.monotonic()
+
+    def close(self) -> None:
+        """Complete the bag with its index and metadata.yaml; a second call does nothing.
+
+        Raises:
+            InputError: the disk refuses.
+        """
+        if self._writer.storage is None:
+            return
+        try:
+            self._writer.close()
+        except (OSError, sqlite3.Error) as error:
+            with suppress(OSError, sqlite3.Error):
+                self._writer.abort()
+            raise self._refused(error) from error
+
+    def _refused(self, error: Exception) -> InputError:
+        return InputError(f'{self.path}: cannot be written ({error}); free space and run '
+                          f'par4_record --repair {self.path}')
+
+    def _header(self, stamp: int) -> object:
+        types = self._typestore.types
+        return types['std_msgs/msg/Header'](
+            types['builtin_interfaces/msg/Time'](*divmod(int(stamp), _NANOSECONDS)), '')
+
+    def _write_message(self, topic: str, type_name: str, received: int, message: object) -> None:
+        self.write_raw(topic, type_name, int(received),
+                       self._typestore.serialize_cdr(message, type_name))
+
+
+@dataclass(frozen=True)
+class NamedColumns:
+    """Rows whose columns carry joint names that may change from row to row.
+
+    Attributes:
+        topic: name with its namespace.
+        received: bag time of each row, (n,) ns.
+        stamp: of the header, (n,) ns, 0 = not set.
+        layouts: every list of joint names that occurs.
+        layout: which of them a row follows, (n,).
+    """
+
+    topic: str
+    received: np.ndarray
+    stamp: np.ndarray
+    layouts: tuple[tuple[str, ...], ...]
+    layout: np.ndarray
+
+    def select(self, values: np.ndarray, joints: Sequence[str]) -> np.ndarray:
+        """Return the columns of `values` of these joints (n, J); NaN where a row lacks one."""
+        selected = np.full((len(self.layout), len(joints)), np.nan)
+        for index, names in enumerate(self.layouts):
+            rows = self.layout == index
+            for column, joint in enumerate(joints):
+                if joint in names:
+                    selected[rows, column] = values[rows, names.index(joint)]
+        return selected
+
+    def names_count(self, joints: Sequence[str]) -> np.ndarray:
+        """Return how many of these joints each row names, (n,)."""
+        counts = np.array([len(set(joints) & set(names)) for names in self.layouts], dtype=int)
+        return counts[self.layout]
+
+
+@dataclass(frozen=True)
+class JointSamples(NamedColumns):
+    """The JointState messages of one topic, in the order of the bag.
+
+    Attributes:
+        position, velocity, effort: (n, widest layout); NaN where a message carries no value.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+
+
+@dataclass(frozen=True)
+class TrajectoryPoints(NamedColumns):
+    """The points of all JointTrajectory messages of one topic, in the order of the bag.
+
+    Attributes:
+        message: index of the message that a point came with, (n,).
+        time_from_start: (n,) ns; absolute time = stamp + time_from_start.
+        position, velocity, acceleration, effort: (n, widest layout); NaN where empty.
+    """
+
+    message: np.ndarray
+    time_from_start: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    effort: np.ndarray
+
+
+@dataclass(frozen=True)
+class RawBag:
+    """The contract's topics of a bag, by their names in the contract.
+
+    Attributes:
+        path: of the bag.
+        namespace: under which `joint_states` was found, '/' = none.
+        joints: `joint_states` and, where it has messages, `amplifier_voltage`.
+        trajectories: `reference` and `feedforward_torque`, where they have messages.
+        ignored: type of every other topic.
+        unreadable: number of messages of each topic that could not be decoded, where any.
+    """
+
+    path: Path
+    namespace: str
+    joints: dict[str, JointSamples]
+    trajectories: dict[str, TrajectoryPoints]
+    ignored: dict[str, str]
+    unreadable: dict[str, int]
+
+
+def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:
+    """Return the contract's topics of a rosbag2 folder, or of a single .mcap or .db3 file.
+
+    Args:
+        path: of the bag.
+        namespace: that the topics sit under; without it they are found by the last part of their
+            name, wherever that is unambiguous.
+
+    Raises:
+        InputError: no such bag, not a bag, cut off or damaged, empty, without `joint_states`, or
+            with several of them.
+    """
+    path = Path(path)
+    _refuse_incomplete(path)
+    # The library raises whatever its parsers meet in damaged data (its own errors, struct.error,
+    # TypeError, those of sqlite3 and the decompressors), so that only the stage tells the cause.
+    try:
+        with Reader(path) as reader:
+            topics = {}
+            for connection in reader.connections:
+                topics.setdefault(connection.topic, []).append(connection)
+            types = {topic: parts[0].msgtype for topic, parts in topics.items()}
+            filled = {topic for topic, parts in topics.items() if any(p.msgcount for p in parts)}
+            chosen = _choose_topics(path, types, filled, namespace)
+            connections = [part for topic in chosen.values() for part in topics[topic]]
+            messages: dict[str, list[tuple[int, bytes]]] = {topic: [] for topic in chosen.values()}
+            for connection, received, data in reader.messages(connections):
+                messages[connection.topic].append((received, data))
+    except InputError:
+        raise
+    except Exception as error:
+        raise _cut_off(path, ' '.join(str(error).split()) or type(error).__name__) from error
+
+    typestore = get_typestore(Stores.ROS2_JAZZY)
+    joints, trajectories, unreadable = {}, {}, {}
+    for name, topic in chosen.items():
+        decoded = [(received, message) for received, data in messages[topic]
+                   if (message := _decode(typestore, types[topic], data)) is not None]
+        if len(decoded) < len(messages[topic]):
+            unreadable[topic] = len(messages[topic]) - len(decoded)
+        if types[topic] == JOINT_STATE_TYPE and decoded:
+            joints[name] = _joint_samples(topic, decoded)
+        elif decoded:
+            trajectories[name] = _trajectory_points(topic, decoded)
+    topic = chosen[JOINT_STATES.name]
+    if JOINT_STATES.name not in joints:
+        raise InputError(f'{path}: none of the {len(messages[topic])} messages on {topic} can be '
+                         'decoded; record the bag again')
+    return RawBag(path, topic[:-len(JOINT_STATES.name) - 1] or '/', joints, trajectories,
+                  {name: kind for name, kind in sorted(types.items())
+                   if name not in chosen.values()}, unreadable)
+
+
+def _refuse_incomplete(path: Path) -> None:
+    if not path.exists():
+        raise InputError(f'{path}: no such bag; give the folder of a rosbag2, or its .mcap or .db3 '
+                         'file')
+    files = _storage_files(path)
+    if path.is_dir() and not (path / 'metadata.yaml').exists():
+        raise _cut_off(path, 'no metadata.yaml')
+    for file in files:
+        for log in (Path(f'{file}-journal'), Path(f'{file}-wal')):
+            if file.suffix == '.db3' and log.exists() and log.stat().st_size:
+                raise _cut_off(path, f'{log.name} is left over')
+
+
+def _cut_off(path: Path, reason: str) -> InputError:
+    return InputError(f'{path}: the bag is cut off or damaged ({reason}); run par4_record --repair '
+                      f'{path}')
+
+
+def _storage_files(path: Path) -> list[Path]:
+    """Return the storage files of a bag; their order means nothing, messages are sorted by time."""
+    candidates = [path] if path.is_file() else sorted(path.iterdir())
+    files = [file for file in candidates
+             if (file.with_suffix('') if file.suffix == _ZSTD_SUFFIX else file).suffix
+             in _STORAGE_SUFFIXES]
+    # A bag killed while its file was being compressed holds both; the plain one is complete.
+    files = [file for file in files
+             if file.suffix != _ZSTD_SUFFIX or file.with_suffix('') not in files]
+    if not files:
+        raise InputError(f'{path}: not a rosbag2; expected a folder with .mcap or .db3 files, or '
+                         'one such file')
+    return files
+
+
+def _choose_topics(path: Path, types: dict[str, str], filled: set[str],
+                   namespace: str | None) -> dict[str, str]:
+    """Return the full name of each recorded topic of the contract that has messages."""
+    if not filled:
+        raise InputError(f'{path}: the bag holds no message; record it again')
+    spaces = {topic.name: _namespaces(topic, types, filled) for topic in RECORDED_TOPICS}
+    asked = None if namespace is None else '/' + namespace.strip('/')
+    home = _choose_namespace(path, JOINT_STATES.name, spaces[JOINT_STATES.name], asked)
+    if home is None:
+        where = '' if asked is None else f' under {asked}'
+        held = ', '.join(f'{name} ({types[name]})' for name in sorted(filled))
+        raise InputError(f'{path}: no {JOINT_STATES.name} ({JOINT_STATE_TYPE}) with messages'
+                         f'{where}; the bag holds {held}; give --namespace or remap when recording')
+    chosen = {}
+    for name, found in spaces.items():
+        space = home if home in found else _choose_namespace(path, name, found, asked)
+        if space is not None:
+            chosen[name] = f'{space.rstrip("/")}/{name}'
+    return chosen
+
+
+def _namespaces(topic: Topic, types: dict[str, str], filled: set[str]) -> list[str]:
+    return sorted(name[:-len(topic.name) - 1] or '/' for name in filled
+                  if name.endswith(f'/{topic.name}') and types[name] == topic.type)
+
+
+def _choose_namespace(path: Path, name: str, found: list[str], asked: str | None) -> str | None:
+    if asked is not None:
+        return asked if asked in found else None
+    if len(found) > 1:
+        raise InputError(f'{path}: {name} is there under {", ".join(found)}; give one of them as '
+                         '--namespace')
+    return found[0] if found else None
+
+
+def _decode(typestore: object, type_name: str, data: bytes) -> object | None:
+    """Return the message, or None if it cannot be decoded.
+
+    Stray bytes behind the message are let pass: rclpy's serialize_message leaves some.
+    """
+    definition = typestore.get_msgdef(type_name)
+    try:
+        if bytes(data[:2]) not in (b'\x00\x00', b'\x00\x01'):
+            return None
+        decode = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
+        return decode(memoryview(data)[4:], 0, definition.cls, typestore)[0]
+    except (SerdeError, struct.error, ValueError):
+        return None
+
+
+def _nanoseconds(time_or_duration: object) -> int:
+    return time_or_duration.sec * _NANOSECONDS + time_or_duration.nanosec
+
+
+def _layouts(names: list[tuple[str, ...]]) -> tuple[tuple[tuple[str, ...], ...], np.ndarray]:
+    index: dict[tuple[str, ...], int] = {}
+    layout = np.array([index.setdefault(row, len(index)) for row in names], dtype=int)
+    return tuple(index), layout
+
+
+def _padded(rows: list[np.ndarray], width: int) -> np.ndarray:
+    """Return rows of any length as (n, width), filled up with NaN."""
+    table = np.full((len(rows), width), np.nan)
+    for target, row in zip(table, rows, strict=True):
+        filled = min(len(row), width)
+        target[:filled] = row[:filled]
+    return table
+
+
+def _joint_samples(topic: str, decoded: list[tuple[int, object]]) -> JointSamples:
+    messages = [message for _, message in decoded]
+    layouts, layout = _layouts([tuple(message.name) for message in messages])
+    width = max(map(len, layouts))
+    return JointSamples(
+        topic, np.array([received for received, _ in decoded], dtype=np.int64),
+        np.array([_nanoseconds(message.header.stamp) for message in messages], dtype=np.int64),
+        layouts, layout, *(_padded([getattr(message, part) for message in messages], width)
+                           for part in ('position', 'velocity', 'effort')))
+
+
+def _trajectory_points(topic: str, decoded: list[tuple[int, object]]) -> TrajectoryPoints:
+    rows = [(received, index, message, point) for index, (received, message) in enumerate(decoded)
+            for point in message.points]
+    layouts, layout = _layouts([tuple(message.joint_names) for _, _, message, _ in rows])
+    width = max(map(len, layouts), default=0)
+    return TrajectoryPoints(
+        topic, np.array([received for received, *_ in rows], dtype=np.int64),
+        np.array([_nanoseconds(message.header.stamp) for _, _, message, _ in rows],
+                 dtype=np.int64),
+        layouts, layout, np.array([index for _, index, _, _ in rows], dtype=int),
+        np.array([_nanoseconds(point.time_from_start) for *_, point in rows], dtype=np.int64),
+        *(_padded([getattr(point, part) for *_, point in rows], width)
+          for part in ('positions', 'velocities', 'accelerations', 'effort')))
+
+
+@dataclass(frozen=True)
+class RepairSummary:
+    """What came out of a cut-off bag.
+
+    Attributes:
+        source, output: paths.
+        messages: number recovered, by topic.
+        damaged: parts (MCAP chunks, sqlite3 files) that could be read in part or not at all.
+        left_out: type of each topic whose messages lack a usable definition.
+    """
+
+    source: Path
+    output: Path
+    messages: dict[str, int]
+    damaged: int
+    left_out: dict[str, str]
+
+
+@dataclass(frozen=True)
+class _FoundMessage:
+    topic: str
+    type: str
+    encoding: str
+    definition: str
+    received: int
+    data: bytes
+
+
+class _Salvage:
+    """Everything that can still be read from the storage files of a bag."""
+
+    def __init__(self) -> None:
+        self.damaged = 0
+
+    def messages(self, file: Path) -> Iterator[_FoundMessage]:
+        """Yield the messages of a storage file."""
+        with tempfile.TemporaryDirectory() as folder:
+            storage = file
+            if file.suffix == _ZSTD_SUFFIX:
+                storage = Path(folder, 'expanded', file.with_suffix('').name)
+                self._expand(file, storage)
+            with storage.open('rb') as stream:
+                magic = stream.read(16)
+            if magic.startswith(_MCAP_MAGIC):
+                yield from self._mcap(storage)
+            elif magic == _SQLITE_MAGIC:
+                yield from self._sqlite3(storage, Path(folder))
+            else:
+                self.damaged += 1
+
+    def _expand(self, file: Path, target: Path) -> None:
+        target.parent.mkdir()
+        with zstd.open(file, 'rb') as source, target.open('wb') as stream:
+            try:
+                shutil.copyfileobj(source, stream)
+            except (zstd.ZstdError, EOFError):
+                self.damaged += 1
+
+    def _sqlite3(self, file: Path, folder: Path) -> Iterator[_FoundMessage]:
+        # Opening a database with a journal or log beside it rolls it back or forward, which
+        # writes: so it happens on a copy.
+        shutil.copy(file, folder)
+        logs = [log for log in (Path(f'{file}-journal'), Path(f'{file}-wal')) if log.exists()]
+        for log in logs:
+            shutil.copy(log, folder)
+        damaged = not logs and _admit_missing_pages(folder / file.name)
+        connection = sqlite3.connect(folder / file.name)
+        try:
+            tables = {name for name, in connection.execute('SELECT name FROM sqlite_master')}
+            definitions = {} if 'message_definitions' not in tables else {
+                kind: (encoding, text) for kind, encoding, text in connection.execute(
+                    'SELECT topic_type, encoding, encoded_message_definition '
+                    'FROM message_definitions')}
+            topics = {key: (name, kind, *definitions.get(kind, ('', '')))
+                      for key, name, kind in connection.execute(
+                          'SELECT id, name, type FROM topics')}
+            # In the order of the table, not of the index: a file cut off loses its end only.
+            for key, received, data in connection.execute(
+                    'SELECT topic_id, timestamp, data FROM messages ORDER BY id'):
+                if key in topics:
+                    yield _FoundMessage(*topics[key], received, data)
+        except sqlite3.DatabaseError:
+            damaged = True
+        finally:
+            connection.close()
+            self.damaged += damaged
+
+    def _mcap(self, file: Path) -> Iterator[_FoundMessage]:
+        schemas: dict[int, tuple[str, str, str]] = {}
+        channels: dict[int, tuple[str, str, str, str]] = {}
+        with file.open('rb') as stream, mmap.mmap(stream.fileno(), 0,
+                                                  access=mmap.ACCESS_READ) as content:
+            # Definitions stand in front of their first message, often in the first chunk, and once
+            # more behind the data: so that a damaged first chunk costs no other.
+            definitions = ((opcode, body) for opcode, body, whole in _records(
+                content, len(_MCAP_MAGIC)) if whole and opcode in (0x03, 0x04))
+            for opcode, body in chain(definitions, self._flat_records(content)):
+                try:
+                    if opcode == 0x03:
+                        (key,) = struct.unpack_from('<H', body)
+                        name, at = _text(body, 2)
+                        encoding, at = _text(body, at)
+                        schemas[key] = (name, encoding, _text(body, at)[0])
+                    elif opcode == 0x04:
+                        key, schema = struct.unpack_from('<HH', body)
+                        channels[key] = (_text(body, 4)[0], *schemas.get(schema, ('', '', '')))
+                    elif opcode == 0x05:
+                        key, _, received = struct.unpack_from('<HIQ', body)
+                        if key in channels:
+                            yield _FoundMessage(*channels[key], received, body[22:])
+                except (struct.error, UnicodeDecodeError):
+                    self.damaged += 1
+
+    def _flat_records(self, content: mmap.mmap) -> Iterator[tuple[int, bytes]]:
+        """Yield the schemas, channels and messages up to the first that is incomplete.
+
+        They stand in the file itself or in chunks, which are opened; of a chunk cut off, or of one
+        that was written in part, the whole records in front count.
+        """
+        for opcode, body, whole in _records(content, len(_MCAP_MAGIC)):
+            if opcode == 0x06:
+                records = self._chunk(body, whole)
+                for inner, inner_body, inner_whole in _records(records, 0):
+                    if inner_whole:
+                        yield inner, inner_body
+            elif not whole or opcode in (0x00, 0x02, 0x0F):  # damage, footer, end of data
+                return
+            else:
+                yield opcode, body
+
+    def _chunk(self, body: bytes, whole: bool) -> bytes:
+        """Return the records of a chunk, as far as they can be read."""
+        try:
+            _, _, size, checksum = struct.unpack_from('<QQQI', body)
+            compression, at = _text(body, 28)
+            packed = body[at + 8:]
+            if compression == 'zstd':
+                records = zstd.ZstdDecompressor().decompress(packed)
+            elif compression == 'lz4':
+                records = lz4.frame.LZ4FrameDecompressor().decompress(packed)
+            else:
+                records = packed
+        except (struct.error, UnicodeDecodeError, zstd.ZstdError, RuntimeError):
+            self.damaged += 1
+            return b''
+        if not whole:
+            self.damaged += 1
+        elif len(records) != size or (checksum and crc32(records) != checksum):
+            self.damaged += 1
+            return b''
+        return records
+
+
+def _admit_missing_pages(database: Path) -> bool:
+    """Return whether pages are missing at the end; then the header, made to agree, lets it open.
+
+    sqlite3 refuses a file with fewer pages than the header says, though those there are good.
+    """
+    with database.open('r+b') as stream:
+        header = stream.read(100)
+        page_size, said = struct.unpack('>H10xI', header[16:32])
+        page_size = 65536 if page_size == 1 else max(page_size, 512)
+        pages = database.stat().st_size // page_size
+        if pages >= said:
+            return False
+        stream.truncate(pages * page_size)
+        stream.seek(28)
+        stream.write(struct.pack('>I', pages))
+        return True
+
+
+def _records(content: bytes | mmap.mmap, start: int) -> Iterator[tuple[int, bytes, bool]]:
+    """Yield opcode and body of MCAP records from `start` on, and whether the body is whole."""
+    at = start
+    while at + 9 <= len(content):
+        opcode, size = struct.unpack_from('<BQ', content, at)
+        body = content[at + 9:at + 9 + size]
+        yield opcode, body, len(body) == size
+        at += 9 + size
+
+
+def _text(body: bytes, at: int) -> tuple[str, int]:
+    """Return the string of an MCAP record that starts at `at`, and where it ends."""
+    (size,) = struct.unpack_from('<I', body, at)
+    return body[at + 4:at + 4 + size].decode(), at + 4 + size
+
+
+def repair_bag(path: str | Path, output: str | Path) -> RepairSummary:
+    """Write what a cut-off bag still holds as a complete bag; `path` stays as it is.
+
+    Recovers MCAP without its end (records and chunks are scanned from the front, a chunk cut in
+    the middle gives the messages in front of the cut) and sqlite3 with a journal or with missing
+    pages, with or without compression and metadata.yaml.
+
+    Args:
+        path: folder of the bag, or one .mcap or .db3 file.
+        output: folder to be made; it appears when it is complete.
+
+    Raises:
+        InputError: no such bag, not a bag, nothing left in it, or `output` exists.
+    """
+    path, output = Path(path), Path(output)
+    if not path.exists():
+        raise InputError(f'{path}: no such bag; give the folder of a rosbag2, or its .mcap or .db3 '
+                         'file')
+    if output.exists():
+        raise InputError(f'{output}: exists already; give another path or remove it')
+    files = _storage_files(path)
+    storage = _STORAGE_SUFFIXES[Path(files[0].name.removesuffix(_ZSTD_SUFFIX)).suffix]
+    salvage = _Salvage()
+    messages: Counter[str] = Counter()
+    left_out: dict[str, str] = {}
+    with written_atomically(output) as scratch, BagWriter(scratch, storage) as bag:
+        for found in (message for file in files for message in salvage.messages(file)):
+            if found.topic in left_out:
+                continue
+            if found.topic not in messages:
+                try:
+                    bag.declare_type(found.type, found.encoding, found.definition)
+                except InputError:
+                    left_out[found.topic] = found.type
+                    continue
+            # Message compression is written down in metadata.yaml only; no CDR begins like zstd.
+            data = zstd.decompress(found.data) if found.data[:4] == _ZSTD_MAGIC else found.data
+            bag.write_raw(found.topic, found.type, found.received, data)
+            messages[found.topic] += 1
+        if not messages:
+            raise InputError(f'{path}: no message can be recovered; record the bag again')
+    return RepairSummary(path, output, dict(messages), salvage.damaged, left_out)

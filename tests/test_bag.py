@@ -1,0 +1,576 @@
+"""Bags: what goes in comes out, whatever the storage; what was cut off comes back."""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import signal
+import subprocess
+import sys
+from binascii import crc32
+from pathlib import Path
+
+import lz4.frame
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from par4_identification.recorder import Recorder
+from par4_kinematics.errors import InputError
+from par4_sim import bag as bag_module
+from par4_sim.bag import STORAGES, BagWriter, read_bag, repair_bag
+
+JOINTS = ('arm_joint_0', 'arm_joint_1', 'arm_joint_2', 'arm_joint_3')
+JOINT_STATE = 'sensor_msgs/msg/JointState'
+MILLISECOND = 1_000_000
+STORE = get_typestore(Stores.ROS2_JAZZY)
+START = 1_700_000_000_123_456_789
+
+
+def serialised(stamp: int, names=JOINTS, position=(), effort=(), little_endian=True) -> bytes:
+    """Return a JointState made by the library alone."""
+    types = STORE.types
+    header = types['std_msgs/msg/Header'](
+        types['builtin_interfaces/msg/Time'](*divmod(stamp, 10**9)), 'base')
+    message = types[JOINT_STATE](header, list(names), np.asarray(position, float), np.empty(0),
+                                 np.asarray(effort, float))
+    return bytes(STORE.serialize_cdr(message, JOINT_STATE, little_endian=little_endian))
+
+
+def fill(writer: BagWriter, first: int, last: int, topic: str = '/joint_states') -> None:
+    for index in range(first, last):
+        writer.write_joint_state(topic, START + index * MILLISECOND, JOINTS,
+                                 position=index + np.arange(4) / 8, effort=-index - np.arange(4))
+
+
+def small_bag(path: Path, storage: str = 'mcap', count: int = 50, topic: str = '/joint_states'
+              ) -> Path:
+    with BagWriter(path, storage) as writer:
+        fill(writer, 0, count, topic)
+    return path
+
+
+def foreign_bag(path: Path, plugin: StoragePlugin, mode: CompressionMode = CompressionMode.NONE,
+                count: int = 300, version: int = 9) -> Path:
+    """Write a bag with the library alone, as another recorder would."""
+    writer = Writer(path, version=version, storage_plugin=plugin)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        connection = writer.add_connection('/joint_states', JOINT_STATE, typestore=STORE)
+        for index in range(count):
+            stamp = START + index * MILLISECOND
+            writer.write(connection, stamp, serialised(
+                stamp, position=index + np.arange(4) / 8, effort=-index - np.arange(4)))
+    return path
+
+
+def storage_file(path: Path) -> Path:
+    return next(file for file in path.iterdir() if file.suffix in ('.mcap', '.db3', '.zstd'))
+
+
+def assert_prefix(path: Path, least: int, most: int) -> int:
+    """Check that a bag holds the first of `fill`'s samples, all of them right; return how many."""
+    samples = read_bag(path).joints['joint_states']
+    count = len(samples.stamp)
+    assert least <= count <= most
+    index = np.arange(count)
+    np.testing.assert_array_equal(samples.stamp, START + index * MILLISECOND)
+    np.testing.assert_array_equal(samples.position, index[:, None] + np.arange(4) / 8)
+    np.testing.assert_array_equal(samples.effort, -index[:, None] - np.arange(4))
+    return count
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_joint_states_come_back_as_written(tmp_path, storage):
+    generator = np.random.default_rng(1)
+    position, velocity, effort = generator.normal(size=(3, 30, 4))
+    received = START + np.sort(generator.integers(0, 10**9, 30))
+    stamp = START + generator.integers(0, 10**9, 30)
+    with BagWriter(tmp_path / 'bag', storage) as writer:
+        for row in range(30):
+            writer.write_joint_state('/joint_states', stamp[row], JOINTS, position[row],
+                                     velocity[row], effort[row], received=received[row])
+    samples = read_bag(tmp_path / 'bag').joints['joint_states']
+    np.testing.assert_array_equal(samples.stamp, stamp)
+    np.testing.assert_array_equal(samples.received, received)
+    for found, written in ((samples.position, position), (samples.velocity, velocity),
+                           (samples.effort, effort)):
+        np.testing.assert_array_equal(found, written)
+    assert samples.layouts == (JOINTS,)
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_another_reader_understands_the_bag(tmp_path, storage):
+    with BagWriter(tmp_path / 'bag', storage) as writer:
+        fill(writer, 0, 5)
+        writer.write_trajectory('/reference', START, JOINTS, [0, 10], np.ones((2, 4)))
+    with AnyReader([tmp_path / 'bag']) as reader:  # checks the definitions against their hashes
+        counts = {connection.topic: connection.msgcount for connection in reader.connections}
+        profiles = [connection.ext.offered_qos_profiles[0] for connection in reader.connections]
+        messages = [reader.deserialize(data, connection.msgtype)
+                    for connection, _, data in reader.messages()]
+    assert counts == {'/joint_states': 5, '/reference': 1}
+    assert {(profile.depth, profile.reliability.name, profile.durability.name)
+            for profile in profiles} == {(1000, 'RELIABLE', 'VOLATILE')}
+    assert [list(message.position) for message in messages if hasattr(message, 'position')] == [
+        list(index + np.arange(4) / 8) for index in range(5)]
+    assert 'version: 9' in (tmp_path / 'bag' / 'metadata.yaml').read_text()
+
+
+def test_raw_messages_pass_byte_for_byte(tmp_path):
+    data = serialised(START, position=[1, 2, 3, 4])
+    with BagWriter(tmp_path / 'bag') as writer:
+        writer.write_raw('/joint_states', JOINT_STATE, START, data)
+    with AnyReader([tmp_path / 'bag']) as reader:
+        assert [bytes(found) for *_, found in reader.messages()] == [data]
+
+
+def test_trajectories_become_points(tmp_path):
+    generator = np.random.default_rng(2)
+    q, qd, qdd, tau = generator.normal(size=(4, 3, 4))
+    with BagWriter(tmp_path / 'bag') as writer:
+        fill(writer, 0, 1)
+        writer.write_trajectory('/reference', START + 5, JOINTS, [0, 20, 2 * 10**9 + 3], q, qd, qdd)
+        writer.write_trajectory('/reference', START + 9, JOINTS[::-1], [7], q[:1],
+                                received=START + 100)
+        writer.write_trajectory('/feedforward_torque', START, JOINTS, [0, 1, 2], q, effort=tau)
+    trajectories = read_bag(tmp_path / 'bag').trajectories
+    points = trajectories['reference']
+    np.testing.assert_array_equal(points.stamp + points.time_from_start,
+                                  START + np.array([5, 25, 2 * 10**9 + 8, 16]))
+    np.testing.assert_array_equal(points.message, [0, 0, 0, 1])
+    np.testing.assert_array_equal(points.received, START + np.array([5, 5, 5, 100]))
+    np.testing.assert_array_equal(points.select(points.position, JOINTS),
+                                  np.vstack([q, q[:1, ::-1]]))
+    np.testing.assert_array_equal(points.velocity, np.vstack([qd, np.full((1, 4), np.nan)]))
+    np.testing.assert_array_equal(points.acceleration[:3], qdd)
+    assert np.isnan(points.effort).all()
+    np.testing.assert_array_equal(trajectories['feedforward_torque'].effort, tau)
+
+
+def test_joints_are_selected_by_name_in_every_message(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        writer.write_joint_state('/joint_states', START, ('b', 'passive', 'a'), [2, 9, 1])
+        writer.write_joint_state('/joint_states', START + 1, ('a', 'b'), [1, 2])
+        writer.write_joint_state('/joint_states', START + 2, ('passive', 'b'), [9, 2])
+    samples = read_bag(tmp_path / 'bag').joints['joint_states']
+    np.testing.assert_array_equal(samples.select(samples.position, ('a', 'b')),
+                                  [[1, 2], [1, 2], [np.nan, 2]])
+    np.testing.assert_array_equal(samples.names_count(('a', 'b')), [2, 2, 1])
+
+
+@pytest.mark.parametrize(('plugin', 'mode'), [
+    (plugin, mode) for plugin in StoragePlugin for mode in CompressionMode
+    if (plugin, mode) != (StoragePlugin.SQLITE3, CompressionMode.STORAGE)])  # no such thing
+def test_compressed_bags_read_like_plain_ones(tmp_path, plugin, mode):
+    assert assert_prefix(foreign_bag(tmp_path / 'bag', plugin, mode), 300, 300)
+
+
+def test_older_bag_version_and_single_file_are_read(tmp_path):
+    assert_prefix(foreign_bag(tmp_path / 'old', StoragePlugin.SQLITE3, version=8), 300, 300)
+    assert_prefix(storage_file(small_bag(tmp_path / 'bag')), 50, 50)
+
+
+def test_big_endian_messages_are_read(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        writer.write_raw('/joint_states', JOINT_STATE, START,
+                         serialised(START, position=[1, 2, 3, 4], little_endian=False))
+    samples = read_bag(tmp_path / 'bag').joints['joint_states']
+    assert samples.stamp[0] == START
+    np.testing.assert_array_equal(samples.position, [[1, 2, 3, 4]])
+
+
+def test_stray_bytes_are_let_pass_and_garbage_is_counted(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        writer.write_raw('/joint_states', JOINT_STATE, START,
+                         serialised(START, position=[1, 2, 3, 4]) + bytes(8))
+        for garbage in (b'', b'\x00\x01', b'\xff' * 80, serialised(START, position=[1] * 4)[:-20],
+                        b'\x00\x01\x00\x00' + b'\xff' * 80):
+            writer.write_raw('/joint_states', JOINT_STATE, START + 1, garbage)
+    raw = read_bag(tmp_path / 'bag')
+    np.testing.assert_array_equal(raw.joints['joint_states'].position, [[1, 2, 3, 4]])
+    assert raw.unreadable == {'/joint_states': 5}
+
+
+def test_namespace_is_found_or_chosen(tmp_path):
+    small_bag(tmp_path / 'one', topic='/left/arm/joint_states')
+    assert read_bag(tmp_path / 'one').namespace == '/left/arm'
+    with BagWriter(tmp_path / 'two') as writer:
+        for space, value in (('/left', 1.0), ('/right', 2.0), ('', 3.0)):
+            writer.write_joint_state(f'{space}/joint_states', START, ('a',), [value])
+            writer.write_joint_state(f'{space}/amplifier_voltage', START, ('a',), effort=[-value])
+    for namespace, value in (('left', 1.0), ('/right/', 2.0), ('/', 3.0)):
+        raw = read_bag(tmp_path / 'two', namespace)
+        assert raw.namespace == '/' + namespace.strip('/')
+        assert raw.joints['joint_states'].position[0, 0] == value
+        assert raw.joints['amplifier_voltage'].effort[0, 0] == -value
+        assert len(raw.ignored) == 4
+    with pytest.raises(InputError, match=r'joint_states is there under /, /left, /right; .*--name'):
+        read_bag(tmp_path / 'two')
+    with pytest.raises(InputError, match=r'no joint_states .* under /up; .*/left/joint_states'):
+        read_bag(tmp_path / 'two', 'up')
+
+
+def test_a_topic_without_messages_makes_no_namespace_ambiguous(tmp_path):
+    with Writer(tmp_path / 'bag', version=9) as writer:
+        writer.add_connection('/silent/joint_states', JOINT_STATE, typestore=STORE)
+        states = writer.add_connection('/arm/joint_states', JOINT_STATE, typestore=STORE)
+        writer.write(states, START, serialised(START, position=[0] * 4))
+    assert read_bag(tmp_path / 'bag').namespace == '/arm'
+
+
+def test_other_topics_are_ignored_and_listed(tmp_path):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg('float64 level', 'site_msgs/msg/Tank'))
+    path = small_bag(tmp_path / 'plain')
+    with Writer(tmp_path / 'bag', version=9) as writer:
+        tank = writer.add_connection('/tank', 'site_msgs/msg/Tank', typestore=store)
+        text = writer.add_connection('/other/joint_states', 'std_msgs/msg/String', typestore=store)
+        states = writer.add_connection('/joint_states', JOINT_STATE, typestore=STORE)
+        for connection in (tank, text):
+            writer.write(connection, START, b'\x00\x01\x00\x00' + bytes(8))
+        writer.write(states, START, serialised(START, position=[0] * 4))
+    raw = read_bag(tmp_path / 'bag')
+    assert raw.ignored == {'/tank': 'site_msgs/msg/Tank',
+                           '/other/joint_states': 'std_msgs/msg/String'}
+    assert read_bag(path).ignored == {}
+
+
+def test_unusable_paths_are_refused_in_one_line(tmp_path):
+    (tmp_path / 'folder').mkdir()
+    (tmp_path / 'notes.txt').write_text('no bag')
+    (tmp_path / 'fake.mcap').write_text('no bag')
+    BagWriter(tmp_path / 'empty').close()
+    with BagWriter(tmp_path / 'other') as writer:
+        writer.write_trajectory('/reference', START, JOINTS, [0], np.zeros((1, 4)))
+    for name, words in (('absent', 'no such bag'), ('folder', 'not a rosbag2'),
+                        ('notes.txt', 'not a rosbag2'), ('fake.mcap', 'damaged.*magic'),
+                        ('empty', 'no message'),
+                        ('other', r'no joint_states .*holds /reference \(trajectory_msgs')):
+        with pytest.raises(InputError, match=words) as refusal:
+            read_bag(tmp_path / name)
+        assert '\n' not in str(refusal.value)
+        assert str(refusal.value).startswith(str(tmp_path / name))
+
+
+def test_writer_refuses_what_exists_and_unknown_storage(tmp_path):
+    path = small_bag(tmp_path / 'bag')
+    with pytest.raises(InputError, match='exists already'):
+        BagWriter(path)
+    assert_prefix(path, 50, 50)
+    with pytest.raises(InputError, match='mcap, sqlite3'):
+        BagWriter(tmp_path / 'new', 'tape')
+    (tmp_path / 'file').touch()
+    with pytest.raises(InputError, match='cannot be created'):
+        BagWriter(tmp_path / 'file' / 'bag')
+
+
+def test_writer_refuses_types_without_definition(tmp_path):
+    with BagWriter(tmp_path / 'bag') as writer:
+        with pytest.raises(InputError, match='site_msgs/msg/Tank is unknown'):
+            writer.write_raw('/tank', 'site_msgs/msg/Tank', START, b'')
+        fill(writer, 0, 3)
+    assert_prefix(tmp_path / 'bag', 3, 3)
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_an_exception_keeps_what_was_measured(tmp_path, storage):
+    def interrupted() -> None:
+        with BagWriter(tmp_path / 'bag', storage) as writer:
+            fill(writer, 0, 10)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert_prefix(tmp_path / 'bag', 10, 10)
+
+
+def run_and_kill(code: str, *arguments: str) -> None:
+    """Run code in a child that prints a line when it is ready, and kill it there."""
+    child = subprocess.Popen([sys.executable, '-c', code, *arguments], stdin=subprocess.PIPE,
+                             stdout=subprocess.PIPE, text=True)
+    try:
+        assert child.stdout.readline() == 'ready\n'
+    finally:
+        child.kill()
+        child.communicate()
+    assert child.returncode == -signal.SIGKILL
+
+
+WRITE = """
+import sys
+from par4_sim.bag import BagWriter
+sys.path.insert(0, sys.argv[3])
+from test_bag import fill
+writer = BagWriter(sys.argv[1], sys.argv[2])
+fill(writer, 0, 700)
+writer.flush()
+fill(writer, 700, int(sys.argv[4]))
+print('ready', flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_killed_writer_is_recovered_up_to_the_flush(tmp_path, storage):
+    run_and_kill(WRITE, str(tmp_path / 'bag'), storage, str(Path(__file__).parent), '900')
+    with pytest.raises(InputError, match=r'cut off .*; run par4_record --repair'):
+        read_bag(tmp_path / 'bag')
+    summary = repair_bag(tmp_path / 'bag', tmp_path / 'mended')
+    count = assert_prefix(tmp_path / 'mended', 700, 900)
+    assert summary.messages == {'/joint_states': count}
+
+
+def test_killed_writer_leaves_a_journal_that_is_rolled_back(tmp_path):
+    # More than sqlite3's page cache, so that pages of the open transaction are in the file.
+    run_and_kill(WRITE, str(tmp_path / 'bag'), 'sqlite3', str(Path(__file__).parent), '40000')
+    journal = next((tmp_path / 'bag').glob('*-journal'))
+    assert journal.stat().st_size > 0
+    repair_bag(tmp_path / 'bag', tmp_path / 'mended')
+    assert_prefix(tmp_path / 'mended', 700, 700)
+    assert journal.stat().st_size > 0
+    shutil.copy(tmp_path / 'mended' / 'metadata.yaml', tmp_path / 'bag')
+    with pytest.raises(InputError, match='journal is left over'):
+        read_bag(tmp_path / 'bag')
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_writing_flushes_once_a_second(tmp_path, storage, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(bag_module.time, 'monotonic', lambda: now[0])
+    writer = BagWriter(tmp_path / 'bag', storage)
+    for second in range(3):
+        fill(writer, 10 * second, 10 * second + 10)
+        now[0] += 1.01
+    # The next message finds the second over.
+    fill(writer, 30, 31)
+    shutil.copytree(tmp_path / 'bag', tmp_path / 'as_killed')
+    writer.close()
+    repair_bag(tmp_path / 'as_killed', tmp_path / 'mended')
+    assert_prefix(tmp_path / 'mended', 31, 31)
+
+
+def digests(path: Path) -> dict[str, str]:
+    return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in path.iterdir()}
+
+
+def cut(path: Path, target: Path, size: int) -> Path:
+    """Copy the storage file of a bag, cut to `size` bytes, without metadata.yaml."""
+    target.mkdir()
+    file = storage_file(path)
+    (target / file.name).write_bytes(file.read_bytes()[:size])
+    return target
+
+
+COMPRESSIONS = (CompressionMode.NONE, CompressionMode.MESSAGE, CompressionMode.STORAGE,
+                CompressionMode.FILE)
+
+
+@pytest.mark.parametrize('mode', COMPRESSIONS)
+def test_mcap_cut_anywhere_gives_back_what_is_in_front(tmp_path, mode):
+    # Several chunks of 1 MiB when expanded.
+    path = foreign_bag(tmp_path / 'bag', StoragePlugin.MCAP, mode, count=12000)
+    size = storage_file(path).stat().st_size
+    generator = np.random.default_rng(3)
+    previous = 0
+    for number, end in enumerate([*np.sort(generator.integers(size // 3, size - 1, 4)), size]):
+        broken = cut(path, tmp_path / f'cut_{number}', end)
+        before = digests(broken)
+        with pytest.raises(InputError, match='--repair'):
+            read_bag(broken)
+        summary = repair_bag(broken, tmp_path / f'mended_{number}')
+        count = assert_prefix(tmp_path / f'mended_{number}', max(previous, 1), 12000)
+        assert summary.messages == {'/joint_states': count}
+        assert digests(broken) == before
+        if mode in (CompressionMode.NONE, CompressionMode.MESSAGE):
+            # Nothing is lost but the message at the cut, the index and the footer.
+            assert count >= 12000 * end / size * 0.75
+        previous = count
+    assert previous == 12000
+
+
+def test_lz4_chunks_are_recovered(tmp_path):
+    with Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.storage.compression = 'lz4'
+        writer.storage.compressor = lz4.frame.compress
+        connection = writer.add_connection('/joint_states', JOINT_STATE, typestore=STORE)
+        for index in range(12000):
+            stamp = START + index * MILLISECOND
+            writer.write(connection, stamp, serialised(
+                stamp, position=index + np.arange(4) / 8, effort=-index - np.arange(4)))
+    assert_prefix(tmp_path / 'bag', 12000, 12000)
+    size = storage_file(tmp_path / 'bag').stat().st_size
+    repair_bag(cut(tmp_path / 'bag', tmp_path / 'cut', size * 2 // 3), tmp_path / 'mended')
+    assert_prefix(tmp_path / 'mended', 6000, 9000)
+
+
+@pytest.mark.parametrize('part', [0.4, 0.6, 0.8, 0.99])
+def test_sqlite3_cut_short_gives_back_what_is_in_front(tmp_path, part):
+    path = small_bag(tmp_path / 'bag', 'sqlite3', 6000)
+    broken = cut(path, tmp_path / 'cut', int(part * storage_file(path).stat().st_size))
+    before = digests(broken)
+    summary = repair_bag(broken, tmp_path / 'mended')
+    assert_prefix(tmp_path / 'mended', int(0.8 * part * 6000), 5999)
+    assert summary.damaged == 1
+    assert digests(broken) == before
+
+
+def test_a_damaged_chunk_costs_only_itself(tmp_path):
+    path = foreign_bag(tmp_path / 'bag', StoragePlugin.MCAP, CompressionMode.STORAGE, count=12000)
+    file = storage_file(path)
+    content = bytearray(file.read_bytes())
+    middle = content.index(b'zstd') + 2000  # inside the first chunk
+    content[middle:middle + 64] = bytes(64)
+    file.write_bytes(content)
+    summary = repair_bag(path, tmp_path / 'mended')
+    samples = read_bag(tmp_path / 'mended').joints['joint_states']
+    assert summary.damaged == 1
+    assert 0 < len(samples.stamp) < 12000
+    index = (samples.stamp - START) // MILLISECOND
+    np.testing.assert_array_equal(samples.position, index[:, None] + np.arange(4) / 8)
+    assert index[-1] == 11999
+
+
+def test_a_chunk_that_fails_its_checksum_is_left_out(tmp_path):
+    path = foreign_bag(tmp_path / 'bag', StoragePlugin.MCAP, count=12000)
+    file = storage_file(path)
+    content = bytearray(file.read_bytes())
+    chunk = 8 + 9 + int.from_bytes(content[9:17], 'little')  # behind magic and header record
+    assert content[chunk] == 0x06
+    size = int.from_bytes(content[chunk + 25:chunk + 33], 'little')
+    records = chunk + 9 + 40  # no compression has an empty name
+    checksum = crc32(content[records:records + size])
+    content[chunk + 33:chunk + 37] = checksum.to_bytes(4, 'little')
+    file.write_bytes(content)
+    assert repair_bag(path, tmp_path / 'good').messages == {'/joint_states': 12000}
+    content[records + size - 1] ^= 0x40
+    file.write_bytes(content)
+    summary = repair_bag(path, tmp_path / 'mended')
+    assert summary.damaged == 1
+    assert 0 < summary.messages['/joint_states'] < 12000
+
+
+def test_repair_of_a_good_bag_is_a_copy(tmp_path):
+    for storage in STORAGES:
+        summary = repair_bag(small_bag(tmp_path / storage, storage), tmp_path / f'{storage}_copy')
+        assert summary.damaged == 0
+        assert_prefix(tmp_path / f'{storage}_copy', 50, 50)
+
+
+def test_repair_joins_split_bags(tmp_path):
+    (tmp_path / 'split').mkdir()
+    for number, first in ((2, 0), (10, 20)):
+        with BagWriter(tmp_path / f'part_{number}') as writer:
+            fill(writer, first, first + 20)
+        shutil.copy(storage_file(tmp_path / f'part_{number}'), tmp_path / 'split')
+    repair_bag(tmp_path / 'split', tmp_path / 'mended')
+    assert_prefix(tmp_path / 'mended', 40, 40)
+
+
+def test_repair_keeps_foreign_types_it_understands(tmp_path):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg('float64 level', 'site_msgs/msg/Tank'))
+    for plugin in StoragePlugin:
+        path = tmp_path / plugin.name
+        with Writer(path, version=9, storage_plugin=plugin) as writer:
+            tank = writer.add_connection('/tank', 'site_msgs/msg/Tank', typestore=store)
+            odd = writer.add_connection('/odd', 'site_msgs/msg/Odd', msgdef='not a definition',
+                                        rihs01='RIHS01_00')
+            states = writer.add_connection('/joint_states', JOINT_STATE, typestore=store)
+            for connection, data in (
+                    (tank, b'\x00\x01\x00\x00' + np.float64(2.5).tobytes()), (odd, b'\x00\x01'),
+                    (states, serialised(START, position=[0] * 4))):
+                writer.write(connection, START, data)
+        (path / 'metadata.yaml').unlink()
+        summary = repair_bag(path, tmp_path / f'{plugin.name}_mended')
+        assert summary.messages == {'/tank': 1, '/joint_states': 1}
+        assert summary.left_out == {'/odd': 'site_msgs/msg/Odd'}
+        with AnyReader([tmp_path / f'{plugin.name}_mended']) as reader:
+            levels = [reader.deserialize(data, connection.msgtype).level
+                      for connection, _, data in reader.messages() if connection.topic == '/tank']
+        assert levels == [2.5]
+
+
+def test_repair_refuses_in_one_line_and_leaves_no_output(tmp_path):
+    path = small_bag(tmp_path / 'bag')
+    (tmp_path / 'folder').mkdir()
+    (tmp_path / 'hollow').mkdir()
+    (tmp_path / 'hollow' / 'hollow.mcap').touch()
+    (tmp_path / 'hollow' / 'hollow.db3').write_bytes(b'SQLite format 3\0' + bytes(100))
+    for source, output, words in (
+            (tmp_path / 'absent', tmp_path / 'out', 'no such bag'),
+            (tmp_path / 'folder', tmp_path / 'out', 'not a rosbag2'),
+            (tmp_path / 'hollow', tmp_path / 'out', 'no message can be recovered'),
+            (path, tmp_path / 'folder', 'exists already')):
+        with pytest.raises(InputError, match=words) as refusal:
+            repair_bag(source, output)
+        assert '\n' not in str(refusal.value)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ['bag', 'folder', 'hollow']
+    assert not list((tmp_path / 'folder').iterdir())
+
+
+FULL_DISK = """
+import resource, sys
+from par4_kinematics.errors import InputError
+from par4_sim.bag import BagWriter
+sys.path.insert(0, sys.argv[3])
+from test_bag import fill
+resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+try:
+    with BagWriter(sys.argv[1], sys.argv[2]) as writer:
+        for block in range(50):
+            fill(writer, 10 * block, 10 * block + 10)
+            writer.flush()
+except InputError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_full_disk_is_said_in_one_line(tmp_path, storage):
+    done = subprocess.run([sys.executable, '-c', FULL_DISK, str(tmp_path / 'bag'), storage,
+                           str(Path(__file__).parent)], capture_output=True, text=True, check=True)
+    assert 'cannot be written' in done.stdout
+    assert done.stdout.count('\n') == 1
+    repair_bag(tmp_path / 'bag', tmp_path / 'mended')
+    assert assert_prefix(tmp_path / 'mended', 10, 490)
+
+
+@pytest.mark.parametrize('storage', STORAGES)
+def test_recorder_writes_what_it_is_given_and_counts(tmp_path, storage):
+    recorder = Recorder(tmp_path / 'bag', storage)
+    missing = {30, 31, 77}
+    for index in range(100):
+        if index not in missing:
+            recorder.write('/arm/joint_states', JOINT_STATE, START + index,
+                           serialised(START + index * MILLISECOND, position=[index] * 4))
+    recorder.write('/arm/amplifier_voltage', JOINT_STATE, START + 100, serialised(START))
+    assert recorder.recording.messages['/arm/joint_states'] == 97
+    with pytest.raises(InputError, match='exists already'):
+        Recorder(tmp_path / 'bag')
+    recording = recorder.close()
+    assert recording.path == tmp_path / 'bag'
+    assert recording.messages == {'/arm/joint_states': 97, '/arm/amplifier_voltage': 1}
+    assert recording.lost == {'/arm/joint_states': 3, '/arm/amplifier_voltage': 0}
+    samples = read_bag(tmp_path / 'bag').joints['joint_states']
+    np.testing.assert_array_equal(samples.position[:, 0],
+                                  [index for index in range(100) if index not in missing])
+
+
+def test_recorder_reads_stamps_of_either_byte_order(tmp_path):
+    recorder = Recorder(tmp_path / 'bag')
+    for index in (0, 1, 2, 5):
+        recorder.write('/joint_states', JOINT_STATE, START + index,
+                       serialised(START + index * MILLISECOND, little_endian=False))
+    assert recorder.close().lost == {'/joint_states': 2}
+
+
+def test_recording_in_progress_survives_a_kill(tmp_path):
+    recorder = Recorder(tmp_path / 'bag')
+    recorder.write('/joint_states', JOINT_STATE, START, serialised(START, position=[1] * 4))
+    recorder.flush()
+    shutil.copytree(tmp_path / 'bag', tmp_path / 'as_killed')
+    recorder.close()
+    assert repair_bag(tmp_path / 'as_killed', tmp_path / 'mended').messages == {'/joint_states': 1}
