@@ -7,14 +7,15 @@ motor that holds each joint still with limited torque: real sticking.
 
 from __future__ import annotations
 
+import contextlib
+import os
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pybullet
 from numpy.typing import ArrayLike
 
 from par4_dynamics.state import GRAVITY
@@ -36,6 +37,22 @@ from par4_sim.urdf import (
     robot_description,
     tree_joint_positions,
 )
+
+
+@contextlib.contextmanager
+def _silent_stderr() -> Iterator[None]:
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+with _silent_stderr():  # its import announces from C when it was built
+    import pybullet
 
 ITERATIONS = {'accurate': 200, 'fast': 80}
 """Sweeps of the constraint solver in a step. They alternate in direction; only even numbers end on

@@ -1,0 +1,158 @@
+"""The main job end to end, on the real ROS 2 client library: see README.md.
+
+par4_simulation, par4_feedforward, par4_motion and par4_record run as separate processes; what they
+record is identified, validated and diagnosed by the offline tools.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from par4_dynamics.model_file import read_model_file
+from par4_kinematics.files import write_yaml
+
+BIN = Path(sys.executable).parent
+CONSOLE = Console(highlight=False)
+FIT_SECONDS, VALIDATION_SECONDS = 20.0, 10.0
+TORQUE_NOISE = 0.05
+HIDDEN = {
+    'cogging': {'amplitude': {'value': 0.6, 'unit': 'N m'},
+                'periods': {'value': 24.0, 'unit': '1/turn'},
+                'phase': {'value': [0.0, 1.0, 2.0, 3.0], 'unit': 'rad'}},
+    'stribeck': {'stribeck_torque': {'value': 1.0, 'unit': 'N m'},
+                 'stribeck_velocity': {'value': 0.12, 'unit': 'rad/s'}},
+    'torque_offset': {'offset': {'value': [0.4, -0.3, 0.2, -0.5], 'unit': 'N m'}},
+}
+
+
+def environment() -> dict[str, str]:
+    """Return the environment of the nodes: a domain of their own, nothing leaves this machine."""
+    domain = 10 + os.getpid() % 90
+    return {**os.environ, 'ROS_DOMAIN_ID': os.environ.get('ROS_DOMAIN_ID', str(domain)),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+
+
+@contextmanager
+def node(log: Path, executable: str, **parameters: object) -> Iterator[subprocess.Popen]:
+    """Run a node with these parameters; end it with an interrupt, as a terminal would."""
+    arguments = [str(BIN / executable), '--ros-args']
+    for name, value in parameters.items():
+        arguments += ['-p', f'{name}:={str(value).lower() if isinstance(value, bool) else value}']
+    with log.open('a', encoding='utf-8') as stream:
+        process = subprocess.Popen(arguments, stdout=stream, stderr=stream, env=environment())
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+            try:
+                process.wait(timeout=20)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def record(folder: Path, bag: Path, model: Path | str, seconds: float, seed: int, title: str
+           ) -> None:
+    """Play a quasi-random excitation on the simulated machine and record it into a bag."""
+    log = folder / 'nodes.log'
+    with ExitStack() as nodes:
+        simulation = nodes.enter_context(node(
+            log, 'par4_simulation', model_file=model, torque_noise=TORQUE_NOISE, seed=seed))
+        nodes.enter_context(node(log, 'par4_feedforward', model_file='table1', use_sim_time=True))
+        nodes.enter_context(node(log, 'par4_record', output=bag, use_sim_time=True))
+        while not bag.exists() and simulation.poll() is None:
+            time.sleep(0.05)
+        motion = nodes.enter_context(node(
+            log, 'par4_motion', motion='excitation', duration=seconds, seed=seed,
+            use_sim_time=True))
+        columns = (TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn())
+        with Progress(*columns, console=CONSOLE) as progress:
+            task = progress.add_task(title, total=seconds + 3.0)
+            began = time.monotonic()
+            while motion.poll() is None and simulation.poll() is None:
+                progress.update(task, completed=min(time.monotonic() - began, seconds + 2.9))
+                time.sleep(0.1)
+            progress.update(task, completed=seconds + 3.0)
+    if motion.returncode != 0:
+        CONSOLE.print(f'error: the motion did not finish; the nodes say in {log}:')
+        CONSOLE.print(log.read_text(encoding='utf-8')[-2000:], markup=False)
+        sys.exit(1)
+    counted = [line for line in log.read_text(encoding='utf-8').splitlines() if bag.name in line]
+    CONSOLE.print(f'  {counted[-1] if counted else bag}', markup=False)
+
+
+def tool(executable: str, *arguments: object) -> None:
+    """Run an offline tool in the foreground."""
+    line = [str(BIN / executable), *map(str, arguments)]
+    CONSOLE.print(f'\n$ {executable} {" ".join(map(str, arguments))}', style='bold', markup=False)
+    if subprocess.run(line, check=False).returncode != 0:
+        sys.exit(1)
+
+
+def main() -> None:
+    """Run the demo."""
+    parser = argparse.ArgumentParser(description='Par4 end to end')
+    parser.add_argument('--output', type=Path, default=Path('demo_output'))
+    parser.add_argument('--hide', choices=sorted(HIDDEN), default='cogging',
+                        help='effect that the second machine hides')
+    arguments = parser.parse_args()
+    folder: Path = arguments.output
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    began = time.monotonic()
+
+    CONSOLE.rule('1. Record: four nodes, real messages, pybullet')
+    fit, check = folder / 'excitation_bag', folder / 'validation_bag'
+    record(folder, fit, 'table1_full', FIT_SECONDS, 1, 'slow phase, then fast phase')
+    record(folder, check, 'table1_full', VALIDATION_SECONDS, 2, 'another motion')
+
+    CONSOLE.rule('2. Identify: TABLE 1')
+    tool('par4_identify', fit, '--robot', 'reference', '--rigid-body', 'full',
+         '--compare-true', 'table1_full', '--output', folder / 'identified')
+
+    CONSOLE.rule('3. Validate on the other motion: Fig. 7')
+    model = folder / 'identified' / 'model.yaml'
+    tool('par4_validate', check, '--model', model, '--robot', 'reference',
+         '--output', folder / 'validated')
+
+    CONSOLE.rule('4. The same on a machine that hides an effect')
+    hidden = folder / 'hidden_machine.yaml'
+    content = read_model_file('table1_full').to_yaml()
+    content['effects'] = [{'effect': arguments.hide, 'parameters': HIDDEN[arguments.hide]}]
+    write_yaml(hidden, content)
+    odd_fit, odd_check = folder / 'odd_excitation_bag', folder / 'odd_validation_bag'
+    record(folder, odd_fit, hidden, FIT_SECONDS, 3, 'slow phase, then fast phase')
+    record(folder, odd_check, hidden, VALIDATION_SECONDS, 4, 'another motion')
+    tool('par4_validate', odd_check, '--model', model, '--robot', 'reference',
+         '--output', folder / 'odd_validated')
+
+    CONSOLE.rule('5. Diagnose: what is wrong, and why')
+    tool('par4_diagnose', odd_fit, '--holdout', odd_check, '--model', model,
+         '--robot', 'reference', '--output', folder / 'diagnosed')
+
+    CONSOLE.rule(f'done in {time.monotonic() - began:.0f} s')
+    CONSOLE.print(f"""Everything lies in {folder}/:
+  identified/report.html   TABLE 1          validated/report.html  Fig. 7
+  diagnosed/report.html    what the model gets wrong, why, and what knowing it gains
+  *_bag/                   rosbag2 (MCAP)   nodes.log              what the nodes said
+To try next:
+  .venv/bin/python demo/demo.py --hide stribeck        (or torque_offset)
+  .venv/bin/par4_simulate adept --model {folder}/diagnosed/extended_model.yaml --output again_bag
+  README.md, docs/model.md, docs/diagnosis.md""", markup=False)
+
+
+if __name__ == '__main__':
+    main()

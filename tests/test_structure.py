@@ -1,0 +1,86 @@
+"""The structure that CONTRIBUTING.md promises: who may import whom, and one home a library."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from par4_kinematics import interface
+
+ROOT = Path(__file__).parents[1]
+CHAIN = ('par4_kinematics', 'par4_dynamics', 'par4_sim', 'par4_identification')
+HOMES = {
+    'rosbags': ('par4_sim/bag.py',),
+    'matplotlib': ('par4_identification/plots.py',),
+    'pybullet': ('par4_sim/bullet.py',),
+    'jinja2': ('par4_identification/report.py',),
+}
+MESSAGES = ('rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'rosgraph_msgs',
+            'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs', 'rcl_interfaces')
+SOURCES = sorted(path for package in CHAIN
+                 for path in (ROOT / 'src' / package / package).rglob('*.py'))
+
+
+def inner(path: Path) -> Path:
+    """Return the path below src/<package>/, which begins with the package."""
+    return path.relative_to(ROOT / 'src').relative_to(path.relative_to(ROOT / 'src').parts[0])
+
+
+def imported(path: Path) -> set[str]:
+    """Return the modules that a file imports anywhere."""
+    names = set()
+    for item in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(item, ast.Import):
+            names |= {alias.name for alias in item.names}
+        elif isinstance(item, ast.ImportFrom):
+            names.add(item.module)
+    return names
+
+
+def test_there_are_sources():
+    assert len(SOURCES) > 50
+
+
+@pytest.mark.parametrize('path', SOURCES, ids=lambda path: str(inner(path)))
+def test_imports(path):
+    place = inner(path)
+    package = place.parts[0]
+    tops = {name.split('.')[0] for name in imported(path)}
+    later = set(CHAIN[CHAIN.index(package) + 1:])
+    assert not tops & later, 'imports go only towards kinematics'
+    for library, homes in HOMES.items():
+        assert library not in tops or str(place) in homes, f'{library} lives in {homes}'
+    if place.parts[1] != 'ros':
+        assert not tops & set(MESSAGES), 'ROS lives under <package>/ros'
+        assert not any('.ros.' in name for name in imported(path)), 'nothing below knows the nodes'
+    if place.parts[1] != 'commands':
+        assert 'click' not in tops, 'command lines live under <package>/commands'
+
+
+@pytest.mark.parametrize('library', sorted(HOMES))
+def test_each_library_is_at_home(library):
+    for home in HOMES[library]:
+        path = ROOT / 'src' / home.split('/')[0] / home
+        assert library in {name.split('.')[0] for name in imported(path)}
+
+
+def test_executables_of_the_contract_are_installed():
+    for package, executable, _ in interface.EXECUTABLES:
+        setup = (ROOT / 'src' / package / 'setup.py').read_text(encoding='utf-8')
+        assert f"'{executable} = " in setup, executable
+
+
+def test_interface_document_is_the_table():
+    written = (ROOT / 'docs' / 'interface.md').read_text(encoding='utf-8')
+    assert written == interface.markdown(), 'run make docs'
+
+
+def test_every_dependency_is_pinned_and_explained():
+    lines = (ROOT / 'requirements.txt').read_text(encoding='utf-8').splitlines()
+    pins = [line for line in lines if line and not line.startswith('#')]
+    explained = (ROOT / 'docs' / 'dependencies.md').read_text(encoding='utf-8')
+    for pin in pins:
+        assert '==' in pin
+        assert f'| `{pin.split("==")[0].split("[")[0]}` |' in explained, pin
