@@ -1,0 +1,59 @@
+"""Node `par4_feedforward`: reference -> feedforward_torque."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+from trajectory_msgs.msg import JointTrajectory
+
+from par4_dynamics.model import read_model
+from par4_dynamics.state import state_of_joints
+from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE
+from par4_kinematics.robot import read_robot
+from par4_kinematics.ros.convert import read_trajectory, write_effort
+from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.parameters import parameter
+
+
+@dataclass(frozen=True)
+class FeedforwardParameters:
+    """Parameters of the node."""
+
+    robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
+    model_file: str = parameter('table1', 'model.yaml: a path or a built-in name')
+
+
+class FeedforwardNode(Par4Node):
+    """Sends every reference back with the torque the model needs for it."""
+
+    NAME = 'par4_feedforward'
+    PARAMETERS = FeedforwardParameters
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._robot = read_robot(self.parameters.robot_file)
+        self._model = read_model(self.parameters.model_file, self._robot)
+        self._publisher = self.publisher_of(FEEDFORWARD_TORQUE)
+        self.subscribe(REFERENCE, self._on_reference)
+        self.serve('~/reload_model', self._reload_model)
+
+    def _reload_model(self) -> str:
+        self._model = read_model(self.parameters.model_file, self._robot)
+        return f'read {self.parameters.model_file}'
+
+    def _on_reference(self, message: JointTrajectory) -> None:
+        points = read_trajectory(message)
+        state = state_of_joints(self._robot.geometry, points.times(points.stamp_ns), points.q,
+                                points.qd, points.qdd)
+        write_effort(message, self._model.torque(state))
+        self._publisher.publish(message)
+
+
+def main() -> int:
+    """Run the node; return its exit code."""
+    return run(FeedforwardNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,91 @@
+"""par4_diagnose: what a model gets wrong about the machine that made the bags, and why."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from par4_dynamics.model import build_model
+from par4_dynamics.model_file import read_model_file
+from par4_identification.commands.identify import distinct_bags
+from par4_identification.diagnosis.diagnosis import diagnose
+from par4_identification.log import read_log
+from par4_identification.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
+from par4_identification.outcome.results import (
+    model_in_units,
+    provenance,
+    refuse_unwritable,
+    write_results,
+)
+from par4_kinematics.robot import read_machine
+from par4_sim.commands.entry import run
+
+
+class GreedyHoldout(click.Command):
+    """A command in which `--holdout A B` means `--holdout A --holdout B`: up to the next option."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Return what is left of `args` once the options are taken out."""
+        spread, following, valued = [], False, False
+        for word in args:
+            if word.startswith('-'):
+                following, valued = word.partition('=')[0] == '--holdout', '=' in word
+            elif following and valued:
+                spread.append('--holdout')
+            else:
+                valued = True
+            spread.append(word)
+        return super().parse_args(ctx, spread)
+
+
+@click.command('par4_diagnose', cls=GreedyHoldout)
+@click.argument('bags', nargs=-1, required=True, metavar='BAG...')
+@click.option('--holdout', multiple=True, metavar='BAG...',
+              help='bags to confirm on; without them the last bag, or the last third of one')
+@click.option('--robot', required=True, help='robot.yaml or built-in name')
+@click.option('--model', default=None,
+              help='model.yaml or built-in name whose rigid body and effects are taken as known')
+@click.option('--output', required=True, type=click.Path(path_type=Path),
+              help='folder for diagnosis.json, extended_model.yaml and report.html')
+@click.option('--namespace', default=None, help='that the topics sit under')
+def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, model: str | None,
+                  output: Path, namespace: str | None) -> None:
+    """Name what a model gets wrong about the machine that made the bags."""
+    machine = read_machine(robot)
+    baseline = None if model is None else read_model_file(model)
+    if baseline is not None:
+        build_model(machine, baseline)  # refuses a model of another machine before any long work
+    refuse_unwritable(output)
+    with Console(stderr=True).status('reading the bags') as status:
+        logs = []
+        for bag in distinct_bags((*bags, *holdout)):
+            status.update(f'reading {bag}')
+            logs.append(read_log(bag, machine, namespace))
+        diagnosis = diagnose(logs[:len(bags)], machine, baseline, logs[len(bags):],
+                             progress=status.update)
+        outcome = outcome_of_diagnosis(diagnosis, machine)
+        origin = provenance('par4_diagnose', machine, (*bags, *holdout),
+                            {'holdout': holdout, 'model': model, 'namespace': namespace})
+        extended = diagnosis.extended_model
+        status.update('drawing the report')
+        # the plot library is slow to load, and some homes make it talk on stderr
+        from par4_identification.report import report_of_diagnosis
+        write_results(output, {
+            'diagnosis.json': diagnosis_json(diagnosis, machine),
+            'extended_model.yaml': extended and model_in_units(
+                extended.model_copy(update={'provenance': origin}), machine),
+            'report.html': report_of_diagnosis(diagnosis, outcome, machine, logs, origin)})
+    console = Console(highlight=False)
+    console.print(f'{diagnosis.verdict}: {outcome.sentence}', soft_wrap=True, markup=False)
+    console.print(f'results and report: {output}', soft_wrap=True, markup=False)
+
+
+def main() -> None:
+    """Run the executable."""
+    run(diagnose_bags)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,148 @@
+"""par4_identify: measured bags into a model, TABLE 1 and a report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from par4_dynamics.model import build_model, read_model
+from par4_identification.diagnosis.floor import noise_floor
+from par4_identification.identification import identify
+from par4_identification.log import read_log
+from par4_identification.outcome.identification import (
+    ParameterRow,
+    identification_json,
+    outcome_of_identification,
+    table_of_parameters,
+)
+from par4_identification.outcome.results import (
+    model_in_units,
+    provenance,
+    refuse_unwritable,
+    write_results,
+)
+from par4_identification.outcome.words import in_words, listed, percent, with_std
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import read_machine
+from par4_sim.commands.entry import run
+
+
+@click.command('par4_identify')
+@click.argument('bags', nargs=-1, required=True, metavar='BAG...')
+@click.option('--robot', required=True, help='robot.yaml or built-in name')
+@click.option('--output', required=True, type=click.Path(path_type=Path),
+              help='folder for model.yaml, identification.json and report.html')
+@click.option('--rigid-body', default='paper', show_default=True,
+              type=click.Choice(('paper', 'full')),
+              help='equation (20), or with rods and bars distributed')
+@click.option('--payload', multiple=True, metavar='BAG=KG',
+              help='known mass at the tool in one of the bags; repeat for others')
+@click.option('--namespace', default=None, help='that the topics sit under')
+@click.option('--compare-true', default=None, metavar='MODEL',
+              help='model of a simulated machine, shown beside what was identified')
+def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: str,
+                  payload: tuple[str, ...], namespace: str | None,
+                  compare_true: str | None) -> None:
+    """Identify the parameters of equation (20) from measured bags."""
+    machine = read_machine(robot)
+    truth = None if compare_true is None else read_model(compare_true, machine)
+    masses = payload_masses(payload, bags)
+    refuse_unwritable(output)
+    with Console(stderr=True).status('reading the bags') as status:
+        logs = []
+        for bag in distinct_bags(bags):
+            status.update(f'reading {bag}')
+            logs.append(read_log(bag, machine, namespace))
+        status.update('identifying')
+        identification = identify(logs, machine, rigid_body, masses)
+        model_file = model_in_units(identification.model_file(provenance(
+            'par4_identify', machine, bags,
+            {'rigid_body': rigid_body, 'payload': masses, 'namespace': namespace})), machine)
+        status.update('measuring the noise floor')
+        floor = noise_floor(identification.runs, machine, build_model(machine, model_file))
+        outcome = outcome_of_identification(identification, floor, machine, logs)
+        rows = table_of_parameters(identification, machine, truth)
+        status.update('drawing the report')
+        # the plot library is slow to load, and some homes make it talk on stderr
+        from par4_identification.report import report_of_identification
+        report = report_of_identification(identification, outcome, rows, floor, machine, logs,
+                                          model_file.provenance)
+        write_results(output, {
+            'model.yaml': model_file,
+            'identification.json': identification_json(identification, machine, logs),
+            'report.html': report})
+    console = Console(highlight=False)
+    console.print(terminal_table(rows))
+    console.print(outcome.sentence, soft_wrap=True, markup=False)
+    console.print(f'results and report: {output}', soft_wrap=True, markup=False)
+
+
+def distinct_bags(bags: Sequence[str]) -> Sequence[str]:
+    """Return the bags.
+
+    Raises:
+        InputError: one is there twice; its rows would count twice.
+    """
+    found = [Path(bag).resolve() for bag in bags]
+    for index, path in enumerate(found):
+        if path in found[:index]:
+            raise InputError(f'{bags[index]}: given twice; give every bag once')
+    return bags
+
+
+def payload_masses(payloads: Sequence[str], bags: Sequence[str]) -> dict[str, float]:
+    """Return bag -> mass, kg, of options BAG=KG.
+
+    Raises:
+        InputError: another form, an unknown bag or no mass.
+    """
+    masses = {}
+    for payload in payloads:
+        bag, _, mass = payload.rpartition('=')
+        same = [name for name in bags if bag and Path(name).resolve() == Path(bag).resolve()]
+        try:
+            value = float(mass)
+        except ValueError:
+            value = math.nan
+        if not same or not 0.0 <= value < math.inf:
+            raise InputError(f'--payload {payload}: expected BAG=KG with a mass of 0 kg or more '
+                             f'and one of the bags given ({", ".join(bags)})')
+        masses[same[0]] = value
+    return masses
+
+
+def terminal_table(rows: Sequence[ParameterRow]) -> Table:
+    """Return TABLE 1 for a terminal."""
+    paper, truth = (any(getattr(row, name) is not None for row in rows)
+                    for name in ('paper', 'true'))
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column('parameter', no_wrap=True)
+    for name in (*(['paper'] if paper else []), *(['true'] if truth else []), 'identified',
+                 'rel. std'):
+        table.add_column(name, justify='right', no_wrap=True)
+    table.add_column('unit', no_wrap=True)
+    for row in rows:
+        table.add_row(
+            in_words(row.name), *([f'{row.paper:g}'] if paper else []),
+            *([f'{row.true:.5g}'] if truth else []), ' ± '.join(with_std(row.value, row.std)),
+            percent(row.relative_std), row.unit)
+    printed = [f'{in_words(row.name)} {row.printed:g} {row.unit}' for row in rows if row.printed]
+    if printed:
+        table.caption = f'The paper prints {listed(printed)}, which is not plausible.'
+        table.caption_justify = 'left'
+    return table
+
+
+def main() -> None:
+    """Run the executable."""
+    run(identify_bags)
+
+
+if __name__ == '__main__':
+    main()

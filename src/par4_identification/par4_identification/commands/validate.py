@@ -1,0 +1,66 @@
+"""par4_validate: how well a model calculates the torque of a measured bag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from par4_dynamics.model import build_model
+from par4_dynamics.model_file import read_model_file
+from par4_identification.diagnosis.floor import noise_floor
+from par4_identification.log import read_log
+from par4_identification.outcome.results import (
+    bag_sha256,
+    bags_of,
+    refuse_unwritable,
+    write_results,
+)
+from par4_identification.outcome.validation import outcome_of_validation, validation_json
+from par4_identification.rows import runs_of_log
+from par4_identification.validation import validate
+from par4_kinematics.robot import read_machine
+from par4_sim.commands.entry import run
+
+
+@click.command('par4_validate')
+@click.argument('bag')
+@click.option('--model', required=True, help='model.yaml or built-in name')
+@click.option('--robot', required=True, help='robot.yaml or built-in name')
+@click.option('--output', required=True, type=click.Path(path_type=Path),
+              help='folder for validation.json and report.html')
+@click.option('--namespace', default=None, help='that the topics sit under')
+def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str | None) -> None:
+    """Cross-validate a model on a bag that it was not identified from."""
+    machine = read_machine(robot)
+    model_file = read_model_file(model)
+    built = build_model(machine, model_file)
+    refuse_unwritable(output)
+    with Console(stderr=True).status(f'reading {bag}') as status:
+        log = read_log(bag, machine, namespace)
+        status.update('calculating the torque')
+        validation = validate(log, machine, built)
+        runs = runs_of_log(log, machine)
+        floor = noise_floor(runs, machine, built)
+        seen = bag_sha256(bag) in bags_of(model_file)
+        outcome = outcome_of_validation(validation, floor, machine, log, seen)
+        status.update('drawing the report')
+        # the plot library is slow to load, and some homes make it talk on stderr
+        from par4_identification.report import report_of_validation
+        write_results(output, {
+            'validation.json': validation_json(validation, log),
+            'report.html': report_of_validation(validation, outcome, runs, floor, machine, log,
+                                                model_file)})
+    console = Console(highlight=False)
+    console.print(outcome.sentence, soft_wrap=True, markup=False)
+    console.print(f'results and report: {output}', soft_wrap=True, markup=False)
+
+
+def main() -> None:
+    """Run the executable."""
+    run(validate_bag)
+
+
+if __name__ == '__main__':
+    main()

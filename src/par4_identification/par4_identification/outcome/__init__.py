@@ -1,0 +1,1 @@
+"""What the offline tools found, without its looks: sentences, tables, JSON, files."""

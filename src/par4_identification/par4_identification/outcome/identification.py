@@ -1,0 +1,247 @@
+"""An identification in words: TABLE 1, whether it can be trusted, `identification.json`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from par4_dynamics.model import Model
+from par4_dynamics.model_file import read_model_file
+from par4_dynamics.parameters import Parameter
+from par4_identification.identification import Identification
+from par4_identification.log import Log
+from par4_identification.outcome.outcome import (
+    FLOOR_EXCESS,
+    LARGEST_ERROR,
+    Outcome,
+    Remark,
+    data_remark,
+    duration,
+    over_joints,
+)
+from par4_identification.outcome.results import data_of_logs, plain
+from par4_identification.outcome.words import (
+    in_words,
+    joint_labels,
+    listed,
+    number,
+    percent,
+    torque_name,
+    unit_on,
+)
+from par4_kinematics.robot import Axis, Robot
+
+LARGEST_CONDITION = 200.0
+"""Condition number of W above which a motion excites the parameters weakly."""
+WORST_CONDITION = 1000.0
+"""Condition number of W above which a model is of no use."""
+LARGEST_STD = 0.1
+"""Relative standard deviation above which a parameter is not determined."""
+MEMORY = 0.15
+"""Autocorrelation of a residual, behind the filters' own, above which it is not noise."""
+UNEQUAL = 1.5
+"""Residual over noise floor of a joint, over that of the median joint, that stands out."""
+
+_RECORD = {
+    'actuator_inertia': 'faster motions',
+    'platform_mass_1': 'faster motions of the platform that also turn theta',
+    'platform_mass_2': 'faster motions of the platform that also turn theta',
+    'arm_gravity': 'slow sweeps over the whole range of every joint',
+    'coulomb_friction': 'slow motions in both directions',
+    'viscous_friction': 'motions at several speeds in both directions'}
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """A row of TABLE 1.
+
+    Attributes:
+        name, symbol, unit: of the parameter.
+        value, std, relative_std: identified; the latter a fraction.
+        paper, paper_relative_std: of TABLE 1, its f_v read as 2.04; None for other machines.
+        printed: what TABLE 1 prints where that is not plausible, else None.
+        true: what the machine was simulated with, else None.
+    """
+
+    name: str
+    symbol: str
+    unit: str
+    value: float
+    std: float
+    relative_std: float
+    paper: float | None
+    paper_relative_std: float | None
+    printed: float | None
+    true: float | None
+
+
+def table_of_parameters(identification: Identification, machine: Robot | Axis,
+                        truth: Model | None = None) -> tuple[ParameterRow, ...]:
+    """Return TABLE 1: identified values beside the paper's (Par4 only) and, if given, the true."""
+    is_par4 = isinstance(machine, Robot)
+    paper = read_model_file('table1').parameters if is_par4 else {}
+    printed = read_model_file('table1_as_printed').parameters if is_par4 else {}
+    rows = []
+    for term in identification.terms:
+        found, theirs = identification.parameters[term.name], paper.get(term.name)
+        odd = theirs is not None and printed[term.name].value != theirs.value
+        rows.append(ParameterRow(
+            term.name, term.symbol, unit_on(machine, term.unit), found.value, found.std,
+            _relative(found), theirs and theirs.value, theirs and _relative(theirs),
+            printed[term.name].value if odd else None,
+            None if truth is None else float(np.mean(truth.values[term.name]))))
+    return tuple(rows)
+
+
+def outcome_of_identification(identification: Identification, floor: np.ndarray,
+                              machine: Robot | Axis, logs: Sequence[Log]) -> Outcome:
+    """Return whether the identified model can be trusted, why, and what to do next.
+
+    Args:
+        identification: the fit.
+        floor: noise floor of each joint, (J,), N m.
+        machine: that was identified.
+        logs: behind the fit.
+    """
+    estimate, unit = identification.estimate, unit_on(machine, 'N m')
+    relative = {name: _relative(parameter) for name, parameter in identification.parameters.items()}
+    unsure = [name for name, value in relative.items() if value > LARGEST_STD]
+    rms, noise = over_joints(estimate.rms), over_joints(floor)
+    remarks = (
+        _excitation_remark(estimate.condition_number), _precision_remark(relative, unsure),
+        _sign_remark(identification), floor_remark(rms, noise, unit),
+        _memory_remark(identification), *_joints_remark(estimate.rms, floor, machine),
+        data_remark(logs))
+    sentence = (
+        f'The {len(relative)} parameters are identified from {number(duration(logs), 2)} s of '
+        f'motion to {percent(max(relative.values()))} or better; they leave {number(rms, 2)} '
+        f'{unit} rms, {percent(estimate.relative_error)} of the {torque_name(machine)}, the noise '
+        f'floor being {number(noise, 2)} {unit}')
+    if (estimate.relative_error > LARGEST_ERROR
+            or estimate.condition_number > WORST_CONDITION):
+        return Outcome(f'{sentence}: do not use this model.', 'bad', remarks)
+    if unsure:
+        are = 'is' if len(unsure) == 1 else 'are'
+        return Outcome(f'{sentence}; {listed([in_words(name) for name in unsure])} {are} not '
+                       f'determined.', 'bad', remarks)
+    if rms > FLOOR_EXCESS * noise:
+        return Outcome(f'{sentence}: good on average, but the machine does something that the '
+                       f'model lacks.', 'fair', remarks)
+    if not all(remark.good for remark in remarks):
+        return Outcome(f'{sentence}: usable, with the reservations below.', 'fair', remarks)
+    return Outcome(f'{sentence}: the model can be trusted.', 'good', remarks)
+
+
+def _excitation_remark(condition: float) -> Remark:
+    size = (f'the condition number of the regressor is {number(condition)} '
+            f'(good below {LARGEST_CONDITION:.0f}).')
+    if condition <= LARGEST_CONDITION:
+        return Remark(True, f'The motion excites all parameters: {size}')
+    return Remark(False, f'The motion excites some parameters weakly: {size}',
+                  'Record a richer motion: slow and fast, all joints, the whole workspace.')
+
+
+def _precision_remark(relative: dict[str, float], unsure: list[str]) -> Remark:
+    if not unsure:
+        return Remark(True, f'Every parameter is known to {percent(max(relative.values()))} or '
+                            f'better (one standard deviation, for residuals correlated in time).')
+    named = listed([f'{in_words(name)} ({percent(relative[name])})' for name in unsure])
+    wanted = listed(list(dict.fromkeys(_RECORD[name] for name in unsure)))
+    return Remark(False, f'Not determined: {named}, by relative standard deviation.',
+                  f'Record {wanted}.')
+
+
+def _sign_remark(identification: Identification) -> Remark:
+    parameters = identification.parameters
+    doubtful = [in_words(term.name) for term in identification.terms if term.nonnegative
+                and parameters[term.name].value < 2.0 * parameters[term.name].std]
+    if not doubtful:
+        return Remark(True, 'Every inertia, mass and friction is positive beyond doubt.')
+    return Remark(False, f'Cannot be told from zero: {listed(doubtful)}.')
+
+
+def floor_remark(rms: float, noise: float, unit: str) -> Remark:
+    """Return how a residual compares with the noise floor, both over all joints."""
+    size = (f'The residual of {number(rms, 2)} {unit} rms is {number(rms / max(noise, 1e-12), 2)} '
+            f'times the noise floor of {number(noise, 2)} {unit}')
+    if rms <= FLOOR_EXCESS * noise:
+        return Remark(True, f'{size}: hardly more than noise is left.',
+                      'Validate it on a bag of another motion with par4_validate.')
+    return Remark(False, f'{size}: the machine does something that the model lacks, which may bias '
+                         f'the parameters by more than their standard deviations.',
+                  'Run par4_diagnose on these bags: it looks for the cause.')
+
+
+def _memory_remark(identification: Identification) -> Remark:
+    estimate = identification.estimate
+    left = memory(identification)
+    if left <= MEMORY:
+        return Remark(True, 'The residual keeps no memory beyond that of the filters, like noise.')
+    widening = float(np.max(estimate.std / np.maximum(estimate.textbook_std, 1e-30)))
+    return Remark(False, f'The residual remembers itself beyond the filters (autocorrelation '
+                         f'{left:.2f}), so it is not noise; standard deviations are up to '
+                         f'{number(widening, 2)} times those for white noise.')
+
+
+def _joints_remark(rms: np.ndarray, floor: np.ndarray, machine: Robot | Axis) -> list[Remark]:
+    """Return whether the joints fit alike; nothing where there are too few to tell."""
+    if len(rms) < 3:
+        return []
+    excess = rms / np.maximum(floor, 1e-12)
+    worse = [label for label, own in zip(joint_labels(machine), excess, strict=True)
+             if own > UNEQUAL * np.median(excess)]
+    if not worse:
+        return [Remark(True, 'All joints fit alike.')]
+    return [Remark(False, f'Worse than the other joints: {listed(worse)}.',
+                   f'Check gain, zero and mechanics of {listed(worse)}.')]
+
+
+def autocorrelation(residuals: Sequence[np.ndarray], valid: Sequence[np.ndarray], lags: int
+                    ) -> np.ndarray:
+    """Return the autocorrelation (lags, J) of residuals (m, J) of runs over pairs of valid rows."""
+    products = np.zeros((lags, residuals[0].shape[1]))
+    pairs = np.zeros_like(products)
+    for residual, mask in zip(residuals, valid, strict=True):
+        kept = np.where(mask, residual, 0.0)
+        for lag in range(min(lags, len(kept))):
+            end = len(kept) - lag
+            products[lag] += (kept[lag:] * kept[:end]).sum(axis=0)
+            pairs[lag] += (mask[lag:] & mask[:end]).sum(axis=0)
+    covariance = products / np.maximum(pairs, 1)
+    return covariance / np.maximum(covariance[0], 1e-30)
+
+
+def memory(identification: Identification) -> float:
+    """Return the mean autocorrelation of the residual of the joint where it is highest.
+
+    Over lags from twice to eight times the period of the torque's low-pass: behind its memory.
+    """
+    run = identification.runs[0]
+    first = max(1, math.ceil(2.0 / (run.conditioning.torque_cutoff_hz * float(np.diff(run.t[:2])[0])
+                                    )))
+    correlation = autocorrelation(identification.estimate.residuals,
+                                  [run.valid for run in identification.runs], 4 * first)
+    return float(correlation[first:].mean(axis=0).max())
+
+
+def identification_json(identification: Identification, machine: Robot | Axis,
+                        logs: Sequence[Log]) -> dict[str, Any]:
+    """Return `identification.json`."""
+    estimate = identification.estimate
+    return plain({
+        'schema': 'par4/identification/1',
+        'parameters': {
+            name: {'value': parameter.value, 'std': parameter.std,
+                   'relative_std': _relative(parameter), 'unit': unit_on(machine, parameter.unit)}
+            for name, parameter in identification.parameters.items()},
+        'condition_number': estimate.condition_number, 'residual_rms': estimate.rms,
+        'relative_error': estimate.relative_error,
+        'data': {'rows': estimate.rows, 'bags': data_of_logs(logs)}})
+
+
+def _relative(parameter: Parameter) -> float:
+    return abs(parameter.std / parameter.value) if parameter.value else math.inf

@@ -1,0 +1,445 @@
+"""The reports: one self-contained page of HTML each, words first."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from par4_dynamics.model import build_model
+from par4_dynamics.model_file import ModelFile
+from par4_identification.diagnosis.diagnosis import Cause, Diagnosis
+from par4_identification.identification import Identification
+from par4_identification.log import Log
+from par4_identification.outcome.diagnosis import looks_like_in_words, phrase_of_cause
+from par4_identification.outcome.identification import ParameterRow, autocorrelation
+from par4_identification.outcome.outcome import Outcome, over_joints
+from par4_identification.outcome.validation import errors_by_joint, total_errors
+from par4_identification.outcome.words import (
+    in_words,
+    joint_labels,
+    listed,
+    number,
+    percent,
+    torque_name,
+    typeset,
+    unit_on,
+    with_std,
+)
+from par4_identification.plots import (
+    Bar,
+    Names,
+    Series,
+    deviation_bars,
+    measured_motion,
+    residual_over_motion,
+    residual_over_time,
+    residual_statistics,
+    signature,
+    torque_over_time,
+)
+from par4_identification.rows import Run
+from par4_identification.validation import Validation
+from par4_kinematics.robot import Axis, Robot
+
+LAGS = 50
+"""Rows over which autocorrelations are drawn."""
+FOLDED = 9.0
+"""Periods in the range of a joint above which a periodic signature is drawn over one period."""
+BETWEEN_LOGS = 0.5
+"""Seconds between two logs on one time axis."""
+
+
+def report_of_identification(identification: Identification, outcome: Outcome,
+                             rows: Sequence[ParameterRow], floor: np.ndarray,
+                             machine: Robot | Axis, logs: Sequence[Log],
+                             provenance: dict[str, Any]) -> str:
+    """Return the report of an identification.
+
+    Args:
+        identification: the fit.
+        outcome: in words.
+        rows: TABLE 1.
+        floor: noise floor, (J,), N m.
+        machine: that was identified.
+        logs: the data.
+        provenance: as in the model file.
+    """
+    names, estimate, runs = _names(machine), identification.estimate, identification.runs
+    paper, truth = (any(getattr(row, name) is not None for row in rows)
+                    for name in ('paper', 'true'))
+    printed = [f'{number(row.printed)} {typeset(row.unit)}' for row in rows if row.printed]
+    return _render(
+        'identification.html', machine, logs, outcome, f'Identification of {machine.name}',
+        'Can it be trusted?', provenance,
+        rows=[_table_1_cells(row) for row in rows], paper=paper, truth=truth,
+        printed=listed(printed) if printed else '', bars=_bars_of_table_1(rows, paper, truth),
+        over_time=torque_over_time(_series(runs, estimate.residuals), names),
+        per_joint=[('residual rms', [number(value) for value in estimate.rms], names.torque_unit),
+                   ('noise floor', [number(value) for value in floor], names.torque_unit),
+                   ('residual / floor', [number(value, 2) for value in
+                                         estimate.rms / np.maximum(floor, 1e-12)], '')],
+        totals=f'{estimate.rows} rows; condition number of the regressor '
+               f'{number(estimate.condition_number)}; relative error '
+               f'{percent(estimate.relative_error)} = |residual| / |{names.torque}| in 2-norms.',
+        statistics=_statistics(runs, estimate.residuals, floor, names))
+
+
+def report_of_validation(validation: Validation, outcome: Outcome, runs: Sequence[Run],
+                         floor: np.ndarray, machine: Robot | Axis, log: Log,
+                         model_file: ModelFile) -> str:
+    """Return the report of a cross-validation.
+
+    Args:
+        validation: errors, over the rows of `runs`.
+        outcome: in words.
+        runs: of the log.
+        floor: noise floor, (J,), N m.
+        machine: that was measured.
+        log: the data.
+        model_file: the model that was validated.
+    """
+    names = _names(machine)
+    ends = np.cumsum([0, *(len(run.t) for run in runs)])
+    residual = validation.measured - validation.calculated
+    residuals = [residual[first:end] for first, end in pairwise(ends)]
+    table = []
+    for title, errors, rows in (
+            ('', validation.without_standstill, validation.moving),
+            (', standstill included', validation.everything, np.ones_like(validation.moving))):
+        total, found = total_errors(validation, rows), errors_by_joint(errors)
+        for name, key, unit, text in (('residual rms', 'rms', names.torque_unit, number),
+                                      ('relative error', 'relative_error', '', percent),
+                                      ('R²', 'r2', '', lambda value: number(value, 5))):
+            table.append((name + title, _cells(found[key], total[key], text), unit))
+    table.insert(1, ('noise floor', _cells(floor, over_joints(floor), number), names.torque_unit))
+    return _render(
+        'validation.html', machine, [log], outcome, f'Cross-validation on {machine.name}',
+        'How good is it?', model_file.provenance,
+        facts_title='Where the model comes from',
+        over_time=torque_over_time(_series(runs, residuals), names), per_joint=table,
+        statistics=_statistics(runs, residuals, floor, names) if validation.moving.any() else '')
+
+
+def report_of_diagnosis(diagnosis: Diagnosis, outcome: Outcome, machine: Robot | Axis,
+                        logs: Sequence[Log], provenance: dict[str, Any]) -> str:
+    """Return the report of a diagnosis.
+
+    Args:
+        diagnosis: the answer.
+        outcome: in words.
+        machine: that was measured.
+        logs: the data, those held out last.
+        provenance: as in the extended model.
+    """
+    names = _names(machine)
+    title = f'Diagnosis of {machine.name}: {in_words(diagnosis.verdict)}'
+    content: dict[str, Any] = {
+        'causes': [], 'motion': '', 'over_time': '', 'statistics': '', 'per_joint': [],
+        'swallowed': [], 'bars': '', 'rejected': diagnosis.rejected, 'remains': '',
+        'over_motion': ''}
+    if diagnosis.holdout is None:
+        runs = diagnosis.fit_runs
+        content['motion'] = measured_motion(
+            _joined_time(runs), *(np.concatenate([getattr(run, part) for run in runs])
+                                  for part in ('speed', 'tau')), names)
+    else:
+        content.update(_what_was_found(diagnosis, machine, names))
+    return _render('diagnosis.html', machine, logs, outcome, title, 'Insights', provenance,
+                   **content)
+
+
+def _what_was_found(diagnosis: Diagnosis, machine: Robot | Axis, names: Names) -> dict[str, Any]:
+    holdout = diagnosis.holdout
+    runs, baseline, extended = _held_out_rows(diagnosis)
+    valid = np.concatenate([run.valid for run in runs])
+    rms = {'old model': holdout.baseline_rms, 'extended model': holdout.extended_rms,
+           'noise floor': holdout.noise_floor_rms}
+    if not diagnosis.causes:
+        rms['model'] = rms.pop('old model')
+        rms = {name: rms[name] for name in ('model', 'noise floor')}
+    return {
+        'causes': [_cause_cells(diagnosis, index, machine, names)
+                   for index in range(len(diagnosis.causes))],
+        'over_time': residual_over_time(
+            _joined_time(runs), np.concatenate(baseline),
+            np.concatenate(extended) if diagnosis.causes else None, valid,
+            holdout.noise_floor_rms, names),
+        'per_joint': [(name, _cells(values, over_joints(values), number), names.torque_unit)
+                      for name, values in rms.items()],
+        'statistics': _statistics(runs, extended, holdout.noise_floor_rms, names),
+        'swallowed': [_swallowed_cells(name, diagnosis, machine)
+                      for name in diagnosis.base_before],
+        'bars': _bars_of_swallowed(diagnosis), 'remains': _remains(diagnosis),
+        'over_motion': _residual_over_motion(diagnosis, machine, names)}
+
+
+# pieces that several reports share
+
+
+def _render(template: str, machine: Robot | Axis, logs: Sequence[Log], outcome: Outcome,
+            title: str, insights_title: str, provenance: dict[str, Any],
+            facts_title: str = 'Where this comes from', **content: Any) -> str:
+    environment = Environment(loader=PackageLoader('par4_identification'), autoescape=True,
+                              trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
+    environment.filters.update(minus=_minus, symbol=_symbol)
+    return environment.get_template(template).render(
+        title=title, what=title, outcome=outcome, insights_title=insights_title,
+        names=_names(machine), bags=[_bag_cells(log) for log in logs], facts=_facts(provenance),
+        facts_title=facts_title, **content)
+
+
+def _cells(values: np.ndarray, total: float, text: Callable[[float], str]) -> list[str]:
+    """Return a cell a joint and, of several joints, one for all of them."""
+    return [text(float(value)) for value in values] + ([text(total)] if len(values) > 1 else [])
+
+
+def _minus(text: object) -> str:
+    """Return text with true minus signs in front of numbers."""
+    return re.sub(r'(?<![\w.-])-(?=[\d.])', '\N{MINUS SIGN}', str(text))
+
+
+def _symbol(text: str) -> Markup:
+    """Return a symbol of the paper with its indices lowered."""
+    primed = str(escape(text)).replace('&#39;', '\N{PRIME}')
+    return Markup(re.sub(r'_(\w+)', r'<sub>\1</sub>', primed))
+
+
+def _names(machine: Robot | Axis) -> Names:
+    return Names(joint_labels(machine), torque_name(machine),
+                 typeset(unit_on(machine, 'N m')), typeset(unit_on(machine, 'rad/s')))
+
+
+def _bag_cells(log: Log) -> dict[str, Any]:
+    accounts = log.accounts
+    return {'name': Path(log.name).name, 'duration': number(accounts.duration),
+            'samples': accounts.samples, 'rate': number(1.0 / accounts.period, 4),
+            'segments': accounts.segments, 'source': in_words(accounts.torque_source),
+            'findings': accounts.findings()}
+
+
+def _facts(provenance: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return the entries of a provenance, a line each, hashes shortened."""
+    facts = []
+    for name, value in provenance.items():
+        if name == 'bags' and isinstance(value, list):
+            facts += [('bag', f'{bag["path"]}  sha256 {bag["sha256"][:16]}…') for bag in value]
+        elif isinstance(value, dict):
+            facts += [(in_words(name), ', '.join(f'{key} {item}' for key, item in value.items()))
+                      ] if value else []
+        else:
+            facts.append((in_words(name), str(value)))
+    return facts
+
+
+def _joined_time(runs: Sequence[Run]) -> np.ndarray:
+    """Return one time axis for the rows of runs: logs follow each other, gaps stay."""
+    times, offset, name, end = [], 0.0, None, 0.0
+    for run in runs:
+        if name is not None and run.name != name:
+            offset = end + BETWEEN_LOGS - float(run.t[0])
+        times.append(run.t + offset)
+        name, end = run.name, float(times[-1][-1])
+    return np.concatenate(times)
+
+
+def _series(runs: Sequence[Run], residuals: Sequence[np.ndarray]) -> Series:
+    measured = np.concatenate([run.tau for run in runs])
+    return Series(_joined_time(runs), np.concatenate([run.speed for run in runs]), measured,
+                  measured - np.concatenate(residuals), np.concatenate([run.valid for run in runs]))
+
+
+def _statistics(runs: Sequence[Run], residuals: Sequence[np.ndarray], floor: np.ndarray,
+                names: Names) -> str:
+    valid = [run.valid for run in runs]
+    left = [np.concatenate([part[mask[:, joint], joint]
+                            for part, mask in zip(residuals, valid, strict=True)])
+            for joint in range(len(names.joints))]
+    return residual_statistics(
+        left, floor, autocorrelation(residuals, valid, LAGS + 1),
+        np.array([len(values) for values in left]), float(runs[0].t[1] - runs[0].t[0]), names)
+
+
+# identification
+
+
+def _table_1_cells(row: ParameterRow) -> dict[str, str]:
+    value, std = with_std(row.value, row.std)
+    return {
+        'name': in_words(row.name), 'symbol': row.symbol, 'unit': typeset(row.unit),
+        'value': value, 'std': std, 'relative_std': percent(row.relative_std),
+        'paper': '' if row.paper is None else f'{row.paper:g}', 'printed': bool(row.printed),
+        'paper_relative_std': '' if row.paper is None else percent(row.paper_relative_std, 3),
+        'true': '' if row.true is None else f'{row.true:.5g}',
+        'error': '' if row.true is None else percent(
+            (row.value - row.true) / row.true if row.true else math.inf)}
+
+
+def _bars_of_table_1(rows: Sequence[ParameterRow], paper: bool, truth: bool) -> str:
+    bars = []
+    for row in rows:
+        zero = row.paper if paper else row.value
+        values, stds = [(row.value - zero) / zero], [row.std / abs(zero)]
+        if paper:
+            values.append(0.0)
+            stds.append(row.paper_relative_std)
+        if truth:
+            values.append((row.true - zero) / zero)
+            stds.append(0.0)
+        bars.append(Bar(in_words(row.name), tuple(values), tuple(stds)))
+    legend = ['identified', *(['paper'] if paper else []), *(['true'] if truth else [])]
+    return deviation_bars(bars, legend, 'deviation from the paper, %' if paper else
+                          'interval of the value, %')
+
+
+# diagnosis
+
+
+def _held_out_rows(diagnosis: Diagnosis
+                   ) -> tuple[list[Run], list[np.ndarray], list[np.ndarray]]:
+    """Return held-out runs and residuals without the rows before and after those that count."""
+    holdout = diagnosis.holdout
+    runs, baseline, extended = [], [], []
+    for run, old, new in zip(holdout.runs, holdout.baseline, holdout.extended, strict=True):
+        counted = np.flatnonzero(run.valid.any(axis=1))
+        if len(counted):
+            rows = slice(int(counted[0]), int(counted[-1]) + 1)
+            runs.append(replace(run, t=run.t[rows], valid=run.valid[rows]))
+            baseline.append(old[rows])
+            extended.append(new[rows])
+    return runs, baseline, extended
+
+
+def _cause_cells(diagnosis: Diagnosis, index: int, machine: Robot | Axis, names: Names
+                 ) -> dict[str, Any]:
+    cause = diagnosis.causes[index]
+    heading = phrase_of_cause(cause, machine)
+    image, abscissa = _signature_of_cause(diagnosis, index, machine, names)
+    return {
+        'heading': heading, 'name': in_words(cause.effect.name), 'signature': image,
+        'abscissa': abscissa.rsplit(',', 1)[0],
+        'parameters': [_parameter_cells(cause, parameter.name, machine)
+                       for parameter in cause.effect.parameters],
+        'gain': percent(cause.gain.share),
+        'interval': f'{percent(cause.gain.low)} to {percent(cause.gain.high)}',
+        'p_value': f'{cause.p_value:.0e}' if cause.p_value > 1e-12 else '< 1e-12',
+        'visible': percent(cause.visible_fraction),
+        'twins': listed([in_words(name) for name in cause.twins]) if cause.twins else ''}
+
+
+def _parameter_cells(cause: Cause, name: str, machine: Robot | Axis) -> dict[str, Any]:
+    """Return a line of values with standard deviations: one for the machine or one a joint."""
+    parameter = cause.parameters[name]
+    values, stds = np.atleast_1d(parameter.value), np.atleast_1d(parameter.std)
+    cells = [' ± '.join(with_std(float(value), float(std)))
+             for value, std in zip(values, stds, strict=True)]
+    joints = len(joint_labels(machine))
+    alike = len(set(cells)) == 1 and len(cause.joints) == joints
+    common = joints > 1 and (len(cells) == 1 or alike)
+    if not common:
+        found = dict(zip(cause.joints, cells, strict=True))
+        cells = [found.get(joint, '') for joint in range(joints)]
+    return {'name': in_words(name), 'cells': cells[:1] if common else cells, 'common': common,
+            'unit': typeset(unit_on(machine, parameter.unit))}
+
+
+def _signature_of_cause(diagnosis: Diagnosis, index: int, machine: Robot | Axis, names: Names
+                        ) -> tuple[str, str]:
+    """Return the signature plot of a cause and the label of its abscissa."""
+    cause, holdout = diagnosis.causes[index], diagnosis.holdout
+    added = build_model(machine, diagnosis.extended_model).effects[-len(diagnosis.causes):]
+    places, own, label = [], [], ''
+    for run in holdout.runs:
+        view = cause.effect.signature(run.state)
+        label = view.label
+        places.append(run.rows(np.ascontiguousarray(view.abscissa)))
+        own.append(run.rows(added[index].torque(run.state)))
+    quantity, _, unit = label.rpartition(', ')
+    label = f'{quantity}, {typeset(unit_on(machine, unit))}'
+    period = _period(cause, places)
+    if period:
+        places = [np.mod(place, period) for place in places]
+        label = f'{quantity} within one of {2.0 * np.pi / period:.0f} periods a turn, {unit}'
+    drawn = {name: [] for name in ('place', 'before', 'alone', 'own')}
+    for joint in cause.joints:
+        masks = [run.valid[:, joint] for run in holdout.runs]
+        for name, parts in (('place', places), ('before', holdout.baseline), ('own', own),
+                            ('alone', [new + torque for new, torque in
+                                       zip(holdout.extended, own, strict=True)])):
+            drawn[name].append(np.concatenate([part[mask, joint] for part, mask in
+                                               zip(parts, masks, strict=True)]))
+    image = signature(drawn['place'], label, drawn['before'], drawn['alone'], drawn['own'],
+                      [names.joints[joint] for joint in cause.joints], names)
+    return image, label
+
+
+def _period(cause: Cause, places: Sequence[np.ndarray]) -> float | None:
+    """Return the period over which a signature of many periods is folded, rad, else None."""
+    rates = [float(np.max(cause.parameters[item.name].value)) for item in cause.effect.parameters
+             if item.unit == '1/turn']
+    if not rates:
+        return None
+    period = 2.0 * np.pi / max(rates)
+    return period if np.ptp(np.concatenate(places)) > FOLDED * period else None
+
+
+def _swallowed_cells(name: str, diagnosis: Diagnosis, machine: Robot | Axis) -> dict[str, str]:
+    before, after = diagnosis.base_before[name], diagnosis.base_after[name]
+    value, std = with_std(after.value, after.std)
+    change = (before.value - after.value) / after.value if after.value else math.inf
+    return {'name': in_words(name), 'before': with_std(before.value, after.std)[0], 'after': value,
+            'std': std, 'unit': typeset(unit_on(machine, after.unit)),
+            'change': f'{100.0 * change:+.2f} %' if math.isfinite(change) else 'n/a'}
+
+
+def _bars_of_swallowed(diagnosis: Diagnosis) -> str:
+    bars = []
+    for name, after in diagnosis.base_after.items():
+        before, scale = diagnosis.base_before[name], abs(after.value) or 1.0
+        bars.append(Bar(in_words(name), (0.0, (before.value - after.value) / scale),
+                        (after.std / scale, before.std / scale)))
+    return deviation_bars(bars, ('with the causes', 'without'),
+                          'deviation from the value with the causes, %')
+
+
+def _residual_over_motion(diagnosis: Diagnosis, machine: Robot | Axis, names: Names) -> str:
+    holdout = diagnosis.holdout
+
+    def of_joints(parts: Sequence[np.ndarray]) -> list[np.ndarray]:
+        return [np.concatenate([part[run.valid[:, joint], joint]
+                                for part, run in zip(parts, holdout.runs, strict=True)])
+                for joint in range(len(names.joints))]
+
+    position = unit_on(machine, 'rad')
+    time = np.split(_joined_time(holdout.runs), np.cumsum([len(run.t) for run in holdout.runs])[:-1])
+    views = ((f'position, {position}', [run.rows(run.state.q) for run in holdout.runs]),
+             (f'speed, {position}/s', [run.speed for run in holdout.runs]),
+             (f'acceleration, {typeset(position + "/s2")}',
+              [run.rows(run.state.qdd) for run in holdout.runs]),
+             ('time, s', [np.repeat(part[:, None], len(names.joints), axis=1) for part in time]))
+    return residual_over_motion([(label, of_joints(parts)) for label, parts in views],
+                                of_joints(holdout.extended), holdout.noise_floor_rms, names)
+
+
+def _remains(diagnosis: Diagnosis) -> str:
+    remaining = diagnosis.remaining
+    floor = f'The residual is {number(remaining.floor_excess)} times the noise floor.'
+    gain = (f'{percent(remaining.gain.share)} of the squared error (95 % interval '
+            f'{percent(remaining.gain.low)} to {percent(remaining.gain.high)})')
+    if remaining.significant:
+        block = looks_like_in_words(remaining.looks_like)
+        return f'{block[0].upper()}{block[1:]}, without a name, removes another {gain}. {floor}'
+    if remaining.gain.share <= 0.0:
+        return (f'Nothing that follows the motion: no nameless function of position, speed, time, '
+                f'acceleration or pose removes anything on held-out rows. {floor}')
+    return (f'Nothing that follows the motion: the best nameless function of position, speed, '
+            f'time, acceleration or pose removes {gain} on held-out rows, too little to '
+            f'mean anything. {floor}')

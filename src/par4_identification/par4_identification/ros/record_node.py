@@ -1,0 +1,151 @@
+"""Node `par4_record`: the topics of the contract -> a bag; `--repair` mends one cut off."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rclpy.subscription import Subscription
+
+from par4_identification.recorder import Recorder
+from par4_kinematics.errors import InputError
+from par4_kinematics.interface import RECORDED_TOPICS, Topic
+from par4_kinematics.ros.convert import SECOND
+from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.parameters import parameter
+from par4_sim.bag import STORAGES
+
+BUFFER = 20000
+"""Messages of a topic that wait while this process is held up."""
+TICK = 0.02
+"""Seconds of wall time between looks at the clock."""
+
+
+@dataclass(frozen=True)
+class RecordParameters:
+    """Parameters of the node."""
+
+    output: str = parameter('recording', 'bag to write; it must not exist')
+    duration: float = parameter(0.0, 's from the first message, on the ROS clock; 0 = until '
+                                     'stopped', 0.0)
+    storage: str = parameter('mcap', 'of the bag', choices=tuple(STORAGES))
+
+
+class RecordNode(Par4Node):
+    """Records joint_states, amplifier_voltage, reference and feedforward_torque from its start.
+
+    ~/stop completes the bag, ~/start begins the next (OUTPUT_2 and so on). Publishers number
+    their messages: a missing number is a lost message and is counted.
+    `par4_record --repair BAG [--output OUT]` mends a bag that was cut off.
+    """
+
+    NAME = 'par4_record'
+    PARAMETERS = RecordParameters
+    REST = 0.005  # a turn of the executor costs more than a message: take them by the dozen
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._bags = 0
+        self._recorder: Recorder | None = None
+        self._received: Counter[str] = Counter()
+        self._last_number: dict[str, int] = {}
+        self._lost: Counter[str] = Counter()
+        self._began_ns: int | None = None
+        self._start()
+        self._recorded = {topic: self._record(topic) for topic in RECORDED_TOPICS}
+        self.serve('~/start', self._start)
+        self.serve('~/stop', self._stop)
+        self.create_timer(TICK, self._stop_in_time, clock=self.wall_clock)
+        self.create_timer(1.0, self._flush, clock=self.wall_clock)
+
+    def _record(self, topic: Topic) -> Subscription:
+        def take(data: bytes, info: dict[str, Any]) -> None:
+            self._write(topic, data, info)
+            self._write_waiting()
+
+        return self.subscribe_raw(replace(topic, depth=BUFFER), take)
+
+    def _write_waiting(self) -> None:
+        for topic, subscription in self._recorded.items():
+            with subscription.handle:
+                for _ in range(BUFFER):
+                    waiting = subscription.handle.take_message(subscription.msg_type, True)
+                    if waiting is None:
+                        break
+                    self._write(topic, *waiting)
+
+    def _write(self, topic: Topic, data: bytes, info: dict[str, Any]) -> None:
+        if self._recorder is None:
+            return
+        name, number = topic.name, info['publication_sequence_number']
+        last = self._last_number.get(name, number)
+        self._lost[name] += max(0, number - last - 1)  # a new publisher starts again from 1
+        self._last_number[name] = number
+        self._received[name] += 1
+        if self._began_ns is None:
+            self._began_ns = self.get_clock().now().nanoseconds
+        self._recorder.write(self._recorded[topic].topic_name, topic.type,
+                             info['received_timestamp'], data)
+
+    def _start(self) -> str:
+        if self._recorder is not None:
+            return f'recording {self._path} already'
+        output = self.parameters.output
+        self._path = Path(output if self._bags == 0 else f'{output}_{self._bags + 1}')
+        self._recorder = Recorder(self._path, self.parameters.storage)
+        self._bags += 1
+        self._received.clear()
+        self._last_number.clear()
+        self._lost.clear()
+        self._began_ns = None
+        return f'recording {self._path}'
+
+    def _stop(self) -> str:
+        if self._recorder is None:
+            raise InputError('nothing is being recorded; call ~/start first')
+        self._write_waiting()
+        recorder, self._recorder = self._recorder, None
+        recorder.close()
+        topics = ', '.join(f'{name} {count}' for name, count in sorted(self._received.items()))
+        line = (f'{self._path}: {self._received.total()} messages'
+                f'{f" ({topics})" if topics else ""}, {self._lost.total()} lost')
+        print(line, flush=True)
+        return line
+
+    def _stop_in_time(self) -> None:
+        duration_ns, began_ns = self.parameters.duration * SECOND, self._began_ns
+        if duration_ns > 0.0 and began_ns is not None and self._recorder is not None and (
+                self.get_clock().now().nanoseconds - began_ns >= duration_ns):
+            self.finished = True
+
+    def _flush(self) -> None:
+        if self._recorder is not None:
+            self._recorder.flush()
+
+    def faults(self) -> dict[str, int]:
+        """Return the messages lost on the way, with what every node counts."""
+        return {**super().faults(), 'lost_messages': self._lost.total()}
+
+    def traffic(self) -> dict[str, int]:
+        """Return how many messages were received, by topic."""
+        return dict(self._received)
+
+    def close(self) -> None:
+        """Complete the bag."""
+        if self._recorder is not None:
+            self._stop()
+
+
+def main() -> int:
+    """Run the node, or mend a bag with `--repair BAG [--output OUT]`; return the exit code."""
+    if any(argument.split('=')[0] == '--repair' for argument in sys.argv[1:]):
+        from par4_identification.commands import repair  # the node needs no command line
+        return repair.main()
+    return run(RecordNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,55 @@
+"""Node `par4_kinematics`: joint_states -> platform_pose."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+from geometry_msgs.msg import PoseStamped
+from sensor_msgs.msg import JointState
+
+from par4_kinematics.geometry import HOME
+from par4_kinematics.interface import JOINT_STATES, PLATFORM_POSE
+from par4_kinematics.position import forward_kinematics
+from par4_kinematics.robot import read_robot
+from par4_kinematics.ros.convert import joint_values, time_ns, write_pose
+from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.parameters import parameter
+
+
+@dataclass(frozen=True)
+class KinematicsParameters:
+    """Parameters of the node."""
+
+    robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
+
+
+class KinematicsNode(Par4Node):
+    """Publishes the pose of D for every valid joint state, with its stamp."""
+
+    NAME = 'par4_kinematics'
+    PARAMETERS = KinematicsParameters
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._geometry = read_robot(self.parameters.robot_file).geometry
+        self._last_pose = HOME
+        self._message = PoseStamped()
+        self._publisher = self.publisher_of(PLATFORM_POSE)
+        self.subscribe(JOINT_STATES, self._on_joint_state)
+
+    def _on_joint_state(self, message: JointState) -> None:
+        q = joint_values(message, 'position')
+        self._last_pose = forward_kinematics(self._geometry, q, start=self._last_pose)
+        write_pose(self._message, time_ns(message.header.stamp), self._last_pose,
+                   self._geometry.rotation_amplification)
+        self._publisher.publish(self._message)
+
+
+def main() -> int:
+    """Run the node; return its exit code."""
+    return run(KinematicsNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,145 @@
+"""Node `par4_motion`: plays a motion as `reference`, then ends."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from par4_kinematics.approach import with_approach
+from par4_kinematics.interface import JOINT_STATES, REFERENCE
+from par4_kinematics.motion import Motion
+from par4_kinematics.motion_file import named_motion
+from par4_kinematics.robot import read_robot
+from par4_kinematics.ros.convert import SECOND, Trajectory, joint_values, write_trajectory
+from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.parameters import parameter
+
+LEAD_NS = SECOND
+"""How far ahead of the clock points are sent."""
+WALL_LEAD = 1.0
+"""Seconds of wall time from the first message to its first point where the clock runs faster."""
+FAST = 1.5
+"""Pace of the clock over the wall's that no robot has: a simulation, far on after a moment."""
+FAR_NS = 100 * SECOND
+"""How far ahead of a fast clock points are sent; the queues hold that many messages."""
+CHUNK_NS = SECOND // 4
+"""Length of one message."""
+MILLISECOND = SECOND // 1000
+TICK = 0.02
+"""Seconds of wall time between looks at the clock."""
+SETTLING = 0.5
+"""Seconds of wall time for which the number of listeners must have stayed the same."""
+DISCOVERY = 3.5
+"""Seconds of wall time in which listeners are found: a lost packet is repeated after 3 s."""
+
+
+@dataclass(frozen=True)
+class MotionParameters:
+    """Parameters of the node."""
+
+    robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
+    motion: str = parameter('excitation', 'excitation, adept, circle or the path of a motion.yaml')
+    duration: float = parameter(0.0, 's, of a named motion; 0 = its own', 0.0)
+    seed: int = parameter(0, 'of an excitation', 0)
+
+
+class MotionNode(Par4Node):
+    """Plays a motion as `reference`: waits for clock, robot and a listener, sends, ends.
+
+    Points go out a second ahead of the clock. If the robot stands elsewhere than the motion
+    begins, a slow move takes it there first.
+    """
+
+    NAME = 'par4_motion'
+    PARAMETERS = MotionParameters
+
+    def __init__(self) -> None:
+        super().__init__()
+        asked = self.parameters
+        self._publisher = self.publisher_of(REFERENCE)
+        self._discovered = time.monotonic() + DISCOVERY
+        self._robot = read_robot(asked.robot_file)
+        self._motion = named_motion(asked.motion, self._robot, asked.duration or None,
+                                    asked.seed)
+        self._from_start_ns = np.empty(0, dtype=np.int64)
+        self._start_ns: int | None = None
+        self._ahead_ns = LEAD_NS
+        self._sent = 0
+        self._robot_at: np.ndarray | None = None
+        self._listeners = 0
+        self._settling_since, self._settling_since_ns = 0.0, 0
+        self._message = JointTrajectory()
+        self._robot_listener = self.subscribe(JOINT_STATES, self._on_joint_state)
+        self.create_timer(TICK, self._tick, clock=self.wall_clock)
+
+    def _on_joint_state(self, message: JointState) -> None:
+        self._robot_at = joint_values(message, 'position')
+
+    def _tick(self) -> None:
+        now_ns = self.get_clock().now().nanoseconds
+        if self._start_ns is None:
+            missing = self._missing(now_ns)
+            if missing:
+                self.get_logger().info(f'waiting for {missing}', throttle_duration_sec=5.0,
+                                       throttle_time_source_type=self.wall_clock)
+                return
+            self._begin(now_ns)
+        while self._sent < len(self._from_start_ns) and (
+                self._start_ns + self._from_start_ns[self._sent] <= now_ns + self._ahead_ns):
+            self._send_chunk()
+        if now_ns > self._start_ns + int(self._from_start_ns[-1]):
+            self.finished = True
+
+    def _missing(self, now_ns: int) -> str:
+        listeners = self._publisher.get_subscription_count()
+        if now_ns == 0:
+            return 'the clock to run'
+        if self._robot_at is None:
+            return JOINT_STATES.name
+        if listeners != self._listeners or listeners == 0:
+            self._listeners = listeners
+            self._settling_since, self._settling_since_ns = time.monotonic(), now_ns
+        if listeners == 0 or time.monotonic() < max(self._discovered,
+                                                    self._settling_since + SETTLING):
+            return f'subscribers of {REFERENCE.name}'
+        return ''
+
+    def _begin(self, now_ns: int) -> None:
+        self.destroy_subscription(self._robot_listener)
+        self._motion: Motion = with_approach(self._motion, self._robot, self._robot_at)
+        self._from_start_ns = np.rint(self._motion.t * SECOND).astype(np.int64)
+        pace = (now_ns - self._settling_since_ns) / (time.monotonic() - self._settling_since)
+        lead_ns = max(LEAD_NS, round(pace * WALL_LEAD))
+        if pace > FAST * SECOND:
+            self._ahead_ns = FAR_NS
+        # a whole millisecond, so that samples of the usual rates fall on the points
+        self._start_ns = (now_ns + lead_ns) // MILLISECOND * MILLISECOND
+        self.get_logger().info(f'playing {self._motion.name}, {self._motion.duration:.3f} s')
+
+    def _send_chunk(self) -> None:
+        first = self._sent
+        times = self._from_start_ns
+        self._sent = int(np.searchsorted(times, times[first] + CHUNK_NS))
+        part = slice(first, self._sent)
+        write_trajectory(self._message, JointTrajectoryPoint, Trajectory(
+            self._start_ns, times[part], self._motion.q[part], self._motion.qd[part],
+            self._motion.qdd[part]))
+        self._publisher.publish(self._message)
+
+    def traffic(self) -> dict[str, int]:
+        """Return how many points have been sent."""
+        return {'sent_points': self._sent}
+
+
+def main() -> int:
+    """Run the node; return its exit code."""
+    return run(MotionNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,217 @@
+"""What the nodes of all packages share: start and end, parameters, topics, diagnostics."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, ClassVar
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
+from rclpy.utilities import remove_ros_args
+from std_srvs.srv import Trigger
+
+from par4_kinematics.errors import InputError, Par4Error, UnreachableError
+from par4_kinematics.interface import DIAGNOSTICS, Topic
+from par4_kinematics.ros.convert import write_time
+from par4_kinematics.ros.parameters import declare, usage
+from par4_kinematics.ros.qos import message_type, qos_of
+
+REPORT_PERIOD = 1.0
+"""Seconds of wall time between diagnostics, and at the least between warnings of one topic."""
+
+
+class Par4Node(Node):
+    """A node that drops bad messages, counts what goes wrong and tells it on `/diagnostics`.
+
+    Attributes:
+        NAME: of the node, set by the subclass.
+        PARAMETERS: the dataclass of its parameters, set by the subclass.
+        REST: seconds between callbacks, for a node that takes many messages at a time.
+        parameters: their values.
+        finished: set to True, by itself or by a signal, when its work is done; `run` then ends it.
+        counts: what went wrong so far, by name.
+    """
+
+    NAME: ClassVar[str]
+    PARAMETERS: ClassVar[type]
+    REST: ClassVar[float] = 0.0
+
+    def __init__(self) -> None:
+        super().__init__(self.NAME, automatically_declare_parameters_from_overrides=True)
+        self.wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self.parameters = declare(self, self.PARAMETERS)
+        self.finished = False
+        self.counts: Counter[str] = Counter()
+        self._reported: dict[str, int] = {}
+        self._diagnostics = self.publisher_of(DIAGNOSTICS)
+        self.create_timer(REPORT_PERIOD, self._report, clock=self.wall_clock)
+
+    def publisher_of(self, topic: Topic) -> Publisher:
+        """Return a publisher of a topic of the contract."""
+        return self._on_topic(self.create_publisher, topic)
+
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
+        """Subscribe to a topic; a message that `callback` raises Par4Error for is rejected."""
+
+        def accept_or_reject(message: Any) -> None:
+            try:
+                callback(message)
+            except Par4Error as error:
+                self.reject(topic, error)
+
+        return self._on_topic(self.create_subscription, topic, callback=accept_or_reject)
+
+    def subscribe_raw(self, topic: Topic, callback: Callable[[bytes, dict[str, Any]], None]
+                      ) -> Subscription:
+        """Subscribe to a topic's serialised messages; `callback` is also given message info."""
+        return self._on_topic(self.create_subscription, topic, callback=callback, raw=True)
+
+    def _on_topic(self, create: Callable[..., Any], topic: Topic, **options: Any) -> Any:
+        try:
+            return create(msg_type=message_type(topic), topic=topic.name, qos_profile=qos_of(topic),
+                          qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+                          **options)
+        except (AssertionError, AttributeError, RuntimeError, ParameterException):
+            raise InputError(
+                f'qos_overrides of {topic.name}: not understood; depth is a whole number, history '
+                f'keep_last or keep_all, reliability reliable or best_effort') from None
+
+    def serve(self, name: str, action: Callable[[], str]) -> None:
+        """Offer a Trigger service; `action` returns its message or raises Par4Error."""
+
+        def answer(_request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.success, response.message = True, action()
+            except Par4Error as error:
+                response.success, response.message = False, str(error)
+                self.get_logger().error(f'{name}: {error}')
+            return response
+
+        self.create_service(Trigger, name, answer)
+
+    def reject(self, topic: Topic, error: Par4Error) -> None:
+        """Count a message that cannot be used and say why, at most once a second."""
+        self.counts['unreachable_poses' if isinstance(error, UnreachableError)
+                    else 'rejected_messages'] += 1
+        self.get_logger().warning(f'{topic.name}: {error}',
+                                  throttle_duration_sec=REPORT_PERIOD,
+                                  throttle_time_source_type=self.wall_clock)
+
+    def faults(self) -> dict[str, int]:
+        """Return what the diagnostics tell of things that went wrong, by name."""
+        return dict(self.counts)
+
+    def traffic(self) -> dict[str, int]:
+        """Return what the diagnostics tell beside the faults, by name."""
+        return {}
+
+    def _report(self) -> None:
+        faults = self.faults()
+        new = {name: count - self._reported.get(name, 0) for name, count in faults.items()
+               if count > self._reported.get(name, 0)}
+        self._reported = faults
+        message = DiagnosticArray()
+        write_time(message.header.stamp, self.get_clock().now().nanoseconds)
+        message.status = [DiagnosticStatus(
+            level=DiagnosticStatus.WARN if new else DiagnosticStatus.OK,
+            name=self.get_fully_qualified_name(),
+            message=', '.join(f'{count} {name}' for name, count in new.items()) or 'ok',
+            values=[KeyValue(key=name, value=str(count))
+                    for name, count in {**faults, **self.traffic()}.items()])]
+        self._diagnostics.publish(message)
+
+    def work(self) -> None:
+        """Serve callbacks until the node is finished."""
+        executor = SingleThreadedExecutor()
+        executor.add_node(self)
+        while not self.finished:
+            executor.spin_once(timeout_sec=0.1)
+            if self.REST > 0.0:
+                time.sleep(self.REST)
+        executor.shutdown()
+
+    def close(self) -> None:
+        """Complete what the node writes and release what it holds; called once at the end."""
+
+
+def _prepare_environment() -> None:
+    # other machines' robots are met on purpose only
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    home = os.environ.get('HOME')
+    if not (home and os.access(home, os.W_OK)) and not {'ROS_LOG_DIR', 'ROS_HOME'} & {*os.environ}:
+        os.environ['ROS_LOG_DIR'] = str(Path(tempfile.gettempdir()) / 'par4_log')
+
+
+def _initialise(arguments: list[str]) -> None:
+    try:
+        # with rclpy's own handlers the context is gone before the node can end its work
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rclpy names no public class for bad ROS arguments
+        raise InputError(f'ROS arguments: {error}; give them as --ros-args -p NAME:=VALUE') \
+            from error
+    strange = remove_ros_args(arguments)[1:]
+    if strange:
+        raise InputError(f'unknown argument {strange[0]}; parameters are given as --ros-args '
+                         f'-p NAME:=VALUE, see --help')
+
+
+@contextmanager
+def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
+    """Yield a node that SIGINT and SIGTERM finish; while it starts they interrupt."""
+    node = None
+
+    def end(_signal: int, _frame: Any) -> None:
+        if node is None or node.finished:
+            raise KeyboardInterrupt
+        node.finished = True
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
+    try:
+        _initialise(sys.argv)
+        node = node_class()
+        yield node
+    finally:
+        if node is not None:
+            node.finished = True
+            node.close()
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def run(node_class: type[Par4Node]) -> int:
+    """Run a node until it is finished, SIGINT or SIGTERM; return the exit code.
+
+    0 is a proper end, 2 bad input: one line `error: ...` on stderr. A second signal interrupts a
+    node that does not end.
+    """
+    if {'-h', '--help'} & {*sys.argv}:
+        print(f'{node_class.NAME} --ros-args -p NAME:=VALUE ...\n\n{node_class.__doc__}\n\n'
+              f'Parameters, with their defaults:\n{usage(node_class.PARAMETERS)}')
+        return 0
+    _prepare_environment()
+    try:
+        with _running(node_class) as node:
+            node.work()
+    except KeyboardInterrupt:
+        pass
+    except (Par4Error, NameValidationException) as error:
+        print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
+        return 2
+    return 0

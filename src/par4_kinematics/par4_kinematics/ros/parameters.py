@@ -1,0 +1,94 @@
+"""Node parameters declared from a frozen dataclass: typed, described, range-checked, read-only."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+from par4_kinematics.errors import InputError
+
+Parameters = TypeVar('Parameters')
+
+_OF_ROS = ('use_sim_time', 'start_type_description_service')
+"""Parameters that every node has."""
+_LARGEST = 2 ** 53
+"""Bound of a whole number without one: up to it every one is a double too."""
+_WORDS = {str: 'a string', float: 'a number', int: 'a whole number', bool: 'true or false'}
+
+
+def parameter(default: Any, description: str, lowest: float = -math.inf,
+              highest: float = math.inf, choices: tuple[str, ...] = ()) -> Any:
+    """Return a dataclass field that is a node parameter of the type of `default`."""
+    return dataclasses.field(default=default, metadata={
+        'description': description, 'lowest': lowest, 'highest': highest, 'choices': choices})
+
+
+def declare(node: Node, parameters: type[Parameters]) -> Parameters:
+    """Declare the fields of the dataclass on `node` and return the values the user gave them.
+
+    The node must have been made with `automatically_declare_parameters_from_overrides`, so that
+    names nobody knows are noticed: they are logged as a warning.
+
+    Raises:
+        InputError: a value of another type, out of range or not among the choices.
+    """
+    fields = dataclasses.fields(parameters)
+    given = {name: value.value for name, value in node.get_parameters_by_prefix('').items()}
+    unknown = sorted(name for name in given
+                     if name not in {field.name for field in fields}
+                     and name not in _OF_ROS and not name.startswith('qos_overrides.'))
+    if unknown:
+        node.get_logger().warning(
+            f'unknown parameter {", ".join(unknown)} ignored; known are '
+            f'{", ".join(field.name for field in fields)}')
+    values = {}
+    for field in fields:
+        value = _checked(field, given.get(field.name, field.default))
+        if field.name in given:
+            node.undeclare_parameter(field.name)
+        node.declare_parameter(field.name, value, _descriptor(field), ignore_override=True)
+        values[field.name] = value
+    return parameters(**values)
+
+
+def _checked(field: dataclasses.Field, value: Any) -> Any:
+    wanted = type(field.default)
+    if wanted is float and type(value) is int:
+        value = float(value)
+    if type(value) is not wanted:
+        raise InputError(f'parameter {field.name}: expected {_WORDS[wanted]}, found {value!r}; it '
+                         f'means: {field.metadata["description"]}')
+    if wanted in (int, float):
+        lowest, highest = field.metadata['lowest'], field.metadata['highest']
+        if not lowest <= value <= highest:
+            raise InputError(f'parameter {field.name}: {value} is outside {lowest:g} to '
+                             f'{highest:g}; give a value within')
+    choices = field.metadata['choices']
+    if choices and value not in choices:
+        raise InputError(f'parameter {field.name}: {value!r} asked; known are '
+                         f'{", ".join(choices)}')
+    return value
+
+
+def usage(parameters: type) -> str:
+    """Return one line for each parameter: name, default, description."""
+    return '\n'.join(f'  {field.name}:={field.default}  {field.metadata["description"]}'
+                     for field in dataclasses.fields(parameters))
+
+
+def _descriptor(field: dataclasses.Field) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(description=field.metadata['description'], read_only=True)
+    choices = field.metadata['choices']
+    if choices:
+        descriptor.additional_constraints = f'one of {", ".join(choices)}'
+    lowest, highest = field.metadata['lowest'], field.metadata['highest']
+    if type(field.default) is float:
+        descriptor.floating_point_range = [FloatingPointRange(from_value=lowest, to_value=highest)]
+    if type(field.default) is int:
+        descriptor.integer_range = [IntegerRange(from_value=int(max(lowest, -_LARGEST)),
+                                                 to_value=int(min(highest, _LARGEST)))]
+    return descriptor

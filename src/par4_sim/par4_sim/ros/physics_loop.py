@@ -1,0 +1,138 @@
+"""Keeps a simulation going at the pace of the wall clock and carries out orders between samples."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from threading import Event
+
+from par4_kinematics.errors import InputError
+from par4_kinematics.ros.convert import SECOND, Trajectory
+from par4_sim.simulation import Sample, Simulation
+
+BACKLOG = 0.5
+"""Seconds behind the wall clock that are caught up; what is beyond is let go."""
+IDLE = 0.02
+"""Longest wait for an order, s, while the simulation stands."""
+PATIENCE = 5.0
+"""Seconds to wait for an order to be carried out."""
+
+
+class PhysicsLoop:
+    """The thread that calls `run` owns the simulation; every other method is for other threads.
+
+    Its time never runs backward: after a restart the clock goes on from where it was.
+
+    Attributes:
+        now_ns: time of the newest sample.
+        paused: whether the simulation stands; it may be set.
+        late_steps: samples that came more than a sample period after their time.
+    """
+
+    def __init__(self, simulation: Simulation, publish: Callable[[int, Sample], None],
+                 real_time_factor: float, feedforward_timeout: float) -> None:
+        """Prepare to publish each sample with its time.
+
+        Args:
+            simulation: at rest at home.
+            publish: called with the time, ns, and the sample.
+            real_time_factor: simulated seconds a second, 0 = as fast as it can.
+            feedforward_timeout: longest stand, s, for the torque of a reference point.
+        """
+        self.now_ns = 0
+        self.paused = False
+        self.late_steps = 0
+        self._simulation = simulation
+        self._publish = publish
+        self._factor = real_time_factor
+        self._feedforward_timeout = feedforward_timeout
+        self._started_ns = 0
+        self._standing_since: float | None = None
+        self._orders: SimpleQueue[Callable[[], None]] = SimpleQueue()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """What went wrong so far, by name."""
+        return self._simulation.counts | {'late_steps': self.late_steps}
+
+    def queue_reference(self, start_ns: int, points: Trajectory) -> None:
+        """Queue reference points that start at `start_ns`."""
+        self._orders.put(lambda: self._simulation.queue_reference(
+            points.times(start_ns - self._started_ns), points.q, points.qd, points.qdd))
+
+    def queue_effort(self, start_ns: int, points: Trajectory) -> None:
+        """Queue feedforward torques that start at `start_ns`."""
+        self._orders.put(lambda: self._simulation.queue_effort(
+            points.times(start_ns - self._started_ns), points.effort))
+
+    def restart(self, simulation: Simulation | None = None) -> None:
+        """Put the machine, or another one, at rest at home; return when it is done.
+
+        Raises:
+            InputError: the loop has ended.
+        """
+        done = Event()
+
+        def order() -> None:
+            next_ns = self._started_ns + round(self._simulation.time * SECOND)
+            if simulation is not None:
+                self._simulation.close()
+                self._simulation = simulation
+            self._simulation.reset()
+            self._started_ns = next_ns - round(self._simulation.time * SECOND)
+            done.set()
+
+        self._orders.put(order)
+        if not done.wait(timeout=PATIENCE):
+            raise InputError('the simulation has ended; start it again')
+
+    def run(self, finished: Callable[[], bool]) -> None:
+        """Simulate and publish until `finished`.
+
+        Raises:
+            UnreachableError: the machine was driven out of its workspace; `restart` and `run`
+                again.
+        """
+        deadline = time.monotonic()
+        while not finished():
+            standing = self.paused or self._waits_for_effort()
+            self._carry_out_orders(standing)
+            if standing:
+                deadline = time.monotonic()
+                continue
+            sample = self._simulation.next_sample()
+            self.now_ns = self._started_ns + sample.time_ns
+            self._publish(self.now_ns, sample)
+            if self._factor > 0.0:
+                deadline = self._keep_pace(deadline + self._simulation.sample_period / self._factor)
+
+    def _carry_out_orders(self, standing: bool) -> None:
+        try:
+            self._orders.get(block=standing, timeout=IDLE)()
+            while True:
+                self._orders.get_nowait()()
+        except Empty:
+            return
+
+    def _waits_for_effort(self) -> bool:
+        if self._feedforward_timeout == 0.0 or not self._simulation.effort_missing():
+            self._standing_since = None
+            return False
+        now = time.monotonic()
+        if self._standing_since is None:
+            self._standing_since = now
+        return now - self._standing_since < self._feedforward_timeout
+
+    def _keep_pace(self, deadline: float) -> float:
+        """Sleep until the deadline and return it, or a later one if it is out of reach."""
+        ahead = deadline - time.monotonic()
+        if ahead > 0.0:
+            time.sleep(ahead)
+        elif -ahead > self._simulation.sample_period:
+            self.late_steps += 1
+        return max(deadline, time.monotonic() - BACKLOG)
+
+    def close(self) -> None:
+        """Release the simulation."""
+        self._simulation.close()

@@ -1,0 +1,149 @@
+"""Node `par4_simulation`: the simulated Par4, paced by the wall clock, publishing its clock."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from trajectory_msgs.msg import JointTrajectory
+
+from par4_dynamics.model import read_model
+from par4_kinematics.errors import UnreachableError
+from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE
+from par4_kinematics.robot import read_robot
+from par4_kinematics.ros.convert import read_trajectory
+from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.parameters import parameter
+from par4_sim.ros.physics_loop import PhysicsLoop
+from par4_sim.ros.sample_publisher import SamplePublisher
+from par4_sim.ros.zero_stamp import ZeroStamps
+from par4_sim.simulation import FIDELITIES, Simulation, build_simulation
+
+
+@dataclass(frozen=True)
+class SimulationParameters:
+    """Parameters of the node."""
+
+    robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
+    model_file: str = parameter('table1_full', 'the machine as it truly is, model.yaml: a '
+                                               'path or a built-in name')
+    fidelity: str = parameter('fast', 'how exactly the mechanism is simulated', choices=FIDELITIES)
+    publish_rate_hz: float = parameter(1000.0, 'samples a second of simulated time, Hz', 1.0, 1e4)
+    real_time_factor: float = parameter(1.0, 'simulated seconds a second; 0 = as fast as it can',
+                                        0.0)
+    seed: int = parameter(0, 'of the measurement noise', 0)
+    torque_noise: float = parameter(0.0, 'noise of the recorded torque, N m rms', 0.0)
+    publish_clock: bool = parameter(True, 'publish simulated time on /clock')
+    feedforward_timeout: float = parameter(
+        0.0, 'longest wait (s of wall time) for the torque of a reference that starts', 0.0)
+
+
+class SimulationNode(Par4Node):
+    """Simulates Par4 with its drives: reference and feedforward_torque -> joint_states and clock.
+
+    The physics runs in the main thread, callbacks in another. ~/reset puts the machine at rest at
+    home, ~/reload_model too; the clock goes on.
+    """
+
+    NAME = 'par4_simulation'
+    PARAMETERS = SimulationParameters
+
+    def __init__(self) -> None:
+        super().__init__()
+        asked = self.parameters
+        self._robot = read_robot(asked.robot_file)
+        simulation = self._build()
+        self._samples = SamplePublisher(self, self._robot, asked.publish_clock)
+        self._physics = PhysicsLoop(simulation, self._samples.publish, asked.real_time_factor,
+                                    asked.feedforward_timeout)
+        self._zero_stamps = ZeroStamps()
+        self.subscribe(REFERENCE, self._on_reference)
+        self.subscribe(FEEDFORWARD_TORQUE, self._on_effort)
+        for name, action in (('reset', self._reset), ('reload_model', self._reload_model),
+                             ('pause', self._pause), ('resume', self._resume),
+                             ('stop', self._stop)):
+            self.serve(f'~/{name}', action)
+
+    def _build(self) -> Simulation:
+        asked = self.parameters
+        model = read_model(asked.model_file, self._robot)
+        return build_simulation(self._robot, model, asked.fidelity, 1.0 / asked.publish_rate_hz,
+                                asked.seed, asked.torque_noise)
+
+    def _on_reference(self, message: JointTrajectory) -> None:
+        points = read_trajectory(message)
+        self._physics.queue_reference(
+            self._zero_stamps.start_ns(REFERENCE, points, self._physics.now_ns), points)
+
+    def _on_effort(self, message: JointTrajectory) -> None:
+        points = read_trajectory(message, ('effort',))
+        self._physics.queue_effort(
+            self._zero_stamps.start_ns(FEEDFORWARD_TORQUE, points, self._physics.now_ns), points)
+
+    def _reset(self) -> str:
+        self._physics.restart()
+        return 'at rest at home'
+
+    def _reload_model(self) -> str:
+        self._physics.restart(self._build())
+        return f'read {self.parameters.model_file}; at rest at home'
+
+    def _pause(self) -> str:
+        self._physics.paused = True
+        return 'paused'
+
+    def _resume(self) -> str:
+        self._physics.paused = False
+        return 'running'
+
+    def _stop(self) -> str:
+        self.finished = True
+        return 'stopping'
+
+    def faults(self) -> dict[str, int]:
+        """Return the counts of the node, the drives and the loop."""
+        return dict(Counter(self._physics.counts) + self.counts)
+
+    def traffic(self) -> dict[str, int]:
+        """Return how many messages were published, by topic."""
+        return dict(self._samples.published)
+
+    def work(self) -> None:
+        """Simulate in this thread and serve callbacks in another until the node is finished."""
+        with ThreadPoolExecutor(1) as thread:
+            callbacks = thread.submit(self._serve_callbacks)
+            try:
+                while not self.finished:
+                    self._simulate()
+            finally:
+                self.finished = True
+        callbacks.result()
+
+    def _serve_callbacks(self) -> None:
+        try:
+            super().work()
+        finally:
+            self.finished = True
+
+    def _simulate(self) -> None:
+        try:
+            self._physics.run(lambda: self.finished)
+        except UnreachableError as error:
+            self.counts['unreachable_poses'] += 1
+            self.get_logger().error(f'{error}; paused: call ~/reset, then ~/resume')
+            self._physics.paused = True
+
+    def close(self) -> None:
+        """Release the plant."""
+        self._physics.close()
+
+
+def main() -> int:
+    """Run the node; return its exit code."""
+    return run(SimulationNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,716 @@
+"""The nodes as users run them: processes, topics, services, signals. One domain a test."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from par4_dynamics.model import read_model
+from par4_dynamics.model_file import read_model_file, write_model_file
+from par4_dynamics.state import state_of_joints
+from par4_kinematics.files import read_yaml, write_yaml
+from par4_kinematics.interface import (
+    AMPLIFIER_VOLTAGE,
+    CLOCK,
+    DIAGNOSTICS,
+    FEEDFORWARD_TORQUE,
+    JOINT_STATES,
+    PLATFORM_POSE,
+    REFERENCE,
+    ROBOT_DESCRIPTION,
+    TRUE_POSE,
+    TRUE_TORQUE,
+    Topic,
+)
+from par4_kinematics.motion import Motion, motion_of_joints
+from par4_kinematics.motion_file import named_motion
+from par4_kinematics.position import forward_kinematics, inverse_kinematics
+from par4_kinematics.robot import JOINT_NAMES, read_robot
+from par4_kinematics.ros.convert import (
+    SECOND,
+    Trajectory,
+    joint_values,
+    read_trajectory,
+    time_ns,
+    write_joint_state,
+    write_trajectory,
+)
+from par4_kinematics.ros.qos import message_type, qos_of
+from par4_kinematics.time_laws import Quintic
+from par4_kinematics.workspace import home_pose
+from par4_sim.bag import read_bag
+from robots import random_poses
+
+ROBOT = read_robot('reference')
+GAIN = np.asarray(ROBOT.drives.gain)
+HOME_Q = inverse_kinematics(ROBOT.geometry, home_pose(ROBOT))
+AWAY_Q = inverse_kinematics(ROBOT.geometry, home_pose(ROBOT) + (0.12, -0.06, 0.05, 0.3))
+DEADLINE = 90.0
+"""Seconds after which something that should happen counts as not happening."""
+COUNTER = itertools.count()
+MODULES = {
+    'par4_kinematics': 'par4_kinematics.ros.kinematics_node',
+    'par4_motion': 'par4_kinematics.ros.motion_node',
+    'par4_feedforward': 'par4_dynamics.ros.feedforward_node',
+    'par4_simulation': 'par4_sim.ros.simulation_node',
+    'par4_record': 'par4_identification.ros.record_node',
+}
+SIMULATED = {'use_sim_time': 'true'}
+MILLISECOND = 1_000_000
+
+
+class Bench:
+    """A test client in a domain of its own, and the nodes it starts there."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.domain = 1 + (11 * os.getpid() + next(COUNTER)) % 100  # above 101: ephemeral ports
+        self.environment = os.environ | {'ROS_DOMAIN_ID': str(self.domain),
+                                         'ROS_LOG_DIR': str(folder / 'log')}
+        self.children: list[subprocess.Popen] = []
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=self.domain)
+        self.node = rclpy.create_node('bench', context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def start(self, node: str, **parameters: Any) -> subprocess.Popen:
+        """Start a node with parameters."""
+        arguments = [part for name, value in parameters.items()
+                     for part in ('-p', f'{name}:={value}')]
+        with (self.folder / f'{node}_{len(self.children)}.txt').open('w') as output:
+            child = subprocess.Popen(
+                [sys.executable, '-m', MODULES[node], *(['--ros-args'] if arguments else []),
+                 *arguments], env=self.environment, cwd=self.folder, stdout=output,
+                stderr=subprocess.STDOUT)
+        self.children.append(child)
+        return child
+
+    def said(self) -> str:
+        """Return what the nodes printed."""
+        return '\n'.join(f'{path.name}: {path.read_text()}'
+                         for path in sorted(self.folder.glob('par4_*.txt')))
+
+    def wait(self, condition: Callable[[], Any], what: str) -> Any:
+        """Serve callbacks until the condition is true and return it."""
+        end = time.monotonic() + DEADLINE
+        while not (value := condition()):
+            if time.monotonic() > end:
+                pytest.fail(f'waited {DEADLINE:.0f} s for {what}; nodes said:\n{self.said()}')
+            self.executor.spin_once(timeout_sec=0.05)
+        return value
+
+    def listen(self, topic: Topic | str, name: str | None = None) -> list:
+        """Return a list to which every message of the topic will be added."""
+        messages: list = []
+        self.node.create_subscription(message_type(topic), name or topic.name, messages.append,
+                                      qos_of(topic))
+        return messages
+
+    def publisher(self, topic: Topic) -> Publisher:
+        """Return a publisher of the topic that a node listens to."""
+        publisher = self.node.create_publisher(message_type(topic), topic.name, qos_of(topic))
+        self.wait(lambda: publisher.get_subscription_count(), f'a subscriber of {topic.name}')
+        return publisher
+
+    def until_answered(self, ask: Callable[[], None], answers: list) -> Any:
+        """Ask again and again until there is an answer; return the first."""
+        end = time.monotonic()
+
+        def answered() -> bool:
+            nonlocal end
+            if not answers and time.monotonic() > end:
+                ask()
+                end = time.monotonic() + 0.5
+            return bool(answers)
+
+        self.wait(answered, 'an answer')
+        return answers[0]
+
+    def call(self, service: str) -> Trigger.Response:
+        """Return the response of a Trigger service."""
+        client = self.node.create_client(Trigger, service)
+        self.wait(client.service_is_ready, service)
+        future = client.call_async(Trigger.Request())
+        self.wait(future.done, f'the response of {service}')
+        return future.result()
+
+    def reports(self, diagnostics: list, node: str) -> list[dict[str, int]]:
+        """Return the counts of a node in each of its /diagnostics."""
+        return [{pair.key: int(pair.value) for pair in message.status[0].values}
+                for message in diagnostics if message.status[0].name == f'/{node}']
+
+    def counts(self, diagnostics: list, node: str) -> dict[str, int]:
+        """Return the newest counts of a node on /diagnostics, empty if there are none."""
+        return (self.reports(diagnostics, node) or [{}])[-1]
+
+    def ended(self, child: subprocess.Popen) -> int:
+        """Return the exit code of a node that is ending."""
+        self.wait(lambda: child.poll() is not None, 'the end of a node')
+        return child.returncode
+
+    def close(self) -> None:
+        """End the client and every node that still runs."""
+        for child in self.children:
+            if child.poll() is None:
+                child.send_signal(signal.SIGCONT)
+                child.terminate()
+        for child in self.children:
+            try:
+                child.wait(timeout=20)
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self.context)
+
+
+@pytest.fixture
+def bench(tmp_path, monkeypatch) -> Iterator[Bench]:
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    bench = Bench(tmp_path)
+    yield bench
+    bench.close()
+
+
+def joint_state(q, stamp_ns: int = SECOND, names=JOINT_NAMES) -> JointState:
+    """Return a joint state with its joints in the order of `names`."""
+    message = JointState()
+    message.name = list(names)
+    values = dict(zip(JOINT_NAMES, q, strict=True))
+    write_joint_state(message, stamp_ns, [values.get(name, 0.5) for name in names])
+    return message
+
+
+def quintic_motion(end_q: np.ndarray, period: float = 2e-3) -> Motion:
+    """Return a smooth motion in joint space from home."""
+    length = float(np.abs(end_q - HOME_Q).max())
+    law = Quintic(length, 1.0, 6.0)
+    t = np.arange(int(law.duration / period) + 2) * period
+    way = (end_q - HOME_Q) / length
+    s, sd, sdd = law.sample(t)
+    return motion_of_joints('quintic', ROBOT.geometry, t, HOME_Q + np.outer(s, way),
+                            np.outer(sd, way), np.outer(sdd, way))
+
+
+def reference_message(motion: Motion, stamp_ns: int, effort: np.ndarray | None = None
+                      ) -> JointTrajectory:
+    message = JointTrajectory()
+    write_trajectory(message, JointTrajectoryPoint, Trajectory(
+        stamp_ns, np.rint(motion.t * SECOND).astype(np.int64), motion.q, motion.qd, motion.qdd,
+        effort))
+    return message
+
+
+def torque_of(model: str | Path, motion: Motion) -> np.ndarray:
+    return read_model(model, ROBOT).torque(
+        state_of_joints(ROBOT.geometry, motion.t, motion.q, motion.qd, motion.qdd))
+
+
+def tool_angle(pose) -> float:
+    return 2.0 * np.arctan2(pose.orientation.z, pose.orientation.w)
+
+
+def test_kinematics_publishes_the_forward_kinematics_of_any_order_of_joints(bench):
+    bench.start('par4_kinematics')
+    poses = bench.listen(PLATFORM_POSE)
+    states = bench.publisher(JOINT_STATES)
+    bench.until_answered(lambda: states.publish(joint_state(HOME_Q)), poses)
+    random = np.random.default_rng(1)
+    q = inverse_kinematics(ROBOT.geometry, random_poses(ROBOT, 40, seed=2, share=0.5))
+    poses.clear()
+    for index, row in enumerate(q):
+        names = random.permutation((*JOINT_NAMES, 'passive_0', 'passive_1')).tolist()
+        states.publish(joint_state(row, SECOND + index, names))
+    bench.wait(lambda: poses and time_ns(poses[-1].header.stamp) == SECOND + len(q) - 1,
+               'the last pose')
+    received = {time_ns(message.header.stamp) - SECOND: message.pose for message in poses}
+    found = np.array([(received[index].position.x, received[index].position.y,
+                       received[index].position.z,
+                       tool_angle(received[index]) / ROBOT.geometry.rotation_amplification)
+                      for index in range(len(q))])
+    np.testing.assert_allclose(found, forward_kinematics(ROBOT.geometry, q), atol=1e-9)
+
+
+def test_bad_joint_states_are_dropped_and_counted(bench):
+    child = bench.start('par4_kinematics')
+    poses, diagnostics = bench.listen(PLATFORM_POSE), bench.listen(DIAGNOSTICS)
+    states = bench.publisher(JOINT_STATES)
+    bench.until_answered(lambda: states.publish(joint_state(HOME_Q)), poses)
+    bench.wait(lambda: diagnostics, 'diagnostics')
+    poses.clear()
+    short = joint_state(HOME_Q)
+    short.position = short.position[:3]
+    for bad in (joint_state(HOME_Q, names=JOINT_NAMES[1:]), short,
+                joint_state((*HOME_Q[:3], np.nan)), joint_state((1.5, -1.5, 1.5, -1.5))):
+        states.publish(bad)
+    states.publish(joint_state(HOME_Q, 7 * SECOND))
+    bench.wait(lambda: any(time_ns(pose.header.stamp) == 7 * SECOND for pose in poses),
+               'the pose of a good message behind bad ones')
+    bench.wait(lambda: bench.counts(diagnostics, 'par4_kinematics') == {
+        'rejected_messages': 3, 'unreachable_poses': 1}, 'the counts')
+    assert {time_ns(pose.header.stamp) for pose in poses} <= {SECOND, 7 * SECOND}
+    assert child.poll() is None
+    assert 'Traceback' not in bench.said()
+    assert 'missing joint arm_joint_0' in bench.said()
+
+
+@pytest.mark.parametrize('model', ['table1', 'table1_full'])
+def test_feedforward_is_the_torque_of_the_model(bench, model):
+    bench.start('par4_feedforward', model_file=model)
+    answers = bench.listen(FEEDFORWARD_TORQUE)
+    references = bench.publisher(REFERENCE)
+    motion = quintic_motion(AWAY_Q)
+    message = reference_message(motion, 3 * SECOND + 5)
+    message.joint_names = [*JOINT_NAMES[::-1], 'tool']
+    for point in message.points:
+        for field in ('positions', 'velocities', 'accelerations'):
+            setattr(point, field, [*list(getattr(point, field))[::-1], 0.5])
+    answer = bench.until_answered(lambda: references.publish(message), answers)
+    received = read_trajectory(answer, ('positions', 'effort'))
+    np.testing.assert_allclose(received.effort, torque_of(model, motion), rtol=1e-9, atol=1e-9)
+    np.testing.assert_array_equal(received.q, motion.q)
+    assert answer.header.stamp == message.header.stamp
+    assert [point.time_from_start for point in answer.points] == [
+        point.time_from_start for point in message.points]
+
+
+def test_feedforward_rejects_what_no_robot_can_do(bench):
+    bench.start('par4_feedforward')
+    answers, diagnostics = bench.listen(FEEDFORWARD_TORQUE), bench.listen(DIAGNOSTICS)
+    references = bench.publisher(REFERENCE)
+    motion = quintic_motion(HOME_Q + 0.1)
+    good = reference_message(motion, SECOND)
+    bench.until_answered(lambda: references.publish(good), answers)
+    bench.wait(lambda: diagnostics, 'diagnostics')
+    unreachable, not_finite = reference_message(motion, SECOND), reference_message(motion, SECOND)
+    unreachable.points[5].positions = [1.5, -1.5, 1.5, -1.5]
+    not_finite.points[5].accelerations[2] = np.nan
+    for bad in (unreachable, not_finite):
+        bad.header.stamp.sec = 50
+        references.publish(bad)
+    good.header.stamp.sec = 60
+    references.publish(good)
+    bench.wait(lambda: answers[-1].header.stamp.sec == 60, 'the answer to a good message')
+    assert 50 not in {answer.header.stamp.sec for answer in answers}
+    bench.wait(lambda: bench.counts(diagnostics, 'par4_feedforward') == {
+        'rejected_messages': 1, 'unreachable_poses': 1}, 'the counts')
+
+
+def test_reload_model_takes_a_good_file_and_keeps_the_old_model_on_a_bad_one(bench):
+    path = bench.folder / 'model.yaml'
+    content = read_model_file('table1')
+    write_model_file(path, content)
+    bench.start('par4_feedforward', model_file=path)
+    answers = bench.listen(FEEDFORWARD_TORQUE)
+    references = bench.publisher(REFERENCE)
+    motion = quintic_motion(HOME_Q + 0.1)
+    message = reference_message(motion, SECOND)
+
+    def effort() -> np.ndarray:
+        answers.clear()
+        return read_trajectory(bench.until_answered(
+            lambda: references.publish(message), answers), ('effort',)).effort
+
+    before = effort()
+    doubled = content.parameters['viscous_friction'].model_copy(update={'value': 4.08})
+    write_model_file(path, content.model_copy(
+        update={'parameters': content.parameters | {'viscous_friction': doubled}}))
+    assert bench.call('par4_feedforward/reload_model').success
+    after = torque_of(path, motion)
+    bench.wait(lambda: np.allclose(effort(), after, atol=1e-9), 'torques of the new model')
+    assert np.abs(after - before).max() > 0.1
+    path.write_text('schema: par4/model/1\nparameters: {coulomb: {value: 1}}\n')
+    refused = bench.call('par4_feedforward/reload_model')
+    assert not refused.success
+    assert 'coulomb' in refused.message
+    np.testing.assert_allclose(effort(), after, atol=1e-9)
+
+
+def bad_file(folder: Path, change: str) -> Path:
+    """Return the path of a robot or model file with something wrong in it."""
+    path = folder / f'{change}.yaml'
+    package, name = ('par4_dynamics', 'table1') if 'model' in change else (
+        'par4_kinematics', 'reference')
+    source = Path(__file__).parents[1] / 'src' / package / package / 'builtin' / f'{name}.yaml'
+    content = read_yaml(source)
+    if change == 'wrong_schema':
+        content['schema'] = 'par4/robot/9'
+    elif change == 'negative_mass':
+        content['bodies'] = {'rod_mass': -0.04}
+    else:
+        content['parameters']['platform_mass_1']['value'] = -0.8
+    write_yaml(path, content)
+    return path
+
+
+@pytest.mark.parametrize(('node', 'parameter', 'value', 'said'), [
+    *((node, 'robot_file', 'nowhere.yaml', 'nowhere.yaml: no such file') for node in (
+        'par4_kinematics', 'par4_motion', 'par4_feedforward', 'par4_simulation')),
+    ('par4_kinematics', 'robot_file', 'wrong_schema', 'expected schema par4/robot/1'),
+    ('par4_simulation', 'robot_file', 'negative_mass', 'bodies.rod_mass'),
+    ('par4_feedforward', 'model_file', 'negative_mass_model', 'must not be negative'),
+    ('par4_simulation', 'model_file', 'negative_mass_model', 'must not be negative'),
+    ('par4_simulation', 'fidelity', 'perfect', 'known are accurate, fast, exact'),
+    ('par4_simulation', 'real_time_factor', '-1.0', 'real_time_factor: -1.0 is outside 0 to inf'),
+    ('par4_simulation', 'publish_rate_hz', 'often', "publish_rate_hz: expected a number, found "
+                                                    "'often'"),
+    ('par4_motion', 'motion', 'dance', 'dance'),
+    ('par4_record', 'storage', 'tape', 'known are mcap, sqlite3'),
+    ('par4_record', 'output', '.', 'exists already'),
+])
+def test_what_a_node_cannot_start_with_is_said_in_one_line(bench, node, parameter, value, said):
+    if value in ('wrong_schema', 'negative_mass', 'negative_mass_model'):
+        value = bad_file(bench.folder, value)
+    done = subprocess.run(
+        [sys.executable, '-m', MODULES[node], '--ros-args', '-p', f'{parameter}:={value}'],
+        env=bench.environment, cwd=bench.folder, capture_output=True, text=True, timeout=DEADLINE)
+    assert done.returncode == 2
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith('error: ')
+    assert said in lines[0]
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_every_node_properly(bench, number):
+    diagnostics = bench.listen(DIAGNOSTICS)
+    children = {node: bench.start(node, **(
+        {'fidelity': 'exact'} if node == 'par4_simulation' else {})) for node in MODULES}
+    bench.wait(lambda: {message.status[0].name for message in diagnostics} == {
+        f'/{node}' for node in MODULES}, 'diagnostics of every node')
+    for child in children.values():
+        child.send_signal(number)
+    assert {node: bench.ended(child) for node, child in children.items()} == dict.fromkeys(
+        MODULES, 0)
+    assert 'Traceback' not in bench.said()
+
+
+class Simulated:
+    """A running simulation and what it publishes."""
+
+    def __init__(self, bench: Bench, **parameters: Any) -> None:
+        self.bench = bench
+        self.diagnostics = bench.listen(DIAGNOSTICS)
+        self.states = bench.listen(JOINT_STATES)
+        self.child = bench.start('par4_simulation', **({'fidelity': 'exact'} | parameters))
+        self.now_ns()
+
+    def now_ns(self) -> int:
+        self.bench.wait(lambda: self.states, 'joint_states')
+        return time_ns(self.states[-1].header.stamp)
+
+    def wait_until(self, end_ns: int) -> None:
+        self.bench.wait(lambda: self.now_ns() >= end_ns, f'simulated time {end_ns}')
+
+    def positions(self) -> dict[int, np.ndarray]:
+        return {time_ns(message.header.stamp): joint_values(message, 'position')
+                for message in self.states}
+
+    def fresh_counts(self) -> dict[str, int]:
+        """Return counts published from now on."""
+        self.diagnostics.clear()
+        return self.bench.wait(
+            lambda: self.bench.counts(self.diagnostics, 'par4_simulation'), 'diagnostics')
+
+
+@pytest.mark.parametrize('fidelity', ['exact', 'fast'])
+def test_the_simulation_follows_a_reference(bench, fidelity):
+    simulated = Simulated(bench, fidelity=fidelity)
+    references, efforts = bench.publisher(REFERENCE), bench.publisher(FEEDFORWARD_TORQUE)
+    motion = quintic_motion(AWAY_Q)
+    start_ns = (simulated.now_ns() // SECOND + 2) * SECOND
+    effort = torque_of('table1_full', motion)
+    efforts.publish(reference_message(motion, start_ns, effort))
+    references.publish(reference_message(motion, start_ns))
+    end_ns = start_ns + round(motion.duration * SECOND)
+    simulated.wait_until(end_ns + SECOND // 2)
+    positions = simulated.positions()
+    error = np.array([positions[start_ns + round(t * SECOND)] - q
+                      for t, q in zip(motion.t, motion.q, strict=True)
+                      if start_ns + round(t * SECOND) in positions])
+    assert len(error) > 0.9 * len(motion.t)
+    # the motion spans 0.4 rad; sticking friction is what the feedforward does not know
+    assert np.abs(error).max() < 3e-3
+    held = positions[max(positions)]
+    np.testing.assert_allclose(held, motion.q[-1], atol=1e-3)
+    counts = simulated.fresh_counts()
+    assert not {'late_points', 'missing_effort', 'rejected_messages'} & counts.keys()
+
+
+def test_effort_and_voltage_agree_and_the_truth_comes_on_request_only(bench):
+    simulated = Simulated(bench)
+    volts = bench.listen(AMPLIFIER_VOLTAGE)
+    clock, description = bench.listen(CLOCK), bench.listen(ROBOT_DESCRIPTION)
+    assert TRUE_POSE.name not in simulated.fresh_counts()
+    poses = bench.listen(TRUE_POSE, 'par4_simulation/true_pose')
+    torques = bench.listen(TRUE_TORQUE, 'par4_simulation/true_torque')
+    bench.wait(lambda: poses and torques and clock and description and len(volts) > 200, 'all')
+    assert description[0].data.startswith('<')
+    efforts = {time_ns(message.header.stamp): joint_values(message, 'effort')
+               for message in simulated.states}
+    both = [message for message in volts if time_ns(message.header.stamp) in efforts]
+    assert both
+    for message in both:
+        np.testing.assert_allclose(GAIN * joint_values(message, 'effort'),
+                                   efforts[time_ns(message.header.stamp)], rtol=1e-12)
+    home = poses[-1].pose.position
+    np.testing.assert_allclose((home.x, home.y, home.z), home_pose(ROBOT)[:3], atol=1e-4)
+    # gravity at rest: what the model says the machine needs to stand at home
+    still = motion_of_joints('still', ROBOT.geometry, np.zeros(2), np.tile(HOME_Q, (2, 1)),
+                             np.zeros((2, 4)), np.zeros((2, 4)))
+    # it may differ from that by no more than what sticks
+    sticks = read_model('table1_full', ROBOT).values['coulomb_friction'].max()
+    np.testing.assert_allclose(joint_values(torques[-1], 'effort'),
+                               torque_of('table1_full', still)[0], atol=sticks)
+
+
+def test_a_stamp_of_zero_starts_reference_and_torque_together(bench):
+    simulated = Simulated(bench)
+    references, efforts = bench.publisher(REFERENCE), bench.publisher(FEEDFORWARD_TORQUE)
+    motion = quintic_motion(HOME_Q + 0.15)
+    asked_ns = simulated.now_ns()
+    references.publish(reference_message(motion, 0))
+    efforts.publish(reference_message(motion, 0, torque_of('table1_full', motion)))
+    bench.wait(lambda: np.abs(joint_values(simulated.states[-1], 'position')
+                              - motion.q[-1]).max() < 1e-3, 'the end of the motion')
+    positions = simulated.positions()
+    times = np.array(sorted(positions))
+    moved = np.array([np.abs(positions[stamp] - HOME_Q).max() for stamp in times]) > 1e-3
+    assert times[np.argmax(moved)] >= asked_ns + SECOND // 5
+    counts = simulated.fresh_counts()
+    assert not {'late_points', 'missing_effort'} & counts.keys()
+
+
+def test_late_points_and_missing_effort_are_counted(bench):
+    simulated = Simulated(bench)
+    references = bench.publisher(REFERENCE)
+    simulated.wait_until(2 * SECOND)
+    motion = quintic_motion(HOME_Q + 0.1)
+    references.publish(reference_message(motion, 1))
+    start_ns = simulated.now_ns() + SECOND
+    references.publish(reference_message(motion, start_ns))
+    simulated.wait_until(start_ns + round(motion.duration * SECOND) + SECOND)
+    counts = simulated.fresh_counts()
+    assert counts['missing_effort'] == counts['late_points'] == len(motion.t)
+
+
+def test_a_start_waits_for_its_torque_as_long_as_it_is_told_to(bench):
+    simulated = Simulated(bench, feedforward_timeout=2 * DEADLINE)
+    references, efforts = bench.publisher(REFERENCE), bench.publisher(FEEDFORWARD_TORQUE)
+    motion = quintic_motion(HOME_Q + 0.1)
+    start_ns = simulated.now_ns() + SECOND
+    references.publish(reference_message(motion, start_ns))
+    counts: list[int] = []
+
+    def stands() -> bool:
+        counts.append(simulated.fresh_counts()[JOINT_STATES.name])
+        return len(counts) > 1 and counts[-1] == counts[-2]
+
+    bench.wait(stands, 'the clock to stand')
+    assert simulated.now_ns() <= start_ns
+    efforts.publish(reference_message(motion, start_ns, torque_of('table1_full', motion)))
+    simulated.wait_until(start_ns + round(motion.duration * SECOND) + SECOND // 2)
+    assert 'missing_effort' not in simulated.fresh_counts()
+
+
+def test_services_of_the_simulation(bench):
+    simulated = Simulated(bench)
+    references = bench.publisher(REFERENCE)
+    motion = quintic_motion(HOME_Q + 0.2)
+    references.publish(reference_message(motion, simulated.now_ns() + SECOND // 2))
+    bench.wait(lambda: np.abs(joint_values(simulated.states[-1], 'position')
+                              - HOME_Q).max() > 0.1, 'the robot to move')
+    assert bench.call('par4_simulation/pause').success
+    paused = simulated.fresh_counts()[JOINT_STATES.name]
+    assert simulated.fresh_counts()[JOINT_STATES.name] == paused
+    before_ns = simulated.now_ns()
+    assert bench.call('par4_simulation/reset').success
+    assert bench.call('par4_simulation/resume').success
+    simulated.wait_until(before_ns + SECOND)
+    positions = simulated.positions()
+    after = np.array([q for stamp, q in positions.items() if stamp > before_ns])
+    # at home, what was queued is forgotten, and time did not run backward
+    np.testing.assert_allclose(after, np.tile(HOME_Q, (len(after), 1)), atol=1e-3)
+    stamps = [time_ns(message.header.stamp) for message in simulated.states]
+    assert (np.diff(stamps) > 0).all()
+    assert bench.call('par4_simulation/reload_model').success
+    assert bench.call('par4_simulation/stop').success
+    assert bench.ended(simulated.child) == 0
+
+
+def test_motion_feedforward_and_simulation_play_a_motion_together(bench):
+    model = 'table1_full'
+    bench.start('par4_feedforward', model_file=model, **SIMULATED)
+    simulated = Simulated(bench)
+    sent, efforts = bench.listen(REFERENCE), bench.listen(FEEDFORWARD_TORQUE)
+    player = bench.start('par4_motion', motion='adept', **SIMULATED)
+    assert bench.ended(player) == 0
+    motion = named_motion('adept', ROBOT)
+    chunks = [read_trajectory(message) for message in sent]
+    q = np.concatenate([chunk.q for chunk in chunks])
+    times = np.concatenate([chunk.stamp_ns + chunk.from_start_ns for chunk in chunks])
+    np.testing.assert_allclose(q[-len(motion.q):], motion.q, atol=1e-12)
+    np.testing.assert_allclose(np.diff(times) / SECOND, motion.period, atol=2e-9)
+    filled = [read_trajectory(message, ('effort',)) for message in efforts]
+    np.testing.assert_array_equal(
+        np.concatenate([chunk.stamp_ns + chunk.from_start_ns for chunk in filled]), times)
+    simulated.wait_until(int(times[-1]) + SECOND // 2)
+    np.testing.assert_allclose(joint_values(simulated.states[-1], 'position'), motion.q[-1],
+                               atol=2e-3)
+
+
+def test_a_motion_that_begins_elsewhere_is_approached_from_where_the_robot_stands(bench):
+    states = bench.node.create_publisher(JointState, JOINT_STATES.name, qos_of(JOINT_STATES))
+    sent = bench.listen(REFERENCE)
+    bench.start('par4_motion', motion='circle')
+    motion = named_motion('circle', ROBOT)
+    bench.until_answered(lambda: states.publish(joint_state(HOME_Q)), sent)
+    np.testing.assert_allclose(read_trajectory(sent[0]).q[0], HOME_Q, atol=1e-9)
+    assert np.abs(motion.q[0] - HOME_Q).max() > 0.01
+
+
+class Recorded:
+    """A recorder of `bag` and a publisher of numbered joint states to it."""
+
+    def __init__(self, bench: Bench, **parameters: Any) -> None:
+        self.bench = bench
+        self.diagnostics = bench.listen(DIAGNOSTICS)
+        self.child = bench.start('par4_record', output='bag', **parameters)
+        self.publishers = [bench.publisher(topic) for topic in (JOINT_STATES, AMPLIFIER_VOLTAGE)]
+        self.published = 0
+        bench.wait(lambda: self.publish(1) or (
+            {JOINT_STATES.name, AMPLIFIER_VOLTAGE.name} <= self.counts().keys()),
+            'the first message to be recorded')
+
+    def publish(self, count: int) -> None:
+        """Publish joint states whose stamp, in ms, and first position are their number."""
+        for number in range(self.published + 1, self.published + 1 + count):
+            message = joint_state((number, 0.0, 0.0, 0.0), number * MILLISECOND)
+            write_joint_state(message, number * MILLISECOND, velocity=np.zeros(4),
+                              effort=np.zeros(4))
+            for publisher in self.publishers:
+                publisher.publish(message)
+        self.published += count
+
+    def counts(self) -> dict[str, int]:
+        return self.bench.counts(self.diagnostics, 'par4_record')
+
+    def settle(self) -> None:
+        """Wait until the recorder has nothing more to take."""
+        known = len(self.diagnostics)
+
+        def settled() -> bool:
+            reports = self.bench.reports(self.diagnostics[known:], 'par4_record')
+            return len(reports) > 1 and reports[-1] == reports[-2]
+
+        self.bench.wait(settled, 'the recorder to settle')
+
+    def end(self, number: signal.Signals) -> int:
+        """End the recorder with a signal and return how many messages it says were lost."""
+        self.child.send_signal(number)
+        assert self.bench.ended(self.child) == 0
+        return int(self.bench.said().rsplit(' lost', 1)[0].rsplit(' ', 1)[1])
+
+
+def numbers_in(path: Path, topic: Topic) -> list[int]:
+    """Return the numbers of the recorded messages, which their positions confirm."""
+    samples = read_bag(path).joints[topic.name]
+    numbers = samples.stamp // MILLISECOND
+    np.testing.assert_array_equal(samples.position[:, 0], numbers)
+    return numbers.tolist()
+
+
+def lost_between(numbers: list[int], last: int) -> int:
+    """Return how many of numbers[0] .. last are missing in the increasing `numbers`."""
+    assert (np.diff(numbers) > 0).all()
+    return last - numbers[0] + 1 - len(numbers)
+
+
+@pytest.mark.parametrize(('storage', 'number'), [('mcap', signal.SIGINT),
+                                                 ('sqlite3', signal.SIGTERM)])
+def test_what_is_published_is_recorded_or_counted_as_lost(bench, storage, number):
+    recorded = Recorded(bench, storage=storage)
+    recorded.publish(1500)
+    recorded.settle()
+    lost = recorded.end(number)
+    assert lost == sum(lost_between(numbers_in(bench.folder / 'bag', topic), recorded.published)
+                       for topic in (JOINT_STATES, AMPLIFIER_VOLTAGE))
+
+
+def test_messages_lost_while_the_recorder_is_held_up_are_counted(bench):
+    recorded = Recorded(bench)
+    recorded.child.send_signal(signal.SIGSTOP)
+    recorded.publish(6000)
+    recorded.child.send_signal(signal.SIGCONT)
+    recorded.settle()
+    recorded.publish(1)
+    recorded.settle()
+    assert recorded.counts()['lost_messages'] > 0
+    lost = recorded.end(signal.SIGTERM)
+    assert lost == sum(lost_between(numbers_in(bench.folder / 'bag', topic), recorded.published)
+                       for topic in (JOINT_STATES, AMPLIFIER_VOLTAGE))
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_killed_recording_is_mended(bench, storage):
+    recorded = Recorded(bench, storage=storage)
+    recorded.publish(500)
+    recorded.settle()
+    lost = recorded.counts().get('lost_messages', 0)
+    recorded.child.kill()
+    recorded.child.wait()
+    repair = [sys.executable, '-m', MODULES['par4_record'], '--repair', 'bag']
+    done = subprocess.run([*repair, '--output', 'mended'], cwd=bench.folder, capture_output=True,
+                          text=True, timeout=DEADLINE)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert lost == sum(lost_between(numbers_in(bench.folder / 'mended', topic), recorded.published)
+                       for topic in (JOINT_STATES, AMPLIFIER_VOLTAGE))
+    again = subprocess.run([*repair, '--output', 'mended'], cwd=bench.folder, capture_output=True,
+                           text=True, timeout=DEADLINE)
+    assert again.returncode == 2
+    assert again.stderr.startswith('error: ')
+
+
+def test_the_recorder_ends_after_its_duration(bench):
+    recorded = Recorded(bench, duration=2)
+    bench.wait(lambda: recorded.publish(1) or recorded.child.poll() is not None,
+               'the end of the recording')
+    assert recorded.child.returncode == 0
+    assert len(numbers_in(bench.folder / 'bag', JOINT_STATES)) > 0
+
+
+def test_the_recorder_stops_and_starts_on_request(bench):
+    recorded = Recorded(bench)
+    first = bench.call('par4_record/stop')
+    assert first.success
+    assert f'{bench.folder / "bag"}'.endswith(first.message.split(':')[0])
+    in_first = numbers_in(bench.folder / 'bag', JOINT_STATES)
+    assert not bench.call('par4_record/stop').success
+    recorded.publish(50)
+    recorded.settle()
+    assert bench.call('par4_record/start').success
+    between = recorded.published
+    recorded.publish(50)
+    recorded.settle()
+    assert bench.call('par4_record/stop').success
+    in_second = numbers_in(bench.folder / 'bag_2', JOINT_STATES)
+    assert max(in_first) <= between - 50
+    assert in_second == list(range(between + 1, between + 51))

@@ -1,0 +1,122 @@
+"""The loop around a simulation: its times, its orders, its patience."""
+
+from __future__ import annotations
+
+from threading import Thread
+
+import numpy as np
+import pytest
+
+from par4_dynamics.model import read_model
+from par4_kinematics.errors import InputError
+from par4_kinematics.position import inverse_kinematics
+from par4_kinematics.ros.convert import SECOND, Trajectory
+from par4_kinematics.workspace import home_pose
+from par4_sim.ros.physics_loop import PhysicsLoop
+from par4_sim.simulation import Sample, Simulation, build_simulation
+from robots import REFERENCE
+
+PERIOD_NS = 2_000_000
+HOME_Q = inverse_kinematics(REFERENCE.geometry, home_pose(REFERENCE))
+
+
+def simulation() -> Simulation:
+    return build_simulation(REFERENCE, read_model('table1', REFERENCE), 'exact',
+                            PERIOD_NS / SECOND)
+
+
+class Run:
+    """A loop that runs as fast as it can, and what it published."""
+
+    def __init__(self, feedforward_timeout: float = 0.0) -> None:
+        self.times: list[int] = []
+        self.samples: list[Sample] = []
+        self.loop = PhysicsLoop(simulation(), self.publish, 0.0, feedforward_timeout)
+
+    def publish(self, time_ns: int, sample: Sample) -> None:
+        self.times.append(time_ns)
+        self.samples.append(sample)
+
+    def go_on(self, count: int) -> None:
+        """Run in this thread until `count` samples more are out."""
+        end = len(self.times) + count
+        self.loop.run(lambda: len(self.times) >= end)
+
+
+def rest_at_home(start: float, count: int = 5) -> Trajectory:
+    times = np.arange(count) * PERIOD_NS + round(start * SECOND)
+    still = np.zeros((count, 4))
+    return Trajectory(0, times, np.tile(HOME_Q, (count, 1)), still, still, still)
+
+
+def test_samples_come_every_period():
+    run = Run()
+    run.go_on(50)
+    assert run.times == [(index + 1) * PERIOD_NS for index in range(50)]
+    assert run.loop.now_ns == run.times[-1]
+
+
+@pytest.mark.parametrize('other', [None, simulation()])
+def test_time_goes_on_after_a_restart_and_the_machine_is_at_home(other):
+    run = Run()
+    points = rest_at_home(0.02)
+    run.loop.queue_reference(0, Trajectory(0, points.from_start_ns, points.q + 0.05, points.qd,
+                                           points.qdd))
+    run.go_on(100)
+    moved = run.samples[-1].q
+    assert np.abs(moved - HOME_Q).max() > 0.03
+    restart = Thread(target=run.loop.restart, args=(other,))
+    restart.start()
+    while restart.is_alive():
+        run.go_on(1)
+    run.go_on(10)
+    assert (np.diff(run.times) == PERIOD_NS).all()
+    np.testing.assert_allclose(run.samples[-1].q, HOME_Q, atol=1e-3)
+    assert run.samples[-1].time_ns < run.times[-1]
+
+
+def test_references_are_queued_by_the_time_that_is_published():
+    run = Run()
+    run.go_on(10)
+    restart = Thread(target=run.loop.restart)
+    restart.start()
+    while restart.is_alive():
+        run.go_on(1)
+    start_ns = run.loop.now_ns + 50 * PERIOD_NS
+    points = rest_at_home(0.0, count=400)
+    ramp = points.q.copy()
+    ramp[200:] += 0.05
+    run.loop.queue_reference(start_ns, Trajectory(0, points.from_start_ns, ramp, points.qd,
+                                                  points.qdd))
+    run.go_on(50 + 400)
+    moved = np.array([np.abs(sample.q - HOME_Q).max() > 0.01 for sample in run.samples])
+    first = run.times[int(np.argmax(moved))]
+    assert start_ns + 199 * PERIOD_NS <= first <= start_ns + 220 * PERIOD_NS
+
+
+def test_a_start_waits_for_its_torque_and_orders_are_carried_out_meanwhile():
+    run = Run(feedforward_timeout=3600.0)
+    run.loop.queue_reference(0, rest_at_home(0.1))
+    looks = iter(range(10))
+    run.loop.run(lambda: next(looks) == 9)
+    assert run.times[-1] < 0.1 * SECOND
+    stood_at = len(run.times)
+    looks = iter(range(3))
+    run.loop.run(lambda: next(looks) == 2)
+    assert len(run.times) == stood_at
+    run.loop.queue_effort(0, rest_at_home(0.1))
+    run.go_on(100)
+    assert run.loop.counts['missing_effort'] == 0
+
+
+def test_patience_ends_and_what_is_missing_is_counted():
+    run = Run(feedforward_timeout=0.05)
+    run.loop.queue_reference(0, rest_at_home(0.1))
+    run.go_on(100)
+    assert run.loop.counts['missing_effort'] == 5
+
+
+def test_a_loop_that_has_ended_takes_no_orders(monkeypatch):
+    monkeypatch.setattr('par4_sim.ros.physics_loop.PATIENCE', 0.01)
+    with pytest.raises(InputError, match='the simulation has ended'):
+        Run().loop.restart()
