@@ -24,7 +24,7 @@ from par4_dynamics.model_file import read_model_file
 from par4_kinematics.files import write_yaml
 
 BIN = Path(sys.executable).parent
-CONSOLE = Console(highlight=False)
+CONSOLE = Console(highlight=False, soft_wrap=True)
 FIT_SECONDS, VALIDATION_SECONDS = 20.0, 10.0
 TORQUE_NOISE = 0.05
 HIDDEN = {
