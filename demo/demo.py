@@ -70,7 +70,8 @@ def record(folder: Path, bag: Path, model: Path | str, seconds: float, seed: int
     log = folder / 'nodes.log'
     with ExitStack() as nodes:
         simulation = nodes.enter_context(node(
-            log, 'par4_simulation', model_file=model, torque_noise=TORQUE_NOISE, seed=seed))
+            log, 'par4_simulation', model_file=model, torque_noise=TORQUE_NOISE, seed=seed,
+            feedforward_timeout=2.0))
         nodes.enter_context(node(log, 'par4_feedforward', model_file='table1', use_sim_time=True))
         nodes.enter_context(node(log, 'par4_record', output=bag, use_sim_time=True))
         while not bag.exists() and simulation.poll() is None:

@@ -20,7 +20,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from par4_identification.recorder import Recorder
 from par4_kinematics.errors import InputError
 from par4_sim import bag as bag_module
-from par4_sim.bag import STORAGES, BagWriter, read_bag, repair_bag
+from par4_sim.bag import STORAGES, BagWriter, read_bag
+from par4_sim.bag_repair import repair_bag
 
 JOINTS = ('arm_joint_0', 'arm_joint_1', 'arm_joint_2', 'arm_joint_3')
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -301,7 +302,9 @@ def run_and_kill(code: str, *arguments: str) -> None:
 
 WRITE = """
 import sys
+from par4_sim import bag
 from par4_sim.bag import BagWriter
+bag.FLUSH_PERIOD = 1e9  # however slow this machine is, nothing is flushed by itself
 sys.path.insert(0, sys.argv[3])
 from test_bag import fill
 writer = BagWriter(sys.argv[1], sys.argv[2])

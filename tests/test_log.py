@@ -11,7 +11,8 @@ import pytest
 from par4_identification.log import CROWDED, SHORTEST_SEGMENT, Log, read_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import JOINT_NAMES, Axis, read_robot
-from par4_sim.bag import BagWriter, repair_bag
+from par4_sim.bag import BagWriter
+from par4_sim.bag_repair import repair_bag
 
 ROBOT = read_robot('reference')
 GAIN = np.array(ROBOT.drive_gain)

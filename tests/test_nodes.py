@@ -697,6 +697,26 @@ def test_the_recorder_ends_after_its_duration(bench):
     assert len(numbers_in(bench.folder / 'bag', JOINT_STATES)) > 0
 
 
+def test_the_duration_counts_from_the_first_message_on_the_simulated_clock(bench):
+    recorded = Recorded(bench, duration=2, **SIMULATED)
+    clock = bench.publisher(CLOCK)
+    message = message_type(CLOCK)()
+
+    def at(seconds: int) -> bool:
+        message.clock.sec = seconds
+        clock.publish(message)
+        recorded.publish(1)
+        return recorded.child.poll() is not None
+
+    at(50)
+    recorded.settle()
+    assert not at(51)
+    recorded.settle()
+    assert recorded.child.poll() is None
+    bench.wait(lambda: at(53), 'the end of the recording')
+    assert recorded.child.returncode == 0
+
+
 def test_the_recorder_stops_and_starts_on_request(bench):
     recorded = Recorded(bench)
     first = bench.call('par4_record/stop')

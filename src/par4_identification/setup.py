@@ -14,7 +14,8 @@ setup(
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
     ],
-    install_requires=['click', 'jinja2', 'matplotlib', 'numpy', 'rich', 'scipy'],
+    install_requires=[
+        'click', 'jinja2', 'markupsafe', 'matplotlib', 'numba', 'numpy', 'rich', 'scipy'],
     zip_safe=False,
     entry_points={
         'console_scripts': [

@@ -17,6 +17,9 @@ from par4_identification.rows import Conditioning, Run, runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
+INSIGNIFICANT = 3.0
+"""Standard deviations within which a negative value is taken for zero."""
+
 
 @dataclass(frozen=True)
 class Identification:
@@ -41,19 +44,23 @@ class Identification:
                 for term, value, std in zip(self.terms, self.estimate.values, self.estimate.std)}
 
     def model_file(self, provenance: dict) -> ModelFile:
-        """Return the model to be written.
+        """Return the model to be written; what is negative by noise only is written as zero.
 
         Raises:
             InputError: a parameter came out negative that physics forbids to be.
         """
+        parameters = dict(self.parameters)
         for term in self.terms:
-            value = self.parameters[term.name].value
-            if term.nonnegative and value < 0:
+            value, std = parameters[term.name].value, parameters[term.name].std
+            if not term.nonnegative or value >= 0.0:
+                continue
+            if value < -INSIGNIFICANT * std:
                 raise InputError(
                     f'{term.name} identified as {value:.4g} {term.unit}, which is impossible; '
                     f'check the sign, order and gains of the joints, or record a richer motion')
+            parameters[term.name] = parameters[term.name].model_copy(update={'value': 0.0})
         return ModelFile(schema='par4/model/1', rigid_body=self.rigid_body,
-                         parameters=self.parameters, provenance=provenance)
+                         parameters=parameters, provenance=provenance)
 
 
 def distributed_torque(machine: Robot | Axis, rigid_body: str, state: State) -> np.ndarray:

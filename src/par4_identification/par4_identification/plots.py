@@ -178,6 +178,10 @@ def signature(abscissa: Sequence[np.ndarray], label: str, before: Sequence[np.nd
         axes = figure.subplots(rows, columns, squeeze=False, sharey=True)
         for axis, where, old, left, own, title in zip(axes.flat, abscissa, before, alone, curve,
                                                       titles, strict=False):
+            axis.set_title(title)
+            if not len(where):
+                _at_rest(axis)
+                continue
             low, high = _where_it_acts(where, own)
             inside = np.count_nonzero((where >= low) & (where <= high))
             edges = np.linspace(low, high, int(np.clip(inside // 12, 8, 72)) + 1)
@@ -186,7 +190,6 @@ def signature(abscissa: Sequence[np.ndarray], label: str, before: Sequence[np.nd
                                         for share in (25.0, 75.0)), color=FAINT, linewidth=0)
             axis.plot(middle, _binned(where, left, edges, 50.0), 'o', color=BEFORE, markersize=3.6)
             axis.plot(middle, _binned(where, own, edges, 50.0), color=CURVE, linewidth=1.3)
-            axis.set_title(title)
             axis.set_xlim(edges[0], edges[-1])
         for axis in axes[:, 0]:
             axis.set_ylabel(f'{names.torque}, {names.torque_unit}')
@@ -216,6 +219,11 @@ def residual_over_motion(views: Sequence[tuple[str, Sequence[np.ndarray]]],
                         layout='constrained')
         axes = figure.subplots(joints, len(views), squeeze=False, sharey='row', sharex='col')
         for joint, (label, left) in enumerate(zip(names.joints, residuals, strict=True)):
+            axes[joint, 0].set_title(label)
+            axes[joint, 0].set_ylabel(f'residual, {names.torque_unit}')
+            if not len(left):
+                _at_rest(*axes[joint])
+                continue
             low, high = np.percentile(left, (5.0, 95.0))
             limit = max(-low, high, 3.0 * floor[joint], 1e-9)
             for axis, (_, values) in zip(axes[joint], views, strict=True):
@@ -228,8 +236,6 @@ def residual_over_motion(views: Sequence[tuple[str, Sequence[np.ndarray]]],
                 axis.plot(middle, median, color=AFTER, linewidth=1.3)
                 axis.set_ylim(-limit, limit)
                 axis.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
-            axes[joint, 0].set_title(label)
-            axes[joint, 0].set_ylabel(f'residual, {names.torque_unit}')
         for axis, (label, _) in zip(axes[-1], views, strict=True):
             axis.set_xlabel(label)
             axis.xaxis.set_major_locator(MaxNLocator(5))
@@ -260,6 +266,12 @@ def residual_statistics(residuals: Sequence[np.ndarray], floor: np.ndarray,
         for joint, label in enumerate(names.joints):
             upper, lower = axes[:, joint]
             values = residuals[joint]
+            upper.set_title(label)
+            upper.set_xlabel(f'residual, {names.torque_unit}')
+            lower.set_xlabel('lag, s')
+            if not len(values):
+                _at_rest(upper, lower)
+                continue
             limit = max(4.0 * floor[joint], np.percentile(np.abs(values), 99.5))
             edges = np.linspace(-limit, limit, 61)
             density, _ = np.histogram(values, edges)
@@ -270,14 +282,11 @@ def residual_statistics(residuals: Sequence[np.ndarray], floor: np.ndarray,
                 normal = np.exp(-0.5 * (middle / floor[joint]) ** 2) / (
                     floor[joint] * np.sqrt(2.0 * np.pi))
                 upper.plot(middle, normal, color=INK)
-            upper.set_title(label)
-            upper.set_xlabel(f'residual, {names.torque_unit}')
             band = 1.96 / np.sqrt(max(rows[joint], 1))
             lower.axhspan(-band, band, color=FLOOR, linewidth=0)
             lower.plot(lag[1:], correlation[1:, joint], color=CALCULATED, linewidth=1.2)
             lower.set_xlim(0.0, lag[-1])
             lower.set_ylim(min(-0.5, 1.1 * correlation.min()), 1.0)
-            lower.set_xlabel('lag, s')
         unit = names.torque_unit
         axes[0, 0].set_ylabel(f'density, 1/({unit})' if ' ' in unit else f'density, 1/{unit}')
         axes[1, 0].set_ylabel('autocorrelation, 1')
@@ -350,6 +359,8 @@ def measured_motion(t: np.ndarray, speed: np.ndarray, torque: np.ndarray, names:
 
 def _windows(t: np.ndarray) -> list[slice]:
     """Return uninterrupted windows of `WINDOW` seconds, or all rows if there is none."""
+    if len(t) < 3:
+        return [slice(0, len(t))]
     spacing = float(np.median(np.diff(t)))
     length = min(len(t), round(WINDOW / spacing) + 1)
     starts = range(0, len(t) - length + 1, max(1, length // 4))
@@ -393,6 +404,11 @@ def _binned(abscissa: np.ndarray, values: np.ndarray, edges: np.ndarray, share: 
     bin_of = np.digitize(abscissa, edges)
     parts = [values[bin_of == index] for index in range(1, len(edges))]
     return np.array([np.percentile(part, share) if len(part) >= 4 else np.nan for part in parts])
+
+
+def _at_rest(*axes: Axes) -> None:
+    for axis in axes:
+        axis.text(0.5, 0.5, 'at rest', transform=axis.transAxes, ha='center', va='center')
 
 
 def _line(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, width: float) -> None:

@@ -192,7 +192,7 @@ def _render(template: str, machine: Robot | Axis, logs: Sequence[Log], outcome: 
                               trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
     environment.filters.update(minus=_minus, symbol=_symbol)
     return environment.get_template(template).render(
-        title=title, what=title, outcome=outcome, insights_title=insights_title,
+        title=title, outcome=outcome, insights_title=insights_title,
         names=_names(machine), bags=[_bag_cells(log) for log in logs], facts=_facts(provenance),
         facts_title=facts_title, **content)
 
@@ -227,17 +227,23 @@ def _bag_cells(log: Log) -> dict[str, Any]:
 
 
 def _facts(provenance: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return the entries of a provenance, a line each, hashes shortened."""
+    """Return the entries of a provenance, which may hold anything, a line each."""
     facts = []
     for name, value in provenance.items():
         if name == 'bags' and isinstance(value, list):
-            facts += [('bag', f'{bag["path"]}  sha256 {bag["sha256"][:16]}…') for bag in value]
+            facts += [('bag', _bag_fact(bag)) for bag in value]
         elif isinstance(value, dict):
-            facts += [(in_words(name), ', '.join(f'{key} {item}' for key, item in value.items()))
-                      ] if value else []
+            parts = (f'{key} {item}' for key, item in value.items())
+            facts.append((in_words(name), ', '.join(parts)))
         else:
             facts.append((in_words(name), str(value)))
-    return facts
+    return [(name, text) for name, text in facts if text]
+
+
+def _bag_fact(bag: object) -> str:
+    if isinstance(bag, dict) and {'path', 'sha256'} <= bag.keys():
+        return f'{bag["path"]}, sha256 {str(bag["sha256"])[:16]}…'
+    return str(bag)
 
 
 def _joined_time(runs: Sequence[Run]) -> np.ndarray:
@@ -363,7 +369,8 @@ def _signature_of_cause(diagnosis: Diagnosis, index: int, machine: Robot | Axis,
         places.append(run.rows(np.ascontiguousarray(view.abscissa)))
         own.append(run.rows(added[index].torque(run.state)))
     quantity, _, unit = label.rpartition(', ')
-    label = f'{quantity}, {typeset(unit_on(machine, unit))}'
+    unit = typeset(unit_on(machine, unit))
+    label = f'{quantity}, {unit}'
     period = _period(cause, places)
     if period:
         places = [np.mod(place, period) for place in places]
@@ -419,7 +426,8 @@ def _residual_over_motion(diagnosis: Diagnosis, machine: Robot | Axis, names: Na
                 for joint in range(len(names.joints))]
 
     position = unit_on(machine, 'rad')
-    time = np.split(_joined_time(holdout.runs), np.cumsum([len(run.t) for run in holdout.runs])[:-1])
+    ends = np.cumsum([len(run.t) for run in holdout.runs])
+    time = np.split(_joined_time(holdout.runs), ends[:-1])
     views = ((f'position, {position}', [run.rows(run.state.q) for run in holdout.runs]),
              (f'speed, {position}/s', [run.speed for run in holdout.runs]),
              (f'acceleration, {typeset(position + "/s2")}',

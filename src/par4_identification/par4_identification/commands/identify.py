@@ -121,7 +121,7 @@ def terminal_table(rows: Sequence[ParameterRow]) -> Table:
     """Return TABLE 1 for a terminal."""
     paper, truth = (any(getattr(row, name) is not None for row in rows)
                     for name in ('paper', 'true'))
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column('parameter', no_wrap=True)
     for name in (*(['paper'] if paper else []), *(['true'] if truth else []), 'identified',
                  'rel. std'):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from par4_sim.bag import repair_bag
+from par4_sim.bag_repair import repair_bag
 from par4_sim.commands.entry import run
 
 

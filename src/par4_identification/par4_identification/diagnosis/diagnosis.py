@@ -263,7 +263,11 @@ def _remaining(evidence: Evidence, heldout: Observations, hypotheses: Sequence[H
     valid_rows = blocks.counts().sum(axis=0)
     mean_square = blocks.sums(after, weighted=False).sum(axis=0) / np.maximum(valid_rows, 1)
     excess = float(np.sqrt(mean_square.sum() / max((floor ** 2).sum(), 1e-30)))
-    significant = gain.share > rules.remaining_gain and gain.low > 0.0
+    torque = sum(np.sum(np.where(run.valid, run.tau, 0.0) ** 2) for run in heldout.runs)
+    explained = (blocks.sums(after, weighted=False).sum()
+                 - blocks.sums(fits[strongest].heldout, weighted=False).sum())
+    significant = (gain.share > rules.remaining_gain and gain.low > 0.0
+                   and explained > rules.least_share ** 2 * torque)
     looks_like = fits[strongest].block if significant else None
     old, new = blocks.sums(before).sum(), blocks.sums(after).sum()
     best = min(new, blocks.sums(fits[strongest].heldout).sum()) if significant else new
@@ -274,14 +278,14 @@ def _remaining(evidence: Evidence, heldout: Observations, hypotheses: Sequence[H
 def _verdict(found: Sequence[Found], remaining: Remaining, explained_share: float, rules: Rules
              ) -> tuple[Verdict, str]:
     """Return the verdict and, where names are withheld, why."""
+    wrong = remaining.significant or remaining.floor_excess > rules.floor_excess
     if not found:
-        wrong = remaining.significant or remaining.floor_excess > rules.floor_excess
         return ('unknown' if wrong else 'clean'), ''
     if remaining.significant and explained_share < rules.sufficient_share:
         return 'unknown', (f'the names found explain {explained_share:.0%} of what a nameless '
                            f'function of {remaining.looks_like} and they explain together; a '
                            f'cause that is not in the library is more likely')
-    return ('partly_explained' if remaining.significant else 'explained'), ''
+    return ('partly_explained' if wrong else 'explained'), ''
 
 
 def _holdout(runs: Sequence[Run], blocks: Blocks, before: Sequence[np.ndarray],

@@ -21,8 +21,9 @@ def torque_noise(runs: Sequence[Run]) -> np.ndarray:
     """Return the standard deviation (J,), N m, of the torque noise in the rows.
 
     From dwells, where little but noise moves the torque, or, without enough of them, from the
-    level above the pass band. A resting drive creeps and now and then breaks loose: slow parts are
-    taken out of each window and the median window counts.
+    level above the pass band, which motion with jumps of acceleration raises. A resting drive
+    creeps and now and then breaks loose: slow parts are taken out of each window and the median
+    window counts.
     """
     floor = np.sqrt(np.mean([run.noise_floor ** 2 for run in runs], axis=0))
     time = np.arange(WINDOW)

@@ -32,6 +32,9 @@ class Rules:
     Attributes:
         p_value: family-wise, over all effects and shapes tried.
         holdout_gain: least share of the held-out squared error that it removes.
+        least_share: least rms of what of its torque the rest of the model cannot follow, over
+            that of the measured torque, on some joint; sampling and filters do not reproduce the
+            torque of fast motion any better.
         agreement: least cosine between its estimates from two interleaved halves of the fit rows.
         joint_p_value: below which a joint keeps an effect that others have.
         joint_share: least share of the effect's likelihood ratio that a joint must carry.
@@ -45,6 +48,7 @@ class Rules:
 
     p_value: float = 1e-3
     holdout_gain: float = 0.02
+    least_share: float = 1e-3
     agreement: float = 0.6
     joint_p_value: float = 1e-3
     joint_share: float = 0.0005
@@ -233,6 +237,10 @@ class Selector:
         if gain.share < self._rules.holdout_gain or gain.low <= 0.0:
             return Rejected(hypothesis.label, f'removes {gain.share:.1%} of the held-out squared '
                             f'error (95 % interval {gain.low:.1%} to {gain.high:.1%})')
+        share = self._torque_share(hypothesis, fit.coefficients[-1], others)
+        if share < self._rules.least_share:
+            return Rejected(hypothesis.label, f'what shows of its torque is {share:.2%} of the '
+                            f'measured one, less than sampling and filters resolve')
         reason = self._implausible(hypothesis, fit, len(together) - 1)
         if reason:
             return Rejected(hypothesis.label, reason)
@@ -241,6 +249,21 @@ class Selector:
             return Rejected(hypothesis.label, f'its estimates from the two halves of the data '
                             f'disagree (cosine {agreement:.2f})')
         return Found(hypothesis, candidate.likelihood_ratio, candidate.p_value(self._family), gain)
+
+    def _torque_share(self, hypothesis: Hypothesis, coefficients: np.ndarray,
+                      others: Sequence[Hypothesis]) -> float:
+        """Return the visible rms torque of an effect over the measured one, at most of a joint."""
+        effect_rows = self._heldout.effect_rows(hypothesis.effect, hypothesis.shape)
+        effect, torque = np.zeros(len(self._joints)), np.zeros(len(self._joints))
+        for run, rows in zip(self._heldout.runs, effect_rows):
+            own = np.einsum('mjk,kj->mj', rows, coefficients)
+            effect += np.sum(np.where(run.valid, own, 0.0) ** 2, axis=0)
+            torque += np.sum(np.where(run.valid, run.tau, 0.0) ** 2, axis=0)
+        flat = (coefficients[:, 0] if hypothesis.effect.shared
+                else coefficients[:, list(hypothesis.joints)].T.ravel())
+        visible = project(self._evidence, others).left_share(
+            self._evidence.columns(hypothesis), flat)
+        return float(visible * np.max(np.sqrt(effect / np.maximum(torque, 1e-30))))
 
     def _implausible(self, hypothesis: Hypothesis, fit: Fit, index: int) -> str | None:
         effect = hypothesis.effect

@@ -71,7 +71,7 @@ def provenance(tool: str, machine: Robot | Axis, bags: Sequence[str | Path],
 def bags_of(model_file: ModelFile) -> frozenset[str]:
     """Return the hashes of the bags that a model was identified from, as far as it tells them."""
     bags = model_file.provenance.get('bags')
-    return frozenset(bag['sha256'] for bag in bags if isinstance(bag, dict) and 'sha256' in bag
+    return frozenset(str(bag.get('sha256')) for bag in bags if isinstance(bag, dict)
                      ) if isinstance(bags, list) else frozenset()
 
 

@@ -40,7 +40,8 @@ def outcome_of_validation(validation: Validation, floor: np.ndarray, machine: Ro
             Remark(False, 'A resting joint does not tell its friction.',
                    'Give a bag in which the joints move.'), data_remark([log])))
     total = total_errors(validation, validation.moving)
-    rms, noise = over_joints(validation.without_standstill.rms), over_joints(floor)
+    moving = validation.moving.any(axis=0)
+    rms, noise = over_joints(validation.without_standstill.rms[moving]), over_joints(floor[moving])
     remarks = (
         Remark(False, 'The model was identified from this very bag: this is no cross-validation.',
                'Give a bag of another motion.') if seen else

@@ -20,7 +20,7 @@ def number(value: float, digits: int = 3) -> str:
         return 'n/a'
     if value == 0.0:
         return '0'
-    exponent = math.floor(math.log10(abs(value)))
+    exponent = _exponent(value, digits)
     if not -5 < exponent < 7:
         return f'{value:.{digits - 1}e}'
     rounded = round(value, digits - 1 - exponent)
@@ -31,10 +31,15 @@ def with_std(value: float, std: float | None) -> tuple[str, str]:
     """Return value and standard deviation, the latter to two digits, both to the same decimals."""
     if not std or not math.isfinite(std):
         return number(value, 4), '0' if std == 0.0 else 'n/a'
-    decimals = max(1 - math.floor(math.log10(std)), 0)
+    decimals = max(1 - _exponent(std, 2), 0)
     if decimals > 8:
         return number(value, 6), number(std, 2)
     return f'{value:.{decimals}f}', f'{std:.{decimals}f}'
+
+
+def _exponent(value: float, digits: int) -> int:
+    """Return the power of ten of a number rounded to so many significant digits."""
+    return int(f'{value:.{digits - 1}e}'.partition('e')[2])
 
 
 def percent(fraction: float, digits: int = 2) -> str:

@@ -53,7 +53,7 @@ class RecordNode(Par4Node):
         self._received: Counter[str] = Counter()
         self._last_number: dict[str, int] = {}
         self._lost: Counter[str] = Counter()
-        self._began_ns: int | None = None
+        self._began_ns = 0
         self._start()
         self._recorded = {topic: self._record(topic) for topic in RECORDED_TOPICS}
         self.serve('~/start', self._start)
@@ -85,7 +85,7 @@ class RecordNode(Par4Node):
         self._lost[name] += max(0, number - last - 1)  # a new publisher starts again from 1
         self._last_number[name] = number
         self._received[name] += 1
-        if self._began_ns is None:
+        if not self._began_ns:  # simulated time is 0 until the first clock message
             self._began_ns = self.get_clock().now().nanoseconds
         self._recorder.write(self._recorded[topic].topic_name, topic.type,
                              info['received_timestamp'], data)
@@ -100,7 +100,7 @@ class RecordNode(Par4Node):
         self._received.clear()
         self._last_number.clear()
         self._lost.clear()
-        self._began_ns = None
+        self._began_ns = 0
         return f'recording {self._path}'
 
     def _stop(self) -> str:
@@ -117,7 +117,7 @@ class RecordNode(Par4Node):
 
     def _stop_in_time(self) -> None:
         duration_ns, began_ns = self.parameters.duration * SECOND, self._began_ns
-        if duration_ns > 0.0 and began_ns is not None and self._recorder is not None and (
+        if duration_ns > 0.0 and began_ns and self._recorder is not None and (
                 self.get_clock().now().nanoseconds - began_ns >= duration_ns):
             self.finished = True
 

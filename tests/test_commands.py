@@ -1,0 +1,641 @@
+"""The offline tools as users meet them: files, sentences, exit codes."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import io
+import json
+import os
+import subprocess
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.effects.effect import EffectParameter
+from par4_dynamics.model import build_model, read_model
+from par4_dynamics.model_file import read_model_file
+from par4_dynamics.parameters import Parameter
+from par4_identification.commands import diagnose, identify, validate
+from par4_identification.diagnosis.diagnosis import Cause, Diagnosis, Holdout, Remaining
+from par4_identification.diagnosis.floor import noise_floor
+from par4_identification.diagnosis.holdout import Gain
+from par4_identification.identification import identify as fit_parameters
+from par4_identification.log import read_log
+from par4_identification.outcome.diagnosis import (
+    diagnosis_json,
+    outcome_of_diagnosis,
+    phrase_of_cause,
+)
+from par4_identification.outcome.identification import (
+    autocorrelation,
+    memory,
+    outcome_of_identification,
+)
+from par4_identification.outcome.results import bag_sha256, plain, write_results
+from par4_identification.outcome.words import listed, number, percent, typeset, with_std
+from par4_identification.plots import (
+    Names,
+    residual_over_motion,
+    residual_over_time,
+    residual_statistics,
+    signature,
+)
+from par4_kinematics.motion_file import named_motion
+from par4_kinematics.robot import JOINT_NAMES, Axis
+from par4_sim.bag import BagWriter
+from par4_sim.offline import simulate_to_bag
+from par4_sim.simulation import build_simulation
+from robots import REFERENCE, model_with
+
+TABLE_1 = read_model('table1', REFERENCE)
+COGGING = model_with(TABLE_1, 'cogging', amplitude=0.61, periods=22.0, phase=(0.3, 1.0, 2.0, -1.0))
+AXIS = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=35.0)
+
+
+def run(module, *arguments) -> SimpleNamespace:
+    """Run an executable of `module` in this process."""
+    out, err = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(out), redirect_stderr(err):
+        patch.setattr(sys, 'argv', ['tool', *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            module.main()
+    return SimpleNamespace(code=stop.value.code, out=out.getvalue(), err=err.getvalue())
+
+
+def simulated(folder: Path, name: str, model, seed: int, duration: float = 10.0) -> Path:
+    motion = named_motion('excitation', REFERENCE, duration, seed)
+    simulation = build_simulation(REFERENCE, model, 'exact', 1e-3, seed, torque_noise=0.1)
+    simulate_to_bag(simulation, motion, REFERENCE, folder / name)
+    return folder / name
+
+
+@pytest.fixture(scope='module')
+def bags(tmp_path_factory):
+    folder = tmp_path_factory.mktemp('bags')
+    rest = folder / 'rest'
+    simulation = build_simulation(REFERENCE, TABLE_1, 'exact', 1e-3, 0, torque_noise=0.1)
+    with BagWriter(rest) as bag:
+        for _ in range(2500):
+            sample = simulation.next_sample()
+            bag.write_joint_state('/joint_states', sample.time_ns, JOINT_NAMES, sample.q,
+                                  effort=sample.effort)
+    return SimpleNamespace(
+        plain=simulated(folder, 'plain', TABLE_1, 1), other=simulated(folder, 'other', TABLE_1, 2),
+        cogging=simulated(folder, 'cogging', COGGING, 3),
+        cogging_too=simulated(folder, 'cogging_too', COGGING, 4), rest=rest)
+
+
+@pytest.fixture(scope='module')
+def identified(bags, tmp_path_factory):
+    folder = tmp_path_factory.mktemp('identified') / 'new' / 'folder'
+    done = run(identify, bags.plain, '--robot', 'reference', '--output', folder,
+               '--compare-true', 'table1')
+    assert done.code == 0, done.err
+    return SimpleNamespace(folder=folder, **vars(done))
+
+
+@pytest.fixture(scope='module')
+def diagnosed(bags, tmp_path_factory):
+    folder = tmp_path_factory.mktemp('diagnosed')
+    done = run(diagnose, bags.cogging, '--holdout', bags.cogging_too, '--robot', 'reference',
+               '--output', folder)
+    assert done.code == 0, done.err
+    return SimpleNamespace(folder=folder, **vars(done))
+
+
+class Page(HTMLParser):
+    """What a page shows and what it refers to."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.tags, self.references, self.images, self.words = set(), [], [], []
+        self.feed(path.read_text(encoding='utf-8'))
+        self.text = ' '.join(' '.join(self.words).split()).replace('\N{MINUS SIGN}', '-')
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        for name, value in attrs:
+            if tag == 'img' and name == 'src':
+                self.images.append(value)
+            elif name in ('src', 'href', 'srcset', 'action', 'data'):
+                self.references.append(value)
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def checked_page(path: Path, least_images: int) -> Page:
+    """Return the page after checking that it needs nothing but itself."""
+    page = Page(path)
+    content = path.read_text(encoding='utf-8')
+    assert not page.references
+    assert not {'script', 'link', 'iframe'} & page.tags
+    assert 'url(' not in content
+    assert '@import' not in content
+    assert len(page.images) >= least_images
+    for image in page.images:
+        kind, _, data = image.partition(',')
+        assert kind == 'data:image/svg+xml;base64'
+        root = ElementTree.fromstring(base64.b64decode(data))
+        assert root.tag.endswith('svg')
+        for element in root.iter():
+            for name, value in element.attrib.items():
+                if name.endswith('href'):
+                    assert value.startswith('#')
+    return page
+
+
+# par4_identify
+
+
+def test_identification_json_has_the_keys_of_the_contract(identified):
+    content = json.loads((identified.folder / 'identification.json').read_text())
+    assert list(content) == ['schema', 'parameters', 'condition_number', 'residual_rms',
+                             'relative_error', 'data']
+    assert content['schema'] == 'par4/identification/1'
+    for parameter in content['parameters'].values():
+        assert list(parameter) == ['value', 'std', 'relative_std', 'unit']
+        assert parameter['relative_std'] == pytest.approx(parameter['std'] / parameter['value'])
+    assert len(content['residual_rms']) == 4
+    bag = content['data']['bags'][0]
+    assert bag['samples'] > 10_000
+    assert bag['position']['not_finite'] == 0
+
+
+def test_identified_model_is_read_back_and_is_the_machine(identified):
+    content = json.loads((identified.folder / 'identification.json').read_text())
+    model_file = read_model_file(identified.folder / 'model.yaml')
+    build_model(REFERENCE, model_file)
+    for name, parameter in model_file.parameters.items():
+        true = TABLE_1.values[name][0]
+        assert parameter.value == pytest.approx(true, abs=5.0 * parameter.std, rel=1e-3)
+        assert parameter.value == content['parameters'][name]['value']
+        assert parameter.unit == content['parameters'][name]['unit']
+
+
+def test_provenance_names_versions_date_and_the_bag_by_its_hash(identified, bags):
+    provenance = read_model_file(identified.folder / 'model.yaml').provenance
+    lines = [f'{hashlib.sha256(file.read_bytes()).hexdigest()}  {file.name}\n'
+             for file in sorted(bags.plain.iterdir())]
+    assert provenance['bags'] == [{
+        'path': str(bags.plain), 'sha256': hashlib.sha256(''.join(lines).encode()).hexdigest()}]
+    assert provenance['versions']['numpy'] == np.__version__
+    assert provenance['date'].endswith('+00:00')
+    assert provenance['options'] == {'rigid_body': 'paper'}
+
+
+def test_terminal_shows_table_1_within_80_columns(identified):
+    assert identified.err == ''
+    rows = {line.split('  ')[0].strip(): line for line in identified.out.splitlines()
+            if ' ± ' in line}
+    assert list(rows) == ['actuator inertia', 'platform mass 1', 'platform mass 2', 'arm gravity',
+                          'Coulomb friction', 'viscous friction']
+    assert max(map(len, rows.values())) <= 80
+    assert rows['actuator inertia'].split()[2:4] == ['0.113', '0.113']
+    assert '…' not in identified.out
+    assert 'the model can be trusted' in identified.out
+
+
+def test_identification_report_stands_alone(identified):
+    page = checked_page(identified.folder / 'report.html', 3)
+    assert 'the model can be trusted' in page.text
+    assert identified.out.splitlines()[-2] in page.text
+    assert '0.8043' in page.text
+
+
+def test_a_known_payload_is_taken_out_of_the_mass_of_its_half_plate(identified, bags, tmp_path):
+    done = run(identify, bags.plain, '--robot', 'reference', '--output', tmp_path,
+               '--payload', f'{bags.plain}=0.1')
+    assert done.code == 0, done.err
+    without = read_model_file(identified.folder / 'model.yaml').parameters
+    loaded = read_model_file(tmp_path / 'model.yaml').parameters
+    for name, parameter in without.items():
+        change = -0.1 if name == 'platform_mass_1' else 0.0
+        assert loaded[name].value - parameter.value == pytest.approx(change, abs=1e-9)
+
+
+@pytest.fixture(scope='module')
+def fits(bags):
+    """Return the log, the identification and its noise floor of a plain and a cogging machine."""
+    found = {}
+    for name in ('plain', 'cogging'):
+        log = read_log(getattr(bags, name), REFERENCE)
+        fit = fit_parameters([log], REFERENCE)
+        model = build_model(REFERENCE, fit.model_file({}))
+        found[name] = log, fit, noise_floor(fit.runs, REFERENCE, model)
+    return found
+
+
+@pytest.mark.parametrize(('name', 'changes', 'standing', 'said', 'advised'), [
+    ('plain', {}, 'good', 'the model can be trusted', 'par4_validate'),
+    ('cogging', {}, 'fair', 'does something that the model lacks', 'par4_diagnose'),
+    ('plain', {'condition_number': 5000.0}, 'bad', 'do not use', 'richer motion'),
+    ('plain', {'condition_number': 500.0}, 'fair', 'reservations', 'richer motion'),
+    ('plain', {'relative_error': 0.5}, 'bad', 'do not use', ''),
+    ('plain', {'covariance': np.diag((0, 0, 0, 0.3, 0, 0)) ** 2}, 'bad',
+     'arm gravity is not determined', 'slow sweeps'),
+    ('plain', {'rms': np.array((0.05, 0.05, 0.1, 0.05))}, 'fair', 'reservations',
+     'mechanics of joint 2'),
+])
+def test_trust_follows_from_excitation_precision_and_residual(fits, name, changes, standing, said,
+                                                              advised):
+    log, fit, floor = fits[name]
+    fit = replace(fit, estimate=replace(fit.estimate, **changes))
+    outcome = outcome_of_identification(fit, floor, REFERENCE, [log])
+    assert outcome.standing == standing
+    assert said in outcome.sentence
+    assert any(advised in step for step in outcome.advice)
+
+
+def test_only_a_residual_that_is_not_noise_remembers_itself(fits):
+    assert memory(fits['plain'][1]) < 0.1
+    assert memory(fits['cogging'][1]) > 0.2
+
+
+def test_autocorrelation_of_a_decaying_series_decays_and_joins_nothing():
+    random = np.random.default_rng(0)
+    values = np.zeros((200_000, 1))
+    noise = random.normal(size=len(values))
+    for row in range(1, len(values)):
+        values[row] = 0.8 * values[row - 1] + noise[row]
+    parts = np.split(values, 4)
+    valid = [random.uniform(size=part.shape) > 0.3 for part in parts]
+    correlation = autocorrelation(parts, valid, 5)[:, 0]
+    np.testing.assert_allclose(correlation, 0.8 ** np.arange(5), atol=0.03)
+    single = [np.ones((1, 1))] * 9
+    apart = autocorrelation(single, [part > 0.0 for part in single], 3)
+    np.testing.assert_array_equal(apart[:, 0], [1.0, 0.0, 0.0])
+
+
+# par4_validate
+
+
+def test_validation_of_a_good_model_on_another_bag(identified, bags, tmp_path):
+    done = run(validate, bags.other, '--model', identified.folder / 'model.yaml', '--robot',
+               'reference', '--output', tmp_path)
+    assert done.code == 0, done.err
+    content = json.loads((tmp_path / 'validation.json').read_text())
+    assert list(content) == ['schema', 'rms', 'relative_error', 'r2', 'overall',
+                             'without_standstill', 'data']
+    for errors in (content, content['without_standstill']):
+        assert [len(errors[name]) for name in ('rms', 'relative_error', 'r2')] == [4, 4, 4]
+        total = errors['overall']
+        assert min(errors['rms']) <= total['rms'] <= max(errors['rms'])
+        assert min(errors['relative_error']) <= total['relative_error'] <= max(
+            errors['relative_error'])
+        assert total['relative_error'] ** 2 >= 1.0 - total['r2'] - 1e-2
+    assert content['without_standstill']['overall']['relative_error'] < 0.01
+    page = checked_page(tmp_path / 'report.html', 2)
+    assert 'The model holds.' in page.text
+
+
+def test_validation_on_the_bag_of_the_identification_is_called_by_its_name(identified, bags,
+                                                                          tmp_path):
+    done = run(validate, bags.plain, '--model', identified.folder / 'model.yaml', '--robot',
+               'reference', '--output', tmp_path)
+    assert 'identified from this bag' in done.out
+    assert 'this is no cross-validation' in Page(tmp_path / 'report.html').text
+
+
+def test_validation_of_a_machine_at_rest_says_so(bags, tmp_path):
+    done = run(validate, bags.rest, '--model', 'table1', '--robot', 'reference', '--output',
+               tmp_path)
+    assert done.code == 0, done.err
+    content = json.loads((tmp_path / 'validation.json').read_text())
+    assert content['without_standstill']['rms'] == [None] * 4
+    assert min(content['rms']) > 0.0
+    assert 'no joint moves' in checked_page(tmp_path / 'report.html', 1).text
+
+
+# par4_diagnose
+
+
+def test_diagnosis_json_has_the_keys_of_the_contract(diagnosed):
+    content = json.loads((diagnosed.folder / 'diagnosis.json').read_text())
+    assert list(content) == ['schema', 'verdict', 'causes', 'holdout', 'remaining',
+                             'next_experiment', 'extended_model']
+    assert list(content['holdout']) == ['baseline_rms', 'extended_rms', 'noise_floor_rms',
+                                        'explained_fraction', 'explained_fraction_ci']
+    assert list(content['remaining']) == ['significant', 'looks_like']
+    assert list(content['causes'][0]) == [
+        'effect', 'joints', 'parameters', 'indistinguishable_from', 'visible_fraction', 'p_value']
+    assert content['verdict'] == 'explained'
+    assert content['causes'][0]['effect'] == 'cogging'
+    assert content['causes'][0]['parameters']['amplitude']['value'] == pytest.approx(
+        [0.61] * 4, rel=0.05)
+    assert content['next_experiment'] is None
+    assert content['extended_model'] == 'extended_model.yaml'
+
+
+def test_extended_model_is_a_model_with_the_cause(diagnosed):
+    model = read_model(diagnosed.folder / 'extended_model.yaml', REFERENCE)
+    assert [active.effect.name for active in model.effects] == ['cogging']
+    np.testing.assert_allclose(model.effects[0].values['phase'], (0.3, 1.0, 2.0, -1.0), atol=0.05)
+    provenance = read_model_file(diagnosed.folder / 'extended_model.yaml').provenance
+    assert [Path(bag['path']).name for bag in provenance['bags']] == ['cogging', 'cogging_too']
+
+
+def test_diagnosis_report_says_it_in_one_sentence(diagnosed):
+    page = checked_page(diagnosed.folder / 'report.html', 5)
+    assert '0.61 N m of cogging torque with 22 periods a turn on all joints' in page.text
+    assert diagnosed.out.splitlines()[0].removeprefix('explained: ') in page.text
+    for heading in ('What could not be told apart', 'What the base parameters had swallowed',
+                    'What remains', 'Looked at and rejected', 'What was read'):
+        assert heading in page.text
+
+
+def test_data_at_rest_are_unusable_and_leave_no_extended_model(bags, tmp_path):
+    (tmp_path / 'extended_model.yaml').write_text('of an earlier run')
+    (tmp_path / 'notes.txt').write_text('mine')
+    done = run(diagnose, bags.rest, '--robot', 'reference', '--output', tmp_path)
+    assert done.code == 0, done.err
+    content = json.loads((tmp_path / 'diagnosis.json').read_text())
+    assert content['verdict'] == 'unusable_data'
+    assert content['causes'] == []
+    assert content['reasons']
+    assert content['extended_model'] is None
+    assert sorted(file.name for file in tmp_path.iterdir()) == [
+        'diagnosis.json', 'notes.txt', 'report.html']
+    assert 'cannot carry a diagnosis' in checked_page(tmp_path / 'report.html', 1).text
+
+
+@pytest.mark.parametrize('words', [
+    ['A', 'B', '--holdout', 'C', 'D', '--robot', 'R', '--output', 'O'],
+    ['A', 'B', '--holdout', 'C', '--holdout', 'D', '--robot', 'R', '--output', 'O'],
+    ['--holdout', 'C', 'D', '--robot', 'R', '--output', 'O', 'A', 'B'],
+    ['A', '--holdout=C', 'D', '--output', 'O', '--robot', 'R', 'B'],
+    ['--robot', 'R', '--output', 'O', '--holdout', 'C', 'D', '--', 'A', 'B'],
+])
+def test_holdout_takes_one_bag_or_several(words):
+    context = diagnose.diagnose_bags.make_context('par4_diagnose', words)
+    assert context.params['bags'] == ('A', 'B')
+    assert context.params['holdout'] == ('C', 'D')
+    assert context.params['robot'] == 'R'
+
+
+# bad input
+
+BAD_INPUT = {
+    'missing bag': (identify, '{folder}/nope', 'no such bag'),
+    'no bag': (identify, '', 'BAG'),
+    'wrong robot': (identify, '{plain} --robot {folder}/wrong.yaml', 'schema'),
+    'output in a file': (identify, '{plain} --output {folder}/a_file/results', 'another folder'),
+    'bag twice': (identify, '{plain} {plain}', 'given twice'),
+    'payload of another bag': (identify, '{plain} --payload nope=1', 'BAG=KG'),
+    'payload without number': (identify, '{plain} --payload {plain}=x', 'BAG=KG'),
+    'nothing to identify': (identify, '{rest}', 'record a longer motion'),
+    'wrong namespace': (validate, '{plain} --model table1 --namespace /left', '/left'),
+    'wrong model': (validate, '{plain} --model {folder}/wrong.yaml', 'schema'),
+    'held out and fitted': (diagnose, '{plain} --holdout {plain}', 'given twice'),
+    'model of an axis': (diagnose, '{plain} --model {folder}/axis_model.yaml',
+                         'missing parameters'),
+}
+
+
+@pytest.mark.parametrize('case', BAD_INPUT)
+def test_bad_input_is_one_line_and_leaves_good_results_alone(case, bags, tmp_path):
+    inputs = {'wrong.yaml': 'schema: par4/motion/1\n', 'a_file': '', 'axis_model.yaml': (
+        'schema: par4/model/1\nparameters: {actuator_inertia: {value: 1.0}}\n')}
+    results = {name: f'good {name}' for name in (
+        'model.yaml', 'identification.json', 'validation.json', 'diagnosis.json',
+        'extended_model.yaml', 'report.html')}
+    for name, text in {**inputs, **results}.items():
+        (tmp_path / name).write_text(text)
+    module, words, expected = BAD_INPUT[case]
+    defaults = ['--robot', 'reference', '--output', str(tmp_path)]
+    done = run(module, *defaults, *words.format(folder=tmp_path, **vars(bags)).split())
+    lines = done.err.splitlines()
+    assert done.code == 2
+    assert len(lines) == 1
+    assert lines[0].startswith('error: ')
+    assert expected in lines[0]
+    assert done.out == ''
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {**inputs, **results}
+
+
+@pytest.mark.parametrize('name', ['identify', 'validate', 'diagnose'])
+def test_an_executable_of_its_own_process_says_one_line(name, tmp_path):
+    done = subprocess.run(
+        [sys.executable, '-m', f'par4_identification.commands.{name}', tmp_path / 'nope',
+         '--robot', 'reference', '--output', tmp_path / 'out',
+         *(['--model', 'table1'] if name == 'validate' else [])],
+        capture_output=True, text=True, check=False,
+        env={**os.environ, 'MPLCONFIGDIR': '/proc/nowhere'})
+    assert done.returncode == 2
+    assert done.stdout == ''
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.startswith('error: ')
+    assert not (tmp_path / 'out').exists()
+
+
+def test_results_appear_together_or_not_at_all(tmp_path):
+    for name in ('a.json', 'b.html', 'c.yaml'):
+        (tmp_path / name).write_text('old')
+    with pytest.raises(ValueError, match='JSON'):
+        write_results(tmp_path, {'b.html': 'new', 'a.json': {'value': float('nan')},
+                                 'c.yaml': None})
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {
+        'a.json': 'old', 'b.html': 'old', 'c.yaml': 'old'}
+    write_results(tmp_path, {'b.html': 'new', 'a.json': {'value': 1}, 'c.yaml': None})
+    assert {file.name for file in tmp_path.iterdir()} == {'a.json', 'b.html'}
+    assert (tmp_path / 'b.html').read_text() == 'new'
+
+
+# a single axis
+
+
+@pytest.fixture(scope='module')
+def axis(tmp_path_factory):
+    """Return a folder with the robot file and two bags of a linear axis of 95 kg."""
+    folder = tmp_path_factory.mktemp('axis')
+    (folder / 'axis.yaml').write_text(
+        'schema: par4/axis/1\nname: slide\njoint: slide\nkind: linear\ngain: 35.0\n')
+    rate = 2.0 * np.pi * np.array((0.31, 0.83, 1.7))
+    size = np.array((0.08, 0.03, 0.012))
+    t = np.arange(0.0, 12.0, 1e-3)[:, None]
+    for seed in (0, 1):
+        random = np.random.default_rng(seed)
+        angle = rate * t + random.uniform(0.0, 2.0 * np.pi, 3)
+        q, qd, qdd = ((size * part).sum(axis=1) for part in (
+            np.sin(angle), rate * np.cos(angle), -rate ** 2 * np.sin(angle)))
+        force = 95.0 * qdd + 20.0 * np.sign(qd) + 200.0 * qd + random.normal(size=len(t))
+        with BagWriter(folder / f'bag{seed}') as bag:
+            for index in range(len(t)):
+                stamp = 1_000_000_000 + index * 1_000_000
+                bag.write_joint_state('/joint_states', stamp, ['slide'], [q[index]])
+                bag.write_joint_state('/amplifier_voltage', stamp, ['slide'],
+                                      effort=[force[index] / 35.0])
+    return folder
+
+
+def test_an_axis_is_identified_in_its_own_units(axis, tmp_path):
+    done = run(identify, axis / 'bag0', axis / 'bag1', '--robot', axis / 'axis.yaml', '--output',
+               tmp_path)
+    assert done.code == 0, done.err
+    content = json.loads((tmp_path / 'identification.json').read_text())
+    found = {name: (parameter['value'], parameter['unit'])
+             for name, parameter in content['parameters'].items()}
+    assert found['actuator_inertia'] == (pytest.approx(95.0, rel=0.01), 'kg')
+    assert found['coulomb_friction'] == (pytest.approx(20.0, rel=0.03), 'N')
+    assert found['viscous_friction'] == (pytest.approx(200.0, rel=0.03), 'N s/m')
+    assert len(content['residual_rms']) == 1
+    model_file = read_model_file(tmp_path / 'model.yaml')
+    assert {name: parameter.unit for name, parameter in model_file.parameters.items()} == {
+        name: unit for name, (_, unit) in found.items()}
+    page = checked_page(tmp_path / 'report.html', 3)
+    assert 'Measured and calculated force' in page.text
+    assert 'its relative std' not in page.text
+    assert 'paper' not in done.out
+
+
+def test_an_axis_is_validated_and_diagnosed(axis, tmp_path):
+    model = tmp_path / 'model.yaml'
+    model.write_text(
+        'schema: par4/model/1\nparameters: {actuator_inertia: {value: 95.0}, '
+        'coulomb_friction: {value: 20.0}, viscous_friction: {value: 200.0}}\n'
+        'provenance: {by: hand, bags: [somewhere, {path: else, sha256: 12}], options: {}}\n')
+    done = run(validate, axis / 'bag0', '--model', model, '--robot', axis / 'axis.yaml',
+               '--output', tmp_path / 'validation')
+    assert done.code == 0, done.err
+    content = json.loads((tmp_path / 'validation' / 'validation.json').read_text())
+    assert len(content['rms']) == 1
+    assert content['rms'] == [pytest.approx(content['overall']['rms'])]
+    checked_page(tmp_path / 'validation' / 'report.html', 2)
+    done = run(diagnose, axis / 'bag0', axis / 'bag1', '--robot', axis / 'axis.yaml', '--output',
+               tmp_path / 'diagnosis')
+    assert done.code == 0, done.err
+    content = json.loads((tmp_path / 'diagnosis' / 'diagnosis.json').read_text())
+    assert content['verdict'] == 'clean'
+    assert len(content['holdout']['baseline_rms']) == 1
+    assert 'down to its noise' in checked_page(tmp_path / 'diagnosis' / 'report.html', 2).text
+
+
+def test_a_joint_without_rows_is_drawn_as_one_at_rest():
+    names = Names(('joint 0', 'joint 1'), 'torque', 'N m', 'rad/s')
+    random = np.random.default_rng(0)
+    rows, floor = [random.normal(size=300), np.empty(0)], np.ones(2)
+    views = [('speed, rad/s', [random.normal(size=300), np.empty(0)])]
+    correlation = np.zeros((5, 2))
+    for image in (residual_statistics(rows, floor, correlation, np.array((300, 0)), 0.01, names),
+                  residual_over_motion(views, rows, floor, names),
+                  signature(views[0][1], 'speed, rad/s', rows, rows, rows, names.joints, names),
+                  residual_over_time(np.arange(2.0), np.ones((2, 2)), None, np.ones((2, 2), bool),
+                                     floor, names)):
+        assert image.startswith('data:image/svg+xml;base64,')
+
+
+# sentences
+
+
+def cause(name: str, joints=(0, 1, 2, 3), twins=(), **parameters) -> Cause:
+    units = {parameter.name: parameter.unit for parameter in CATALOGUE[name].parameters}
+    values = {key: Parameter(value=value, std=value if np.isscalar(value) else tuple(
+        abs(part) for part in value), unit=units[key]) for key, value in parameters.items()}
+    return Cause(CATALOGUE[name], tuple(joints), values, tuple(twins), 0.9, 1e-9,
+                 Gain(0.5, 0.4, 0.6))
+
+
+def diagnosis(verdict: str, causes=(), looks_like=None, reasons=(), excess=1.1) -> Diagnosis:
+    remaining = Remaining(looks_like is not None, looks_like, Gain(0.2, 0.1, 0.3), excess)
+    holdout = Holdout((), (), (), np.full(4, 0.52), np.full(4, 0.11), np.full(4, 0.1), 0.99,
+                      (0.98, 0.995))
+    return Diagnosis(verdict, tuple(causes), tuple(reasons), (), holdout, remaining, {}, {}, None,
+                     ())
+
+
+STRIBECK = cause('stribeck', (1, 3), ('cogging',), stribeck_torque=(1.2, 1.2),
+                 stribeck_velocity=(0.12, 0.12))
+COGS = cause('cogging', amplitude=(0.61, 0.61, 0.6, 0.62), periods=22.0, phase=(0.1,) * 4)
+
+
+@pytest.mark.parametrize(('given', 'standing', 'parts'), [
+    (diagnosis('clean'), 'good', ('down to its noise', '0.52 N m', '0.10 N m')),
+    (diagnosis('explained', [COGS]), 'good', (
+        'The machine has 0.61 N m of cogging torque with 22 periods a turn on all joints; with it '
+        "the model's error on data it has not seen falls from 0.52 N m to 0.11 N m, the noise "
+        'floor being 0.10 N m.',)),
+    (diagnosis('explained', [STRIBECK]), 'fair', (
+        '1.2 N m of Stribeck friction with velocity 0.12 rad/s on joints 1 and 3; with it',)),
+    (diagnosis('partly_explained', [COGS, STRIBECK], 'speed'), 'fair', (
+        'on all joints and 1.2 N m', 'with them', 'a function of joint speed remains')),
+    (diagnosis('unknown', looks_like='time'), 'fair', ('no cause in the library', 'a drift')),
+    (diagnosis('unknown', excess=2.5), 'fair', ('follows nothing in the motion',)),
+])
+def test_each_verdict_has_its_sentence(given, standing, parts):
+    outcome = outcome_of_diagnosis(given, REFERENCE)
+    assert outcome.standing == standing
+    assert all(part in outcome.sentence for part in parts), outcome.sentence
+    assert outcome.sentence.endswith('.')
+    json.dumps(diagnosis_json(given, REFERENCE), allow_nan=False)
+
+
+def test_twins_are_told_with_what_to_do():
+    outcome = outcome_of_diagnosis(diagnosis('explained', [STRIBECK]), REFERENCE)
+    assert any('Stribeck friction cannot be told from cogging' in remark.text
+               for remark in outcome.remarks)
+    assert any('payload' in step for step in outcome.advice)
+    assert diagnosis_json(diagnosis('explained', [STRIBECK]), REFERENCE)['causes'][0][
+        'indistinguishable_from'] == ['cogging']
+
+
+def test_sizes_that_differ_or_are_parts_of_a_whole_or_shares():
+    offset = cause('torque_offset', offset=(-0.3, 0.1, 0.2, 0.52))
+    assert phrase_of_cause(offset, REFERENCE) == (
+        '-0.30 to 0.52 N m of constant torque offset on all joints')
+    single = cause('torque_offset', (0,), offset=(-3.2,))
+    assert phrase_of_cause(single, AXIS) == '-3.2 N of constant torque offset'
+    force = SimpleNamespace(name='external_force', phrase='external force', parameters=tuple(
+        EffectParameter(name, 'N', 'machine') for name in 'xyz'))
+    values = {name: Parameter(value=value, unit='N') for name, value in zip('xyz', (1, -2, 0.5))}
+    assert phrase_of_cause(SimpleNamespace(effect=force, joints=(0, 1, 2, 3), parameters=values),
+                           REFERENCE) == 'external force (x 1.0 N, y -2.0 N, z 0.50 N)'
+    gain = SimpleNamespace(name='drive_gain_error', phrase='drive gain error', parameters=(
+        EffectParameter('relative', '1', 'joint'),))
+    assert phrase_of_cause(SimpleNamespace(effect=gain, joints=(2,), parameters={
+        'relative': Parameter(value=(0.03,), unit='1')}), REFERENCE) == (
+            '3.0 % of drive gain error on joint 2')
+
+
+def test_numbers_keep_their_digits():
+    random = np.random.default_rng(5)
+    for value in random.choice((-1, 1), 200) * 10.0 ** random.uniform(-9, 9, 200):
+        for digits in (2, 3, 4):
+            assert float(number(value, digits)) == pytest.approx(
+                value, rel=0.5001 * 10.0 ** (1 - digits))
+        std = abs(value) * 10.0 ** random.uniform(-4, 0)
+        text, std_text = with_std(value, std)
+        assert float(std_text) == pytest.approx(std, rel=0.06)
+        assert float(text) == pytest.approx(value, abs=std)
+    assert with_std(0.11304, 0.000523) == ('0.11304', '0.00052')
+    assert number(0.0999, 2) == '0.10'
+    assert number(1234.0, 2) == '1200'
+    assert percent(0.99856) == '99.9 %'
+    assert percent(float('inf')) == 'n/a'
+    assert typeset('N s2/m2') == 'N s²/m²'
+    assert listed(['a', 'b', 'c']) == 'a, b and c'
+    assert listed(['a']) == 'a'
+
+
+def test_plain_content_is_json_whatever_it_holds():
+    content = plain({1: np.array([[1.0, np.nan], [np.inf, 2.0]]), 'b': (np.int64(3), np.True_)})
+    assert json.loads(json.dumps(content, allow_nan=False)) == {
+        '1': [[1.0, None], [None, 2.0]], 'b': [3, True]}
+
+
+def test_the_hash_of_a_bag_follows_its_content_not_its_place(tmp_path):
+    for place in ('here', 'there'):
+        (tmp_path / place).mkdir()
+        (tmp_path / place / 'data.mcap').write_bytes(b'data')
+    assert bag_sha256(tmp_path / 'here') == bag_sha256(tmp_path / 'there')
+    (tmp_path / 'there' / 'data.mcap').write_bytes(b'dato')
+    assert bag_sha256(tmp_path / 'here') != bag_sha256(tmp_path / 'there')
+    assert bag_sha256(tmp_path / 'here' / 'data.mcap') == hashlib.sha256(b'data').hexdigest()
