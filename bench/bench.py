@@ -10,29 +10,24 @@ import resource
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from plants import add_plants
 from rich.console import Console
 from rich.table import Table
 
 from par4_dynamics.base_terms import base_columns
-from par4_dynamics.model import Model, read_model
+from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_joints, state_of_platform
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.identification import identify
 from par4_identification.log import read_log
-from par4_kinematics.adept import adept_motion
 from par4_kinematics.excitation import excitation_motion
-from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot, read_robot
 from par4_sim.bag import read_bag
-from par4_sim.drive import DriveLoops
-from par4_sim.friction import Friction
-from par4_sim.machine_effects import machine_of_model
 from par4_sim.offline import simulate_to_bag
-from par4_sim.simulation import build_plant, build_simulation
+from par4_sim.simulation import build_simulation
 
 
 def seconds(work: Callable[[], object], repeats: int = 3) -> float:
@@ -43,67 +38,6 @@ def seconds(work: Callable[[], object], repeats: int = 3) -> float:
         work()
         times.append(time.perf_counter() - start)
     return min(times)
-
-
-def frictionless(model: Model) -> Model:
-    """Return the model without friction."""
-    none = {name: np.zeros(4) for name in ('coulomb_friction', 'viscous_friction')}
-    return replace(model, values={**model.values, **none})
-
-
-def torque_error(robot: Robot, model: Model, motion: Motion, fidelity: str
-                 ) -> tuple[float, float, float, float]:
-    """Return worst and rms torque error over peak torque, loop opening (m), times real time.
-
-    The frictionless plant runs the motion under its drives with feedforward. What torque was
-    applied is held against the inverse dynamics of the motion that came of it (central
-    differences of the joint positions step by step).
-    """
-    machine = replace(machine_of_model(robot, model), friction=Friction())
-    plant = build_plant(machine, fidelity)
-    plant.reset(motion.x[0])
-    state = state_of_joints(robot.geometry, motion.t, motion.q, motion.qd, motion.qdd)
-    forward = model.torque(state)
-    loops = DriveLoops(robot.drives.model_copy(update={'encoder_counts': 0}), 1e6, plant.dt)
-    loops.restart(forward[0])
-    q, applied, opening = [], [], 0.0
-    start = time.process_time()
-    for k in range(len(motion.t)):
-        target = np.concatenate((motion.q[k], motion.qd[k], forward[k]))
-        q.append(plant.q)
-        torque = loops.follow(target, q[-1], plant.qd).copy()
-        plant.step(torque)
-        applied.append(torque)
-        if k % 50 == 0:
-            opening = max(opening, plant.loop_opening())
-    spent = time.process_time() - start
-    q, applied = np.array(q), np.array(applied)
-    if plant.torque_offset > 0.0:
-        applied[1:] = 0.5 * (applied[1:] + applied[:-1])
-    inner = slice(1, -1)
-    came = state_of_joints(robot.geometry, motion.t[inner], q[inner],
-                           (q[2:] - q[:-2]) / (2 * plant.dt),
-                           (q[2:] - 2 * q[1:-1] + q[:-2]) / plant.dt ** 2)
-    error = applied[inner] - model.torque(came)
-    plant.close()
-    peak = np.abs(applied).max()
-    return (float(np.abs(error).max() / peak), float(np.sqrt(np.mean(error ** 2)) / peak), opening,
-            motion.duration / spent)
-
-
-def plants(robot: Robot, table: Table) -> None:
-    """Add the accuracy and speed of the plants."""
-    model = frictionless(read_model('table1_full', robot))
-    motion = adept_motion(robot, theta_swing=1.5, jerk=30_000.0, round_trip=0.25, cycles=4,
-                          period=0.25e-3)
-    for fidelity in ('exact', 'fast', 'accurate'):
-        torque_error(robot, model, motion, fidelity)  # compile
-        worst, rms, opening, pace = torque_error(robot, model, motion, fidelity)
-        table.add_row(f'{fidelity}: torque error, worst (rms), of peak',
-                      f'{worst:.3%} ({rms:.4%})')
-        table.add_row(f'{fidelity}: loop opening', f'{1e6 * opening:.2f} um')
-        table.add_row(f'{fidelity}: stepped from Python, drives included',
-                      f'{pace:.1f} x real time')
 
 
 def mathematics(robot: Robot, table: Table) -> None:
@@ -151,14 +85,14 @@ def pipeline(robot: Robot, table: Table) -> None:
 def main() -> None:
     """Print the table."""
     robot = read_robot('reference')
-    table = Table('what', 'measured', title=f'{platform.machine()}, Python '
-                                            f'{platform.python_version()}')
-    plants(robot, table)
+    table = Table('what', 'measured', 'target',
+                  title=f'{platform.machine()}, Python {platform.python_version()}')
+    add_plants(robot, table)
     mathematics(robot, table)
     pipeline(robot, table)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     table.add_row('peak memory of this run', f'{memory:.0f} MiB')
-    Console(width=110).print(table)
+    Console(width=120).print(table)
 
 
 if __name__ == '__main__':

@@ -26,7 +26,10 @@ from par4_kinematics.files import write_yaml
 BIN = Path(sys.executable).parent
 CONSOLE = Console(highlight=False, soft_wrap=True)
 FIT_SECONDS, VALIDATION_SECONDS = 20.0, 10.0
+STARTING = 6.0
+"""Seconds in which the nodes find each other and the motion is sent ahead."""
 TORQUE_NOISE = 0.05
+"""N m rms, on the recorded amplifier voltage."""
 HIDDEN = {
     'cogging': {'amplitude': {'value': 0.6, 'unit': 'N m'},
                 'periods': {'value': 24.0, 'unit': '1/turn'},
@@ -68,6 +71,8 @@ def record(folder: Path, bag: Path, model: Path | str, seconds: float, seed: int
            ) -> None:
     """Play a quasi-random excitation on the simulated machine and record it into a bag."""
     log = folder / 'nodes.log'
+    with log.open('a', encoding='utf-8') as stream:
+        stream.write(f'--- {bag.name}: {title}, machine {model}\n')
     with ExitStack() as nodes:
         simulation = nodes.enter_context(node(
             log, 'par4_simulation', model_file=model, torque_noise=TORQUE_NOISE, seed=seed,
@@ -79,14 +84,15 @@ def record(folder: Path, bag: Path, model: Path | str, seconds: float, seed: int
         motion = nodes.enter_context(node(
             log, 'par4_motion', motion='excitation', duration=seconds, seed=seed,
             use_sim_time=True))
-        columns = (TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn())
+        columns = (TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn(),
+                   TextColumn(f'of about {seconds + STARTING:.0f} s'))
         with Progress(*columns, console=CONSOLE) as progress:
-            task = progress.add_task(title, total=seconds + 3.0)
+            task = progress.add_task(title, total=seconds + STARTING)
             began = time.monotonic()
             while motion.poll() is None and simulation.poll() is None:
-                progress.update(task, completed=min(time.monotonic() - began, seconds + 2.9))
+                progress.update(task, completed=time.monotonic() - began)
                 time.sleep(0.1)
-            progress.update(task, completed=seconds + 3.0)
+            progress.update(task, completed=seconds + STARTING)
     if motion.returncode != 0:
         CONSOLE.print(f'error: the motion did not finish; the nodes say in {log}:')
         CONSOLE.print(log.read_text(encoding='utf-8')[-2000:], markup=False)
@@ -111,9 +117,16 @@ def main() -> None:
                         help='effect that the second machine hides')
     arguments = parser.parse_args()
     folder: Path = arguments.output
+    if folder.exists() and any(folder.iterdir()) and not (folder / 'nodes.log').exists():
+        sys.exit(f'error: {folder} exists and holds no earlier demo; give another --output')
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     began = time.monotonic()
+    CONSOLE.print(
+        'A simulated Par4 plays quasi-random motions and is recorded; from the bags its dynamic '
+        'parameters are identified (TABLE 1 of the paper), checked on another motion (its Fig. 7), '
+        'and a second machine, which secretly has an effect the model lacks, is diagnosed. The '
+        f'recorded torque has {TORQUE_NOISE} N m of noise.')
 
     CONSOLE.rule('1. Record: four nodes, real messages, pybullet')
     fit, check = folder / 'excitation_bag', folder / 'validation_bag'
@@ -146,12 +159,13 @@ def main() -> None:
 
     CONSOLE.rule(f'done in {time.monotonic() - began:.0f} s')
     CONSOLE.print(f"""Everything lies in {folder}/:
-  identified/report.html   TABLE 1          validated/report.html  Fig. 7
-  diagnosed/report.html    what the model gets wrong, why, and what knowing it gains
-  *_bag/                   rosbag2 (MCAP)   nodes.log              what the nodes said
+  identified/report.html     TABLE 1
+  validated/report.html      Fig. 7; odd_validated/report.html: the same on the odd machine
+  diagnosed/report.html      what the model gets wrong, why, and what knowing it gains
+  *_bag/ (rosbag2, MCAP), nodes.log (what the nodes said)
 To try next:
   .venv/bin/python demo/demo.py --hide stribeck        (or torque_offset)
-  .venv/bin/par4_simulate adept --model {folder}/diagnosed/extended_model.yaml --output again_bag
+  .venv/bin/par4_simulate adept --model {folder}/diagnosed/extended_model.yaml --output {folder}/adept_bag
   README.md, docs/model.md, docs/diagnosis.md""", markup=False)
 
 

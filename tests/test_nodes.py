@@ -398,6 +398,7 @@ def test_signals_end_every_node_properly(bench, number):
         f'/{node}' for node in MODULES}, 'diagnostics of every node')
     for child in children.values():
         child.send_signal(number)
+        child.send_signal(number)  # on Ctrl-C a terminal and ros2 launch send one each
     assert {node: bench.ended(child) for node, child in children.items()} == dict.fromkeys(
         MODULES, 0)
     assert 'Traceback' not in bench.said()

@@ -12,6 +12,7 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
+        ('share/' + package_name + '/launch', ['launch/cell.launch.py']),
     ],
     install_requires=['click', 'numba', 'numpy', 'pybullet', 'rosbags', 'lz4', 'backports.zstd'],
     zip_safe=False,

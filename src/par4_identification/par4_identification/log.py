@@ -154,11 +154,14 @@ class Accounts:
                              f'{samples.longest_gap:.4g} s, about {samples.lost} samples lost')
         found += [f'{topic}: {count} messages cannot be decoded, ignored'
                   for topic, count in self.unreadable.items()]
+        # at either end one topic may begin or end a sample before the other: nothing is missing
+        unmeasured = (self.without_torque
+                      if self.without_torque * self.period > 2.0 * self.torque.period else 0)
         found += [f'{count} {words}' for count, words in (
             (self.clock_resets, 'times the clock was set back; the log is cut there'),
             (self.filled, 'samples filled by interpolation'),
             (self.short_segments, f'samples dropped in segments shorter than {SHORTEST_SEGMENT}'),
-            (self.without_torque, 'samples dropped where no torque was measured')) if count]
+            (unmeasured, 'samples dropped where no torque was measured')) if count]
         if self.segments > 1:
             found.append(f'gaps cut the log into {self.segments} segments')
         if self.resampled:

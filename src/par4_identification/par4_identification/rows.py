@@ -138,9 +138,10 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
 def _white_floor(torque: np.ndarray, conditioning: Conditioning, period: float) -> np.ndarray:
     """Return the in-band standard deviation (J,) that the level above the pass band implies.
 
-    The median size of the torque above four times the cut-off is taken as that of white noise: a
-    lower bound, since coloured noise is stronger below. The median over time leaves out the
-    bursts with which the drives answer reversals.
+    The median size of the torque above four times the cut-off is taken as that of white noise.
+    The median over time leaves out the bursts with which the drives answer reversals. Noise that
+    is stronger below the pass band is underrated; torque with which the drives follow encoder
+    counts is counted though it moves the arms, so that a residual may lie some 10 % below.
     """
     frequency = np.fft.rfftfreq(len(torque), period)
     band = frequency > 4.0 * conditioning.torque_cutoff_hz

@@ -53,7 +53,7 @@ ROBOT_DESCRIPTION = Topic(
     'robot_description', 'std_msgs/msg/String', 'simulation', 'viewers',
     'URDF (tree with the loops cut)', transient_local=True, depth=1)
 CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', 'simulation (`publish_clock`)', 'all',
-              'simulated time; QoS as ROS defines')
+              'simulated time; QoS as ROS defines; one simulation a domain, or remap it')
 DIAGNOSTICS = Topic(
     '/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'every node', 'users',
     'late steps, rejected messages, unreachable poses, dropped samples')

@@ -5,15 +5,19 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 
+import numpy as np
 from trajectory_msgs.msg import JointTrajectory
 
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_joints
+from par4_kinematics.geometry import LEGS
 from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE
+from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import read_trajectory, write_effort
 from par4_kinematics.ros.node import Par4Node, run
 from par4_kinematics.ros.parameters import parameter
+from par4_kinematics.workspace import home_pose
 
 
 @dataclass(frozen=True)
@@ -34,9 +38,16 @@ class FeedforwardNode(Par4Node):
         super().__init__()
         self._robot = read_robot(self.parameters.robot_file)
         self._model = read_model(self.parameters.model_file, self._robot)
+        # compile before anyone can find this node: the first torque must not come seconds late
+        still, home = np.zeros((1, LEGS)), home_pose(self._robot)
+        self._model.torque(state_of_joints(
+            self._robot.geometry, [0.0], inverse_kinematics(self._robot.geometry, home[None]),
+            still, still))
         self._publisher = self.publisher_of(FEEDFORWARD_TORQUE)
         self.subscribe(REFERENCE, self._on_reference)
         self.serve('~/reload_model', self._reload_model)
+        self.get_logger().info(f'torques of {self.parameters.model_file} for robot '
+                               f'{self._robot.name}')
 
     def _reload_model(self) -> str:
         self._model = read_model(self.parameters.model_file, self._robot)

@@ -78,7 +78,8 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, m
                 extended.model_copy(update={'provenance': origin}), machine),
             'report.html': report_of_diagnosis(diagnosis, outcome, machine, logs, origin)})
     console = Console(highlight=False)
-    console.print(f'{diagnosis.verdict}: {outcome.sentence}', soft_wrap=True, markup=False)
+    console.print(f'{diagnosis.verdict}: {outcome.sentence}',
+                  soft_wrap=not console.is_terminal, markup=False)
     console.print(f'results and report: {output}', soft_wrap=True, markup=False)
 
 

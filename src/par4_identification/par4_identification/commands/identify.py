@@ -79,7 +79,7 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
             'report.html': report})
     console = Console(highlight=False)
     console.print(terminal_table(rows))
-    console.print(outcome.sentence, soft_wrap=True, markup=False)
+    console.print(outcome.sentence, soft_wrap=not console.is_terminal, markup=False)
     console.print(f'results and report: {output}', soft_wrap=True, markup=False)
 
 

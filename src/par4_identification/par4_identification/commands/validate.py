@@ -53,7 +53,7 @@ def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str 
             'report.html': report_of_validation(validation, outcome, runs, floor, machine, log,
                                                 model_file)})
     console = Console(highlight=False)
-    console.print(outcome.sentence, soft_wrap=True, markup=False)
+    console.print(outcome.sentence, soft_wrap=not console.is_terminal, markup=False)
     console.print(f'results and report: {output}', soft_wrap=True, markup=False)
 
 

@@ -29,6 +29,9 @@ _LOOKS_LIKE = {
     'platform': 'a function of the pose and motion of the platform',
     'periodic': 'a periodic function of joint position'}
 
+ALL = 0.999
+"""Share beyond which an interval says no more."""
+
 
 def outcome_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis) -> Outcome:
     """Return the verdict in words."""
@@ -131,11 +134,12 @@ def _remarks(diagnosis: Diagnosis) -> tuple[Remark, ...]:
     remarks.append(_remaining_remark(diagnosis))
     if diagnosis.causes:
         low, high = diagnosis.holdout.interval
+        fraction = diagnosis.holdout.explained_fraction
+        share = (f'{percent(fraction)} of the gap to the noise floor in mean squares (95 % '
+                 f'interval {percent(low)} to {percent(high)})' if low < ALL else
+                 f'more than {percent(ALL)} of the gap to the noise floor in mean squares')
         remarks.append(Remark(
-            True, f'The extended model closes '
-            f'{percent(diagnosis.holdout.explained_fraction)} of the gap to the noise floor in '
-            f'mean squares (95 % interval {percent(low)} to {percent(high)}), on rows that took no '
-            f'part in finding it.',
+            True, f'The extended model closes {share}, on rows that took no part in finding it.',
             'Simulate and feed forward with extended_model.yaml in place of the old model.'))
     for cause in diagnosis.causes:
         if cause.twins:

@@ -118,7 +118,7 @@ def outcome_of_identification(identification: Identification, floor: np.ndarray,
         data_remark(logs))
     sentence = (
         f'The {len(relative)} parameters are identified from {number(duration(logs), 2)} s of '
-        f'motion to {percent(max(relative.values()))} or better; they leave {number(rms, 2)} '
+        f'recording to {percent(max(relative.values()))} or better; they leave {number(rms, 2)} '
         f'{unit} rms, {percent(estimate.relative_error)} of the {torque_name(machine)}, the noise '
         f'floor being {number(noise, 2)} {unit}')
     if (estimate.relative_error > LARGEST_ERROR

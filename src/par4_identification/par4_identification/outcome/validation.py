@@ -51,7 +51,7 @@ def outcome_of_validation(validation: Validation, floor: np.ndarray, machine: Ro
                      f'standstill, where friction holds whatever is needed; they count apart.'),
         data_remark([log]))
     sentence = (
-        f'Over {number(duration([log]), 2)} s the model calculates the {torque} to '
+        f'Over {number(duration([log]), 2)} s of recording the model calculates the {torque} to '
         f'{percent(total["relative_error"])} while the joints move: it leaves {number(rms, 2)} '
         f'{unit} rms, the noise floor being {number(noise, 2)} {unit}')
     if seen:

@@ -10,6 +10,7 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from par4_kinematics.acceleration import platform_motion
 from par4_kinematics.approach import with_approach
 from par4_kinematics.interface import JOINT_STATES, REFERENCE
 from par4_kinematics.motion import Motion
@@ -66,6 +67,9 @@ class MotionNode(Par4Node):
         self._robot = read_robot(asked.robot_file)
         self._motion = named_motion(asked.motion, self._robot, asked.duration or None,
                                     asked.seed)
+        # compile what the approach needs before there is a clock that could run on meanwhile
+        platform_motion(self._robot.geometry, self._motion.q[:2], self._motion.qd[:2],
+                        self._motion.qdd[:2])
         self._from_start_ns = np.empty(0, dtype=np.int64)
         self._start_ns: int | None = None
         self._ahead_ns = LEAD_NS

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import math
 import os
 import signal
 import sys
@@ -32,6 +34,10 @@ from par4_kinematics.ros.convert import write_time
 from par4_kinematics.ros.parameters import declare, usage
 from par4_kinematics.ros.qos import message_type, qos_of
 
+NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps')
+"""Faults that are logged when they happen, or that a busy machine has all the time."""
+PATIENCE = 3.0
+"""Seconds that a node has to end in before another signal interrupts it."""
 REPORT_PERIOD = 1.0
 """Seconds of wall time between diagnostics, and at the least between warnings of one topic."""
 
@@ -121,13 +127,21 @@ class Par4Node(Node):
         """Return what the diagnostics tell beside the faults, by name."""
         return {}
 
+    def now_ns(self) -> int:
+        """Return the time that this node's own stamps carry, ns."""
+        return self.get_clock().now().nanoseconds
+
     def _report(self) -> None:
         faults = self.faults()
         new = {name: count - self._reported.get(name, 0) for name, count in faults.items()
                if count > self._reported.get(name, 0)}
         self._reported = faults
+        unsaid = {name: count for name, count in new.items() if name not in NOT_LOGGED}
+        if unsaid:
+            self.get_logger().warning(', '.join(f'{count} {name}'
+                                                for name, count in unsaid.items()))
         message = DiagnosticArray()
-        write_time(message.header.stamp, self.get_clock().now().nanoseconds)
+        write_time(message.header.stamp, self.now_ns())
         message.status = [DiagnosticStatus(
             level=DiagnosticStatus.WARN if new else DiagnosticStatus.OK,
             name=self.get_fully_qualified_name(),
@@ -173,12 +187,19 @@ def _initialise(arguments: list[str]) -> None:
 
 @contextmanager
 def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
-    """Yield a node that SIGINT and SIGTERM finish; while it starts they interrupt."""
+    """Yield a node that SIGINT and SIGTERM finish; while it starts they interrupt.
+
+    A terminal and `ros2 launch` both send SIGINT on one Ctrl-C: the second one means nothing more.
+    """
     node = None
+    asked_at = -math.inf
 
     def end(_signal: int, _frame: Any) -> None:
-        if node is None or node.finished:
+        nonlocal asked_at
+        if node is None or (node.finished and time.monotonic() - asked_at > PATIENCE):
             raise KeyboardInterrupt
+        if not node.finished:
+            asked_at = time.monotonic()
         node.finished = True
 
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -198,11 +219,12 @@ def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
 def run(node_class: type[Par4Node]) -> int:
     """Run a node until it is finished, SIGINT or SIGTERM; return the exit code.
 
-    0 is a proper end, 2 bad input: one line `error: ...` on stderr. A second signal interrupts a
-    node that does not end.
+    0 is a proper end, 2 bad input: one line `error: ...` on stderr. A signal that comes later
+    interrupts a node that does not end.
     """
     if {'-h', '--help'} & {*sys.argv}:
-        print(f'{node_class.NAME} --ros-args -p NAME:=VALUE ...\n\n{node_class.__doc__}\n\n'
+        print(f'{node_class.NAME} --ros-args -p NAME:=VALUE ...\n\n'
+              f'{inspect.cleandoc(node_class.__doc__)}\n\n'
               f'Parameters, with their defaults:\n{usage(node_class.PARAMETERS)}')
         return 0
     _prepare_environment()

@@ -75,9 +75,23 @@ def _checked(field: dataclasses.Field, value: Any) -> Any:
 
 
 def usage(parameters: type) -> str:
-    """Return one line for each parameter: name, default, description."""
-    return '\n'.join(f'  {field.name}:={field.default}  {field.metadata["description"]}'
+    """Return one line for each parameter: name, default, description, choices or range."""
+    return '\n'.join(f'  {field.name}:={_written(field.default)}  '
+                     f'{field.metadata["description"]}{_bounds(field)}'
                      for field in dataclasses.fields(parameters))
+
+
+def _written(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _bounds(field: dataclasses.Field) -> str:
+    if field.metadata['choices']:
+        return f' (one of {", ".join(field.metadata["choices"])})'
+    bounds = [f'{word} {bound:g}' for word, bound in (
+        ('at least', field.metadata['lowest']), ('at most', field.metadata['highest']))
+        if type(field.default) in (int, float) and math.isfinite(bound)]
+    return f' ({", ".join(bounds)})' if bounds else ''
 
 
 def _descriptor(field: dataclasses.Field) -> ParameterDescriptor:

@@ -65,6 +65,9 @@ class SimulationNode(Par4Node):
                              ('pause', self._pause), ('resume', self._resume),
                              ('stop', self._stop)):
             self.serve(f'~/{name}', action)
+        self.get_logger().info(
+            f'robot {self._robot.name}, machine {asked.model_file}, fidelity {asked.fidelity}, '
+            f'{asked.publish_rate_hz:g} Hz, {asked.real_time_factor:g} x real time')
 
     def _build(self) -> Simulation:
         asked = self.parameters
@@ -101,6 +104,10 @@ class SimulationNode(Par4Node):
     def _stop(self) -> str:
         self.finished = True
         return 'stopping'
+
+    def now_ns(self) -> int:
+        """Return the simulated time, ns."""
+        return self._physics.now_ns
 
     def faults(self) -> dict[str, int]:
         """Return the counts of the node, the drives and the loop."""
