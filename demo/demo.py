@@ -158,6 +158,7 @@ def main() -> None:
          '--robot', 'reference', '--output', folder / 'diagnosed')
 
     CONSOLE.rule(f'done in {time.monotonic() - began:.0f} s')
+    extended = folder / 'diagnosed' / 'extended_model.yaml'
     CONSOLE.print(f"""Everything lies in {folder}/:
   identified/report.html     TABLE 1
   validated/report.html      Fig. 7; odd_validated/report.html: the same on the odd machine
@@ -165,7 +166,7 @@ def main() -> None:
   *_bag/ (rosbag2, MCAP), nodes.log (what the nodes said)
 To try next:
   .venv/bin/python demo/demo.py --hide stribeck        (or torque_offset)
-  .venv/bin/par4_simulate adept --model {folder}/diagnosed/extended_model.yaml --output {folder}/adept_bag
+  .venv/bin/par4_simulate adept --output {folder}/adept_bag --model {extended}
   README.md, docs/model.md, docs/diagnosis.md""", markup=False)
 
 

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from par4_dynamics.mechanism import STANDARD_GRAVITY, equations_sample
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.linear_solve import solve_in_place
-from par4_kinematics.position import inverse_kinematics
+from par4_kinematics.position import inverse_kinematics, inverse_sample
+from par4_kinematics.velocity import AT_D, jacobians_sample
 from par4_sim.friction import dry_friction
 from par4_sim.machine import Machine
 from par4_sim.plant import STEP
@@ -110,22 +111,27 @@ def _runge_kutta(packed, bodies, gravity, friction, x, xd, tau, modes, span, x_e
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _joint_state(packed, bodies, gravity, x, xd, q, qd, modes):
+def _joint_state(packed, x, xd, q, qd, modes):
     """Write q, qd; remove the remains of velocity in stuck joints. Return -1 or a leg."""
-    mass, rates = np.empty((4, 4)), np.empty((4, 4))
-    bias, offsets = np.empty(4), np.empty(4)
-    leg = equations_sample(packed, bodies, gravity, x, xd, q, qd, mass, bias, rates, offsets)
-    if leg >= 0:
-        return leg
+    leg_out = inverse_sample(packed, x, q)
+    if leg_out >= 0:
+        return leg_out
+    j_x, j_q = np.empty((4, 4)), np.empty(4)
+    jacobians_sample(packed, x, q, AT_D, j_x, j_q)
     moved = False
     for joint in range(4):
+        total = 0.0
+        for axis in range(4):
+            total += j_x[joint, axis] * xd[axis]
+        qd[joint] = total / j_q[joint]
         if modes[joint] == STUCK and qd[joint] != 0.0:
             qd[joint] = 0.0
             moved = True
     if moved:
         column = np.empty((4, 1))
-        column[:, 0] = qd
-        solve_in_place(rates, column)
+        for joint in range(4):
+            column[joint, 0] = j_q[joint] * qd[joint]
+        solve_in_place(j_x, column)
         for axis in range(4):
             xd[axis] = column[axis, 0]
     return -1
@@ -167,7 +173,7 @@ def advance(packed, bodies, gravity, friction, x, xd, tau, modes, q, qd, span):
                            xd_end)
         if leg >= 0:
             return leg
-        leg = _joint_state(packed, bodies, gravity, x_end, xd_end, q_end, qd_end, sliding)
+        leg = _joint_state(packed, x_end, xd_end, q_end, qd_end, sliding)
         if leg >= 0:
             return leg
         first, part = -1, 1.0
@@ -181,7 +187,7 @@ def advance(packed, bodies, gravity, friction, x, xd, tau, modes, q, qd, span):
         if first < 0 or event == MAX_EVENTS - 1:
             x[:] = x_end
             xd[:] = xd_end
-            return _joint_state(packed, bodies, gravity, x, xd, q, qd, modes)
+            return _joint_state(packed, x, xd, q, qd, modes)
         if part > 0.0:
             leg = _runge_kutta(packed, bodies, gravity, friction, x, xd, tau, modes,
                                part * span, x_end, xd_end)
@@ -190,7 +196,7 @@ def advance(packed, bodies, gravity, friction, x, xd, tau, modes, q, qd, span):
             x[:] = x_end
             xd[:] = xd_end
         modes[first] = STUCK
-        leg = _joint_state(packed, bodies, gravity, x, xd, q, qd, modes)
+        leg = _joint_state(packed, x, xd, q, qd, modes)
         if leg >= 0:
             return leg
         span *= 1.0 - part
