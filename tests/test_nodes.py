@@ -615,12 +615,16 @@ class Recorded:
         return self.bench.counts(self.diagnostics, 'par4_record')
 
     def settle(self) -> None:
-        """Wait until the recorder has nothing more to take."""
+        """Wait until the recorder has nothing more to take and has flushed what it took.
+
+        A starved process may report twice in a row before it takes another message, and it flushes
+        as often as it reports: four equal reports are safe.
+        """
         known = len(self.diagnostics)
 
         def settled() -> bool:
             reports = self.bench.reports(self.diagnostics[known:], 'par4_record')
-            return len(reports) > 1 and reports[-1] == reports[-2]
+            return len(reports) > 3 and all(report == reports[-1] for report in reports[-4:])
 
         self.bench.wait(settled, 'the recorder to settle')
 
