@@ -67,6 +67,15 @@ def node(log: Path, executable: str, **parameters: object) -> Iterator[subproces
                 process.wait()
 
 
+def ended(process: subprocess.Popen, patience: float = 0.0) -> bool:
+    """Return whether a process has ended, waiting for it up to `patience` seconds."""
+    try:
+        process.wait(timeout=patience)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
+
+
 def record(folder: Path, bag: Path, model: Path | str, seconds: float, seed: int, title: str
            ) -> None:
     """Play a quasi-random excitation on the simulated machine and record it into a bag."""
@@ -78,9 +87,9 @@ def record(folder: Path, bag: Path, model: Path | str, seconds: float, seed: int
             log, 'par4_simulation', model_file=model, torque_noise=TORQUE_NOISE, seed=seed,
             feedforward_timeout=2.0))
         nodes.enter_context(node(log, 'par4_feedforward', model_file='table1', use_sim_time=True))
-        nodes.enter_context(node(log, 'par4_record', output=bag, use_sim_time=True))
-        while not bag.exists() and simulation.poll() is None:
-            time.sleep(0.05)
+        recorder = nodes.enter_context(node(log, 'par4_record', output=bag, use_sim_time=True))
+        while not bag.exists() and not ended(recorder, 0.05):
+            continue
         motion = nodes.enter_context(node(
             log, 'par4_motion', motion='excitation', duration=seconds, seed=seed,
             use_sim_time=True))
@@ -89,12 +98,12 @@ def record(folder: Path, bag: Path, model: Path | str, seconds: float, seed: int
         with Progress(*columns, console=CONSOLE) as progress:
             task = progress.add_task(title, total=seconds + STARTING)
             began = time.monotonic()
-            while motion.poll() is None and simulation.poll() is None:
+            while not ended(motion, 0.1) and not ended(simulation) and not ended(recorder):
                 progress.update(task, completed=time.monotonic() - began)
-                time.sleep(0.1)
             progress.update(task, completed=seconds + STARTING)
-    if motion.returncode != 0:
-        CONSOLE.print(f'error: the motion did not finish; the nodes say in {log}:')
+        played = motion.returncode == 0  # asked before the nodes that still run are ended
+    if not played:
+        CONSOLE.print(f'error: the motion was not played to its end; the nodes say in {log}:')
         CONSOLE.print(log.read_text(encoding='utf-8')[-2000:], markup=False)
         sys.exit(1)
     counted = [line for line in log.read_text(encoding='utf-8').splitlines() if bag.name in line]
