@@ -117,11 +117,6 @@ class Simulation:
         """Return whether the next sample would use a reference point without its torque."""
         return self._reference.uncovered(self.time + self.sample_period)
 
-    @property
-    def reference_end(self) -> float:
-        """Time of the last queued reference point, s."""
-        return self._reference.end
-
     def next_sample(self) -> Sample:
         """Return the sample valid at the current time and advance by one sample period.
 

@@ -20,7 +20,8 @@ def run(command: click.Command) -> NoReturn:
     except click.exceptions.Exit as finished:
         sys.exit(finished.exit_code)
     except click.ClickException as error:
-        _refuse(' '.join(error.format_message().split()) + f'; see {command.name} --help')
+        found = ' '.join(error.format_message().split()).rstrip('.')
+        _refuse(f'{found}; see {command.name} --help')
     except Par4Error as error:
         _refuse(str(error))
     except OSError as error:
