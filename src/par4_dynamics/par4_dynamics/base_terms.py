@@ -8,6 +8,7 @@ import numpy as np
 
 from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
 from par4_dynamics.state import State
+from par4_kinematics.robot import Bodies
 
 
 @dataclass(frozen=True)
@@ -60,3 +61,10 @@ def base_columns(state: State) -> np.ndarray:
 def unmodelled_columns(state: State) -> np.ndarray:
     """Return the columns (n, 4, 3) of `UNMODELLED`: full mechanism minus (20), per unit."""
     return rigid_body_columns(state)[..., COLUMNS.index('rod_mass'):]
+
+
+def distributed_torque(bodies: Bodies, state: State) -> np.ndarray:
+    """Return the torque (n, J), N m, that known rods, bars and theta inertia add to (20)."""
+    if state.geometry is None:
+        return np.zeros_like(state.q)
+    return unmodelled_columns(state) @ (bodies.rod_mass, bodies.bar_mass, bodies.theta_inertia)

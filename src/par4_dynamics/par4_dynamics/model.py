@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from par4_dynamics.base_terms import BASE_TERMS, base_columns, base_terms, unmodelled_columns
+from par4_dynamics.base_terms import BASE_TERMS, base_columns, base_terms, distributed_torque
 from par4_dynamics.effects.catalogue import effect_named
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.mechanism import LumpedBodies, physical_bodies
@@ -56,10 +56,8 @@ class Model:
 
     def known_torque(self, state: State) -> np.ndarray:
         """Return what is not linear in the base parameters (n, J): bodies and effects."""
-        total = np.zeros_like(state.q)
-        if self.rigid_body == 'full' and state.geometry is not None:
-            total += unmodelled_columns(state) @ (
-                self.bodies.rod_mass, self.bodies.bar_mass, self.bodies.theta_inertia)
+        total = (distributed_torque(self.bodies, state) if self.rigid_body == 'full'
+                 else np.zeros_like(state.q))
         for active in self.effects:
             total += active.torque(state)
         return total

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms, unmodelled_columns
+from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms, distributed_torque
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import State
@@ -63,12 +63,11 @@ class Identification:
                          parameters=parameters, provenance=provenance)
 
 
-def distributed_torque(machine: Robot | Axis, rigid_body: str, state: State) -> np.ndarray:
-    """Return the known torque (n, J) that `rigid_body` adds to (20), N m."""
-    if rigid_body == 'paper' or state.geometry is None:
+def known_torque(machine: Robot | Axis, rigid_body: str, state: State) -> np.ndarray:
+    """Return what `rigid_body` knows of the torque (n, J) beside (20), N m."""
+    if rigid_body == 'paper' or isinstance(machine, Axis):
         return np.zeros_like(state.q)
-    bodies = machine.bodies
-    return unmodelled_columns(state) @ (bodies.rod_mass, bodies.bar_mass, bodies.theta_inertia)
+    return distributed_torque(machine.bodies, state)
 
 
 def identify(logs: list[Log], machine: Robot | Axis, rigid_body: str = 'paper',
@@ -91,7 +90,7 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: str = 'paper',
         payload = (payloads or {}).get(log.name, 0.0)
         for run in runs_of_log(log, machine, conditioning):
             columns = base_columns(run.state)
-            known = distributed_torque(machine, rigid_body, run.state)
+            known = known_torque(machine, rigid_body, run.state)
             if payload:
                 names = [term.name for term in base_terms(run.state)]
                 known = known + payload * columns[..., names.index('platform_mass_1')]

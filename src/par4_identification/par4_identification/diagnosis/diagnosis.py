@@ -56,7 +56,6 @@ class Cause:
         visible_fraction: rms left of it after refitting the base parameters, over its full rms.
         p_value: family-wise.
         gain: on held-out rows.
-        fraction_of_torque: its rms over that of the torque.
     """
 
     effect: Effect
@@ -361,10 +360,7 @@ def _shape_std(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
     if not hypothesis.shape:
         return result
     projection = project(evidence, [hypothesis])
-    acting = list(hypothesis.joints)
-    coefficients = fit.coefficients[index]
-    flat = (coefficients[:, 0] if hypothesis.effect.shared
-            else coefficients[:, acting].T.ravel())
+    flat = hypothesis.stacked(fit.coefficients[index])
     for name, value in hypothesis.shape.items():
         step = 1e-3 * max(abs(value), 1e-6)
         moved = Hypothesis(hypothesis.effect, {**hypothesis.shape, name: value + step},
@@ -378,13 +374,11 @@ def _shape_std(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
 def _cause(found: Found, evidence: Evidence, fit: Fit, index: int) -> Cause:
     hypothesis = found.hypothesis
     columns = evidence.columns(hypothesis)
-    coefficients = fit.coefficients[index]
-    flat = (coefficients[:, 0] if hypothesis.effect.shared
-            else coefficients[:, list(hypothesis.joints)].T.ravel())
     return Cause(
         effect=hypothesis.effect, joints=hypothesis.joints,
         parameters=_effect_parameters(evidence, hypothesis, fit, index), twins=found.twins,
-        visible_fraction=project(evidence, []).left_share(columns, flat),
+        visible_fraction=project(evidence, []).left_share(
+            columns, hypothesis.stacked(fit.coefficients[index])),
         p_value=found.p_value, gain=found.gain)
 
 

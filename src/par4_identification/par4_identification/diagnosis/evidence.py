@@ -20,6 +20,11 @@ class Hypothesis:
     shape: Shape
     joints: tuple[int, ...]
 
+    def stacked(self, coefficients: np.ndarray) -> np.ndarray:
+        """Return coefficients (K, J) in the order of this hypothesis's stacked columns."""
+        return (coefficients[:, 0] if self.effect.shared
+                else coefficients[:, list(self.joints)].T.ravel())
+
     @property
     def label(self) -> str:
         """Name with shape, for messages."""

@@ -9,7 +9,7 @@ import numpy as np
 from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.model import Model
-from par4_identification.identification import distributed_torque
+from par4_identification.identification import known_torque
 from par4_identification.rows import Run
 from par4_kinematics.robot import Axis, Robot
 
@@ -58,7 +58,7 @@ def observe(runs: list[Run], machine: Robot | Axis, rigid_body: str, baseline: M
     """
     targets, bases = [], []
     for run in runs:
-        known = (distributed_torque(machine, rigid_body, run.state) if baseline is None
+        known = (known_torque(machine, rigid_body, run.state) if baseline is None
                  else baseline.known_torque(run.state))
         targets.append(run.tau - run.rows(known))
         bases.append(run.rows(base_columns(run.state)))

@@ -259,10 +259,8 @@ class Selector:
             own = np.einsum('mjk,kj->mj', rows, coefficients)
             effect += np.sum(np.where(run.valid, own, 0.0) ** 2, axis=0)
             torque += np.sum(np.where(run.valid, run.tau, 0.0) ** 2, axis=0)
-        flat = (coefficients[:, 0] if hypothesis.effect.shared
-                else coefficients[:, list(hypothesis.joints)].T.ravel())
         visible = project(self._evidence, others).left_share(
-            self._evidence.columns(hypothesis), flat)
+            self._evidence.columns(hypothesis), hypothesis.stacked(coefficients))
         return float(visible * np.max(np.sqrt(effect / np.maximum(torque, 1e-30))))
 
     def _implausible(self, hypothesis: Hypothesis, fit: Fit, index: int) -> str | None:
