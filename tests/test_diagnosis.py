@@ -9,11 +9,10 @@ import pytest
 from hidden import clean, draw, with_coloured_noise
 from measured import DWELL, excitation, log_of_machine, log_of_model
 
-from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file
 from par4_dynamics.state import state_of_joints
-from par4_identification.diagnosis.diagnosis import diagnose
+from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
 from par4_identification.diagnosis.holdout import blocks_of_runs
 from par4_identification.rows import runs_of_log
 from par4_kinematics.position import inverse_kinematics
@@ -80,7 +79,7 @@ def test_a_clean_machine_is_called_clean(seed):
 @pytest.mark.parametrize('effect', ['torque_offset', 'stribeck', 'cogging', 'distributed_rods'])
 def test_an_effect_outside_the_library_ends_as_unknown(effect):
     hidden = draw(effect, 4)
-    library = {name: known for name, known in CATALOGUE.items() if name != effect}
+    library = {name: known for name, known in LIBRARY.items() if name != effect}
     result = diagnosis_of(hidden, 4, library)
     assert result.verdict == 'unknown'
     assert names(result) == []
@@ -188,10 +187,10 @@ def test_a_single_log_is_cut_and_its_last_third_held_out():
     assert last < first
 
 
-@pytest.mark.parametrize('name', sorted(CATALOGUE))
+@pytest.mark.parametrize('name', sorted(LIBRARY))
 def test_coefficients_and_values_are_two_readings_of_an_effect(name):
     """torque = columns @ coefficients, and values(coefficients(values)) = values."""
-    effect = CATALOGUE[name]
+    effect = LIBRARY[name]
     model = model_with(read_model('table1', OTHER), name, **{
         'torque_offset': {'offset': (0.1, -0.2, 0.3, 0.4)},
         'stribeck': {'stribeck_torque': (0.5, 0.6, 0.7, 0.8), 'stribeck_velocity': 0.1},

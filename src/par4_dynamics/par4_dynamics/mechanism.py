@@ -16,13 +16,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from par4_dynamics.state import GRAVITY
-from par4_kinematics.acceleration import velocity_product
 from par4_kinematics.arrays import as_matching_rows
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS, Geometry
-from par4_kinematics.linear_solve import solve_in_place
-from par4_kinematics.position import inverse_kinematics, inverse_sample
-from par4_kinematics.velocity import AT_D, arm_tangent, jacobian_rates_sample, jacobians_sample
+from par4_kinematics.leg import (
+    arm_direction,
+    curvature,
+    forearm_vector,
+    plate_joint,
+    plate_velocity,
+    tangent,
+)
+from par4_kinematics.linear_solve import factor_in_place, solve_factored
+from par4_kinematics.position import inverse_kinematics
 
 
 @dataclass(frozen=True)
@@ -105,110 +111,142 @@ def physical_bodies(geometry: Geometry, bodies: LumpedBodies, rod_mass: float, b
     return result
 
 
+MASS, RATES, BIAS, OFFSETS, COSINES, SINES, SPEEDS = 0, 4, 8, 9, 10, 11, 12
+"""First rows, in what `equations_sample` writes, of the mass matrix M, of G with qdot = G Xdot
+(four rows each), of c and g with M Xddot + c = G^T tau and qddot = G Xddot + g, and of cos q,
+sin q, qdot."""
+EQUATION_ROWS = 13
+
+
+def packed_mechanism(geometry: Geometry, bodies: LumpedBodies, gravity: ArrayLike) -> np.ndarray:
+    """Return (36,): Geometry.packed, LumpedBodies.packed and gravity (3,) m/s2 in `base`."""
+    return np.concatenate((geometry.packed, bodies.packed, gravity))
+
+
 @numba.njit(cache=True, error_model='numpy')
-def equations_sample(packed, bodies, gravity, x, xd, q, qd, mass, bias, rates, offsets):
+def equations_sample(constants, motion, equations):
     """Write the equations of motion of one pose and velocity; return -1 or an unreachable leg.
 
     Args:
-        packed, bodies: Geometry.packed, LumpedBodies.packed.
-        gravity: (3,) m/s2 in `base`.
-        x, xd: pose and velocity (4,).
-        q, qd: joint positions and velocities (4,), written.
-        mass: M (4, 4), written.
-        bias: c (4,), written, so that M Xddot + c = G^T tau.
-        rates: G (4, 4), written.
-        offsets: g (4,), written, so that qddot = G Xddot + g.
+        constants: of `packed_mechanism`, which may be followed by others.
+        motion: pose and velocity in its first two rows (2, 4).
+        equations: (EQUATION_ROWS, 4) or more, written; one array, because each that is passed to
+            a compiled function costs time.
     """
-    leg_out = inverse_sample(packed, x, q)
-    if leg_out >= 0:
-        return leg_out
-    bar = packed[3]
-    cosine, sine = math.cos(x[3]), math.sin(x[3])
-    j_x, j_x_rate = np.empty((4, 4)), np.empty((4, 4))
-    j_q, j_q_rate = np.empty(4), np.empty(4)
-    jacobians_sample(packed, x, q, AT_D, j_x, j_q)
-    for leg in range(4):
-        qd[leg] = 0.0
-        for axis in range(4):
-            rates[leg, axis] = j_x[leg, axis] / j_q[leg]
-            qd[leg] += rates[leg, axis] * xd[axis]
-    jacobian_rates_sample(packed, x, xd, q, qd, AT_D, j_x_rate, j_q_rate)
-
-    m_1, m_2 = bodies[4], bodies[5]
-    rod, bar_mass, inertia_theta = bodies[10] / 3.0, bodies[11] / 3.0, bodies[12]
+    xd_0, xd_1, xd_2, xd_3 = motion[1, 0], motion[1, 1], motion[1, 2], motion[1, 3]
+    gravity_x, gravity_y, gravity_z = constants[33], constants[34], constants[35]
+    bar = constants[3]
+    cosine, sine = math.cos(motion[0, 3]), math.sin(motion[0, 3])
+    m_1, m_2 = constants[24], constants[25]
+    # of the two rods of a forearm and of the two bars; see the module's docstring
+    rod, bars = constants[30] / 3.0, constants[31] / 3.0
     # D' = D + u(theta): u' = bar (-cos, -sin), u'' thetad^2 = bar (sin, -cos) thetad^2
     u_x, u_y = -bar * cosine, -bar * sine
-    w_x, w_y = bar * sine * xd[3] * xd[3], -bar * cosine * xd[3] * xd[3]
-    mass[:] = 0.0
-    for axis in range(3):
-        mass[axis, axis] = m_1 + m_2
-        bias[axis] = -(m_1 + m_2) * gravity[axis]
-    mass[0, 3] = mass[3, 0] = m_2 * u_x
-    mass[1, 3] = mass[3, 1] = m_2 * u_y
-    mass[3, 3] = (m_2 - bar_mass) * bar * bar + inertia_theta
-    bias[0] += m_2 * w_x
-    bias[1] += m_2 * w_y
+    w_x, w_y = bar * sine * xd_3 * xd_3, -bar * cosine * xd_3 * xd_3
+    # each forearm takes rod [1 u']^T [1 u'] of its end at the plate off the lumped masses;
+    # sums in scalars, so that they stay in registers
+    total = m_1 + m_2
+    m_00 = m_11 = m_22 = total - 4.0 * rod
+    m_10 = m_20 = m_21 = m_32 = 0.0
+    m_30, m_31 = (m_2 - 2.0 * rod) * u_x, (m_2 - 2.0 * rod) * u_y
+    m_33 = (m_2 - bars - 2.0 * rod) * bar * bar + constants[32]
+    b_0, b_1 = m_2 * w_x - total * gravity_x, m_2 * w_y - total * gravity_y
+    b_2 = -total * gravity_z
     # u' is normal to u'', so the centripetal part has no moment about theta
-    bias[3] = -m_2 * (u_x * gravity[0] + u_y * gravity[1])
+    b_3 = -m_2 * (u_x * gravity_x + u_y * gravity_y)
 
-    stretch = np.zeros((3, 4))
-    residue = np.empty(3)
     for leg in range(4):
-        offsets[leg] = -velocity_product(j_x_rate, j_q_rate, xd, qd, leg) / j_q[leg]
-        joint_bias = bodies[leg] * offsets[leg] + bodies[6 + leg] * math.cos(q[leg]) * (
-            gravity[2] / GRAVITY)
-        for i in range(4):
-            bias[i] += rates[leg, i] * joint_bias
-            for j in range(4):
-                mass[i, j] += bodies[leg] * rates[leg, i] * rates[leg, j]
+        along, across, up = plate_joint(constants, motion[0, 0], motion[0, 1], motion[0, 2],
+                                        cosine, sine, leg)
+        reached, cos_q, sin_q = arm_direction(constants, along, across, up)
+        if not reached:
+            return leg
+        ab_x, ab_y, ab_z = forearm_vector(constants, along, across, up, cos_q, sin_q, leg)
+        t_x, t_y, t_z = tangent(constants, cos_q, sin_q, leg)
+        reciprocal = 1.0 / (ab_x * t_x + ab_y * t_y + ab_z * t_z)
+        g_0, g_1, g_2 = ab_x * reciprocal, ab_y * reciprocal, ab_z * reciprocal
+        g_3 = u_x * g_0 + u_y * g_1 if leg < 2 else 0.0
+        speed = g_0 * xd_0 + g_1 * xd_1 + g_2 * xd_2 + g_3 * xd_3
+        v_x, v_y = plate_velocity(constants, xd_0, xd_1, xd_3, cosine, sine, leg)
+        offset = -reciprocal * curvature(constants, ab_x, ab_y, ab_z, v_x, v_y, xd_2, xd_3, speed,
+                                         cos_q, sin_q, cosine, sine, leg)
+        equations[COSINES, leg], equations[SINES, leg] = cos_q, sin_q
+        equations[SPEEDS, leg], equations[OFFSETS, leg] = speed, offset
+        row = RATES + leg
+        equations[row, 0], equations[row, 1] = g_0, g_1
+        equations[row, 2], equations[row, 3] = g_2, g_3
+        # inertia about the joint less that of the forearm's shares on the arm: |dA/dq| = L
+        inertia = constants[20 + leg] - rod * constants[0] * constants[0]
+        weight = constants[26 + leg] / GRAVITY * (
+            sin_q * (gravity_x * constants[4 + 4 * leg] + gravity_y * constants[5 + 4 * leg])
+            + cos_q * gravity_z)
+        push = inertia * offset + weight
+        e_0, e_1, e_2, e_3 = 0.0, 0.0, 0.0, 0.0
         if rod != 0.0:
-            t_x, t_y, t_z = arm_tangent(packed, q[leg], leg)
-            inward = -packed[0] * math.cos(q[leg]) * qd[leg] * qd[leg]
-            residue[0] = -inward * packed[4 + 4 * leg] - t_x * offsets[leg]
-            residue[1] = -inward * packed[5 + 4 * leg] - t_y * offsets[leg]
-            residue[2] = (-packed[0] * math.sin(q[leg]) * qd[leg] * qd[leg]
-                          - t_z * offsets[leg])
-            for axis in range(4):
-                stretch[0, axis] = -t_x * rates[leg, axis]
-                stretch[1, axis] = -t_y * rates[leg, axis]
-                stretch[2, axis] = -t_z * rates[leg, axis]
-            for axis in range(3):
-                stretch[axis, axis] += 1.0
+            e_0, e_1, e_2 = rod * t_x, rod * t_y, rod * t_z
+            # acceleration of B - A with Xddot = 0 and qddot = 0, and what offset adds
+            inward = constants[0] * cos_q * speed * speed
+            r_x = inward * constants[4 + 4 * leg] - t_x * offset
+            r_y = inward * constants[5 + 4 * leg] - t_y * offset
+            r_z = -constants[0] * sin_q * speed * speed - t_z * offset
             if leg < 2:
-                stretch[0, 3] += u_x
-                stretch[1, 3] += u_y
-                residue[0] += w_x
-                residue[1] += w_y
-            for i in range(4):
-                for axis in range(3):
-                    bias[i] -= rod * stretch[axis, i] * residue[axis]
-                    for j in range(4):
-                        mass[i, j] -= rod * stretch[axis, i] * stretch[axis, j]
+                e_3 = u_x * e_0 + u_y * e_1
+                r_x += w_x
+                r_y += w_y
+                b_3 -= rod * (u_x * r_x + u_y * r_y)
+                push += e_0 * w_x + e_1 * w_y
+            b_0 -= rod * r_x
+            b_1 -= rod * r_y
+            b_2 -= rod * r_z
+        b_0 += g_0 * push
+        b_1 += g_1 * push
+        b_2 += g_2 * push
+        b_3 += g_3 * push
+        # M = ... + inertia g g^T + e g^T + g e^T
+        f_0, f_1, f_2, f_3 = (inertia * g_0 + e_0, inertia * g_1 + e_1, inertia * g_2 + e_2,
+                              inertia * g_3 + e_3)
+        m_00 += g_0 * f_0 + e_0 * g_0
+        m_10 += g_1 * f_0 + e_1 * g_0
+        m_11 += g_1 * f_1 + e_1 * g_1
+        m_20 += g_2 * f_0 + e_2 * g_0
+        m_21 += g_2 * f_1 + e_2 * g_1
+        m_22 += g_2 * f_2 + e_2 * g_2
+        m_30 += g_3 * f_0 + e_3 * g_0
+        m_31 += g_3 * f_1 + e_3 * g_1
+        m_32 += g_3 * f_2 + e_3 * g_2
+        m_33 += g_3 * f_3 + e_3 * g_3
+    for axis, value in enumerate((b_0, b_1, b_2, b_3)):
+        equations[BIAS, axis] = value
+    for axis, value in enumerate((m_00, m_10, m_20, m_30)):
+        equations[MASS, axis] = equations[MASS + axis, 0] = value
+    equations[MASS + 1, 1], equations[MASS + 2, 2], equations[MASS + 3, 3] = m_11, m_22, m_33
+    equations[MASS + 2, 1] = equations[MASS + 1, 2] = m_21
+    equations[MASS + 3, 1] = equations[MASS + 1, 3] = m_31
+    equations[MASS + 3, 2] = equations[MASS + 2, 3] = m_32
     return -1
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _forward_rows(packed, bodies, gravity, x, xd, tau, xdd):
-    q, qd, bias, offsets = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
-    mass, rates, column = np.empty((4, 4)), np.empty((4, 4)), np.empty((4, 1))
+def _forward_rows(constants, x, xd, tau, xdd):
+    motion, equations = np.empty((2, 4)), np.empty((EQUATION_ROWS, 4))
     for row in range(x.shape[0]):
-        equations_sample(packed, bodies, gravity, x[row], xd[row], q, qd, mass, bias, rates,
-                         offsets)
+        motion[0], motion[1] = x[row], xd[row]
+        equations_sample(constants, motion, equations)
         for axis in range(4):
-            column[axis, 0] = -bias[axis]
+            xdd[row, axis] = -equations[BIAS, axis]
             for leg in range(4):
-                column[axis, 0] += rates[leg, axis] * tau[row, leg]
-        solve_in_place(mass, column)
-        xdd[row] = column[:, 0]
+                xdd[row, axis] += equations[RATES + leg, axis] * tau[row, leg]
+        factor_in_place(equations)
+        solve_factored(equations, xdd[row])
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _mass_rows(packed, bodies, gravity, x, mass, rates):
-    still, bias, offsets = np.zeros(4), np.empty(4), np.empty(4)
-    q, qd = np.empty(4), np.empty(4)
+def _mass_rows(constants, x, mass, rates):
+    motion, equations = np.zeros((2, 4)), np.empty((EQUATION_ROWS, 4))
     for row in range(x.shape[0]):
-        equations_sample(packed, bodies, gravity, x[row], still, q, qd, mass[row], bias,
-                         rates[row], offsets)
+        motion[0] = x[row]
+        equations_sample(constants, motion, equations)
+        mass[row], rates[row] = equations[MASS:RATES], equations[RATES:BIAS]
 
 
 STANDARD_GRAVITY = np.array((0.0, 0.0, -GRAVITY))
@@ -224,7 +262,8 @@ def forward_dynamics(geometry: Geometry, bodies: LumpedBodies, x: ArrayLike, xd:
     (x_rows, xd_rows, tau_rows), leading = as_matching_rows({'x': x, 'xd': xd, 'tau': tau})
     inverse_kinematics(geometry, x_rows)
     xdd = np.empty_like(x_rows)
-    _forward_rows(geometry.packed, bodies.packed, STANDARD_GRAVITY, x_rows, xd_rows, tau_rows, xdd)
+    _forward_rows(packed_mechanism(geometry, bodies, STANDARD_GRAVITY), x_rows, xd_rows, tau_rows,
+                  xdd)
     return xdd.reshape((*leading, LEGS))
 
 
@@ -233,7 +272,7 @@ def joint_mass_matrix(geometry: Geometry, bodies: LumpedBodies, x: ArrayLike) ->
     (x_rows,), leading = as_matching_rows({'x': x})
     inverse_kinematics(geometry, x_rows)
     mass, rates = (np.empty((len(x_rows), LEGS, LEGS)) for _ in range(2))
-    _mass_rows(geometry.packed, bodies.packed, STANDARD_GRAVITY, x_rows, mass, rates)
+    _mass_rows(packed_mechanism(geometry, bodies, STANDARD_GRAVITY), x_rows, mass, rates)
     jacobian = np.linalg.inv(rates)
     return (np.swapaxes(jacobian, -1, -2) @ mass @ jacobian).reshape((*leading, LEGS, LEGS))
 
@@ -244,7 +283,7 @@ def kinetic_energy(geometry: Geometry, bodies: LumpedBodies, x: ArrayLike, xd: A
     (x_rows, xd_rows), leading = as_matching_rows({'x': x, 'xd': xd})
     inverse_kinematics(geometry, x_rows)
     mass, rates = (np.empty((len(x_rows), LEGS, LEGS)) for _ in range(2))
-    _mass_rows(geometry.packed, bodies.packed, STANDARD_GRAVITY, x_rows, mass, rates)
+    _mass_rows(packed_mechanism(geometry, bodies, STANDARD_GRAVITY), x_rows, mass, rates)
     return 0.5 * np.einsum('ni,nij,nj->n', xd_rows, mass, xd_rows).reshape(leading)
 
 

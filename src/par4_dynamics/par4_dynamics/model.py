@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,18 +12,23 @@ from par4_dynamics.effects.catalogue import effect_named
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.mechanism import LumpedBodies, physical_bodies
 from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file
-from par4_dynamics.state import State
+from par4_dynamics.state import Nominal, State
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Bodies, Robot
 
 
 @dataclass(frozen=True)
 class ActiveEffect:
-    """An effect with its values: parameter name -> (J,), and the joints it acts on."""
+    """An effect with its values: parameter name -> (J,), and the joints it acts on.
+
+    Attributes:
+        units: parameter name -> unit, where a model gave one of two.
+    """
 
     effect: Effect
     joints: tuple[int, ...]
     values: dict[str, np.ndarray]
+    units: dict[str, str] = field(default_factory=dict)
 
     def torque(self, state: State) -> np.ndarray:
         """Return its torque (n, J), N m."""
@@ -54,12 +59,32 @@ class Model:
         chi = np.stack([self.values[term.name] for term in base_terms(state)])
         return np.einsum('njp,pj->nj', columns, chi)
 
+    def distributed_torque(self, state: State) -> np.ndarray:
+        """Return what distributed bodies add to (20), (n, J) N m; zero for `paper`."""
+        return (distributed_torque(self.bodies, state) if self.rigid_body == 'full'
+                else np.zeros_like(state.q))
+
+    def rigid_torque(self, state: State) -> np.ndarray:
+        """Return the torque of the bodies alone, no friction, no effects, (n, J) N m."""
+        return self.base_torque(state) - self.friction_torque(state) + self.distributed_torque(state)
+
+    def friction_torque(self, state: State) -> np.ndarray:
+        """Return Coulomb and viscous friction of (20), (n, J) N m."""
+        return (self.values['coulomb_friction'] * np.sign(state.qd)
+                + self.values['viscous_friction'] * state.qd)
+
+    def nominal(self, state: State) -> Nominal:
+        """Return the torque of a motion without effects, as effects refer to it."""
+        torque = self.base_torque(state) + self.distributed_torque(state)
+        return Nominal(torque, self.friction_torque(state), self.values, self.rigid_torque)
+
     def known_torque(self, state: State) -> np.ndarray:
         """Return what is not linear in the base parameters (n, J): bodies and effects."""
-        total = (distributed_torque(self.bodies, state) if self.rigid_body == 'full'
-                 else np.zeros_like(state.q))
+        total = self.distributed_torque(state)
+        if any(active.effect.needs_nominal for active in self.effects):
+            state = replace(state, nominal=self.nominal(state))
         for active in self.effects:
-            total += active.torque(state)
+            total = total + active.torque(state)
         return total
 
     def torque(self, state: State) -> np.ndarray:
@@ -121,18 +146,33 @@ def _active_effect(entry: EffectEntry, joints: int, is_robot: bool) -> ActiveEff
     effect = effect_named(entry.effect)
     if effect.needs_platform and not is_robot:
         raise InputError(f'effect {effect.name} needs a platform, the machine is a single axis')
-    wanted = {parameter.name for parameter in effect.parameters}
-    if set(entry.parameters) != wanted:
-        raise InputError(f'effect {effect.name}: expected parameters {", ".join(sorted(wanted))}, '
+    known = {parameter.name: parameter for parameter in effect.parameters}
+    required = {name for name, parameter in known.items() if parameter.default is None}
+    if not required <= set(entry.parameters) <= set(known) or not entry.parameters:
+        raise InputError(f'effect {effect.name}: expected parameters {", ".join(sorted(known))}, '
                          f'found {", ".join(sorted(entry.parameters)) or "none"}')
     acting = tuple(range(joints)) if entry.joints is None else entry.joints
     if any(not 0 <= joint < joints for joint in acting):
         raise InputError(f'effect {effect.name}: joints must be 0 to {joints - 1}, found '
                          f'{list(acting)}')
-    values = {}
+    values = {name: np.full(joints, parameter.default) for name, parameter in known.items()
+              if parameter.default is not None}
+    units = {}
     for name, parameter in entry.parameters.items():
-        full = np.zeros(joints)
+        if known[name].other_unit is not None:
+            both = (known[name].unit, known[name].other_unit)
+            if parameter.unit not in both:
+                raise InputError(f'effect {effect.name}, {name}: give its unit, {both[0]!r} or '
+                                 f'{both[1]!r}; found {parameter.unit!r}')
+            units[name] = parameter.unit
         given = parameter.value
+        if known[name].size > 1:
+            if not isinstance(given, tuple) or len(given) != known[name].size:
+                raise InputError(f'effect {effect.name}, {name}: expected {known[name].size} '
+                                 f'numbers, found {given}')
+            values[name] = np.array(given)
+            continue
+        full = np.zeros(joints)
         if isinstance(given, tuple) and len(given) not in (joints, len(acting)):
             raise InputError(f'effect {effect.name}, {name}: expected one number, one for each of '
                              f'its {len(acting)} joints or {joints}, found {len(given)}')
@@ -141,7 +181,7 @@ def _active_effect(entry: EffectEntry, joints: int, is_robot: bool) -> ActiveEff
         else:
             full[list(acting)] = given
         values[name] = full
-    return ActiveEffect(effect, acting, values)
+    return ActiveEffect(effect, acting, values, units)
 
 
 def read_model(name_or_path: str | Path, machine: Robot | Axis) -> Model:

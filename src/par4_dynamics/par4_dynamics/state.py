@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,28 @@ GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
+class Nominal:
+    """What is known of the torque of a motion: effects that scale with load or shift it need it.
+
+    Attributes:
+        torque: of the model without effects, (n, J) N m.
+        friction: the part of it that is friction, (n, J) N m.
+        values: base parameter name -> (J,).
+        rigid_torque: returns the torque without friction of another motion, (n, J) N m.
+    """
+
+    torque: np.ndarray
+    friction: np.ndarray
+    values: Mapping[str, np.ndarray]
+    rigid_torque: Callable[[State], np.ndarray]
+
+    @property
+    def load(self) -> np.ndarray:
+        """The torque that the joint carries behind its friction, (n, J) N m."""
+        return self.torque - self.friction
+
+
+@dataclass(frozen=True)
 class State:
     """Motion of n samples of a machine with J joints; SI, radians.
 
@@ -25,6 +48,7 @@ class State:
         q, qd, qdd: joints, (n, J).
         geometry: dimensions, or None for a single axis; then x, xd, xdd are None too.
         x, xd, xdd: pose of D and theta, (n, 4).
+        nominal: the torque of this motion as far as known, None where only motion is.
     """
 
     t: np.ndarray
@@ -35,6 +59,7 @@ class State:
     x: np.ndarray | None = None
     xd: np.ndarray | None = None
     xdd: np.ndarray | None = None
+    nominal: Nominal | None = None
 
     @property
     def joints(self) -> int:

@@ -5,6 +5,7 @@ The dots of this relation and of (15) are missing in the paper's print.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numba
@@ -13,9 +14,10 @@ from numpy.typing import ArrayLike
 
 from par4_kinematics.arrays import as_matching_rows
 from par4_kinematics.geometry import LEGS, Geometry
+from par4_kinematics.leg import curvature, plate_velocity
 from par4_kinematics.linear_solve import solve_in_place
 from par4_kinematics.position import forward_kinematics, inverse_kinematics
-from par4_kinematics.velocity import AT_D, jacobian_rates_sample, jacobians_sample
+from par4_kinematics.velocity import AT_D, jacobians_sample
 
 
 @dataclass(frozen=True)
@@ -37,18 +39,19 @@ class PlatformMotion:
 
 
 @numba.njit(cache=True, error_model='numpy')
-def velocity_product(j_x_rate, j_q_rate, xd, qd, leg):
-    """Return b_i of J_x Xddot = J_q qddot + b: J_q-dot qdot - J_x-dot Xdot of one leg."""
-    total = j_q_rate[leg] * qd[leg]
-    for axis in range(4):
-        total -= j_x_rate[leg, axis] * xd[axis]
-    return total
+def _curvatures(packed, x, xd, q, qd, j_x, result):
+    """Write b (4,) of J_x Xddot = J_q qddot + b; the first columns of j_x (4, 4) are A_iB_i."""
+    cosine, sine = math.cos(x[3]), math.sin(x[3])
+    for leg in range(4):
+        v_x, v_y = plate_velocity(packed, xd[0], xd[1], xd[3], cosine, sine, leg)
+        result[leg] = curvature(packed, j_x[leg, 0], j_x[leg, 1], j_x[leg, 2], v_x, v_y, xd[2],
+                                xd[3], qd[leg], math.cos(q[leg]), math.sin(q[leg]), cosine, sine,
+                                leg)
 
 
 @numba.njit(cache=True, error_model='numpy')
 def _to_joint_rows(packed, x, xd, xdd, q, qd, qdd):
-    j_x, j_x_rate = np.empty((4, 4)), np.empty((4, 4))
-    j_q, j_q_rate = np.empty(4), np.empty(4)
+    j_x, j_q, b = np.empty((4, 4)), np.empty(4), np.empty(4)
     for row in range(x.shape[0]):
         jacobians_sample(packed, x[row], q[row], AT_D, j_x, j_q)
         for leg in range(4):
@@ -56,9 +59,9 @@ def _to_joint_rows(packed, x, xd, xdd, q, qd, qdd):
             for axis in range(4):
                 total += j_x[leg, axis] * xd[row, axis]
             qd[row, leg] = total / j_q[leg]
-        jacobian_rates_sample(packed, x[row], xd[row], q[row], qd[row], AT_D, j_x_rate, j_q_rate)
+        _curvatures(packed, x[row], xd[row], q[row], qd[row], j_x, b)
         for leg in range(4):
-            total = -velocity_product(j_x_rate, j_q_rate, xd[row], qd[row], leg)
+            total = -b[leg]
             for axis in range(4):
                 total += j_x[leg, axis] * xdd[row, axis]
             qdd[row, leg] = total / j_q[leg]
@@ -66,8 +69,8 @@ def _to_joint_rows(packed, x, xd, xdd, q, qd, qdd):
 
 @numba.njit(cache=True, error_model='numpy')
 def _to_platform_rows(packed, q, qd, qdd, x, xd, xdd):
-    j_x, j_x_rate, matrix = np.empty((4, 4)), np.empty((4, 4)), np.empty((4, 4))
-    j_q, j_q_rate = np.empty(4), np.empty(4)
+    j_x, matrix = np.empty((4, 4)), np.empty((4, 4))
+    j_q, b = np.empty(4), np.empty(4)
     column = np.empty((4, 1))
     for row in range(q.shape[0]):
         jacobians_sample(packed, x[row], q[row], AT_D, j_x, j_q)
@@ -76,11 +79,10 @@ def _to_platform_rows(packed, q, qd, qdd, x, xd, xdd):
             column[leg, 0] = j_q[leg] * qd[row, leg]
         solve_in_place(matrix, column)
         xd[row] = column[:, 0]
-        jacobian_rates_sample(packed, x[row], xd[row], q[row], qd[row], AT_D, j_x_rate, j_q_rate)
+        _curvatures(packed, x[row], xd[row], q[row], qd[row], j_x, b)
         matrix[:] = j_x
         for leg in range(4):
-            column[leg, 0] = j_q[leg] * qdd[row, leg] + velocity_product(
-                j_x_rate, j_q_rate, xd[row], qd[row], leg)
+            column[leg, 0] = j_q[leg] * qdd[row, leg] + b[leg]
         solve_in_place(matrix, column)
         xdd[row] = column[:, 0]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 
@@ -52,3 +54,37 @@ def solve_in_place(matrix: np.ndarray, columns: np.ndarray) -> float:
                 total -= matrix[row, other] * columns[other, column]
             columns[row, column] = total / matrix[row, row]
     return smallest / largest
+
+
+@numba.njit(cache=True, error_model='numpy')
+def factor_in_place(matrix: np.ndarray) -> None:
+    """Replace a symmetric positive definite matrix by its Cholesky factor, lower half.
+
+    The matrix is the first four rows; on the diagonal are the reciprocals of the factor's.
+    Written out, because it is in every step.
+    """
+    r_0 = 1.0 / math.sqrt(matrix[0, 0])
+    l_10, l_20, l_30 = matrix[1, 0] * r_0, matrix[2, 0] * r_0, matrix[3, 0] * r_0
+    r_1 = 1.0 / math.sqrt(matrix[1, 1] - l_10 * l_10)
+    l_21 = (matrix[2, 1] - l_20 * l_10) * r_1
+    l_31 = (matrix[3, 1] - l_30 * l_10) * r_1
+    r_2 = 1.0 / math.sqrt(matrix[2, 2] - l_20 * l_20 - l_21 * l_21)
+    l_32 = (matrix[3, 2] - l_30 * l_20 - l_31 * l_21) * r_2
+    r_3 = 1.0 / math.sqrt(matrix[3, 3] - l_30 * l_30 - l_31 * l_31 - l_32 * l_32)
+    matrix[0, 0], matrix[1, 1], matrix[2, 2], matrix[3, 3] = r_0, r_1, r_2, r_3
+    matrix[1, 0], matrix[2, 0], matrix[3, 0] = l_10, l_20, l_30
+    matrix[2, 1], matrix[3, 1], matrix[3, 2] = l_21, l_31, l_32
+
+
+@numba.njit(cache=True, error_model='numpy')
+def solve_factored(factor: np.ndarray, column: np.ndarray) -> None:
+    """Overwrite column (4,) with the solution; factor of `factor_in_place`."""
+    y_0 = column[0] * factor[0, 0]
+    y_1 = (column[1] - factor[1, 0] * y_0) * factor[1, 1]
+    y_2 = (column[2] - factor[2, 0] * y_0 - factor[2, 1] * y_1) * factor[2, 2]
+    y_3 = (column[3] - factor[3, 0] * y_0 - factor[3, 1] * y_1 - factor[3, 2] * y_2) * factor[3, 3]
+    z_3 = y_3 * factor[3, 3]
+    z_2 = (y_2 - factor[3, 2] * z_3) * factor[2, 2]
+    z_1 = (y_1 - factor[2, 1] * z_2 - factor[3, 1] * z_3) * factor[1, 1]
+    z_0 = (y_0 - factor[1, 0] * z_1 - factor[2, 0] * z_2 - factor[3, 0] * z_3) * factor[0, 0]
+    column[0], column[1], column[2], column[3] = z_0, z_1, z_2, z_3

@@ -16,7 +16,9 @@ from numpy.typing import ArrayLike
 from par4_kinematics.arrays import as_matching_rows, as_rows
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import HOME, LEGS, POSE_NAMES, Geometry
+from par4_kinematics.leg import arm_direction, forearm_vector, plate_joint
 from par4_kinematics.linear_solve import solve_in_place
+from par4_kinematics.reach import unreached_legs
 
 CONVERGED = 1e-12
 """Loop opening (m) at which Newton's iteration stops."""
@@ -24,39 +26,23 @@ MAX_ITERATIONS = 30
 
 
 @numba.njit(cache=True, error_model='numpy')
-def plate_joint(packed, x, leg):
-    """Return B_i - P_i of one leg for the pose x: components along e_i, across it and up, m."""
-    cosine, sine = packed[4 + 4 * leg], packed[5 + 4 * leg]
-    px = x[0] + packed[6 + 4 * leg]
-    py = x[1] + packed[7 + 4 * leg]
-    if leg < 2:
-        px -= packed[3] * math.sin(x[3])
-        py += packed[3] * math.cos(x[3])
-    return px * cosine + py * sine - packed[2], -px * sine + py * cosine, x[2]
-
-
-@numba.njit(cache=True, error_model='numpy')
 def forearm(packed, x, angle, leg):
     """Return the vector A_i B_i of one leg in `base`, m."""
-    cosine, sine = packed[4 + 4 * leg], packed[5 + 4 * leg]
-    along, across, up = plate_joint(packed, x, leg)
-    along -= packed[0] * math.cos(angle)
-    up += packed[0] * math.sin(angle)
-    return along * cosine - across * sine, along * sine + across * cosine, up
+    along, across, up = plate_joint(packed, x[0], x[1], x[2], math.cos(x[3]),
+                                    math.sin(x[3]), leg)
+    return forearm_vector(packed, along, across, up, math.cos(angle), math.sin(angle), leg)
 
 
 @numba.njit(cache=True, error_model='numpy')
 def inverse_sample(packed, x, q):
     """Write the joint positions of one pose to q (4,); return -1, or the leg that cannot reach."""
-    arm, rod = packed[0], packed[1]
+    cosine, sine = math.cos(x[3]), math.sin(x[3])
     for leg in range(4):
-        along, across, up = plate_joint(packed, x, leg)
-        square = along * along + across * across + up * up
-        needed = (square + arm * arm - rod * rod) / (2.0 * arm)
-        radius = math.sqrt(along * along + up * up)
-        if not abs(needed) <= radius:
+        along, across, up = plate_joint(packed, x[0], x[1], x[2], cosine, sine, leg)
+        reached, cos_q, sin_q = arm_direction(packed, along, across, up)
+        if not reached:
             return leg
-        q[leg] = math.atan2(-up, along) - math.acos(needed / radius)
+        q[leg] = math.atan2(sin_q, cos_q)
     return -1
 
 
@@ -128,22 +114,17 @@ def inverse_kinematics(geometry: Geometry, x: ArrayLike) -> np.ndarray:
     """Return the joint positions q (..., 4), rad, of the poses x (..., 4), m and rad.
 
     Raises:
-        UnreachableError: a pose that a leg cannot reach; names sample, pose and leg.
+        UnreachableError: a pose that a leg cannot reach; names sample, pose and legs.
         InputError: wrong shape or a value that is not finite.
     """
     rows, leading = as_rows(x, 'pose x')
     q = np.empty_like(rows)
-    row, leg = _inverse_rows(geometry.packed, rows, q)
+    row, _ = _inverse_rows(geometry.packed, rows, q)
     if row >= 0:
         pose = ', '.join(f'{name} {value:.4g}'
                          for name, value in zip(POSE_NAMES, rows[row], strict=True))
-        distance = math.sqrt(sum(part * part for part in plate_joint(
-            geometry.packed, rows[row], leg)))
-        raise UnreachableError(
-            f'pose {row} ({pose}): leg {leg} cannot reach it, its plate joint is {distance:.3f} m '
-            f'from its actuator and arm and forearm reach at most '
-            f'{geometry.arm_length + geometry.forearm_length:.3f} m in the plane of the arm; '
-            f'bring the pose into the workspace')
+        raise UnreachableError(f'pose {row} ({pose}): {unreached_legs(geometry, rows[row])}; '
+                               f'bring the pose into the workspace')
     return q.reshape((*leading, LEGS))
 
 

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from par4_kinematics.arrays import as_matching_rows, as_rows
 from par4_kinematics.geometry import LEGS, Geometry
+from par4_kinematics.leg import tangent
 from par4_kinematics.linear_solve import solve_in_place
 from par4_kinematics.position import forearm, inverse_kinematics
 
@@ -26,9 +27,7 @@ AT_D2 = 1.0
 @numba.njit(cache=True, error_model='numpy')
 def arm_tangent(packed, angle, leg):
     """Return dA_i/dq_i of one leg in `base`, m/rad."""
-    across = -packed[0] * math.sin(angle)
-    return (across * packed[4 + 4 * leg], across * packed[5 + 4 * leg],
-            -packed[0] * math.cos(angle))
+    return tangent(packed, math.cos(angle), math.sin(angle), leg)
 
 
 @numba.njit(cache=True, error_model='numpy')

@@ -2,16 +2,77 @@
 
 from __future__ import annotations
 
+from par4_dynamics.effects.actuator_lag import ActuatorLag
+from par4_dynamics.effects.arm_mass_offset import ArmMassOffset
+from par4_dynamics.effects.backlash import Backlash
+from par4_dynamics.effects.base_tilt import BaseTilt
+from par4_dynamics.effects.cable_spring import CableSpring
 from par4_dynamics.effects.cogging import Cogging
+from par4_dynamics.effects.coulomb_asymmetry import CoulombAsymmetry
 from par4_dynamics.effects.distributed_rods import DistributedRods
+from par4_dynamics.effects.drive_gain_error import DriveGainError
 from par4_dynamics.effects.effect import Effect
+from par4_dynamics.effects.elastic_transmission import ElasticTransmission
+from par4_dynamics.effects.encoder_eccentricity import EncoderEccentricity
+from par4_dynamics.effects.encoder_offset import EncoderOffset
+from par4_dynamics.effects.external_force import ExternalForce
+from par4_dynamics.effects.friction_drift import FrictionDrift
+from par4_dynamics.effects.geometry_error import GeometryError
+from par4_dynamics.effects.joint_friction_difference import JointFrictionDifference
+from par4_dynamics.effects.joint_inertia_difference import JointInertiaDifference
+from par4_dynamics.effects.load_dependent_friction import LoadDependentFriction
+from par4_dynamics.effects.nonlinear_viscous import NonlinearViscous
+from par4_dynamics.effects.passive_joint_friction import PassiveJointFriction
+from par4_dynamics.effects.payload import Payload
+from par4_dynamics.effects.platform_drag import PlatformDrag
+from par4_dynamics.effects.presliding import Presliding
+from par4_dynamics.effects.quantization import Quantization
 from par4_dynamics.effects.stribeck import Stribeck
+from par4_dynamics.effects.theta_friction import ThetaFriction
+from par4_dynamics.effects.theta_inertia import ThetaInertia
+from par4_dynamics.effects.time_offset import TimeOffset
 from par4_dynamics.effects.torque_offset import TorqueOffset
+from par4_dynamics.effects.torque_ripple import TorqueRipple
+from par4_dynamics.effects.torque_saturation import TorqueSaturation
+from par4_dynamics.effects.viscous_asymmetry import ViscousAsymmetry
 from par4_kinematics.errors import InputError
 
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
-    for effect in (TorqueOffset(), Stribeck(), Cogging(), DistributedRods())
+    for effect in (
+        TorqueOffset(),
+        Stribeck(),
+        Cogging(),
+        DistributedRods(),
+        Payload(),
+        ThetaInertia(),
+        ThetaFriction(),
+        PassiveJointFriction(),
+        BaseTilt(),
+        ExternalForce(),
+        CableSpring(),
+        PlatformDrag(),
+        EncoderOffset(),
+        EncoderEccentricity(),
+        GeometryError(),
+        CoulombAsymmetry(),
+        ViscousAsymmetry(),
+        NonlinearViscous(),
+        LoadDependentFriction(),
+        FrictionDrift(),
+        Presliding(),
+        JointFrictionDifference(),
+        JointInertiaDifference(),
+        ArmMassOffset(),
+        DriveGainError(),
+        TorqueRipple(),
+        ActuatorLag(),
+        TimeOffset(),
+        TorqueSaturation(),
+        ElasticTransmission(),
+        Backlash(),
+        Quantization(),
+    )
 }
 
 

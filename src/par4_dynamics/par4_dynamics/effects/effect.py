@@ -17,11 +17,20 @@ Values = Mapping[str, np.ndarray]
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A parameter of an effect: its name, unit, and whether each joint has its own."""
+    """A parameter of an effect: its name, unit, and whether each joint has its own.
+
+    Attributes:
+        default: taken where a model does not give it; None where it must.
+        other_unit: a second unit that gives the parameter another meaning, see the effect.
+        size: numbers it has; more than one for a vector of the machine.
+    """
 
     name: str
     unit: str
     scope: Literal['joint', 'machine']
+    default: float | None = None
+    other_unit: str | None = None
+    size: int = 1
 
 
 @dataclass(frozen=True)
@@ -43,6 +52,9 @@ class Effect(ABC):
         parameters: what describes it to a user.
         shared: True where the joints share the coefficients.
         needs_platform: True where a single axis cannot have it.
+        needs_nominal: True where its columns need `State.nominal`.
+        fixed_coefficients: True where the coefficients are 1 and only the shape is free; a fit
+            of another size is evidence against the effect.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
     """
 
@@ -50,6 +62,8 @@ class Effect(ABC):
     parameters: ClassVar[tuple[EffectParameter, ...]]
     shared: ClassVar[bool] = False
     needs_platform: ClassVar[bool] = False
+    needs_nominal: ClassVar[bool] = False
+    fixed_coefficients: ClassVar[bool] = False
     phrase: ClassVar[str]
 
     def shapes(self, state: State) -> tuple[Shape, ...]:  # noqa: ARG002
@@ -89,12 +103,13 @@ class Effect(ABC):
 
         Args:
             state: the motion.
-            values: parameter name -> (J,).
-            joints: where the effect acts.
+            values: parameter name -> (J,), or (size,) of a vector.
+            joints: where the effect acts; a shared effect acts on all.
         """
-        acting = np.zeros(state.joints)
-        acting[list(joints)] = 1.0
-        coefficients = self.coefficients(values) * acting
+        coefficients = self.coefficients(values)
+        if self.shared:
+            shape = self.shape_of({name: value[0] for name, value in values.items()})
+            return self.columns(state, shape) @ coefficients[:, 0]
         total = np.zeros_like(state.q)
         for joint in joints:  # a joint's shape may be its own
             shape = self.shape_of({name: value[joint] for name, value in values.items()})

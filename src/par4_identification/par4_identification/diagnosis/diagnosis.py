@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.effects.catalogue import effect_named
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile
@@ -38,6 +38,9 @@ from par4_kinematics.robot import Axis, Robot
 
 CONDITIONING = Conditioning(low_speed=0.02)
 """Lower than identification's: effects of low speed must show."""
+LIBRARY = {name: effect_named(name)
+           for name in ('torque_offset', 'stribeck', 'cogging', 'distributed_rods')}
+"""Effects that may be named."""
 
 Verdict = Literal['clean', 'explained', 'partly_explained', 'unknown', 'unusable_data']
 Progress = Callable[[str], None]
@@ -196,8 +199,8 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     if reasons:
         return _unusable(tuple(reasons), tuple(fit_runs))
 
-    applicable = {name: effect for name, effect in
-                  (CATALOGUE if library is None else library).items()
+    searched = LIBRARY if library is None else library
+    applicable = {name: effect for name, effect in searched.items()
                   if isinstance(machine, Robot) or not effect.needs_platform}
     sigma = identification.estimate.rms
     blocks = blocks_of_runs([run.t for run in holdout_runs], [run.valid for run in holdout_runs],

@@ -1,0 +1,37 @@
+"""Torque that follows its command late, with first order."""
+
+from __future__ import annotations
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.time_rate import time_rate
+
+LONGEST = 0.05
+
+
+class ActuatorLag(Effect):
+    """tau += T dtau/dt: the command that a drive with tau + T dtau/dt = command needs."""
+
+    name = 'actuator_lag'
+    phrase = 'first-order lag of the actuators'
+    parameters = (EffectParameter('time_constant', 's', 'machine'),)
+    shared = True
+    needs_nominal = True
+
+    def columns(self, state, shape):  # noqa: ARG002
+        return time_rate(state, state.nominal.torque)[..., None]
+
+    def coefficients(self, values):
+        return values['time_constant'][None]
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return {'time_constant': coefficients[0]}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        constant = float(values['time_constant'][0])
+        if not 0.0 < constant <= LONGEST:
+            return (f'a drive lags by a time constant above 0 and up to {LONGEST:g} s, '
+                    f'found {constant:.3g} s')
+        return None
+
+    def signature(self, state):
+        return Signature(self.columns(state, {})[..., 0], 'rate of the torque, N m/s')

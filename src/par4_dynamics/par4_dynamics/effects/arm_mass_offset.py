@@ -1,0 +1,42 @@
+"""Mass of an arm beside the line from its axis to the elbow."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.state import GRAVITY
+
+
+class ArmMassOffset(Effect):
+    """tau_i += g s_i sin q_i with s the first moment of the arm across its line.
+
+    Positive is the side towards which q grows: below a horizontal arm. A mass m there hangs
+    s/m cos q lower than on the line, its potential energy changes by -g s cos q, and the drive
+    supplies the slope of that.
+    """
+
+    name = 'arm_mass_offset'
+    phrase = 'arm mass beside the line of the arm'
+    parameters = (EffectParameter('first_moment', 'kg m', 'joint'),)
+    needs_platform = True  # the angle to gravity of a single axis is not known
+
+    def columns(self, state, shape):  # noqa: ARG002
+        return (GRAVITY * np.sin(state.q))[..., None]
+
+    def coefficients(self, values):
+        return values['first_moment'][None]
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return {'first_moment': coefficients[0]}
+
+    def implausible(self, values, base):
+        torque = GRAVITY * np.abs(values['first_moment'])
+        along = float(np.max(np.abs(base['arm_gravity'])))
+        if torque.max() > max(2.0 * along, 1.0):
+            return (f'{torque.max():.3g} N m of mass beside the arm is more than twice what lies '
+                    f'along it, {along:.3g} N m')
+        return None
+
+    def signature(self, state):
+        return Signature(np.sin(state.q), 'sine of the joint position')

@@ -1,0 +1,66 @@
+"""A dead zone between a motor and its load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.transmission import (
+    one_a_joint,
+    transmission_columns,
+    transmitted_torque,
+)
+
+CROSSING = 0.01
+"""s that a load takes through the dead zone: assumed, less than a torque filter resolves."""
+WIDEST = 0.05
+WRONG_SHARE = 0.3
+"""Of the widest gap: less of the wrong sign on a joint without one is chance."""
+
+
+class Backlash(Effect):
+    """tau += change of the load's torque at q_load = q - gap/2 sign(tau_load).
+
+    To first order in the gap, encoders on the motors; where the load changes its sign, the shift
+    goes from one side to the other over `CROSSING`.
+    """
+
+    name = 'backlash'
+    phrase = 'backlash of the transmission'
+    parameters = (EffectParameter('gap', 'rad', 'joint'),)
+    shared = True
+    needs_nominal = True
+
+    def columns(self, state, shape):  # noqa: ARG002
+        return transmission_columns(state, -0.5 * _side(state.t, transmitted_torque(state)))
+
+    def coefficients(self, values):
+        return one_a_joint(values['gap'])
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return {'gap': np.diagonal(coefficients).copy()}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        gap = values['gap']
+        widest = float(gap.max())
+        if gap.min() < min(-WRONG_SHARE * widest, 0.0):
+            return f'a gap cannot be negative, found {gap.min():.3g} rad'
+        if widest > WIDEST:
+            return (f'a gap of {widest:.3g} rad is not backlash of a machine, expected at most '
+                    f'{WIDEST:g} rad')
+        return None
+
+    def signature(self, state):
+        return Signature(transmitted_torque(state), 'load torque, N m')
+
+
+def _side(t: np.ndarray, load: np.ndarray) -> np.ndarray:
+    """Return sign(load) (n, J) averaged over `CROSSING` with a weight that rises and falls."""
+    side = np.sign(load)
+    if len(t) < 2:
+        return side
+    half = max(1, round(0.5 * CROSSING / float(np.median(np.diff(t)))))
+    weight = np.hanning(2 * half + 3)[1:-1]
+    weight /= weight.sum()
+    padded = np.pad(side, ((half, half), (0, 0)), mode='edge')
+    return np.stack([np.convolve(column, weight, mode='valid') for column in padded.T], axis=1)

@@ -1,0 +1,61 @@
+"""A transmission that twists under its load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.time_rate import time_rate
+from par4_dynamics.effects.transmission import (
+    one_a_joint,
+    transmission_columns,
+    transmitted_torque,
+)
+
+STIFFNESSES = (1e2, 1e6)
+WRONG_SHARE = 0.3
+"""Of the most elastic joint's compliance: less of the wrong sign on a stiff joint is chance."""
+
+
+class ElasticTransmission(Effect):
+    """tau += change of the load's torque at q_load = q - tau_load / k, encoders on the motors.
+
+    To first order in the compliances 1/k: wrong by the square of the motion's frequency over the
+    resonance. A joint without elasticity has the stiffness 0 in its place.
+    """
+
+    name = 'elastic_transmission'
+    phrase = 'elasticity of the transmission'
+    parameters = (EffectParameter('stiffness', 'N m/rad', 'joint'),)
+    shared = True
+    needs_nominal = True
+
+    def columns(self, state, shape):  # noqa: ARG002
+        return transmission_columns(state, -transmitted_torque(state))
+
+    def coefficients(self, values):
+        return one_a_joint(_inverse(values['stiffness']))
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return {'stiffness': _inverse(np.diagonal(coefficients))}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        compliance = _inverse(values['stiffness'])
+        softest = float(compliance.max())
+        if compliance.min() < min(-WRONG_SHARE * softest, 0.0):
+            return (f'a transmission twists with its load, not against it: found a stiffness of '
+                    f'{1.0 / compliance.min():.3g} N m/rad')
+        low, high = STIFFNESSES
+        if not 1.0 / high <= softest <= 1.0 / low:
+            return (f'a stiffness of {1.0 / max(softest, 1e-30):.3g} N m/rad is not one of a '
+                    f'transmission, expected {low:g} to {high:g}')
+        return None
+
+    def signature(self, state):
+        twist = time_rate(state, time_rate(state, transmitted_torque(state)))
+        return Signature(twist, 'curvature of the load torque in time, N m/s2')
+
+
+def _inverse(values: np.ndarray) -> np.ndarray:
+    """Return 1 / values, 0 where they are 0."""
+    return np.divide(1.0, values, out=np.zeros(np.shape(values)), where=np.not_equal(values, 0.0))

@@ -1,0 +1,67 @@
+"""Joint encoders whose discs do not sit centred on their shafts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.state import state_of_joints
+
+STEP = 1e-5
+"""rad of amplitude; small against any pose, large against the rounding of (20)."""
+LARGEST = math.radians(1.0)
+
+
+class EncoderEccentricity(Effect):
+    """tau(q) -> tau(q - A sin(q + phi)), to first order: q is read, q - A sin(q + phi) is true.
+
+    Speed and acceleration change with it, viscous friction too. The coefficients are shared, as
+    those of `EncoderOffset`: A_i cos(phi_i) and A_i sin(phi_i) of each joint.
+    """
+
+    name = 'encoder_eccentricity'
+    phrase = 'an eccentric joint encoder'
+    parameters = (EffectParameter('amplitude', 'rad', 'joint'),
+                  EffectParameter('phase', 'rad', 'joint'))
+    shared = True
+    needs_platform = True
+    needs_nominal = True
+
+    def columns(self, state, shape):  # noqa: ARG002
+        sine, cosine = np.sin(state.q), np.cos(state.q)
+        columns = []
+        for joint in np.eye(state.joints):
+            for wave, slope in ((sine, cosine), (cosine, -sine)):
+                # the second derivative of either wave is its opposite
+                columns.append(self._torque(
+                    state, joint * wave, joint * slope * state.qd,
+                    joint * (slope * state.qdd - wave * state.qd ** 2)))
+        return np.stack(columns, axis=-1)
+
+    def _torque(self, state, error, error_d, error_dd):
+        """Return the torque (n, J) per unit of an error (n, J) of the reading and its rates."""
+        late, early = (state.nominal.rigid_torque(state_of_joints(
+            state.geometry, state.t, state.q + step * error, state.qd + step * error_d,
+            state.qdd + step * error_dd)) for step in (-STEP, STEP))
+        return (late - early) / (2.0 * STEP) - state.nominal.values['viscous_friction'] * error_d
+
+    def coefficients(self, values):
+        amplitude, phase = values['amplitude'], values['phase']
+        waves = np.stack((amplitude * np.cos(phase), amplitude * np.sin(phase)), axis=1)
+        return np.tile(waves.reshape(-1, 1), len(amplitude))
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        in_phase, across = (np.diagonal(coefficients[first::2]) for first in (0, 1))
+        return {'amplitude': np.hypot(in_phase, across), 'phase': np.arctan2(across, in_phase)}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        amplitude = float(np.max(np.abs(values['amplitude'])))
+        if amplitude > LARGEST:
+            return (f'an eccentricity of {math.degrees(amplitude):.3g} degrees is ten times what '
+                    f'a badly mounted encoder has')
+        return None
+
+    def signature(self, state):
+        return Signature(state.q, 'joint position, rad')

@@ -1,0 +1,39 @@
+"""A constant force on the platform."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+
+LARGEST = 50.0
+"""N, ten times what a hose or a counterweight pulls."""
+
+
+class ExternalForce(Effect):
+    """tau += -J_1^T (F, 0): the drives hold against F = (x, y, z), the environment's force on D."""
+
+    name = 'external_force'
+    phrase = 'a constant force on the platform'
+    parameters = tuple(EffectParameter(axis, 'N', 'machine', default=0.0) for axis in 'xyz')
+    shared = True
+    needs_platform = True
+
+    def columns(self, state, shape):  # noqa: ARG002
+        return np.stack([-state.torque_of_force(unit) for unit in np.eye(4)[:3]], axis=-1)
+
+    def coefficients(self, values):
+        return np.stack([values[axis] for axis in 'xyz'])
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return dict(zip('xyz', coefficients))
+
+    def implausible(self, values, base):  # noqa: ARG002
+        force = float(np.linalg.norm([values[axis][0] for axis in 'xyz']))
+        if force > LARGEST:
+            return (f'a constant force of {force:.3g} N on the platform is ten times what a hose '
+                    f'or a counterweight pulls')
+        return None
+
+    def signature(self, state):
+        return Signature(state.q, 'joint position, rad')

@@ -1,0 +1,61 @@
+"""Dimensions that differ from those of the robot file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.state import state_of_joints
+from par4_kinematics.geometry import Geometry
+
+DIMENSIONS = ('arm_length', 'forearm_length', 'base_radius', 'platform_radius',
+              'platform_bar_length')
+STEP = 1e-5
+"""m; small against any dimension, large against the rounding of (20)."""
+LARGEST = 0.02
+"""m, ten times what careless assembly leaves."""
+
+
+class GeometryError(Effect):
+    """tau += sum (dtau/d dimension) error, the machine's dimension being nominal + error.
+
+    Of one size on all four legs, at the same q, qd, qdd and base parameters.
+    """
+
+    name = 'geometry_error'
+    phrase = 'dimensions other than those of the robot file'
+    parameters = tuple(EffectParameter(name, 'm', 'machine', default=0.0) for name in DIMENSIONS)
+    shared = True
+    needs_platform = True
+    needs_nominal = True
+
+    def columns(self, state, shape):  # noqa: ARG002
+        dimensions = state.geometry.model_dump()
+        columns = []
+        for name in DIMENSIONS:
+            ends = []
+            for step in (-STEP, STEP):
+                # not validated: a radius of 0 is stepped below 0 as well
+                changed = Geometry.model_construct(
+                    **{**dimensions, name: dimensions[name] + step})
+                ends.append(state.nominal.rigid_torque(
+                    state_of_joints(changed, state.t, state.q, state.qd, state.qdd)))
+            columns.append((ends[1] - ends[0]) / (2.0 * STEP))
+        return np.stack(columns, axis=-1)
+
+    def coefficients(self, values):
+        return np.stack([values[name] for name in DIMENSIONS])
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return dict(zip(DIMENSIONS, coefficients))
+
+    def implausible(self, values, base):  # noqa: ARG002
+        name = max(DIMENSIONS, key=lambda dimension: abs(float(values[dimension][0])))
+        error = float(values[name][0])
+        if abs(error) > LARGEST:
+            return (f'an error of {1e3 * error:.3g} mm in {name} is ten times what careless '
+                    f'assembly leaves')
+        return None
+
+    def signature(self, state):
+        return Signature(state.q, 'joint position, rad')

@@ -1,0 +1,40 @@
+"""Friction of a joint that differs from the others'."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+
+_BASE = {'coulomb': 'coulomb_friction', 'viscous': 'viscous_friction'}
+
+
+class JointFrictionDifference(Effect):
+    """tau_i += df_c,i sign(qd) + df_v,i qd; what all joints share belongs to (20)."""
+
+    name = 'joint_friction_difference'
+    phrase = 'friction that differs between the joints'
+    parameters = (EffectParameter('coulomb', 'N m', 'joint', default=0.0),
+                  EffectParameter('viscous', 'N m s/rad', 'joint', default=0.0))
+
+    def columns(self, state, shape):  # noqa: ARG002
+        return np.stack((np.sign(state.qd), state.qd), axis=-1)
+
+    def coefficients(self, values):
+        return np.stack((values['coulomb'], values['viscous']))
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return {'coulomb': coefficients[0], 'viscous': coefficients[1]}
+
+    def implausible(self, values, base):
+        for parameter in self.parameters:
+            difference, level = values[parameter.name], base[_BASE[parameter.name]]
+            worst = int(np.argmax(np.abs(difference) - level))
+            if abs(difference[worst]) >= level[worst]:
+                return (f'{parameter.name} friction that differs by {difference[worst]:.3g} from '
+                        f'{level[worst]:.3g} {parameter.unit} is not a difference between like '
+                        f'joints')
+        return None
+
+    def signature(self, state):
+        return Signature(state.qd, 'joint speed, rad/s')

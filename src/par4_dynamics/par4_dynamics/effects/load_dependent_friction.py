@@ -1,0 +1,40 @@
+"""Friction that grows with the load on the transmission."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+
+HIGHEST = 0.5
+
+
+class LoadDependentFriction(Effect):
+    """tau_i += mu_i |tau_load| sign(qd), tau_load the torque behind the friction."""
+
+    name = 'load_dependent_friction'
+    phrase = 'friction that grows with the load'
+    parameters = (EffectParameter('coefficient', '1', 'joint'),)
+    needs_nominal = True
+
+    def columns(self, state, shape):  # noqa: ARG002
+        return (np.abs(state.nominal.load) * np.sign(state.qd))[..., None]
+
+    def coefficients(self, values):
+        return values['coefficient'][None]
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return {'coefficient': coefficients[0]}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        coefficient = values['coefficient']
+        if np.any(coefficient < 0):
+            return f'friction cannot fall with the load, found {coefficient.min():.3g} of it'
+        if np.any(coefficient > HIGHEST):
+            return (f'a transmission that loses {coefficient.max():.3g} of its load is not one of '
+                    f'a machine, expected at most {HIGHEST:g}')
+        return None
+
+    def signature(self, state):
+        return Signature(self.columns(state, {})[..., 0], 'size of the load, signed by the joint '
+                         'speed, N m')

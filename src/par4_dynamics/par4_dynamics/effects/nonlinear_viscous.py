@@ -1,0 +1,70 @@
+"""Viscous friction that is not proportional to speed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.grid import around
+
+QUADRATIC = 2.0
+EXPONENTS = (0.25, 0.35, 0.5, 0.7, 1.4, QUADRATIC, 2.8)
+"""Not near 0 and 1, which are Coulomb and viscous friction."""
+SPEED = 3.0
+"""rad/s, at which its size is judged."""
+
+
+class NonlinearViscous(Effect):
+    """tau_i += f_2 qd |qd| + F sign(qd) |qd / (1 rad/s)|^a, either or both of the forms.
+
+    Columns and coefficients are those of one form: an exponent of 2 without `torque` is the
+    quadratic one.
+    """
+
+    name = 'nonlinear_viscous'
+    phrase = 'friction that is not linear in speed'
+    parameters = (EffectParameter('quadratic', 'N m s2/rad2', 'joint', default=0.0),
+                  EffectParameter('torque', 'N m', 'joint', default=0.0),
+                  EffectParameter('exponent', '1', 'joint', default=QUADRATIC))
+
+    def shapes(self, state):  # noqa: ARG002
+        return tuple({'exponent': exponent} for exponent in EXPONENTS)
+
+    def refined(self, shape, step):
+        return around('exponent', shape['exponent'], np.sqrt(2.0) ** step)
+
+    def columns(self, state, shape):
+        return (np.sign(state.qd) * np.abs(state.qd) ** shape['exponent'])[..., None]
+
+    def coefficients(self, values):
+        return np.where(values['torque'] == 0.0, values['quadratic'], values['torque'])[None]
+
+    def values(self, coefficients, shape):
+        torque, none = coefficients[0], np.zeros_like(coefficients[0])
+        quadratic = shape['exponent'] == QUADRATIC
+        return {'quadratic': torque if quadratic else none,
+                'torque': none if quadratic else torque,
+                'exponent': np.full_like(torque, shape['exponent'])}
+
+    def shape_of(self, values):
+        return {'exponent': float(values['exponent']) if values['torque'] else QUADRATIC}
+
+    def torque(self, state, values, joints):
+        none = np.zeros_like(values['torque'])
+        return (super().torque(state, {**values, 'torque': none}, joints)
+                + super().torque(state, {**values, 'quadratic': none}, joints))
+
+    def implausible(self, values, base):
+        torque = (values['quadratic'] * SPEED ** 2
+                  + values['torque'] * SPEED ** values['exponent'])
+        friction = base['coulomb_friction'] + base['viscous_friction'] * SPEED
+        if np.any(torque < -friction):
+            return (f'{torque.min():.3g} N m at {SPEED:g} rad/s would make friction drive the '
+                    f'joint')
+        if np.any(torque > 3.0 * np.maximum(friction, 1e-9)):
+            return (f'{torque.max():.3g} N m at {SPEED:g} rad/s is more than three times the '
+                    f'friction there, {np.min(friction):.3g} N m')
+        return None
+
+    def signature(self, state):
+        return Signature(state.qd, 'joint speed, rad/s')

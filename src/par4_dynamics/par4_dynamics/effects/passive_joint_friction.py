@@ -1,0 +1,54 @@
+"""Friction in the balls of the forearms and in the pivots of the platform's bars."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.dissipation import feeds_energy
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_kinematics.passive import passive_friction_force
+
+TYPICAL_RATE = 3.0
+"""rad/s of a rod."""
+LARGEST = 1.0
+"""N m in one joint at that rate, ten times what a preloaded ball takes."""
+
+
+class PassiveJointFriction(Effect):
+    """tau += J_1^T f, f . Xdot = sum over the passive joints of coulomb |w| + viscous w^2.
+
+    All 20 joints are alike: 8 rods with a ball at both ends and 4 pivots of the two bars; w is
+    their relative angular velocity, see `par4_kinematics.passive`.
+    """
+
+    name = 'passive_joint_friction'
+    phrase = 'friction in the passive joints'
+    parameters = (EffectParameter('coulomb', 'N m', 'machine', default=0.0),
+                  EffectParameter('viscous', 'N m s/rad', 'machine', default=0.0))
+    shared = True
+    needs_platform = True
+
+    def columns(self, state, shape):  # noqa: ARG002
+        return np.stack([
+            state.torque_of_force(passive_friction_force(state.geometry, state.x, state.xd, *unit))
+            for unit in ((1.0, 0.0), (0.0, 1.0))], axis=-1)
+
+    def coefficients(self, values):
+        return np.stack((values['coulomb'], values['viscous']))
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return {'coulomb': coefficients[0], 'viscous': coefficients[1]}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        coulomb, viscous = float(values['coulomb'][0]), float(values['viscous'][0])
+        if feeds_energy(coulomb, viscous * TYPICAL_RATE):
+            return (f'friction of passive joints must dissipate, found {coulomb:.3g} N m and '
+                    f'{viscous:.3g} N m s/rad')
+        if coulomb + viscous * TYPICAL_RATE > LARGEST:
+            return (f'friction of {coulomb + viscous * TYPICAL_RATE:.3g} N m in a passive joint '
+                    f'at {TYPICAL_RATE:g} rad/s is ten times what a preloaded ball takes')
+        return None
+
+    def signature(self, state):
+        return Signature(self.columns(state, {})[..., 0],
+                         'torque of Coulomb friction in the passive joints, N m per N m')

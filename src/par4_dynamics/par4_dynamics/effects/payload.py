@@ -1,0 +1,58 @@
+"""A mass on one half of the platform."""
+
+from __future__ import annotations
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
+from par4_kinematics.errors import InputError
+
+HALVES = [COLUMNS.index('platform_mass_1'), COLUMNS.index('platform_mass_2')]
+HEAVIEST = 20.0
+"""kg; ten times what such a robot carries."""
+
+
+class Payload(Effect):
+    """tau += mass (column of m_1' or m_2' in (20)): a mass at D (half 1, the tool) or D' (half 2).
+
+    In one run it cannot be told from the base parameter; runs with and without it can.
+    """
+
+    name = 'payload'
+    phrase = 'a payload'
+    parameters = (EffectParameter('mass', 'kg', 'machine'),
+                  EffectParameter('half', '1', 'machine', default=1.0))
+    shared = True
+    needs_platform = True
+
+    def shapes(self, state):  # noqa: ARG002
+        return ({'half': 1.0}, {'half': 2.0})
+
+    def columns(self, state, shape):
+        # between the halves the mass is shared, so that the shape has a derivative
+        columns = rigid_body_columns(state)[..., HALVES]
+        return columns @ [[2.0 - shape['half']], [shape['half'] - 1.0]]
+
+    def coefficients(self, values):
+        return values['mass'][None]
+
+    def values(self, coefficients, shape):
+        mass = coefficients[0]
+        return {'mass': mass, 'half': mass * 0.0 + shape['half']}
+
+    def shape_of(self, values):
+        if values['half'] not in (1.0, 2.0):
+            raise InputError(f'effect payload, half: expected 1 (at D) or 2 (at D\'), found '
+                             f'{values["half"]:g}')
+        return {'half': float(values['half'])}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        mass = float(values['mass'][0])
+        if mass < 0:
+            return f'a payload cannot weigh {mass:.3g} kg'
+        if mass > HEAVIEST:
+            return f'a payload of {mass:.3g} kg is more than such a robot can carry'
+        return None
+
+    def signature(self, state):
+        return Signature(self.columns(state, {'half': 1.0})[..., 0],
+                         'torque of a mass at D, N m/kg')

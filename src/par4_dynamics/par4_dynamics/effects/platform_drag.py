@@ -1,0 +1,52 @@
+"""Drag on the platform as it moves through air or drags a hose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.dissipation import feeds_energy
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+
+TYPICAL_SPEED = 2.0
+"""m/s of D."""
+LARGEST = 30.0
+"""N at that speed, ten times what air and hoses take."""
+
+
+class PlatformDrag(Effect):
+    """tau += J_1^T (viscous v + quadratic |v| v, 0), v the velocity of D."""
+
+    name = 'platform_drag'
+    phrase = 'drag on the platform'
+    parameters = (EffectParameter('viscous', 'N s/m', 'machine', default=0.0),
+                  EffectParameter('quadratic', 'N s2/m2', 'machine', default=0.0))
+    shared = True
+    needs_platform = True
+
+    def columns(self, state, shape):  # noqa: ARG002
+        velocity = state.xd.copy()
+        velocity[:, 3] = 0.0
+        speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+        return np.stack((state.torque_of_force(velocity), state.torque_of_force(speed * velocity)),
+                        axis=-1)
+
+    def coefficients(self, values):
+        return np.stack((values['viscous'], values['quadratic']))
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return {'viscous': coefficients[0], 'quadratic': coefficients[1]}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        viscous, quadratic = float(values['viscous'][0]), float(values['quadratic'][0])
+        parts = (viscous * TYPICAL_SPEED, quadratic * TYPICAL_SPEED ** 2)
+        if feeds_energy(*parts):
+            return (f'drag must dissipate, found {viscous:.3g} N s/m and {quadratic:.3g} N s2/m2')
+        if sum(parts) > LARGEST:
+            return (f'a drag of {sum(parts):.3g} N at {TYPICAL_SPEED:g} m/s is ten times what air '
+                    f'and hoses take')
+        return None
+
+    def signature(self, state):
+        azimuth = np.array(state.geometry.actuator_azimuth)
+        return Signature(state.xd[:, :2] @ (np.cos(azimuth), np.sin(azimuth)),
+                         'platform velocity towards the leg, m/s')

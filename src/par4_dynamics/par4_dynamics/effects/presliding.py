@@ -1,0 +1,84 @@
+"""Coulomb friction that builds up over a distance after each reversal (Dahl)."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.grid import around
+
+DISTANCES = np.geomspace(2e-4, 3.2e-2, 9)
+LONGEST = 0.1
+
+
+@numba.njit(cache=True, error_model='numpy')
+def dahl_sample(share, dq, distance):
+    """Return the share z of the Coulomb level after a step dq without reversal, exactly.
+
+    dz/dq = (1 - z sign(qd)) / distance.
+    """
+    side = float(np.sign(dq))
+    return side + (share - side) * math.exp(-abs(dq) / distance)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _share_rows(q, distance, share):
+    share[0] = 0.0
+    for row in range(1, q.shape[0]):
+        for joint in range(q.shape[1]):
+            share[row, joint] = dahl_sample(share[row - 1, joint],
+                                            q[row, joint] - q[row - 1, joint], distance)
+
+
+class Presliding(Effect):
+    """tau_i += f_c (z - sign(qd)): f_c z takes the place of f_c sign(qd) of (20).
+
+    z is 0 at the start of a log and approaches sign(qd) over `distance`.
+    """
+
+    name = 'presliding'
+    phrase = 'elastic presliding before friction breaks away'
+    parameters = (EffectParameter('distance', 'rad', 'machine'),)
+    needs_nominal = True
+    fixed_coefficients = True
+
+    def shapes(self, state):
+        span = float(np.max(np.ptp(state.q, axis=0)))
+        return tuple({'distance': float(distance)} for distance in DISTANCES if distance < span)
+
+    def refined(self, shape, step):
+        return around('distance', shape['distance'], (DISTANCES[1] / DISTANCES[0]) ** step)
+
+    def columns(self, state, shape):
+        share = np.empty_like(state.q)
+        _share_rows(np.ascontiguousarray(state.q), shape['distance'], share)
+        level = state.nominal.values['coulomb_friction']
+        return (level * (share - np.sign(state.qd)))[..., None]
+
+    def coefficients(self, values):
+        return np.ones_like(values['distance'])[None]
+
+    def values(self, coefficients, shape):
+        return {'distance': np.full_like(coefficients[0], shape['distance'])}
+
+    def shape_of(self, values):
+        return {'distance': float(values['distance'])}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        distance = float(values['distance'][0])
+        if not 0.0 < distance <= LONGEST:
+            return (f'friction builds up within a positive distance of at most {LONGEST:g} rad, '
+                    f'found {distance:.3g} rad')
+        return None
+
+    def signature(self, state):
+        side = np.sign(np.diff(state.q, axis=0, prepend=state.q[:1]))
+        # the row before a step of another sign is the reversal
+        turns = np.zeros(state.q.shape, dtype=int)
+        turns[1:-1] = np.where(side[2:] != side[1:-1], np.arange(1, len(side) - 1)[:, None], 0)
+        last = np.maximum.accumulate(turns, axis=0)
+        return Signature(state.q - np.take_along_axis(state.q, last, axis=0),
+                         'travel since the last reversal, rad')

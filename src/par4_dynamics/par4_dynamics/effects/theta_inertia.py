@@ -1,0 +1,43 @@
+"""The inertia of tool, belt and pulleys, which turn with theta."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.base_terms import UNMODELLED, unmodelled_columns
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+
+LARGEST = 0.05
+"""kg m2 at theta; ten times a heavy tool behind its belt."""
+
+
+class ThetaInertia(Effect):
+    """tau += J_1^T (0, 0, 0, I thetadd), I reduced to theta."""
+
+    name = 'theta_inertia'
+    phrase = 'inertia turning with theta'
+    parameters = (EffectParameter('inertia', 'kg m2', 'machine'),)
+    shared = True
+    needs_platform = True
+
+    def columns(self, state, shape):  # noqa: ARG002
+        return unmodelled_columns(state)[..., [UNMODELLED.index('theta_inertia')]]
+
+    def coefficients(self, values):
+        return values['inertia'][None]
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return {'inertia': coefficients[0]}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        inertia = float(values['inertia'][0])
+        if inertia < 0:
+            return f'an inertia about theta cannot be negative, found {inertia:.3g} kg m2'
+        if inertia > LARGEST:
+            return (f'an inertia of {inertia:.3g} kg m2 about theta is more than ten times that of '
+                    f'a heavy tool')
+        return None
+
+    def signature(self, state):
+        return Signature(np.broadcast_to(state.xdd[:, 3:], state.q.shape),
+                         'theta acceleration, rad/s2')

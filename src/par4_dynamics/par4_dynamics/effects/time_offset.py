@@ -1,0 +1,75 @@
+"""Torque recorded late or early against the positions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.time_rate import time_rate
+
+SPACING = 2e-3
+"""s, of the expansion points: the torque of a motion is a parabola over so little time."""
+LONGEST = 0.05
+
+
+class TimeOffset(Effect):
+    """tau += tau(t - d) - tau(t): positive where torque was stamped late.
+
+    The column is that change divided by the delay it is `expanded_at`, exact where the
+    coefficient d equals it and the slope -dtau/dt at 0.
+    """
+
+    name = 'time_offset'
+    phrase = 'torque recorded out of time with the positions'
+    parameters = (EffectParameter('delay', 's', 'machine'),)
+    shared = True
+    needs_nominal = True
+
+    def shapes(self, state):  # noqa: ARG002
+        return tuple({'expanded_at': SPACING * step} for step in range(-4, 5))
+
+    def refined(self, shape, step):
+        return tuple({'expanded_at': shape['expanded_at'] + share * step * SPACING}
+                     for share in (-0.5, 0.0, 0.5))
+
+    def columns(self, state, shape):
+        torque, delay = state.nominal.torque, shape['expanded_at']
+        if delay == 0.0 or len(state.t) < 2:
+            return -time_rate(state, torque)[..., None]
+        return ((_earlier(state.t, torque, delay) - torque) / delay)[..., None]
+
+    def coefficients(self, values):
+        return values['delay'][None]
+
+    def values(self, coefficients, shape):  # noqa: ARG002
+        return {'delay': coefficients[0]}
+
+    def shape_of(self, values):
+        return {'expanded_at': float(values['delay'])}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        delay = float(values['delay'][0])
+        if abs(delay) > LONGEST:
+            return (f'stamps that are wrong by {delay:.3g} s are not an offset of a recorder, '
+                    f'expected at most {LONGEST:g} s')
+        return None
+
+    def signature(self, state):
+        return Signature(time_rate(state, state.nominal.torque), 'rate of the torque, N m/s')
+
+
+def _earlier(t: np.ndarray, values: np.ndarray, delay: float) -> np.ndarray:
+    """Return `values` (n, J) at t - delay; the first and last hold beyond the ends.
+
+    Cubic through four samples: a straight line between two would low-pass fast torque.
+    """
+    asked = np.clip(t - delay, t[0], t[-1])
+    left = np.clip(np.searchsorted(t, asked, side='right') - 1, 0, len(t) - 2)
+    span = t[left + 1] - t[left]
+    share = ((asked - t[left]) / span)[:, None]
+    slope = np.gradient(values, t, axis=0)
+    start, end = values[left], values[left + 1]
+    bend = span[:, None] * slope[left], span[:, None] * slope[left + 1]
+    return (start + share * (bend[0] + share * (
+        3.0 * (end - start) - 2.0 * bend[0] - bend[1]
+        + share * (2.0 * (start - end) + bend[0] + bend[1]))))

@@ -1,0 +1,36 @@
+"""Torque periodic in the joint angle, in proportion to the load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.effects.cogging import Cogging
+from par4_dynamics.effects.effect import EffectParameter
+
+LARGEST = 0.3
+
+
+class TorqueRipple(Cogging):
+    """tau_i += a_i tau_i sin(N q_i + phi_i): cogging whose amplitude follows the torque."""
+
+    name = 'torque_ripple'
+    phrase = 'torque ripple'
+    parameters = (EffectParameter('relative', '1', 'joint'), *Cogging.parameters[1:])
+    needs_nominal = True
+
+    def columns(self, state, shape):
+        return state.nominal.torque[..., None] * super().columns(state, shape)
+
+    def coefficients(self, values):
+        return super().coefficients({**values, 'amplitude': values['relative']})
+
+    def values(self, coefficients, shape):
+        cogging = super().values(coefficients, shape)
+        return {'relative': cogging.pop('amplitude'), **cogging}
+
+    def implausible(self, values, base):  # noqa: ARG002
+        relative = values['relative']
+        if np.any(relative > LARGEST):
+            return (f'a ripple of {relative.max():.3g} of the torque is more than a drive of a '
+                    f'machine has, expected at most {LARGEST:g}')
+        return None
