@@ -12,12 +12,16 @@ from par4_dynamics.mechanism import forward_dynamics, kinetic_energy, potential_
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_joints, state_of_platform
 from par4_kinematics.errors import InputError, UnreachableError
-from par4_kinematics.position import forward_kinematics, inverse_kinematics, plate_joint
+from par4_kinematics.leg import plate_joint
+from par4_kinematics.position import forward_kinematics, inverse_kinematics
+from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.velocity import joint_velocity
-from par4_sim.bullet import BulletPlant, render
+from par4_sim.bullet import BulletPlant, View, render
 from par4_sim.exact import ExactPlant
 from par4_sim.friction import Friction
 from par4_sim.machine import Machine
+from par4_sim.urdf import tree_joint_positions
+from par4_sim.window import Window, follow
 from robots import OTHER, REFERENCE, other_model, random_poses
 
 FIDELITIES = ['accurate', 'fast']
@@ -37,7 +41,7 @@ WITH_TOOL = replace(FULL, bodies=FULL.bodies.model_copy(update={'theta_inertia':
 
 
 def machine_of(model, robot=REFERENCE, friction=None, loads=()):
-    return Machine(robot.geometry, model.lumped_bodies(), friction or Friction(), loads)
+    return Machine(robot.geometry, model.lumped_bodies(), friction or Friction(), loads=loads)
 
 
 @pytest.fixture
@@ -207,7 +211,7 @@ def test_an_open_loop_is_seen(plant_of, fidelity):
     plant.reset(HOME)
     body, link = plant._arms[2]
     pybullet.resetJointState(body, link, plant.q[2] + 1e-3, physicsClientId=plant._client)
-    along, _, up = plate_joint(REFERENCE.geometry.packed, HOME, 2)
+    along, _, up = plate_joint(REFERENCE.geometry.packed, *HOME[:3], 1.0, 0.0, 2)
     assert plant.loop_opening() == pytest.approx(1e-3 * np.hypot(along, up), rel=1e-3)
 
 
@@ -232,7 +236,8 @@ def test_readings_agree_with_kinematics_in_motion(plant_of, fidelity):
 @pytest.mark.parametrize('fidelity', FIDELITIES)
 def test_a_plant_forgets_at_reset(plant_of, fidelity):
     """The run after a reset is that of a new plant, to the last bit."""
-    friction = Friction(np.full(4, 1.0), np.full(4, 2.0), np.full(4, 1.0), np.full(4, 0.1))
+    friction = Friction(np.full(4, 1.0), np.full(4, 2.0), stribeck_torque=np.full(4, 1.0),
+                        stribeck_velocity=np.full(4, 0.1), presliding_distance=1e-3)
 
     def run(plant):
         plant.reset((0.1, 0.05, -0.8, 0.3))
@@ -289,8 +294,9 @@ def test_a_held_joint_stays_where_it_is(plant_of, fidelity, x):
 @pytest.mark.parametrize('fidelity', FIDELITIES)
 @pytest.mark.parametrize('direction', [1.0, -1.0])
 def test_breakaway_at_coulomb_and_stribeck_level(plant_of, fidelity, direction):
-    friction = Friction(np.array((2.0, 3.0, 2.0, 2.0)), NOTHING, np.array((1.0, 0.5, 0.0, 1.0)),
-                        np.full(4, 0.1))
+    friction = Friction(np.array((2.0, 3.0, 2.0, 2.0)), NOTHING,
+                        stribeck_torque=np.array((1.0, 0.5, 0.0, 1.0)),
+                        stribeck_velocity=np.full(4, 0.1))
     plant = plant_of(machine_of(PAPER, friction=friction), fidelity)
     hold = gravity_torque(PAPER, HOME)
     for joint, level in enumerate((3.0, 3.5, 2.0, 3.0)):
@@ -310,7 +316,8 @@ def test_breakaway_at_coulomb_and_stribeck_level(plant_of, fidelity, direction):
 def test_stick_and_slip_agree_with_the_exact_plant(plant_of, fidelity):
     """Slow torque waves with friction of every kind, sticking and reversing, and a load."""
     friction = Friction(np.array((2.4, 2.0, 2.2, 2.6)), np.array((2.0, 1.5, 2.5, 2.0)),
-                        np.array((1.2, 0.8, 0.0, 1.0)), np.array((0.1, 0.2, 1.0, 0.3)))
+                        stribeck_torque=np.array((1.2, 0.8, 0.0, 1.0)),
+                        stribeck_velocity=np.array((0.1, 0.2, 1.0, 0.3)))
 
     def load(time, q, qd):
         return 0.7 * np.sin(24.0 * q) + 0.3 * qd + np.array((0.0, 5.0 * time, 0.0, -0.5))
@@ -414,3 +421,71 @@ def test_a_picture_without_numpy_in_the_engine(monkeypatch):
 
     monkeypatch.setattr(pybullet, 'getCameraImage', as_tuple)
     np.testing.assert_array_equal(render(REFERENCE, HOME, 32, 24), expected)
+
+
+@pytest.mark.parametrize('fidelity', FIDELITIES)
+def test_passive_joints_are_read_from_the_engine_and_close_the_picture(plant_of, fidelity):
+    """At rest those of the pose; in motion off by no more than the loops are open."""
+    plant = plant_of(machine_of(FULL), fidelity)
+
+    def difference():
+        expected = tree_joint_positions(REFERENCE.geometry, plant.x)
+        found = plant.passive_joints()
+        assert {*found} == {*expected} - {*JOINT_NAMES}
+        return max(abs(found[name] - expected[name]) for name in found)
+
+    for x in random_poses(REFERENCE, 5, seed=4):
+        plant.reset(x)
+        assert difference() < 1e-14
+    for k in range(300):
+        plant.step(20.0 * np.sin(0.05 * k + np.arange(4)))
+    assert np.abs(plant.qd).max() > 1.0
+    # angles of rods and arms: the opening over the lever it acts on
+    assert difference() < 5.0 * plant.loop_opening() / REFERENCE.geometry.arm_length
+    # it is the engine's rod that is read, not the pose
+    before = plant.passive_joints()
+    body, link = plant._links['leg_1', 'rod_0']
+    tilted = np.array((0.1, 0.0, 0.0, 1.0)) / np.hypot(0.1, 1.0)
+    pybullet.resetJointStateMultiDof(body, link, tilted.tolist(), (0, 0, 0),
+                                     physicsClientId=plant._client)
+    changed = {name for name, value in plant.passive_joints().items() if value != before[name]}
+    moved = 2 if fidelity == 'fast' else 1
+    assert changed == {f'{turn}_1_{number}' for turn in ('swing', 'tilt')
+                       for number in range(moved)}
+
+
+def test_a_view_goes_on_from_pose_to_pose():
+    view = View(REFERENCE)
+    for x in (HOME, EDGE, HOME):
+        view.show(x)
+        np.testing.assert_array_equal(view.picture(48, 36), render(REFERENCE, x, 48, 36))
+    assert view.open
+    view.close()
+    assert not view.open
+
+
+def test_a_window_follows_the_newest_pose_until_it_is_not_wanted():
+    view = View(REFERENCE)
+    pose, waits = list(HOME), []
+    poses = [EDGE, (5.0, 0.0, -0.78, 0.0), HOME]  # the second cannot be drawn
+
+    def look(seconds):
+        assert seconds == pytest.approx(1.0 / 30.0)
+        waits.append(view.picture(48, 36))
+        if poses:
+            pose[:] = poses.pop(0)
+
+    follow(view, pose, lambda: len(waits) < 4, look)
+    home, edge = (render(REFERENCE, x, 48, 36) for x in (HOME, EDGE))
+    for found, expected in zip(waits, (home, edge, edge, home), strict=True):
+        np.testing.assert_array_equal(found, expected)
+    assert not view.open
+
+
+def test_a_window_without_a_screen_is_refused(monkeypatch):
+    monkeypatch.setattr('sys.platform', 'linux')
+    monkeypatch.delenv('DISPLAY', raising=False)
+    for build in (lambda: View(REFERENCE, window=True), lambda: Window(REFERENCE, HOME)):
+        with pytest.raises(InputError, match='no screen') as caught:
+            build()
+        assert '\n' not in str(caught.value)

@@ -23,6 +23,7 @@ setup(
             'par4_identify = par4_identification.commands.identify:main',
             'par4_validate = par4_identification.commands.validate:main',
             'par4_diagnose = par4_identification.commands.diagnose:main',
+            'par4_simplification = par4_identification.commands.simplification:main',
         ],
     },
 )

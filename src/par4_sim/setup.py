@@ -13,6 +13,7 @@ setup(
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
         ('share/' + package_name + '/launch', ['launch/cell.launch.py']),
+        ('share/' + package_name + '/rviz', ['rviz/par4.rviz']),
     ],
     install_requires=['click', 'numba', 'numpy', 'pybullet', 'rosbags', 'lz4', 'backports.zstd'],
     zip_safe=False,

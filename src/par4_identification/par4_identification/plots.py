@@ -354,6 +354,49 @@ def measured_motion(t: np.ndarray, speed: np.ndarray, torque: np.ndarray, names:
         return _image(figure)
 
 
+def torque_of_mechanism(t: np.ndarray, mechanism: np.ndarray, simplified: np.ndarray, names: Names
+                        ) -> str:
+    """Return the torques (m, 4) of the mechanism and of (20) over time: the paper's Fig. 6."""
+    with rc_context(_STYLE):
+        figure, axes = _joint_grid(names, names.torque)
+        for joint, axis in enumerate(axes.flat):
+            _envelope(axis, t, mechanism[:, joint], CALCULATED, 2.6)
+            _envelope(axis, t, simplified[:, joint], MEASURED, 0.9)
+            axis.set_xlim(t[0], t[-1])
+        _legend(figure, (('whole mechanism in pybullet', CALCULATED), ('(20)', MEASURED)))
+        return _image(figure)
+
+
+def differences_over_time(t: np.ndarray, differences: Sequence[tuple[str, np.ndarray]],
+                          noise: np.ndarray, names: Names) -> str:
+    """Return labelled differences (m, 4) of torque over time, the whole first, and their noise."""
+    colours = (INK, BEFORE, AFTER, MEASURED)
+    with rc_context(_STYLE):
+        figure, axes = _joint_grid(names, 'difference')
+        for joint, axis in enumerate(axes.flat):
+            _envelope(axis, t, noise[:, joint], IDLE, 1.6)
+            for (_, values), colour in zip(differences, colours, strict=False):
+                _envelope(axis, t, values[:, joint], colour, 1.8 if colour == INK else 1.1)
+            axis.set_xlim(t[0], t[-1])
+        _legend(figure, (*((label, colour) for (label, _), colour in
+                           zip(differences, colours, strict=False)), ('noise', IDLE)))
+        return _image(figure)
+
+
+def _joint_grid(names: Names, quantity: str) -> tuple[Figure, np.ndarray]:
+    """Return a figure with a picture a joint, two in a row, over time."""
+    rows = -(-len(names.joints) // 2)
+    figure = Figure((WIDTH, 0.5 + 2.2 * rows), layout='constrained')
+    axes = figure.subplots(rows, 2, squeeze=False, sharey=True)
+    for axis, label in zip(axes.flat, names.joints, strict=True):
+        axis.set_title(label)
+    for axis in axes[:, 0]:
+        axis.set_ylabel(f'{quantity}, {names.torque_unit}')
+    for axis in axes[-1]:
+        axis.set_xlabel('time, s')
+    return figure, axes
+
+
 # windows, bins, strokes
 
 

@@ -86,6 +86,8 @@ EXECUTABLES = (
     ('par4_identification', 'par4_identify', 'offline: identifies a model from bags'),
     ('par4_identification', 'par4_validate', 'offline: cross-validates a model on a bag'),
     ('par4_identification', 'par4_diagnose', 'offline: names what the model gets wrong'),
+    ('par4_identification', 'par4_simplification',
+     'offline: what (20) leaves out, by imposed displacement in pybullet'),
 )
 
 SCHEMAS = (
@@ -97,6 +99,7 @@ SCHEMAS = (
     ('identification.json', 'par4/identification/1', 'written by `par4_identify`'),
     ('validation.json', 'par4/validation/1', 'written by `par4_validate`'),
     ('diagnosis.json', 'par4/diagnosis/1', 'written by `par4_diagnose`'),
+    ('simplification.json', 'par4/simplification/1', 'written by `par4_simplification`'),
 )
 
 START_DELAY = 0.2

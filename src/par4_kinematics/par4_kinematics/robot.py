@@ -33,6 +33,7 @@ class Drives(FileModel):
         velocity_gain: N m s/rad.
         position_gain: 1/s.
         integral_gain: 1/s2.
+        speed_limit: of the speed that the position loop asks of the velocity loop, rad/s, or None.
         current_lag: time constant of the current loop, s.
         encoder_counts: counts per turn of the arm, 0 = ideal.
     """
@@ -42,6 +43,7 @@ class Drives(FileModel):
     velocity_gain: float = Field(40.0, ge=0)
     position_gain: float = Field(60.0, ge=0)
     integral_gain: float = Field(300.0, ge=0)
+    speed_limit: float | None = Field(None, gt=0)
     current_lag: float = Field(0.0, ge=0)
     encoder_counts: int = Field(131072, ge=0)
 

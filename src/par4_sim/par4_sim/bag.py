@@ -7,18 +7,21 @@ columns of numpy arrays; joints and topics are found by name.
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import struct
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import ArrayLike
 from rosbags.interfaces import (
+    Connection,
     Qos,
     QosDurability,
     QosHistory,
@@ -27,7 +30,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import Reader, StoragePlugin, Writer, WriterError
-from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.rosbag2.storage_mcap import ChunkInfo, McapReader, McapWriter, decompress
 from rosbags.serde import SerdeError
 from rosbags.typesys import (
     Stores,
@@ -39,6 +42,15 @@ from rosbags.typesys import (
 
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES, RECORDED_TOPICS, REFERENCE, Topic
+from par4_sim.serialised import (
+    JointStateTemplate,
+    SerialisedMessages,
+    joined,
+    joint_state_layout,
+    messages_of_chunks,
+    serialised_messages,
+    trajectory_layout,
+)
 
 JOINT_STATE_TYPE = JOINT_STATES.type
 TRAJECTORY_TYPE = REFERENCE.type
@@ -46,12 +58,17 @@ STORAGES = ('mcap', 'sqlite3')
 FLUSH_PERIOD = 1.0
 """Seconds after which written messages are handed to the operating system."""
 
+MOST_LAYOUTS = 16
+"""Layouts in one topic that are decoded in bulk; every one costs a look at all messages."""
+
 STORAGE_SUFFIXES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 ZSTD_SUFFIX = '.zstd'
 _FOREVER = QosTime(9223372036, 854775807)
 _QOS = Qos(QosHistory.KEEP_LAST, JOINT_STATES.depth, QosReliability.RELIABLE,
            QosDurability.VOLATILE, _FOREVER, _FOREVER, QosLiveliness.AUTOMATIC, _FOREVER, False)
 _NANOSECONDS = 1_000_000_000
+_ARRAYS = {JOINT_STATE_TYPE: ('position', 'velocity', 'effort'),
+           TRAJECTORY_TYPE: ('positions', 'velocities', 'accelerations', 'effort')}
 
 
 class BagWriter:
@@ -74,6 +91,7 @@ class BagWriter:
             raise InputError(f'storage {storage!r}: unknown; give one of {", ".join(STORAGES)}')
         self._typestore = get_typestore(Stores.ROS2_JAZZY)
         self._connections: dict[str, object] = {}
+        self._templates: dict[tuple, JointStateTemplate] = {}
         try:
             self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin[
                 storage.upper()])
@@ -140,13 +158,15 @@ class BagWriter:
                           position: ArrayLike = (), velocity: ArrayLike = (),
                           effort: ArrayLike = (), received: int | None = None) -> None:
         """Write one JointState stamped `stamp`, ns; received then, or at `received`, ns."""
-        types = self._typestore.types
-        message = types[JOINT_STATE_TYPE](
-            self._header(stamp), list(names),
-            *(np.ascontiguousarray(part, dtype=np.float64)
-              for part in (position, velocity, effort)))
-        self._write_message(topic, JOINT_STATE_TYPE, stamp if received is None else received,
-                            message)
+        parts = (position, velocity, effort)
+        shape = (tuple(names), *map(len, parts))
+        if shape not in self._templates:
+            message = self._typestore.types[JOINT_STATE_TYPE](
+                self._header(0), list(names), *(np.zeros(len(part)) for part in parts))
+            self._templates[shape] = JointStateTemplate(
+                self._typestore.serialize_cdr(message, JOINT_STATE_TYPE))
+        self.write_raw(topic, JOINT_STATE_TYPE, int(stamp if received is None else received),
+                       self._templates[shape].filled(int(stamp), parts))
 
     def write_trajectory(self, topic: str, stamp: int, names: Sequence[str],
                          time_from_start: ArrayLike, position: ArrayLike,
@@ -246,6 +266,8 @@ class NamedColumns:
 
     def select(self, values: np.ndarray, joints: Sequence[str]) -> np.ndarray:
         """Return the columns of `values` of these joints (n, J); NaN where a row lacks one."""
+        if self.layouts == (tuple(joints),):
+            return values
         selected = np.full((len(self.layout), len(joints)), np.nan)
         for index, names in enumerate(self.layouts):
             rows = self.layout == index
@@ -336,10 +358,7 @@ def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:
             types = {topic: parts[0].msgtype for topic, parts in topics.items()}
             filled = {topic for topic, parts in topics.items() if any(p.msgcount for p in parts)}
             chosen = _choose_topics(path, types, filled, namespace)
-            connections = [part for topic in chosen.values() for part in topics[topic]]
-            messages: dict[str, list[tuple[int, bytes]]] = {topic: [] for topic in chosen.values()}
-            for connection, received, data in reader.messages(connections):
-                messages[connection.topic].append((received, data))
+            messages = _messages(reader, {topic: topics[topic] for topic in chosen.values()})
     except InputError:
         raise
     except Exception as error:
@@ -348,14 +367,15 @@ def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:
     typestore = get_typestore(Stores.ROS2_JAZZY)
     joints, trajectories, unreadable = {}, {}, {}
     for name, topic in chosen.items():
-        decoded = [(received, message) for received, data in messages[topic]
-                   if (message := _decode(typestore, types[topic], data)) is not None]
-        if len(decoded) < len(messages[topic]):
-            unreadable[topic] = len(messages[topic]) - len(decoded)
-        if types[topic] == JOINT_STATE_TYPE and decoded:
-            joints[name] = _joint_samples(topic, decoded)
+        points = _points(typestore, types[topic], topic, messages[topic])
+        decoded = points.messages
+        if decoded < len(messages[topic]):
+            unreadable[topic] = len(messages[topic]) - decoded
+        if decoded and types[topic] == JOINT_STATE_TYPE:
+            joints[name] = JointSamples(*points.named, *points.arrays)
         elif decoded:
-            trajectories[name] = _trajectory_points(topic, decoded)
+            trajectories[name] = TrajectoryPoints(*points.named, points.message, points.after,
+                                                  *points.arrays)
     topic = chosen[JOINT_STATES.name]
     if JOINT_STATES.name not in joints:
         raise InputError(f'{path}: none of the {len(messages[topic])} messages on {topic} can be '
@@ -363,6 +383,46 @@ def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:
     return RawBag(path, topic[:-len(JOINT_STATES.name) - 1] or '/', joints, trajectories,
                   {name: kind for name, kind in sorted(types.items())
                    if name not in chosen.values()}, unreadable)
+
+
+def _messages(reader: Reader, topics: dict[str, list[Connection]]
+              ) -> dict[str, SerialisedMessages]:
+    """Return the messages of topics, each with its connections.
+
+    The library makes an object of every message on the way. MCAP's chunks are therefore taken
+    apart here, in bulk, where the library has found their index.
+    """
+    storages = getattr(reader.storage, 'storages', [reader.storage])
+    if reader.compression_mode == 'message' or not all(
+            isinstance(storage, McapReader) and storage.chunks for storage in storages):
+        received = {topic: [] for topic in topics}
+        data = {topic: [] for topic in topics}
+        for connection, time_ns, message in reader.messages(
+                [part for parts in topics.values() for part in parts]):
+            received[connection.topic].append(time_ns)
+            data[connection.topic].append(message)
+        return {topic: serialised_messages(received[topic], data[topic]) for topic in topics}
+    files = []
+    for storage in storages:
+        channels = {part.id: part.topic for part in storage.connections if part.topic in topics}
+        chunks = sorted((chunk for chunk in storage.chunks
+                         if any(chunk.channel_count.get(channel) for channel in channels)),
+                        key=lambda chunk: chunk.chunk_start_offset)
+        files.append(messages_of_chunks(
+            (_records(storage.bio, chunk) for chunk in chunks),
+            sum(chunk.uncompressed_size for chunk in chunks), channels))
+    return {topic: joined([messages[topic] for messages in files if topic in messages])
+            for topic in topics}
+
+
+def _records(stream: BinaryIO, chunk: ChunkInfo) -> bytes:
+    """Return the records of an MCAP chunk, expanded."""
+    # behind opcode and size: two times, size when expanded, checksum, compression, size
+    stream.seek(chunk.chunk_start_offset + 9 + 24)
+    (checksum,) = struct.unpack('<I', stream.read(4))
+    stream.seek(4 + len(chunk.compression) + 8, os.SEEK_CUR)
+    return decompress(stream.read(chunk.compressed_size), chunk.compression,
+                      chunk.uncompressed_size, checksum)
 
 
 def _refuse_incomplete(path: Path) -> None:
@@ -452,42 +512,101 @@ def _nanoseconds(time_or_duration: object) -> int:
     return time_or_duration.sec * _NANOSECONDS + time_or_duration.nanosec
 
 
-def _layouts(names: list[tuple[str, ...]]) -> tuple[tuple[tuple[str, ...], ...], np.ndarray]:
-    index: dict[tuple[str, ...], int] = {}
-    layout = np.array([index.setdefault(row, len(index)) for row in names], dtype=int)
-    return tuple(index), layout
+@dataclass(frozen=True)
+class _Block:
+    """Messages (m,) of one layout, of P points each.
+
+    Attributes:
+        rows: which messages, (m,).
+        names: of their joints.
+        stamp: (m,) ns.
+        after: time from start of the points, (m, P) ns; a JointState is one point at 0.
+        arrays: of the message type, (m, P, -).
+    """
+
+    rows: np.ndarray
+    names: tuple[str, ...]
+    stamp: np.ndarray
+    after: np.ndarray
+    arrays: tuple[np.ndarray, ...]
 
 
-def _padded(rows: list[np.ndarray], width: int) -> np.ndarray:
-    """Return rows of any length as (n, width), filled up with NaN."""
-    table = np.full((len(rows), width), np.nan)
-    for target, row in zip(table, rows, strict=True):
-        filled = min(len(row), width)
-        target[:filled] = row[:filled]
-    return table
+@dataclass(frozen=True)
+class _Points:
+    """The points (n,) of all messages that could be decoded, and how many messages these are."""
+
+    messages: int
+    named: tuple[str, np.ndarray, np.ndarray, tuple[tuple[str, ...], ...], np.ndarray]
+    message: np.ndarray
+    after: np.ndarray
+    arrays: list[np.ndarray]
 
 
-def _joint_samples(topic: str, decoded: list[tuple[int, object]]) -> JointSamples:
-    messages = [message for _, message in decoded]
-    layouts, layout = _layouts([tuple(message.name) for message in messages])
-    width = max(map(len, layouts))
-    return JointSamples(
-        topic, np.array([received for received, _ in decoded], dtype=np.int64),
-        np.array([_nanoseconds(message.header.stamp) for message in messages], dtype=np.int64),
-        layouts, layout, *(_padded([getattr(message, part) for message in messages], width)
-                           for part in ('position', 'velocity', 'effort')))
-
-
-def _trajectory_points(topic: str, decoded: list[tuple[int, object]]) -> TrajectoryPoints:
-    rows = [(received, index, message, point) for index, (received, message) in enumerate(decoded)
-            for point in message.points]
-    layouts, layout = _layouts([tuple(message.joint_names) for _, _, message, _ in rows])
+def _points(typestore: object, type_name: str, topic: str, messages: SerialisedMessages
+            ) -> _Points:
+    blocks = list(_blocks(typestore, type_name, messages))
+    count = np.full(len(messages), -1)
+    for block in blocks:
+        count[block.rows] = block.after.shape[1]
+    decoded = count >= 0
+    count = np.maximum(count, 0)
+    start = np.cumsum(count) - count
+    stamp, after, layout = np.zeros((3, count.sum()), dtype=np.int64)
+    layouts: dict[tuple[str, ...], int] = {}
+    blocks = [block for block in blocks if block.after.size]
+    places = [start[block.rows, None] + np.arange(block.after.shape[1]) for block in blocks]
+    for block, place in zip(blocks, places, strict=True):
+        stamp[place], after[place] = block.stamp[:, None], block.after
+        layout[place] = layouts.setdefault(block.names, len(layouts))
     width = max(map(len, layouts), default=0)
-    return TrajectoryPoints(
-        topic, np.array([received for received, *_ in rows], dtype=np.int64),
-        np.array([_nanoseconds(message.header.stamp) for _, _, message, _ in rows],
-                 dtype=np.int64),
-        layouts, layout, np.array([index for _, index, _, _ in rows], dtype=int),
-        np.array([_nanoseconds(point.time_from_start) for *_, point in rows], dtype=np.int64),
-        *(_padded([getattr(point, part) for *_, point in rows], width)
-          for part in ('positions', 'velocities', 'accelerations', 'effort')))
+    arrays = [np.empty((len(stamp), width)) for _ in _ARRAYS[type_name]]
+    for block, place in zip(blocks, places, strict=True):
+        for array, part in zip(arrays, block.arrays, strict=True):
+            filled = min(part.shape[-1], width)
+            array[place, :filled] = part[..., :filled]
+            array[place, filled:] = np.nan
+    return _Points(
+        int(decoded.sum()),
+        (topic, np.repeat(messages.received, count), stamp, tuple(layouts), layout),
+        np.repeat(np.cumsum(decoded) - 1, count), after, arrays)
+
+
+def _blocks(typestore: object, type_name: str, messages: SerialisedMessages) -> Iterator[_Block]:
+    """Yield the messages by layout: of the first layouts in bulk, all others one by one."""
+    rows, layouts = np.arange(len(messages)), 0
+    while len(rows):
+        data = messages[rows[0]]
+        message = _decode(typestore, type_name, data)
+        layout = None
+        if message is not None and layouts < MOST_LAYOUTS:
+            layout = (joint_state_layout if type_name == JOINT_STATE_TYPE else trajectory_layout)(
+                data)
+        if layout is not None:
+            alike = layout.followed_by(messages, rows[0], rows)
+            yield _Block(rows[alike], layout.names, *layout.read(messages, rows[alike]))
+            rows, layouts = rows[~alike], layouts + 1
+            continue
+        if message is not None:
+            yield _block(type_name, rows[:1], message)
+        rows = rows[1:]
+
+
+def _block(type_name: str, row: np.ndarray, message: object) -> _Block:
+    """Return a single message."""
+    if type_name == JOINT_STATE_TYPE:
+        names, points, after = message.name, [message], [0]
+    else:
+        names, points = message.joint_names, message.points
+        after = [_nanoseconds(point.time_from_start) for point in points]
+    return _Block(row, tuple(names), np.array([_nanoseconds(message.header.stamp)]),
+                  np.array([after], dtype=np.int64), tuple(
+                      _padded([getattr(point, part) for point in points])[None]
+                      for part in _ARRAYS[type_name]))
+
+
+def _padded(rows: Sequence[np.ndarray]) -> np.ndarray:
+    """Return rows of any length as (n, longest), filled up with NaN."""
+    table = np.full((len(rows), max(map(len, rows), default=0)), np.nan)
+    for target, row in zip(table, rows, strict=True):
+        target[:len(row)] = row
+    return table

@@ -9,21 +9,34 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from par4_dynamics.state import GRAVITY
 from par4_kinematics.arrays import as_rows
-from par4_kinematics.errors import UnreachableError
+from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import Robot
-from par4_sim.friction import dry_friction
+from par4_sim.friction import (
+    BACK_COULOMB,
+    DRIFT_DROP,
+    FORWARD_COULOMB,
+    LOAD_COEFFICIENT,
+    PRESLIDING_DISTANCE,
+    STRIBECK_TORQUE,
+    behind_load_friction,
+    bending_torque,
+    bent,
+    dry_friction,
+    flowing_friction,
+    friction_scale,
+)
 from par4_sim.machine import Machine
 from par4_sim.plant import STEP
 from par4_sim.urdf import (
@@ -34,6 +47,7 @@ from par4_sim.urdf import (
     chains,
     leg_chain,
     link_positions,
+    passive_joint_positions,
     robot_description,
     tree_joint_positions,
 )
@@ -57,6 +71,9 @@ with _silent_stderr():  # its import announces from C when it was built
 ITERATIONS = {'accurate': 200, 'fast': 80}
 """Sweeps of the constraint solver in a step. They alternate in direction; only even numbers end on
 the motors of dry friction, so that a joint which these can hold has no velocity at all."""
+IMPOSED_ITERATIONS = 400
+"""Sweeps of a step with imposed motion, of any fidelity: between arms that cannot give way the
+solver converges more slowly (after 80 sweeps a jump of 15 G costs 5 % of the torque)."""
 CLOSING_RATE = 0.8
 """Share of a loop's opening that a step closes."""
 UNLIMITED = 1e7
@@ -84,12 +101,11 @@ class BulletPlant:
         self.torque_offset = 0.0
         self._machine = machine
         self._fidelity = fidelity
-        self._friction = machine.friction.packed
-        self._stribeck_joints = np.flatnonzero(self._friction[:, 2]).tolist()
+        self._friction = _JointFriction(machine)
         mechanism = chains(machine.geometry, machine.bodies, fidelity)
 
         self._client = pybullet.connect(pybullet.DIRECT)
-        pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
+        pybullet.setGravity(*machine.gravity.tolist(), physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=dt, numSubSteps=0, numSolverIterations=ITERATIONS[fidelity],
             solverResidualThreshold=0.0, erp=CLOSING_RATE, enableFileCaching=0,
@@ -105,10 +121,11 @@ class BulletPlant:
                           for closure in mechanism.closures]
         for first, second in self._closures:
             self._hold_together(first, second)
-        self._set_dry_friction(range(LEGS), np.zeros(LEGS))
         self._steps = 0
         self._read_arms()
         self._qd_before = self._qd
+        self._xd_before = np.zeros(LEGS)
+        self._hold_still(self._friction.at_rest)
 
     def _freed_links(self, body: int) -> dict[str, int]:
         """Return link name -> index, after taking off damping, speed limits, default motors."""
@@ -196,6 +213,9 @@ class BulletPlant:
         self._steps = 0
         self._read_arms()
         self._qd_before = self._qd
+        self._xd_before = np.zeros(LEGS)
+        self._friction.restart(self._q)
+        self._hold_still(self._friction.at_rest)
 
     def _place(self, body: int, link: int, position: np.ndarray) -> None:
         """Put a link at rest at its joint position, see `link_positions`."""
@@ -218,13 +238,65 @@ class BulletPlant:
         """
         # friction and loads at t_k: the velocity read is half a step old
         velocity = 1.5 * self._qd - 0.5 * self._qd_before
-        torque = np.asarray(tau, dtype=float) - self._friction[:, 1] * velocity
+        torque = np.array(tau, dtype=float)
         for load in self._machine.loads:
-            torque = torque - load(self.time, self.q, velocity)
-        self._set_dry_friction(self._stribeck_joints, velocity)
+            torque -= load(self.time, self.q, velocity)
+        for harmonic in self._machine.harmonics:
+            torque[harmonic.joint] -= harmonic.torque(self._q[harmonic.joint])
+        torque -= self._friction.torque(self.time, self._q, velocity)
+        if self._friction.varies:
+            self._hold_still(self._friction.dry(self.time, velocity, torque))
         for (body, link), value in zip(self._arms, torque.tolist(), strict=True):
             pybullet.setJointMotorControl2(body, link, pybullet.TORQUE_CONTROL, force=value,
                                            physicsClientId=self._client)
+        if not self._machine.platform.is_none:
+            self._push_platform(velocity)
+        self._advance()
+
+    def _push_platform(self, qd: np.ndarray) -> None:
+        """Let the forces on the platform act at D and about theta during the next step."""
+        x, xd = self._platform()
+        force = self._machine.platform.generalised_force(
+            self._machine.geometry, x, 1.5 * xd - 0.5 * self._xd_before, self._q, qd)
+        self._xd_before = xd
+        chain = PLATE_CHAINS[0]
+        body, link = self._links[chain, 'plate']
+        pybullet.applyExternalForce(body, link, force[:3].tolist(), x[:3].tolist(),
+                                    pybullet.WORLD_FRAME, physicsClientId=self._client)
+        pybullet.setJointMotorControl2(*self._links[chain, 'bar_0'], pybullet.TORQUE_CONTROL,
+                                       force=float(force[3]), physicsClientId=self._client)
+
+    def impose(self, q_next: ArrayLike) -> np.ndarray:
+        """Advance by dt so that the arms arrive at q_next (4,), rad, whatever torque that takes.
+
+        The rigid bodies alone answer: friction, loads and forces do not act during this step.
+
+        Returns:
+            The motor torque (4,), N m, that acted during the step; like that of `step` it belongs
+            to the time before the step, t_k, and to the central differences of q around it.
+
+        Raises:
+            UnreachableError: the engine lost the mechanism.
+        """
+        speeds = (np.asarray(q_next, dtype=float) - self._q) / self.dt
+        for (body, link), speed in zip(self._arms, speeds.tolist(), strict=True):
+            pybullet.setJointMotorControl2(body, link, pybullet.VELOCITY_CONTROL,
+                                           targetVelocity=speed, force=UNLIMITED,
+                                           physicsClientId=self._client)
+        self._xd_before = self.xd
+        self._use_iterations(IMPOSED_ITERATIONS)
+        self._advance()
+        torque = np.array([pybullet.getJointState(body, link, physicsClientId=self._client)[3]
+                           for body, link in self._arms])
+        self._use_iterations(ITERATIONS[self._fidelity])
+        self._hold_still(self._friction.at_rest)
+        return torque
+
+    def _use_iterations(self, number: int) -> None:
+        pybullet.setPhysicsEngineParameter(numSolverIterations=number,
+                                           physicsClientId=self._client)
+
+    def _advance(self) -> None:
         pybullet.stepSimulation(physicsClientId=self._client)
         self._steps += 1
         self._qd_before = self._qd
@@ -234,14 +306,29 @@ class BulletPlant:
                 f'after {self.time:.4f} s the joint positions are {self._q.tolist()}: the machine '
                 f'was driven out of reach; check the torques and the motion')
 
-    def _set_dry_friction(self, joints: Iterable[int], velocity: np.ndarray) -> None:
-        """Let motors hold these joints still with at most their dry friction at `velocity`."""
-        for joint in joints:
-            body, link = self._arms[joint]
-            pybullet.setJointMotorControl2(
-                body, link, pybullet.VELOCITY_CONTROL, targetVelocity=0.0,
-                force=dry_friction(self._friction[joint], abs(velocity[joint])),
-                physicsClientId=self._client)
+    def _hold_still(self, limits: np.ndarray) -> None:
+        """Let motors hold the joints still with at most these torques (4,), N m."""
+        for (body, link), limit in zip(self._arms, limits.tolist(), strict=True):
+            pybullet.setJointMotorControl2(body, link, pybullet.VELOCITY_CONTROL,
+                                           targetVelocity=0.0, force=limit,
+                                           physicsClientId=self._client)
+
+    def passive_joints(self) -> dict[str, float]:
+        """Return name -> position, rad or m, of the joints of `robot_description` without a motor.
+
+        Arms, rods, half plate 1 and bar_0 are where the engine has them, the rest of the platform
+        follows; one rod a forearm ('fast') counts for both.
+        """
+        rods = [[self._rod(leg, number if (leg_chain(leg), f'rod_{number}') in self._links else 0)
+                 for number in range(2)] for leg in range(LEGS)]
+        return passive_joint_positions(self._machine.geometry, self.x, self._q, np.array(rods))
+
+    def _rod(self, leg: int, number: int) -> np.ndarray:
+        """Return the direction (3,) of a rod from elbow to plate, in `base`."""
+        x, y, z, w = pybullet.getLinkState(
+            *self._links[leg_chain(leg), f'rod_{number}'], computeForwardKinematics=1,
+            physicsClientId=self._client)[1]
+        return np.array((-x * z - w * y, w * x - y * z, x * x + y * y - 0.5))
 
     def loop_opening(self) -> float:
         """Return the largest distance between the two points of a cut ball joint, m."""
@@ -266,6 +353,55 @@ class BulletPlant:
         pybullet.disconnect(physicsClientId=self._client)
 
 
+class _JointFriction:
+    """Friction of a machine's joints as an engine takes it: dry levels apart from a torque."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._laws = machine.friction.packed
+        # levels that differ between the directions are a symmetric one and a constant torque
+        self._lean = 0.5 * (self._laws[:, FORWARD_COULOMB] - self._laws[:, BACK_COULOMB])
+        self._bends = self._laws[0, PRESLIDING_DISTANCE] > 0.0
+        self.varies = bool(np.any(self._laws[:, (STRIBECK_TORQUE, LOAD_COEFFICIENT, DRIFT_DROP)]))
+        self.restart(np.zeros(LEGS))
+
+    def restart(self, q: np.ndarray) -> None:
+        """Begin at joint positions q (4,) with unbent contacts."""
+        self._q = q
+        self._bending = np.zeros(LEGS)
+
+    @property
+    def at_rest(self) -> np.ndarray:
+        """Dry friction of resting, unloaded joints (4,), N m."""
+        return self.dry(0.0, np.zeros(LEGS), np.zeros(LEGS))
+
+    def torque(self, time: float, q: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """Return the friction (4,), N m, that is not dry; contacts bend on to q (4,)."""
+        result = np.zeros(LEGS)
+        for joint in range(LEGS):
+            result[joint] = flowing_friction(self._laws, joint, velocity[joint])
+            if self._bends:
+                self._bending[joint] = bent(self._laws, joint, self._bending[joint],
+                                            q[joint] - self._q[joint])
+                result[joint] += bending_torque(self._laws, joint, self._bending[joint])
+            else:
+                result[joint] += self._lean[joint]
+        self._q = q
+        return friction_scale(self._laws, time) * result
+
+    def dry(self, time: float, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """Return the torque (4,), N m, up to which a joint is held, `torque` (4,) driving it."""
+        scale = friction_scale(self._laws, time)
+        result = np.empty(LEGS)
+        for joint in range(LEGS):
+            direction = float(np.sign(velocity[joint]))
+            level = scale * 0.5 * sum(
+                dry_friction(self._laws, joint, side, abs(velocity[joint])) for side in (-1.0, 1.0))
+            load = behind_load_friction(self._laws, joint, scale * direction,
+                                        torque[joint] - direction * level)
+            result[joint] = level + scale * self._laws[joint, LOAD_COEFFICIENT] * abs(load)
+        return result
+
+
 def _load(urdf: str, client: int, fixed: bool) -> int:
     """Return the body of a URDF text; the engine reads files only."""
     with tempfile.TemporaryDirectory() as folder:
@@ -286,47 +422,106 @@ class Camera:
         zoom: above 1 comes nearer.
     """
 
-    yaw_deg: float = 20.0
-    elevation_deg: float = -14.0
+    yaw_deg: float = 27.0
+    elevation_deg: float = -22.0
     zoom: float = 1.0
 
 
 FRONT = Camera()
 FIELD_OF_VIEW_DEG = 45.0
+WINDOW_CLOSER = 0.65
+"""Distance of the camera of a window, whose field of view is wider, over that of a picture."""
 SUPERSAMPLING = 2
 """Pixels drawn for one of the picture, each way: smooth edges."""
+
+
+class View:
+    """The robot, drawn from `robot_description` in an engine of its own: for any plant or log.
+
+    Args:
+        robot: what is drawn.
+        window: on the screen instead of offscreen.
+
+    Raises:
+        InputError: a window without a screen.
+    """
+
+    def __init__(self, robot: Robot, window: bool = False) -> None:
+        self._geometry = robot.geometry
+        self._reach = robot.geometry.arm_length + robot.geometry.forearm_length
+        if window:
+            require_screen()
+        self._client = pybullet.connect(pybullet.GUI if window else pybullet.DIRECT)
+        self._body = _load(_weightless(robot_description(robot)), self._client, fixed=True)
+        self._joints = {
+            pybullet.getJointInfo(self._body, index, physicsClientId=self._client)[1].decode():
+            index for index in range(pybullet.getNumJoints(
+                self._body, physicsClientId=self._client))}
+        if window:
+            pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0,
+                                              physicsClientId=self._client)
+            pybullet.resetDebugVisualizerCamera(
+                WINDOW_CLOSER * self._distance(FRONT), FRONT.yaw_deg, FRONT.elevation_deg,
+                self._centre, physicsClientId=self._client)
+
+    @property
+    def _centre(self) -> tuple[float, float, float]:
+        return 0.0, 0.0, -0.36 * self._reach
+
+    def _distance(self, camera: Camera) -> float:
+        return 1.4 * self._reach / camera.zoom
+
+    @property
+    def open(self) -> bool:
+        """Whether it can be drawn in: a window may have been closed by its user."""
+        return bool(pybullet.isConnected(self._client))
+
+    def show(self, x: ArrayLike) -> None:
+        """Draw the robot at pose x (4,), m and rad; raises UnreachableError."""
+        positions = tree_joint_positions(self._geometry, x)
+        for name, index in self._joints.items():
+            pybullet.resetJointState(self._body, index, positions[name],
+                                     physicsClientId=self._client)
+
+    def picture(self, width: int, height: int, camera: Camera = FRONT) -> np.ndarray:
+        """Return a picture (height, width, 3), uint8, of what is shown."""
+        view = pybullet.computeViewMatrixFromYawPitchRoll(
+            self._centre, self._distance(camera), camera.yaw_deg, camera.elevation_deg, 0.0, 2)
+        projection = pybullet.computeProjectionMatrixFOV(
+            FIELD_OF_VIEW_DEG, width / height, 0.05 * self._reach, 10.0 * self._reach)
+        pixels = pybullet.getCameraImage(
+            SUPERSAMPLING * width, SUPERSAMPLING * height, view, projection,
+            lightDirection=(0.6, -0.9, 1.6), renderer=pybullet.ER_TINY_RENDERER,
+            physicsClientId=self._client)[2]
+        fine = np.reshape(pixels, (height, SUPERSAMPLING, width, SUPERSAMPLING, 4))[..., :3]
+        return fine.mean(axis=(1, 3)).round().astype(np.uint8)
+
+    def close(self) -> None:
+        """Release the engine; the view cannot be used afterwards."""
+        if self.open:
+            pybullet.disconnect(physicsClientId=self._client)
 
 
 def render(robot: Robot, x: ArrayLike, width: int = 640, height: int = 480,
            camera: Camera = FRONT) -> np.ndarray:
     """Return a picture (height, width, 3), uint8, of the robot at pose x (4,).
 
-    It is drawn from `robot_description` in an engine of its own, so it serves every plant and log.
-
     Raises:
         UnreachableError: a pose that a leg cannot reach.
     """
-    positions = tree_joint_positions(robot.geometry, x)
-    reach = robot.geometry.arm_length + robot.geometry.forearm_length
-    view = pybullet.computeViewMatrixFromYawPitchRoll(
-        (0.0, 0.0, -0.35 * reach), 1.4 * reach / camera.zoom, camera.yaw_deg, camera.elevation_deg,
-        0.0, 2)
-    projection = pybullet.computeProjectionMatrixFOV(
-        FIELD_OF_VIEW_DEG, width / height, 0.05 * reach, 10.0 * reach)
-    client = pybullet.connect(pybullet.DIRECT)
+    view = View(robot)
     try:
-        body = _load(_weightless(robot_description(robot)), client, fixed=True)
-        for index in range(pybullet.getNumJoints(body, physicsClientId=client)):
-            name = pybullet.getJointInfo(body, index, physicsClientId=client)[1].decode()
-            pybullet.resetJointState(body, index, positions[name], physicsClientId=client)
-        picture = pybullet.getCameraImage(
-            SUPERSAMPLING * width, SUPERSAMPLING * height, view, projection,
-            lightDirection=(0.6, -0.9, 1.6), renderer=pybullet.ER_TINY_RENDERER,
-            physicsClientId=client)
+        view.show(x)
+        return view.picture(width, height, camera)
     finally:
-        pybullet.disconnect(physicsClientId=client)
-    fine = np.reshape(picture[2], (height, SUPERSAMPLING, width, SUPERSAMPLING, 4))[..., :3]
-    return fine.mean(axis=(1, 3)).round().astype(np.uint8)
+        view.close()
+
+
+def require_screen() -> None:
+    """Raise InputError where there is no screen: the engine would end the process."""
+    if sys.platform.startswith('linux') and not os.environ.get('DISPLAY'):
+        raise InputError('window asked, found no screen (DISPLAY is not set); start it on a '
+                         'desktop or leave out window:=true')
 
 
 def _weightless(urdf: str) -> str:

@@ -14,193 +14,281 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from par4_dynamics.mechanism import STANDARD_GRAVITY, equations_sample
+from par4_dynamics.mechanism import (
+    BIAS,
+    COSINES,
+    EQUATION_ROWS,
+    OFFSETS,
+    RATES,
+    SINES,
+    SPEEDS,
+    equations_sample,
+    packed_mechanism,
+)
 from par4_kinematics.errors import UnreachableError
-from par4_kinematics.linear_solve import solve_in_place
-from par4_kinematics.position import inverse_kinematics, inverse_sample
-from par4_kinematics.velocity import AT_D, jacobians_sample
-from par4_sim.friction import dry_friction
+from par4_kinematics.geometry import LEGS
+from par4_kinematics.leg import (
+    arm_direction,
+    forearm_vector,
+    plate_joint,
+    plate_velocity,
+    tangent,
+)
+from par4_kinematics.linear_solve import factor_in_place, solve_factored, solve_in_place
+from par4_kinematics.position import inverse_kinematics
+from par4_kinematics.robot import JOINT_NAMES
+from par4_sim.friction import (
+    LOAD_COEFFICIENT,
+    PRESLIDING_DISTANCE,
+    behind_load_friction,
+    bending_torque,
+    bent,
+    dry_friction,
+    flowing_friction,
+    friction_scale,
+)
 from par4_sim.machine import Machine
 from par4_sim.plant import STEP
+from par4_sim.platform_forces import add_pivot_force, platform_force_sample
+from par4_sim.urdf import tree_joint_positions
 
-STUCK, FREE = 0, 2
+X, XD, Q, QD, MODE, BENDING = range(6)
+"""Rows of the state (6, 4); bending: that of the contacts with presliding."""
+STUCK, FREE = 0.0, 2.0
 """Modes of a joint besides +1 and -1, sliding forward and back; FREE has no dry friction."""
 MAX_EVENTS = 16
+LOST = 4
+"""Returned in place of a leg where the motion is no longer finite."""
+
+PLATFORM, HAS_FORCES, HAS_PIVOTS = 36, 49, 50
+"""Where, behind those of the mechanism, platform forces and two flags are in the constants."""
+ANGLES, FORCE, HOLDING, RESPONSES, K_X, K_V, STAGE, END, WORK_ROWS = (
+    EQUATION_ROWS, 14, 15, 16, 20, 24, 28, 30, 34)
+"""First rows of the workspace (34, 4), behind those of the equations of motion: q, forces on the
+platform, friction that holds stuck joints, responses to it, the four stages' velocities and
+accelerations, the stage's pose and velocity, and X, XD, Q, QD at the end of a stretch."""
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _acceleration(packed, bodies, gravity, friction, x, xd, tau, modes, q, qd, xdd, holding):
-    """Write xdd (4,) and, for stuck joints, the friction torque that holds them (4,)."""
-    mass, rates = np.empty((4, 4)), np.empty((4, 4))
-    bias, offsets = np.empty(4), np.empty(4)
-    leg = equations_sample(packed, bodies, gravity, x, xd, q, qd, mass, bias, rates, offsets)
+def _acceleration(constants, friction, harmonics, state, work, scale, motion, tau, out):
+    """Write Xddot of a motion (2, 4) to row `out` of work, and what holds stuck joints to HOLDING.
+
+    Returns -1 or an unreachable leg.
+    """
+    leg = equations_sample(constants, motion, work)
     if leg >= 0:
         return leg
-    # column 0: the free acceleration; the others: response to a torque on each joint
-    columns = np.empty((4, 5))
-    for axis in range(4):
-        columns[axis, 0] = -bias[axis]
+    bends = friction[0, PRESLIDING_DISTANCE] > 0.0
+    if bends or harmonics.shape[0] > 0 or constants[HAS_PIVOTS] != 0.0:
         for joint in range(4):
-            columns[axis, 1 + joint] = rates[joint, axis]
-    for joint in range(4):
-        net = tau[joint] - friction[joint, 1] * qd[joint]
-        if abs(modes[joint]) == 1:
-            net -= modes[joint] * dry_friction(friction[joint], abs(qd[joint]))
+            work[ANGLES, joint] = math.atan2(work[SINES, joint], work[COSINES, joint])
+    for axis in range(4):
+        work[out, axis] = -work[BIAS, axis]
+    if constants[HAS_FORCES] != 0.0:
+        platform, force = constants[PLATFORM:], work[FORCE]
+        platform_force_sample(platform, motion[0], motion[1], force)
+        if constants[HAS_PIVOTS] != 0.0:
+            add_pivot_force(platform, constants, motion[0], motion[1], work[ANGLES], work[SPEEDS],
+                            force)
         for axis in range(4):
-            columns[axis, 0] += rates[joint, axis] * net
-        holding[joint] = 0.0
-    solve_in_place(mass, columns)
+            work[out, axis] += force[axis]
+    for row in range(harmonics.shape[0]):
+        joint = int(harmonics[row, 0])
+        torque = harmonics[row, 1] * math.sin(
+            harmonics[row, 2] * work[ANGLES, joint] + harmonics[row, 3])
+        for axis in range(4):
+            work[out, axis] -= work[RATES + joint, axis] * torque
     stuck = 0
     for joint in range(4):
-        stuck += modes[joint] == STUCK
+        mode, speed = state[MODE, joint], work[SPEEDS, joint]
+        net = tau[joint] - scale * flowing_friction(friction, joint, speed)
+        if bends:
+            moved = work[ANGLES, joint] - state[Q, joint]
+            net -= scale * bending_torque(
+                friction, joint, bent(friction, joint, state[BENDING, joint], moved))
+        if mode == STUCK:
+            stuck += 1
+        elif mode != FREE:
+            net -= mode * scale * dry_friction(friction, joint, mode, abs(speed))
+            net = behind_load_friction(friction, joint, scale * mode, net)
+        for axis in range(4):
+            work[out, axis] += work[RATES + joint, axis] * net
+    factor_in_place(work)
+    solve_factored(work, work[out])
     if stuck > 0:
-        # (G xdd + g) = 0 in the stuck joints fixes their friction torques
-        matrix, right = np.empty((stuck, stuck)), np.empty((stuck, 1))
-        row = 0
-        for joint in range(4):
-            if modes[joint] != STUCK:
-                continue
-            right[row, 0] = offsets[joint]
-            for axis in range(4):
-                right[row, 0] += rates[joint, axis] * columns[axis, 0]
-            column = 0
-            for other in range(4):
-                if modes[other] != STUCK:
-                    continue
-                matrix[row, column] = 0.0
-                for axis in range(4):
-                    matrix[row, column] += rates[joint, axis] * columns[axis, 1 + other]
-                column += 1
-            row += 1
-        solve_in_place(matrix, right)
-        row = 0
-        for joint in range(4):
-            if modes[joint] == STUCK:
-                holding[joint] = right[row, 0]
-                for axis in range(4):
-                    columns[axis, 0] -= columns[axis, 1 + joint] * right[row, 0]
-                row += 1
-    for axis in range(4):
-        xdd[axis] = columns[axis, 0]
+        _hold(state, work, stuck, out)
     return -1
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _runge_kutta(packed, bodies, gravity, friction, x, xd, tau, modes, span, x_end, xd_end):
-    """Write the state after `span` seconds with these modes; return -1 or an unreachable leg."""
-    q, qd, holding = np.empty(4), np.empty(4), np.empty(4)
-    k_x, k_v = np.zeros((5, 4)), np.zeros((5, 4))
-    x_stage, xd_stage = np.empty(4), np.empty(4)
+def _hold(state, work, stuck, out):
+    """Keep the stuck joints still, G Xddot + g = 0 there: correct Xddot, write HOLDING."""
+    matrix, right = np.empty((stuck, stuck)), np.empty((stuck, 1))
+    joints = np.empty(stuck, np.int64)
+    row = 0
+    for joint in range(4):
+        if state[MODE, joint] == STUCK:
+            joints[row] = joint
+            work[RESPONSES + row] = work[RATES + joint]
+            solve_factored(work, work[RESPONSES + row])
+            row += 1
+    for row in range(stuck):
+        rates = work[RATES + joints[row]]
+        right[row, 0] = work[OFFSETS, joints[row]]
+        for axis in range(4):
+            right[row, 0] += rates[axis] * work[out, axis]
+        for column in range(stuck):
+            matrix[row, column] = 0.0
+            for axis in range(4):
+                matrix[row, column] += rates[axis] * work[RESPONSES + column, axis]
+    solve_in_place(matrix, right)
+    for row in range(stuck):
+        work[HOLDING, joints[row]] = right[row, 0]
+        for axis in range(4):
+            work[out, axis] -= work[RESPONSES + row, axis] * right[row, 0]
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _runge_kutta(constants, friction, harmonics, state, work, scale, tau, span):
+    """Write the motion after `span` seconds with these modes to END; return -1 or a leg."""
+    motion = work[STAGE:END]
     for stage in range(4):
         part = 0.0 if stage == 0 else (span if stage == 3 else 0.5 * span)
+        before = max(stage - 1, 0)
         for axis in range(4):
-            # row 4 stays zero: the first stage starts from the state itself
-            x_stage[axis] = x[axis] + part * k_x[stage - 1, axis]
-            xd_stage[axis] = xd[axis] + part * k_v[stage - 1, axis]
-            k_x[stage, axis] = xd_stage[axis]
-        leg = _acceleration(packed, bodies, gravity, friction, x_stage, xd_stage, tau, modes, q,
-                            qd, k_v[stage], holding)
+            x, xd = state[X, axis], state[XD, axis]
+            if stage > 0:
+                x += part * work[K_X + before, axis]
+                xd += part * work[K_V + before, axis]
+            motion[X, axis], motion[XD, axis], work[K_X + stage, axis] = x, xd, xd
+        leg = _acceleration(constants, friction, harmonics, state, work, scale, motion, tau,
+                            K_V + stage)
         if leg >= 0:
             return leg
     for axis in range(4):
-        x_end[axis] = x[axis] + span / 6.0 * (
-            k_x[0, axis] + 2.0 * k_x[1, axis] + 2.0 * k_x[2, axis] + k_x[3, axis])
-        xd_end[axis] = xd[axis] + span / 6.0 * (
-            k_v[0, axis] + 2.0 * k_v[1, axis] + 2.0 * k_v[2, axis] + k_v[3, axis])
+        work[END + X, axis] = state[X, axis] + span / 6.0 * (
+            work[K_X, axis] + 2.0 * (work[K_X + 1, axis] + work[K_X + 2, axis])
+            + work[K_X + 3, axis])
+        work[END + XD, axis] = state[XD, axis] + span / 6.0 * (
+            work[K_V, axis] + 2.0 * (work[K_V + 1, axis] + work[K_V + 2, axis])
+            + work[K_V + 3, axis])
+    return _joint_state(constants, work)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _joint_state(constants, work):
+    """Write Q and QD of the pose and velocity at END; return -1 or an unreachable leg."""
+    x, y, z, theta = work[END, 0], work[END, 1], work[END, 2], work[END, 3]
+    cosine, sine = math.cos(theta), math.sin(theta)
+    for leg in range(4):
+        along, across, up = plate_joint(constants, x, y, z, cosine, sine, leg)
+        reached, cos_q, sin_q = arm_direction(constants, along, across, up)
+        if not reached:
+            return leg
+        ab_x, ab_y, ab_z = forearm_vector(constants, along, across, up, cos_q, sin_q, leg)
+        t_x, t_y, t_z = tangent(constants, cos_q, sin_q, leg)
+        v_x, v_y = plate_velocity(constants, work[END + XD, 0], work[END + XD, 1],
+                                  work[END + XD, 3], cosine, sine, leg)
+        work[END + Q, leg] = math.atan2(sin_q, cos_q)
+        work[END + QD, leg] = (ab_x * v_x + ab_y * v_y + ab_z * work[END + XD, 2]) / (
+            ab_x * t_x + ab_y * t_y + ab_z * t_z)
     return -1
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _joint_state(packed, x, xd, q, qd, modes):
-    """Write q, qd; remove the remains of velocity in stuck joints. Return -1 or a leg."""
-    leg_out = inverse_sample(packed, x, q)
-    if leg_out >= 0:
-        return leg_out
-    j_x, j_q = np.empty((4, 4)), np.empty(4)
-    jacobians_sample(packed, x, q, AT_D, j_x, j_q)
+def _take_over(constants, friction, state, work):
+    """Make END the state; joints that stick lose what velocity rounding left them."""
     moved = False
     for joint in range(4):
-        total = 0.0
-        for axis in range(4):
-            total += j_x[joint, axis] * xd[axis]
-        qd[joint] = total / j_q[joint]
-        if modes[joint] == STUCK and qd[joint] != 0.0:
-            qd[joint] = 0.0
+        if friction[joint, PRESLIDING_DISTANCE] > 0.0:
+            state[BENDING, joint] = bent(friction, joint, state[BENDING, joint],
+                                         work[END + Q, joint] - state[Q, joint])
+        for row in range(4):
+            state[row, joint] = work[END + row, joint]
+        if state[MODE, joint] == STUCK and state[QD, joint] != 0.0:
+            state[QD, joint] = 0.0
             moved = True
-    if moved:
-        column = np.empty((4, 1))
-        for joint in range(4):
-            column[joint, 0] = j_q[joint] * qd[joint]
-        solve_in_place(j_x, column)
-        for axis in range(4):
-            xd[axis] = column[axis, 0]
-    return -1
+    if moved and equations_sample(constants, state, work) < 0:
+        column = state[QD].copy().reshape(4, 1)
+        solve_in_place(work[RATES:BIAS], column)
+        state[XD] = column[:, 0]
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _release(packed, bodies, gravity, friction, x, xd, tau, modes):
+def _release(constants, friction, harmonics, state, work, scale, tau):
     """Let go of stuck joints that friction cannot hold; return -1 or an unreachable leg."""
-    q, qd, xdd, holding = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
     for _ in range(4):
-        if not (modes[0] == STUCK or modes[1] == STUCK or modes[2] == STUCK or modes[3] == STUCK):
+        if not (state[MODE, 0] == STUCK or state[MODE, 1] == STUCK or state[MODE, 2] == STUCK
+                or state[MODE, 3] == STUCK):
             return -1
-        leg = _acceleration(packed, bodies, gravity, friction, x, xd, tau, modes, q, qd, xdd,
-                            holding)
+        leg = _acceleration(constants, friction, harmonics, state, work, scale, state, tau, K_V)
         if leg >= 0:
             return leg
         worst, excess = -1, 0.0
         for joint in range(4):
-            if modes[joint] == STUCK:
-                over = abs(holding[joint]) - dry_friction(friction[joint], 0.0)
+            if state[MODE, joint] == STUCK:
+                torque = work[HOLDING, joint]
+                level = (dry_friction(friction, joint, torque, 0.0)
+                         + friction[joint, LOAD_COEFFICIENT] * abs(tau[joint] - torque))
+                over = abs(torque) - scale * level
                 if over > excess:
                     worst, excess = joint, over
         if worst < 0:
             return -1
-        modes[worst] = 1 if holding[worst] > 0.0 else -1
+        state[MODE, worst] = 1.0 if work[HOLDING, worst] > 0.0 else -1.0
     return -1
 
 
 @numba.njit(cache=True, error_model='numpy')
-def advance(packed, bodies, gravity, friction, x, xd, tau, modes, q, qd, span):
-    """Advance x, xd, modes, q, qd (each (4,), in place) by `span`; return -1 or a leg."""
-    x_end, xd_end, q_end, qd_end = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
-    sliding = np.full(4, FREE)
+def advance(constants, friction, harmonics, state, work, time, tau, span):
+    """Advance the state (6, 4), in place, from `time` by `span` seconds under torques tau (4,).
+
+    Args:
+        constants: of `machine_constants`.
+        friction, harmonics: Friction.packed, Machine.harmonic_rows.
+        state: rows X, XD, Q, QD, MODE, BENDING.
+        work: (WORK_ROWS, 4), overwritten.
+
+    Returns:
+        -1, a leg that cannot reach, or LOST.
+    """
+    scale = friction_scale(friction, time + 0.5 * span)
     for event in range(MAX_EVENTS):
-        leg = _release(packed, bodies, gravity, friction, x, xd, tau, modes)
+        leg = _release(constants, friction, harmonics, state, work, scale, tau)
         if leg >= 0:
             return leg
-        leg = _runge_kutta(packed, bodies, gravity, friction, x, xd, tau, modes, span, x_end,
-                           xd_end)
-        if leg >= 0:
-            return leg
-        leg = _joint_state(packed, x_end, xd_end, q_end, qd_end, sliding)
+        leg = _runge_kutta(constants, friction, harmonics, state, work, scale, tau, span)
         if leg >= 0:
             return leg
         first, part = -1, 1.0
         for joint in range(4):
-            if abs(modes[joint]) == 1 and modes[joint] * qd_end[joint] < 0.0:
-                before = modes[joint] * qd[joint]
-                after = modes[joint] * qd_end[joint]
-                fraction = max(before, 0.0) / (max(before, 0.0) - after)
+            mode, speed = state[MODE, joint], work[END + QD, joint]
+            if abs(mode) == 1.0 and mode * speed < 0.0:
+                before = max(mode * state[QD, joint], 0.0)
+                fraction = before / (before - mode * speed)
                 if fraction < part or first < 0:
                     first, part = joint, fraction
         if first < 0 or event == MAX_EVENTS - 1:
-            x[:] = x_end
-            xd[:] = xd_end
-            return _joint_state(packed, x, xd, q, qd, modes)
+            break
         if part > 0.0:
-            leg = _runge_kutta(packed, bodies, gravity, friction, x, xd, tau, modes,
-                               part * span, x_end, xd_end)
+            leg = _runge_kutta(constants, friction, harmonics, state, work, scale, tau,
+                               part * span)
             if leg >= 0:
                 return leg
-            x[:] = x_end
-            xd[:] = xd_end
-        modes[first] = STUCK
-        leg = _joint_state(packed, x, xd, q, qd, modes)
-        if leg >= 0:
-            return leg
+        else:
+            work[END:] = state[:MODE]
+        state[MODE, first] = STUCK
+        _take_over(constants, friction, state, work)
         span *= 1.0 - part
-    return -1
+    _take_over(constants, friction, state, work)
+    return -1 if math.isfinite(state[X, 0]) else LOST
+
+
+def machine_constants(machine: Machine) -> np.ndarray:
+    """Return the constants (51,) of a machine as `advance` takes them."""
+    platform = machine.platform
+    return np.concatenate((packed_mechanism(machine.geometry, machine.bodies, machine.gravity),
+                           platform.packed, (not platform.is_none, platform.has_pivots)))
 
 
 class ExactPlant:
@@ -216,11 +304,11 @@ class ExactPlant:
         self.velocity_offset = 0.0
         self.torque_offset = 0.5 * dt
         self._machine = machine
-        self._geometry = machine.geometry.packed
-        self._bodies = machine.bodies.packed
+        self._constants = machine_constants(machine)
         self._friction = machine.friction.packed
-        self._q, self._qd, self._x, self._xd = (np.zeros(4) for _ in range(4))
-        self._modes = np.zeros(4, dtype=np.int64)
+        self._harmonics = machine.harmonic_rows
+        self._state = np.zeros((6, LEGS))
+        self._work = np.zeros((WORK_ROWS, LEGS))
         self._steps = 0
 
     @property
@@ -231,51 +319,55 @@ class ExactPlant:
     @property
     def q(self) -> np.ndarray:
         """Joint positions (4,), rad."""
-        return self._q.copy()
+        return self._state[Q].copy()
 
     @property
     def qd(self) -> np.ndarray:
         """Joint velocities (4,), rad/s."""
-        return self._qd.copy()
+        return self._state[QD].copy()
 
     @property
     def x(self) -> np.ndarray:
         """Pose of D and theta (4,), m, rad."""
-        return self._x.copy()
+        return self._state[X].copy()
 
     @property
     def xd(self) -> np.ndarray:
         """Velocity of D and thetadot (4,)."""
-        return self._xd.copy()
+        return self._state[XD].copy()
 
     def reset(self, x: ArrayLike) -> None:
         """Put the machine at rest at pose x (4,); raises UnreachableError."""
-        self._q[:] = inverse_kinematics(self._machine.geometry, x)
-        self._x[:] = x
-        self._xd[:] = 0.0
-        self._qd[:] = 0.0
-        has_dry = (self._friction[:, 0] > 0) | (self._friction[:, 2] > 0)
-        self._modes[:] = np.where(has_dry, STUCK, FREE)
+        q = inverse_kinematics(self._machine.geometry, x)
+        self._state[:] = 0.0
+        self._state[X], self._state[Q] = x, q
+        self._state[MODE] = np.where(self._machine.friction.is_dry, STUCK, FREE)
         self._steps = 0
 
     def step(self, tau: ArrayLike) -> None:
         """Advance by dt with actuator torques tau (4,), N m, held.
 
-        Loads are taken at the middle of the step, where they are exact to second order.
-
         Raises:
             UnreachableError: the platform was driven out of reach.
         """
-        torque = np.array(tau, dtype=float)
+        torque = np.asarray(tau, dtype=float)
         for load in self._machine.loads:
-            torque -= load(self.time + 0.5 * self.dt, self._q + 0.5 * self.dt * self._qd, self._qd)
-        leg = advance(self._geometry, self._bodies, STANDARD_GRAVITY, self._friction, self._x,
-                      self._xd, torque, self._modes, self._q, self._qd, self.dt)
-        if leg >= 0 or not math.isfinite(self._x[0]):
+            q, qd = self._state[Q], self._state[QD]
+            torque = torque - load(self.time + 0.5 * self.dt, q + 0.5 * self.dt * qd, qd.copy())
+        leg = advance(self._constants, self._friction, self._harmonics, self._state, self._work,
+                      self.time, torque, self.dt)
+        if leg >= 0:
+            at = f'leg {leg} was driven out of reach' if leg < LEGS else 'the motion is not finite'
             raise UnreachableError(
-                f'after {self.time:.4f} s leg {max(leg, 0)} was driven out of reach at pose '
-                f'{np.round(self._x, 4).tolist()}; check the torques and the motion')
+                f'after {self.time:.4f} s {at} at pose {np.round(self._state[X], 4).tolist()}; '
+                f'check the torques and the motion')
         self._steps += 1
+
+    def passive_joints(self) -> dict[str, float]:
+        """Return name -> position, rad or m, of the joints of `robot_description` without a motor.
+        """
+        positions = tree_joint_positions(self._machine.geometry, self.x)
+        return {name: positions[name] for name in positions if name not in JOINT_NAMES}
 
     def loop_opening(self) -> float:
         """Return 0.0 m: loops are closed by construction."""

@@ -1,7 +1,13 @@
 """The friction of a simulated joint, with real sticking; shared by all plants.
 
-F(v) opposes the motion: F = f_c + f_v v + F_s exp(-(v / v_s)^2) for v > 0. At rest it takes any
-value up to the breakaway level f_c + F_s.
+F opposes the motion. While a joint moves with v > 0 (v < 0: the mirror image)
+
+    F = f_c + F_s exp(-(v / v_s)^2) + f_v v + f_2 v^2 + f_p v^p + mu |tau_load|
+
+where f_c and f_v may differ between the directions, tau_load is the torque that goes on behind
+the friction, and all of it may fall with time as the machine warms up. At rest it takes any value
+up to the breakaway level. With presliding (Dahl) f_c acts through the bending of the contact:
+f_c z with dz/dq = (1 - z sign(v)) / x_s instead of f_c sign(v).
 """
 
 from __future__ import annotations
@@ -14,6 +20,11 @@ import numpy as np
 
 from par4_kinematics.geometry import LEGS
 
+(FORWARD_COULOMB, BACK_COULOMB, FORWARD_VISCOUS, BACK_VISCOUS, STRIBECK_TORQUE, STRIBECK_VELOCITY,
+ QUADRATIC, POWER_TORQUE, POWER_EXPONENT, LOAD_COEFFICIENT, PRESLIDING_DISTANCE, DRIFT_DROP,
+ DRIFT_TIME) = range(13)
+"""Columns of `Friction.packed`."""
+
 
 def _zeros() -> np.ndarray:
     return np.zeros(LEGS)
@@ -21,29 +32,114 @@ def _zeros() -> np.ndarray:
 
 @dataclass(frozen=True)
 class Friction:
-    """Friction of the four joints, each (4,).
+    """Friction of the four joints, each (4,) but for drift and presliding.
 
     Attributes:
-        coulomb: f_c, N m.
-        viscous: f_v, N m s/rad.
+        coulomb: f_c, N m, the mean of both directions.
+        viscous: f_v, N m s/rad, the mean of both directions.
+        coulomb_asymmetry: half the difference of f_c between forward and back, N m.
+        viscous_asymmetry: half the difference of f_v between forward and back, N m s/rad.
         stribeck_torque: F_s above f_c at rest, N m.
         stribeck_velocity: v_s, rad/s.
+        quadratic: f_2, N m s2/rad2.
+        power_torque, power_exponent: f_p, N m at 1 rad/s, and p.
+        load_coefficient: mu.
+        presliding_distance: x_s, rad; 0 = Coulomb friction that sticks.
+        drift_drop, drift_time: friction is 1 - drop (1 - exp(-t / time)) of what it was at t = 0.
     """
 
     coulomb: np.ndarray = field(default_factory=_zeros)
     viscous: np.ndarray = field(default_factory=_zeros)
+    coulomb_asymmetry: np.ndarray = field(default_factory=_zeros)
+    viscous_asymmetry: np.ndarray = field(default_factory=_zeros)
     stribeck_torque: np.ndarray = field(default_factory=_zeros)
     stribeck_velocity: np.ndarray = field(default_factory=lambda: np.ones(LEGS))
+    quadratic: np.ndarray = field(default_factory=_zeros)
+    power_torque: np.ndarray = field(default_factory=_zeros)
+    power_exponent: np.ndarray = field(default_factory=lambda: np.ones(LEGS))
+    load_coefficient: np.ndarray = field(default_factory=_zeros)
+    presliding_distance: float = 0.0
+    drift_drop: float = 0.0
+    drift_time: float = 1.0
 
     @property
     def packed(self) -> np.ndarray:
-        """(4, 4): one row a joint, as the compiled kernels take it."""
+        """(4, 13): one row a joint, as the compiled kernels take it; see the columns above."""
         return np.stack([np.broadcast_to(part, (LEGS,)).astype(float) for part in (
-            self.coulomb, self.viscous, self.stribeck_torque, self.stribeck_velocity)], axis=1)
+            self.coulomb + self.coulomb_asymmetry, self.coulomb - self.coulomb_asymmetry,
+            self.viscous + self.viscous_asymmetry, self.viscous - self.viscous_asymmetry,
+            self.stribeck_torque, self.stribeck_velocity, self.quadratic, self.power_torque,
+            self.power_exponent, self.load_coefficient, self.presliding_distance, self.drift_drop,
+            self.drift_time)], axis=1)
+
+    @property
+    def is_dry(self) -> np.ndarray:
+        """Whether each joint can stick, (4,) bool."""
+        laws = self.packed
+        plateau = (laws[:, FORWARD_COULOMB] > 0) | (laws[:, BACK_COULOMB] > 0)
+        return ((plateau & (laws[:, PRESLIDING_DISTANCE] == 0.0))
+                | (laws[:, STRIBECK_TORQUE] > 0) | (laws[:, LOAD_COEFFICIENT] > 0))
 
 
 @numba.njit(cache=True, error_model='numpy')
-def dry_friction(law, speed):
-    """Return the speed-independent part plus Stribeck's of one joint at |speed|, N m."""
-    ratio = speed / law[3]
-    return law[0] + law[2] * math.exp(-ratio * ratio)
+def friction_scale(laws, time):
+    """Return friction at a time over that at t = 0."""
+    if laws[0, DRIFT_DROP] == 0.0:
+        return 1.0
+    return 1.0 - laws[0, DRIFT_DROP] * (1.0 - math.exp(-time / laws[0, DRIFT_TIME]))
+
+
+@numba.njit(cache=True, error_model='numpy')
+def dry_friction(laws, joint, direction, speed):
+    """Return what of one joint's friction does not vanish with its speed, N m at t = 0.
+
+    Args:
+        laws, joint: Friction.packed and whose row.
+        direction: > 0 for forward, else back.
+        speed: |v|, rad/s.
+    """
+    level = 0.0
+    if laws[joint, PRESLIDING_DISTANCE] == 0.0:
+        level = laws[joint, FORWARD_COULOMB] if direction > 0.0 else laws[joint, BACK_COULOMB]
+    if laws[joint, STRIBECK_TORQUE] != 0.0:
+        ratio = speed / laws[joint, STRIBECK_VELOCITY]
+        level += laws[joint, STRIBECK_TORQUE] * math.exp(-ratio * ratio)
+    return level
+
+
+@numba.njit(cache=True, error_model='numpy')
+def flowing_friction(laws, joint, velocity):
+    """Return what of one joint's friction vanishes with its velocity, N m at t = 0, signed."""
+    slope = laws[joint, FORWARD_VISCOUS] if velocity > 0.0 else laws[joint, BACK_VISCOUS]
+    torque = slope * velocity
+    if laws[joint, QUADRATIC] != 0.0:
+        torque += laws[joint, QUADRATIC] * velocity * abs(velocity)
+    if laws[joint, POWER_TORQUE] != 0.0:
+        torque += laws[joint, POWER_TORQUE] * math.copysign(
+            abs(velocity) ** laws[joint, POWER_EXPONENT], velocity)
+    return torque
+
+
+@numba.njit(cache=True, error_model='numpy')
+def bent(laws, joint, bending, moved):
+    """Return the bending z of a contact that was `bending` before the joint moved by `moved`."""
+    end = 1.0 if moved > 0.0 else -1.0
+    return end + (bending - end) * math.exp(-abs(moved) / laws[joint, PRESLIDING_DISTANCE])
+
+
+@numba.njit(cache=True, error_model='numpy')
+def bending_torque(laws, joint, bending):
+    """Return Coulomb friction through the bending of the contact, N m at t = 0, signed."""
+    return (laws[joint, FORWARD_COULOMB] if bending > 0.0 else laws[joint, BACK_COULOMB]) * bending
+
+
+@numba.njit(cache=True, error_model='numpy')
+def behind_load_friction(laws, joint, direction, torque):
+    """Return the torque left of `torque` behind friction mu |tau_load| in the given direction.
+
+    tau_load = torque - mu |tau_load| direction, solved for tau_load.
+    """
+    if laws[joint, LOAD_COEFFICIENT] == 0.0:
+        return torque
+    side = direction if torque > 0.0 else -direction
+    return torque / (1.0 + laws[joint, LOAD_COEFFICIENT] * side)

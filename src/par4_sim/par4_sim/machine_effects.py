@@ -6,82 +6,242 @@ tests hold one against the other.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from par4_dynamics.model import ActiveEffect, Model
+from par4_dynamics.state import GRAVITY
 from par4_kinematics.errors import InputError
+from par4_kinematics.geometry import LEGS, Geometry
 from par4_kinematics.robot import Robot
 from par4_sim.friction import Friction
-from par4_sim.machine import Machine
+from par4_sim.machine import Harmonic, Machine
 
 
 def machine_of_model(robot: Robot, model: Model) -> Machine:
     """Return the machine that `model` describes, its effects included.
 
     Raises:
-        InputError: an effect that no simulated machine can have.
+        InputError: an effect of a size that no machine can have.
     """
     machine = Machine(
         robot.geometry, model.lumped_bodies(),
         Friction(model.values['coulomb_friction'], model.values['viscous_friction']))
     for active in model.effects:
-        if active.effect.name not in _APPLY:
-            raise InputError(f'effect {active.effect.name} cannot be simulated; those that can '
-                             f'are {", ".join(_APPLY)}')
-        machine = _APPLY[active.effect.name](machine, active)
+        machine = _with_effect(machine, active)
+    _refuse_the_impossible(machine)
     return machine
 
 
-def _acting(active: ActiveEffect, name: str) -> np.ndarray:
-    """Return a parameter (4,) that is zero on joints without the effect."""
-    values = np.zeros(4)
-    for joint in active.joints:
-        values[joint] = active.values[name][joint]
+def _refuse_the_impossible(machine: Machine) -> None:
+    """Raise an InputError that names what no machine can have."""
+    friction, amplifier, bodies = machine.friction, machine.amplifier, machine.bodies
+    for what, values, lowest, highest in (
+            ('Coulomb friction forward', friction.coulomb + friction.coulomb_asymmetry, 0.0, None),
+            ('Coulomb friction back', friction.coulomb - friction.coulomb_asymmetry, 0.0, None),
+            ('viscous friction forward', friction.viscous + friction.viscous_asymmetry, 0.0, None),
+            ('viscous friction back', friction.viscous - friction.viscous_asymmetry, 0.0, None),
+            ('friction of load', friction.load_coefficient, 0.0, 0.9),
+            ('presliding distance, rad', friction.presliding_distance, 0.0, None),
+            ('share of friction lost', friction.drift_drop, -10.0, 1.0),
+            ('time constant of friction, s', friction.drift_time, 1e-6, None),
+            ('relative error of a drive gain', amplifier.gain_error, -0.9, None),
+            ('torque ripple', np.abs(amplifier.ripple), 0.0, 0.9),
+            ('time constant of the actuators, s', amplifier.time_constant, 0.0, None),
+            ('torque limit, N m', amplifier.torque_limit, 1e-6, None),
+            ('stiffness, N m/rad', machine.transmission.stiffness, 1.0, None),
+            ('gap, rad', machine.transmission.gap, 0.0, None),
+            ('actuator inertia, kg m2', bodies.actuator_inertia, 1e-9, None),
+            ('mass of half plate 1, kg', bodies.platform_mass_1, 1e-9, None),
+            ('mass of half plate 2, kg', bodies.platform_mass_2, 1e-9, None),
+            ('rod mass, kg', bodies.rod_mass, 0.0, None),
+            ('theta inertia, kg m2', bodies.theta_inertia, 0.0, None),
+            ('viscous friction of theta or pivots',
+             (machine.platform.theta_viscous, machine.platform.pivot_viscous), 0.0, None),
+            ('Coulomb friction of theta or pivots',
+             (machine.platform.theta_coulomb, machine.platform.pivot_coulomb), 0.0, None)):
+        low, high = float(np.min(values)), float(np.max(values))
+        if low < lowest or (highest is not None and high > highest):
+            found = low if low < lowest else high
+            limit = f'at least {lowest:g}' if low < lowest else f'at most {highest:g}'
+            raise InputError(f'{what}: {found:.4g} with the effects of the model, a simulated '
+                             f'machine needs {limit}; change the effect or its base parameter')
+
+
+Fields = tuple[str, Mapping[str, str]]
+"""A part of `Machine` and which of its fields take which parameters of the effect."""
+
+ON_JOINTS: dict[str, Fields] = {
+    'stribeck': ('friction', {'stribeck_torque': 'stribeck_torque',
+                              'stribeck_velocity': 'stribeck_velocity'}),
+    'coulomb_asymmetry': ('friction', {'coulomb_asymmetry': 'asymmetry'}),
+    'viscous_asymmetry': ('friction', {'viscous_asymmetry': 'asymmetry'}),
+    'nonlinear_viscous': ('friction', {'quadratic': 'quadratic', 'power_torque': 'torque',
+                                       'power_exponent': 'exponent'}),
+    'load_dependent_friction': ('friction', {'load_coefficient': 'coefficient'}),
+    'drive_gain_error': ('amplifier', {'gain_error': 'relative'}),
+    'torque_ripple': ('amplifier', {'ripple': 'relative', 'ripple_periods': 'periods',
+                                    'ripple_phase': 'phase'}),
+    'torque_saturation': ('amplifier', {'torque_limit': 'limit'}),
+    'backlash': ('transmission', {'gap': 'gap'}),
+    'encoder_offset': ('sensors', {'encoder_offset': 'offset'}),
+    'encoder_eccentricity': ('sensors', {'eccentricity': 'amplitude',
+                                         'eccentricity_phase': 'phase'}),
+}
+"""Effects that are fields of a part, (4,), on the joints they act on."""
+OF_MACHINE: dict[str, Fields] = {
+    'friction_drift': ('friction', {'drift_drop': 'drop', 'drift_time': 'time_constant'}),
+    'presliding': ('friction', {'presliding_distance': 'distance'}),
+    'theta_friction': ('platform', {'theta_coulomb': 'coulomb', 'theta_viscous': 'viscous'}),
+    'passive_joint_friction': ('platform', {'pivot_coulomb': 'coulomb',
+                                            'pivot_viscous': 'viscous'}),
+    'platform_drag': ('platform', {'viscous_drag': 'viscous', 'quadratic_drag': 'quadratic'}),
+    'actuator_lag': ('amplifier', {'time_constant': 'time_constant'}),
+    'time_offset': ('sensors', {'torque_delay': 'delay'}),
+}
+"""Effects that are fields of a part with one number for the machine."""
+
+
+def _with_effect(machine: Machine, active: ActiveEffect) -> Machine:
+    name = active.effect.name
+    if name in ON_JOINTS:
+        part, fields = ON_JOINTS[name]
+        return _changed(machine, part, **{
+            field: _acting(active, parameter, getattr(getattr(machine, part), field))
+            for field, parameter in fields.items()})
+    if name in OF_MACHINE:
+        part, fields = OF_MACHINE[name]
+        return _changed(machine, part, **{field: _whole(active, parameter)
+                                          for field, parameter in fields.items()})
+    return _OTHERS[name](machine, active)
+
+
+def _changed(machine: Machine, part: str, **fields: object) -> Machine:
+    return replace(machine, **{part: replace(getattr(machine, part), **fields)})
+
+
+def _acting(active: ActiveEffect, name: str, elsewhere: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return a parameter (4,) that is `elsewhere` on joints without the effect."""
+    values = np.array(np.broadcast_to(elsewhere, (LEGS,)), dtype=float)
+    joints = list(active.joints)
+    values[joints] = active.values[name][joints]
     return values
 
 
+def _whole(active: ActiveEffect, name: str) -> float:
+    """Return a parameter of the machine."""
+    return float(active.values[name][active.joints[0]])
+
+
+def _joint_friction_difference(machine: Machine, active: ActiveEffect) -> Machine:
+    friction = machine.friction
+    return _changed(machine, 'friction', coulomb=friction.coulomb + _acting(active, 'coulomb'),
+                    viscous=friction.viscous + _acting(active, 'viscous'))
+
+
+def _with_harmonics(machine: Machine, active: ActiveEffect, amplitude: np.ndarray,
+                    periods: np.ndarray, phase: np.ndarray) -> Machine:
+    added = tuple(Harmonic(joint, float(amplitude[joint]), float(periods[joint]),
+                           float(phase[joint])) for joint in active.joints)
+    return replace(machine, harmonics=(*machine.harmonics, *added))
+
+
 def _torque_offset(machine: Machine, active: ActiveEffect) -> Machine:
-    offset = _acting(active, 'offset')
-
-    def load(time: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:  # noqa: ARG001
-        return offset
-
-    return replace(machine, loads=(*machine.loads, load))
-
-
-def _stribeck(machine: Machine, active: ActiveEffect) -> Machine:
-    velocity = np.ones(4)
-    for joint in active.joints:
-        velocity[joint] = active.values['stribeck_velocity'][joint]
-    return replace(machine, friction=replace(
-        machine.friction, stribeck_torque=_acting(active, 'stribeck_torque'),
-        stribeck_velocity=velocity))
+    return _with_harmonics(machine, active, active.values['offset'], np.zeros(LEGS),
+                           np.full(LEGS, 0.5 * math.pi))
 
 
 def _cogging(machine: Machine, active: ActiveEffect) -> Machine:
-    amplitude, phase = _acting(active, 'amplitude'), active.values['phase']
-    periods = active.values['periods']
+    return _with_harmonics(machine, active, active.values['amplitude'], active.values['periods'],
+                           active.values['phase'])
 
-    def load(time: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:  # noqa: ARG001
-        return amplitude * np.sin(periods * q + phase)
 
-    return replace(machine, loads=(*machine.loads, load))
+def _arm_mass_offset(machine: Machine, active: ActiveEffect) -> Machine:
+    return _with_harmonics(machine, active, GRAVITY * active.values['first_moment'],
+                           np.ones(LEGS), np.zeros(LEGS))
+
+
+def _with_bodies(machine: Machine, **added: np.ndarray | float) -> Machine:
+    return _changed(machine, 'bodies', **{name: getattr(machine.bodies, name) + more
+                                          for name, more in added.items()})
 
 
 def _distributed_rods(machine: Machine, active: ActiveEffect) -> Machine:
-    mass = float(active.values['rod_mass'][active.joints[0]])
-    if mass < 0:
-        raise InputError(f'effect distributed_rods: rod_mass must not be negative, found {mass}')
-    return replace(machine, bodies=replace(machine.bodies,
-                                           rod_mass=machine.bodies.rod_mass + mass))
+    return _with_bodies(machine, rod_mass=_whole(active, 'rod_mass'))
 
 
-_APPLY: dict[str, Callable[[Machine, ActiveEffect], Machine]] = {
+def _payload(machine: Machine, active: ActiveEffect) -> Machine:
+    half = _whole(active, 'half')
+    if half not in (1.0, 2.0):
+        raise InputError(f"effect payload, half: expected 1 (at D) or 2 (at D'), found {half:g}")
+    return _with_bodies(machine, **{f'platform_mass_{half:.0f}': _whole(active, 'mass')})
+
+
+def _theta_inertia(machine: Machine, active: ActiveEffect) -> Machine:
+    return _with_bodies(machine, theta_inertia=_whole(active, 'inertia'))
+
+
+def _joint_inertia_difference(machine: Machine, active: ActiveEffect) -> Machine:
+    return _with_bodies(machine, actuator_inertia=_acting(active, 'inertia'))
+
+
+def _base_tilt(machine: Machine, active: ActiveEffect) -> Machine:
+    """Turn the base about its x axis, then about its own y axis; gravity stays."""
+    a, b = _whole(active, 'about_x'), _whole(active, 'about_y')
+    about_x = np.array(((1.0, 0.0, 0.0), (0.0, math.cos(a), -math.sin(a)),
+                        (0.0, math.sin(a), math.cos(a))))
+    about_y = np.array(((math.cos(b), 0.0, math.sin(b)), (0.0, 1.0, 0.0),
+                        (-math.sin(b), 0.0, math.cos(b))))
+    return replace(machine, gravity=(about_x @ about_y).T @ machine.gravity)
+
+
+def _geometry_error(machine: Machine, active: ActiveEffect) -> Machine:
+    true = {name: getattr(machine.geometry, name) + float(values[0])
+            for name, values in active.values.items()}
+    # validated anew: a copy would keep what is cached of the nominal dimensions
+    return replace(machine, geometry=Geometry.model_validate(
+        {**machine.geometry.model_dump(), **true}))
+
+
+def _external_force(machine: Machine, active: ActiveEffect) -> Machine:
+    force = np.array([_whole(active, axis) for axis in 'xyz'])
+    return _changed(machine, 'platform', force=machine.platform.force + force)
+
+
+def _cable_spring(machine: Machine, active: ActiveEffect) -> Machine:
+    return _changed(machine, 'platform', spring=_whole(active, 'stiffness'),
+                    anchor=active.values['anchor'])
+
+
+def _elastic_transmission(machine: Machine, active: ActiveEffect) -> Machine:
+    stiffness = _acting(active, 'stiffness', machine.transmission.stiffness)
+    # 0 stands for a rigid joint
+    return _changed(machine, 'transmission',
+                    stiffness=np.where(stiffness == 0.0, np.inf, stiffness))
+
+
+def _quantization(machine: Machine, active: ActiveEffect) -> Machine:
+    field = 'torque_step' if active.units['step'] == 'N m' else 'position_step'
+    return _changed(machine, 'sensors', **{
+        field: _acting(active, 'step', getattr(machine.sensors, field))})
+
+
+_OTHERS: dict[str, Callable[[Machine, ActiveEffect], Machine]] = {
+    'joint_friction_difference': _joint_friction_difference,
     'torque_offset': _torque_offset,
-    'stribeck': _stribeck,
     'cogging': _cogging,
+    'arm_mass_offset': _arm_mass_offset,
     'distributed_rods': _distributed_rods,
+    'payload': _payload,
+    'theta_inertia': _theta_inertia,
+    'joint_inertia_difference': _joint_inertia_difference,
+    'base_tilt': _base_tilt,
+    'geometry_error': _geometry_error,
+    'external_force': _external_force,
+    'cable_spring': _cable_spring,
+    'elastic_transmission': _elastic_transmission,
+    'quantization': _quantization,
 }

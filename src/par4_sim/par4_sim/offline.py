@@ -50,7 +50,7 @@ def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: 
     """
     if Path(path).exists():
         raise InputError(f'{path}: exists already; give another path or remove it')
-    motion = with_approach(motion, robot, simulation.plant.q)
+    motion = with_approach(motion, robot, simulation.q)
     start = simulation.time + DWELL
     tau = None if feedforward is None else feedforward.torque(
         state_of_joints(robot.geometry, motion.t, motion.q, motion.qd, motion.qdd))

@@ -52,6 +52,12 @@ class Plant(Protocol):
     def step(self, tau: ArrayLike) -> None:
         """Advance by dt with actuator torques tau (4,), N m, held."""
 
+    def passive_joints(self) -> dict[str, float]:
+        """Return name -> position, rad or m, of the joints of `robot_description` without a motor.
+
+        With the four of `q` they close the picture of a viewer.
+        """
+
     def loop_opening(self) -> float:
         """Return the largest opening of a kinematic loop, m."""
 

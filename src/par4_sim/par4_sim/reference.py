@@ -5,6 +5,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from par4_kinematics.geometry import LEGS
+
 MATCH = 1e-4
 """Effort belongs to the reference point within this time, s."""
 COLUMNS = 16
@@ -50,6 +52,21 @@ def interpolate(times, points, t, target):
         target[8 + joint] = v * (t0 if t0 == t0 else 0.0) + u * (t1 if t1 == t1 else 0.0)
 
 
+def _slots(times: np.ndarray) -> np.ndarray:
+    """Return times (n,), s, in whole units of MATCH."""
+    return np.rint(np.asarray(times) / MATCH).astype(np.int64)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _pass(times, points, used, now):
+    """Return how many points lie before `now` and how many of those from `used` on lack torque."""
+    passed, missing = used, 0
+    while passed < times.shape[0] and times[passed] < now:
+        missing += points[passed, 12] != points[passed, 12]
+        passed += 1
+    return passed, missing
+
+
 class ReferenceQueue:
     """Reference points by time, joined with feedforward torques that come on their own.
 
@@ -69,7 +86,9 @@ class ReferenceQueue:
         self.times = np.zeros(1)
         self.points = np.zeros((1, COLUMNS))
         self.points[0, :4] = q
-        self._efforts: dict[int, np.ndarray] = {}
+        # torques that no point has taken yet, by time in units of MATCH, ascending
+        self._slots = np.empty(0, dtype=np.int64)
+        self._efforts = np.empty((0, LEGS))
         self._used = 1
 
     def queue(self, now: float, times: np.ndarray, q: np.ndarray, qd: np.ndarray,
@@ -105,33 +124,37 @@ class ReferenceQueue:
 
     def queue_effort(self, times: np.ndarray, tau: np.ndarray) -> None:
         """Fill the torque tau (n, 4), N m, of the points at `times` (n,), now or when they come."""
-        for time, torque in zip(times, tau):
-            self._efforts[round(time / MATCH)] = torque
+        # reversed, so that the newest of one time is the one that `unique` keeps
+        slots = np.concatenate((_slots(times)[::-1], self._slots))
+        self._slots, newest = np.unique(slots, return_index=True)
+        self._efforts = np.concatenate((np.asarray(tau)[::-1], self._efforts))[newest]
         self._match()
 
     def _match(self) -> None:
-        if not self._efforts:
-            return
-        for row in np.flatnonzero(np.isnan(self.points[:, 12])):
-            slot = round(self.times[row] / MATCH)
-            for key in (slot, slot - 1, slot + 1):
-                torque = self._efforts.pop(key, None)
-                if torque is not None:
-                    self.points[row, 12:] = torque
-                    break
+        """Give the torques that wait to points without; each serves one point, the exact first."""
+        for shift in (0, -1, 1):
+            if len(self._slots) == 0:
+                return
+            rows = np.flatnonzero(np.isnan(self.points[:, 12]))
+            wanted = _slots(self.times[rows]) + shift
+            place = np.minimum(np.searchsorted(self._slots, wanted), len(self._slots) - 1)
+            fits = self._slots[place] == wanted
+            taken, first = np.unique(place[fits], return_index=True)
+            self.points[rows[fits][first], 12:] = self._efforts[taken]
+            self._slots = np.delete(self._slots, taken)
+            self._efforts = np.delete(self._efforts, taken, axis=0)
 
     def use_until(self, now: float) -> None:
         """Count the points passed by `now` without torque and forget what lies behind."""
-        passed = int(np.searchsorted(self.times, now + 1e-9))
-        if passed > self._used:
-            self.missing_effort += int(np.isnan(self.points[self._used:passed, 12]).sum())
-            self._used = passed
+        passed, missing = _pass(self.times, self.points, self._used, now + 1e-9)
+        self.missing_effort += missing
+        self._used = passed
         if passed > 2000:
             # one point more than the current segment needs: rounding may put now just before it
             self.times, self.points = self.times[passed - 2:], self.points[passed - 2:]
             self._used = 2
-            oldest = round((now - 1.0) / MATCH)
-            self._efforts = {key: tau for key, tau in self._efforts.items() if key > oldest}
+            recent = self._slots > round((now - 1.0) / MATCH)
+            self._slots, self._efforts = self._slots[recent], self._efforts[recent]
 
     def uncovered(self, until: float) -> bool:
         """Return whether a point that will be used by `until` still lacks its torque."""

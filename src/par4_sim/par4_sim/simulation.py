@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,12 +14,16 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import Robot
 from par4_kinematics.workspace import home_pose
-from par4_sim.drive import DriveLoops
+from par4_sim.amplifier import Amplifier
+from par4_sim.control_loop import ControlLoop
+from par4_sim.elastic import ElasticPlant, split_machine
 from par4_sim.exact import ExactPlant
 from par4_sim.machine import Machine
 from par4_sim.machine_effects import machine_of_model
+from par4_sim.noise import Noise, NoiseSource
 from par4_sim.plant import STEP, Plant
-from par4_sim.reference import ReferenceQueue, interpolate
+from par4_sim.reference import ReferenceQueue
+from par4_sim.sensors import Sensors
 
 Fidelity = Literal['accurate', 'fast', 'exact']
 FIDELITIES: tuple[str, ...] = ('accurate', 'fast', 'exact')
@@ -30,11 +34,11 @@ class Sample:
     """What the machine tells at one time, and what only a simulation knows.
 
     Attributes:
-        time_ns: when the values are valid, on the simulation's clock.
+        time_ns: the stamp: when the values are valid on the simulation's clock, but for jitter.
         q, qd: encoder positions and velocities (4,), rad, rad/s.
         effort: nominal torque G_i V_i (4,), N m.
         voltage: amplifier input after clipping (4,), V.
-        true_torque: torque on the arms (4,), N m.
+        true_torque: torque that the amplifiers deliver (4,), N m.
         true_pose: x, y, z, theta (4,), m, rad.
     """
 
@@ -50,18 +54,28 @@ class Sample:
 class Simulation:
     """A machine under its drives, advanced one published sample at a time.
 
+    Reference -> drives -> amplifiers -> plant -> encoders -> recorder. The drives close their
+    loops on the encoders; noise, delay and steps of the recorded torque do not reach them. The
+    machine runs ahead of the samples where a recorded torque is early (`torque_delay` < 0).
+
     Args:
         robot: geometry, drives, limits.
         plant: the machine; reset by this class.
         sample_period: s, a whole number of physics steps.
-        seed: of the measurement noise.
-        torque_noise: standard deviation of the noise on the recorded voltage, as torque, N m.
         torque_limit: of the drives, N m.
-        holding_torque: what keeps the machine at rest at home, (4,) N m; the drives begin with it.
+        holding_torque: command that keeps the machine at rest at home, (4,) N m; the drives begin
+            with it.
+        amplifier, sensors: as they truly are.
+        noise: of the recorder.
+        seed: of the noise.
+
+    Raises:
+        InputError: a period that is not a whole number of steps, a jitter too large for it.
     """
 
-    def __init__(self, robot: Robot, plant: Plant, sample_period: float, seed: int,
-                 torque_noise: float, torque_limit: float, holding_torque: np.ndarray) -> None:
+    def __init__(self, robot: Robot, plant: Plant, sample_period: float, torque_limit: float,
+                 holding_torque: np.ndarray, amplifier: Amplifier, sensors: Sensors, noise: Noise,
+                 seed: int) -> None:
         self._substeps = round(sample_period / plant.dt)
         if self._substeps < 1 or abs(self._substeps * plant.dt - sample_period) > 1e-9:
             raise InputError(f'publish rate: {1 / sample_period:g} Hz asked, the physics runs at '
@@ -71,10 +85,10 @@ class Simulation:
         self._plant = plant
         self._gain = np.asarray(robot.drives.gain)
         self._seed = seed
-        self._noise = torque_noise
-        self._drives = DriveLoops(robot.drives, torque_limit, plant.dt)
+        self._noise = noise
         self._holding_torque = holding_torque
-        self._target = np.zeros(12)
+        self._loop = ControlLoop(robot.drives, torque_limit, amplifier, sensors, plant)
+        self._ahead = max(self._substeps, self._loop.steps_ahead)
         plant.reset(home_pose(robot))
         self._reference = ReferenceQueue(plant.q)
         self.reset()
@@ -82,9 +96,11 @@ class Simulation:
     def reset(self) -> None:
         """Put the machine at rest at home, one period after time 0, nothing queued; counts stay."""
         self._plant.reset(home_pose(self._robot))
-        self._reference.restart(self._plant.q)
-        self._drives.restart(self._holding_torque)
-        self._random = np.random.default_rng(self._seed)
+        self._reference.restart(self.q)
+        self._loop.restart(self._plant.q, self._holding_torque)
+        self._source = NoiseSource(self._noise, self.sample_period, self._seed)
+        self._readings: deque[tuple[np.ndarray, np.ndarray, np.ndarray]] = deque()
+        self._steps = 0
         self._samples = 1  # a stamp of zero would mean 'not set'
 
     @property
@@ -93,8 +109,13 @@ class Simulation:
         return self._plant
 
     @property
+    def q(self) -> np.ndarray:
+        """Joint positions (4,), rad, as the encoders tell them."""
+        return self._loop.reading(self._plant.q)
+
+    @property
     def time(self) -> float:
-        """Time up to which the machine has been advanced, s."""
+        """Time of the next sample, s."""
         return self._samples * self.sample_period
 
     @property
@@ -102,12 +123,13 @@ class Simulation:
         """What went wrong so far, by name."""
         return {'late_points': self._reference.late_points,
                 'missing_effort': self._reference.missing_effort,
-                'saturated_commands': self._drives.saturated}
+                'saturated_commands': self._loop.drives.saturated_commands,
+                'saturated_speeds': self._loop.drives.saturated_speeds}
 
     def queue_reference(self, times: np.ndarray, q: np.ndarray, qd: np.ndarray,
                         qdd: np.ndarray) -> None:
         """Queue reference points (n, 4) at simulation times (n,), s; see `ReferenceQueue`."""
-        self._reference.queue(self.time, times, q, qd, qdd)
+        self._reference.queue(self._reached(self._steps), times, q, qd, qdd)
 
     def queue_effort(self, times: np.ndarray, tau: np.ndarray) -> None:
         """Queue feedforward torques (n, 4), N m, for the reference points at `times`."""
@@ -115,38 +137,49 @@ class Simulation:
 
     def effort_missing(self) -> bool:
         """Return whether the next sample would use a reference point without its torque."""
-        return self._reference.uncovered(self.time + self.sample_period)
+        return self._reference.uncovered(self._reached(self._needed()))
 
     def next_sample(self) -> Sample:
         """Return the sample valid at the current time and advance by one sample period.
 
+        Its stamp is off by the recorder's jitter.
+
         Raises:
             UnreachableError: the machine was driven out of its workspace.
         """
-        plant = self._plant
-        start = self.time
-        q, qd, pose = plant.q, plant.qd, plant.x
-        before, command_before = self._drives.torque.copy(), self._drives.command.copy()
-        self._step(start)
-        torque, command = self._drives.torque.copy(), self._drives.command.copy()
-        if plant.torque_offset > 0.0:
-            # held torques of both neighbouring steps are half a step away from the sample
-            torque, command = 0.5 * (before + torque), 0.5 * (command_before + command)
-        if plant.velocity_offset < 0.0:
-            qd = 0.5 * (qd + plant.qd)
-        for substep in range(1, self._substeps):
-            self._step(start + substep * plant.dt)
-        self._reference.use_until(start + self.sample_period)
-        measured = command + self._noise * self._random.standard_normal(4)
-        time_ns = round(self._samples * self.sample_period * 1e9)
+        needed = self._needed()
+        while self._steps < needed:
+            self._advance()
+        self._reference.use_until(self._reached(needed))
+        self._source.advance()
+        q, qd, pose = self._readings.popleft()
+        told = self._loop.record((self._samples - 1) * self._substeps, q, qd, self._source.torque,
+                                 self._source.position)
+        stamp_ns = round(self._samples * self.sample_period * 1e9) + self._source.stamp_ns
         self._samples += 1
-        return Sample(time_ns, self._drives.encoder(q), qd, measured, measured / self._gain,
-                      torque, pose)
+        return Sample(stamp_ns, told[0], told[1], told[2], told[2] / self._gain, told[3], pose)
 
-    def _step(self, time: float) -> None:
+    def _needed(self) -> int:
+        """Return how many physics steps the next sample takes."""
+        return (self._samples - 1) * self._substeps + self._ahead
+
+    def _reached(self, steps: int) -> float:
+        """Return the time, s, that so many physics steps reach."""
+        return self.sample_period + steps * self._plant.dt
+
+    def _advance(self) -> None:
+        """Do one physics step; keep the true readings where a sample is due."""
         plant = self._plant
-        interpolate(self._reference.times, self._reference.points, time, self._target)
-        plant.step(self._drives.follow(self._target, self._drives.encoder(plant.q), plant.qd))
+        q, qd = plant.q, plant.qd
+        due = self._steps % self._substeps == 0
+        pose = plant.x if due else None
+        plant.step(self._loop.torque(self._reference, self._reached(self._steps), self._steps, q,
+                                     qd))
+        self._steps += 1
+        if due:
+            if plant.velocity_offset < 0.0:
+                qd = qd - plant.velocity_offset / plant.dt * (plant.qd - qd)
+            self._readings.append((q, qd, pose))
 
     def close(self) -> None:
         """Release the plant."""
@@ -154,31 +187,43 @@ class Simulation:
 
 
 def build_plant(machine: Machine, fidelity: str, dt: float = STEP) -> Plant:
-    """Return the plant of that fidelity.
+    """Return the plant of that fidelity, behind its transmissions where these are not rigid.
 
     Raises:
-        InputError: unknown fidelity.
+        InputError: unknown fidelity, masses that make a body negative.
     """
-    builders: dict[str, Callable[[], Plant]] = {'exact': lambda: ExactPlant(machine, dt)}
-    if fidelity in ('accurate', 'fast'):
-        from par4_sim.bullet import BulletPlant  # pybullet is slow to load and not always needed
-        builders[fidelity] = lambda: BulletPlant(machine, fidelity, dt)
-    if fidelity not in builders:
+    if fidelity not in FIDELITIES:
         raise InputError(f'fidelity {fidelity!r} asked; known are {", ".join(FIDELITIES)}')
-    return builders[fidelity]()
+    if not machine.transmission.is_rigid:
+        driven, motors = split_machine(machine)
+        substeps = motors.substeps(dt)
+        return ElasticPlant(build_plant(driven, fidelity, dt / substeps), motors, substeps)
+    if fidelity == 'exact':
+        return ExactPlant(machine, dt)
+    from par4_sim.bullet import BulletPlant  # pybullet is slow to load and not always needed
+    return BulletPlant(machine, fidelity, dt)
 
 
 def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: float = 1e-3,
-                     seed: int = 0, torque_noise: float = 0.0) -> Simulation:
+                     seed: int = 0, **noise: float) -> Simulation:
     """Return the simulation of the machine that `model` describes, at rest at home.
+
+    Args:
+        robot: geometry, drives, limits.
+        model: the machine as it truly is.
+        fidelity: of FIDELITIES.
+        sample_period: s.
+        seed: of the noise.
+        noise: sizes by name, as `Noise` has them.
 
     Raises:
         InputError: unknown fidelity, a rate that does not divide the physics', masses that make
-            a body negative.
+            a body negative, a jitter that mixes up the stamps.
     """
-    plant = build_plant(machine_of_model(robot, model), fidelity)
+    machine = machine_of_model(robot, model)
+    plant = build_plant(machine, fidelity)
     limit = model.torque_limit or robot.drives.torque_limit
     still = np.zeros((1, LEGS))
     at_rest = state_of_platform(robot.geometry, np.zeros(1), home_pose(robot)[None], still, still)
-    return Simulation(robot, plant, sample_period, seed, torque_noise, limit,
-                      model.torque(at_rest)[0])
+    return Simulation(robot, plant, sample_period, limit, model.torque(at_rest)[0],
+                      machine.amplifier, machine.sensors, Noise(**noise), seed)

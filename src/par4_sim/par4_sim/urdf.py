@@ -180,13 +180,13 @@ def _plate_joint(geometry: Geometry, leg: int) -> np.ndarray:
     return np.array((geometry.packed[6 + 4 * leg], geometry.packed[7 + 4 * leg], 0.0))
 
 
-def _swing_and_tilt(geometry: Geometry, x: np.ndarray, angle: float, leg: int
+def _swing_and_tilt(geometry: Geometry, rod: np.ndarray, angle: float, leg: int
                     ) -> tuple[float, float]:
-    """Return the turns, rad, that take a rod of `leg` from vertical into its place at pose x.
+    """Return the turns, rad, that take a rod of `leg` from vertical into the direction rod (3,).
 
     In the frame of the arm at q_i = angle: first about e_i (tilt), then about z x e_i (swing).
     """
-    rod = np.array(forearm(geometry.packed, x, angle, leg)) / geometry.forearm_length
+    rod = rod / np.linalg.norm(rod)
     outward, sideways = _outward(geometry, leg), _sideways(geometry, leg)
     along_arm = rod @ (math.cos(angle) * outward - math.sin(angle) * UP)
     above_arm = rod @ (math.sin(angle) * outward + math.cos(angle) * UP)
@@ -194,7 +194,8 @@ def _swing_and_tilt(geometry: Geometry, x: np.ndarray, angle: float, leg: int
 
 
 def _rod_quaternion(geometry: Geometry, x: np.ndarray, angle: float, leg: int) -> np.ndarray:
-    swing, tilt = (0.5 * turn for turn in _swing_and_tilt(geometry, x, angle, leg))
+    rod = np.array(forearm(geometry.packed, x, angle, leg))
+    swing, tilt = (0.5 * turn for turn in _swing_and_tilt(geometry, rod, angle, leg))
     vector = (math.sin(swing) * math.cos(tilt) * _sideways(geometry, leg)
               + math.cos(swing) * math.sin(tilt) * _outward(geometry, leg)
               - math.sin(swing) * math.sin(tilt) * UP)
@@ -295,9 +296,10 @@ THETA_JOINT = 'theta'
 TOOL_JOINT = 'tool_rotation'
 PAIR_OFFSET = 0.12
 """Drawn distance of a rod or bar from the middle of its pair, over the arm length."""
-COLOURS = {'frame': (0.23, 0.26, 0.30), 'motor': (0.50, 0.53, 0.57), 'arm': (0.12, 0.38, 0.65),
-           'rod': (0.13, 0.13, 0.15), 'joint': (0.70, 0.72, 0.75), 'plate': (0.95, 0.62, 0.14),
-           'tool': (0.60, 0.62, 0.66), 'arrow': (0.86, 0.16, 0.13)}
+COLOURS = {'frame': (0.62, 0.65, 0.69), 'motor': (0.20, 0.22, 0.25), 'metal': (0.76, 0.78, 0.80),
+           'carbon': (0.20, 0.21, 0.23), 'plate': (0.95, 0.58, 0.10), 'bar': (0.10, 0.40, 0.72),
+           'belt': (0.22, 0.22, 0.22), 'pointer': (0.86, 0.13, 0.10), 'tail': (0.05, 0.50, 0.47)}
+"""Drawn last, the main shape of a link gives it its colour in viewers that know one a link."""
 
 
 def robot_description(robot: Robot) -> str:
@@ -325,11 +327,27 @@ def tree_joint_positions(geometry: Geometry, x: ArrayLike) -> dict[str, float]:
         UnreachableError: a pose that a leg cannot reach.
     """
     x = np.asarray(x, dtype=float)
-    angles = inverse_kinematics(geometry, x)
-    positions = dict(zip(JOINT_NAMES, angles.tolist(), strict=True))
-    for leg, angle in enumerate(angles):
-        swing, tilt = _swing_and_tilt(geometry, x, angle, leg)
-        for number in range(len(SIDES)):
+    q = inverse_kinematics(geometry, x)
+    rods = np.array([[forearm(geometry.packed, x, angle, leg)] * len(SIDES)
+                     for leg, angle in enumerate(q)])
+    return dict(zip(JOINT_NAMES, q.tolist(), strict=True)) | passive_joint_positions(
+        geometry, x, q, rods)
+
+
+def passive_joint_positions(geometry: Geometry, x: np.ndarray, q: np.ndarray, rods: np.ndarray
+                            ) -> dict[str, float]:
+    """Return joint name -> position, rad or m, of the joints of the tree that no motor turns.
+
+    Args:
+        geometry: dimensions of the robot.
+        x: pose of D and theta (4,), m, rad.
+        q: positions of the arms (4,), rad.
+        rods: directions of the two rods of each leg from elbow to plate, (4, 2, 3), any length.
+    """
+    positions = {}
+    for leg, angle in enumerate(q):
+        for number, rod in enumerate(rods[leg]):
+            swing, tilt = _swing_and_tilt(geometry, rod, angle, leg)
             positions |= {f'swing_{leg}_{number}': swing, f'tilt_{leg}_{number}': tilt}
     positions |= dict(zip(PLATFORM_SLIDES, x[:3].tolist(), strict=True))
     theta = float(x[3])
@@ -339,29 +357,38 @@ def tree_joint_positions(geometry: Geometry, x: ArrayLike) -> dict[str, float]:
 
 
 def _draw_frame(tree: ElementTree.Element, geometry: Geometry) -> None:
+    """Draw motors along the actuator axes, hung by brackets from a plate with a beam to each."""
     base = ElementTree.SubElement(tree, 'link', name=BASE_FRAME)
     arm = geometry.arm_length
-    height = 0.15 * arm * UP
+    height, thickness = 0.21 * arm * UP, 0.05 * arm
     for leg in range(LEGS):
-        outward = _outward(geometry, leg)
+        outward, sideways = _outward(geometry, leg), _sideways(geometry, leg)
         foot = geometry.base_radius * outward
-        _draw_beam(base, 'frame', (0.34 * arm, 0.10 * arm), height,
-                   foot + 0.1 * arm * outward + height)
+        for start, end, radius, colour in ((-0.13, -0.50, 0.115, 'motor'),
+                                           (-0.50, -0.56, 0.085, 'metal'),
+                                           (0.13, 0.20, 0.085, 'motor')):
+            _draw_cylinder(base, colour, radius * arm, foot + start * arm * sideways,
+                           foot + end * arm * sideways)
         for side in SIDES:
-            end = side * 0.22 * arm * _sideways(geometry, leg)
-            _draw_beam(base, 'motor', (0.22 * arm, 0.22 * arm), foot + 0.35 * end, foot + end)
-    _draw_cylinder(base, 'frame', 0.1 * arm + 0.7 * geometry.base_radius, 0.10 * arm * UP,
-                   0.20 * arm * UP)
+            bracket = foot + side * 0.12 * arm * sideways
+            _draw_beam(base, 'frame', (0.04 * arm, 0.20 * arm), bracket - 0.11 * arm * UP,
+                       bracket + height)
+        _draw_beam(base, 'frame', (0.40 * arm, thickness), height,
+                   foot + 0.14 * arm * outward + height)
+    _draw_cylinder(base, 'frame', 0.2 * arm + 0.5 * geometry.base_radius,
+                   height - 0.5 * thickness * UP, height + 0.5 * thickness * UP)
 
 
 def _draw_leg(tree: ElementTree.Element, geometry: Geometry, leg: int) -> None:
+    """Draw an arm, a tube that narrows, and the two rods with their ball joints."""
     length, outward = geometry.arm_length, _outward(geometry, leg)
     sideways, elbow = _sideways(geometry, leg), length * outward
     pair = PAIR_OFFSET * length * sideways
     arm = ElementTree.SubElement(tree, 'link', name=f'arm_{leg}')
-    _draw_cylinder(arm, 'arm', 0.12 * length, -0.06 * length * sideways, 0.06 * length * sideways)
-    _draw_beam(arm, 'arm', (0.08 * length, 0.12 * length), np.zeros(3), elbow)
-    _draw_cylinder(arm, 'joint', 0.035 * length, elbow - 1.2 * pair, elbow + 1.2 * pair)
+    _draw_cylinder(arm, 'metal', 0.10 * length, -0.08 * length * sideways, 0.08 * length * sideways)
+    _draw_cylinder(arm, 'metal', 0.025 * length, elbow - pair, elbow + pair)
+    for start, end, radius in ((0.0, 0.35, 0.065), (0.35, 0.7, 0.056), (0.7, 1.02, 0.047)):
+        _draw_cylinder(arm, 'carbon', radius * length, start * elbow, end * elbow)
     _add_joint(tree, JOINT_NAMES[leg], 'continuous', BASE_FRAME, f'arm_{leg}',
                geometry.base_radius * outward, sideways)
     for number, side in enumerate(SIDES):
@@ -369,9 +396,9 @@ def _draw_leg(tree: ElementTree.Element, geometry: Geometry, leg: int) -> None:
         ElementTree.SubElement(tree, 'link', name=between)
         rod = ElementTree.SubElement(tree, 'link', name=name)
         end = -geometry.forearm_length * UP
-        _draw_cylinder(rod, 'rod', 0.018 * length, np.zeros(3), end)
         for ball in (np.zeros(3), end):
-            _draw(rod, 'joint', 'sphere', {'radius': 0.04 * length}, ball, UP)
+            _draw(rod, 'metal', 'sphere', {'radius': 0.036 * length}, ball, UP)
+        _draw_cylinder(rod, 'carbon', 0.017 * length, np.zeros(3), end)
         for turn, parent, child, origin, axis in (
                 ('swing', f'arm_{leg}', between, elbow + side * pair, sideways),
                 ('tilt', between, name, np.zeros(3), outward)):
@@ -388,11 +415,12 @@ def _draw_platform(tree: ElementTree.Element, geometry: Geometry) -> None:
     _draw_half_plate(tree, geometry, 'half_plate_1', (2, 3), apart)
     for number, side in enumerate(SIDES):
         link = ElementTree.SubElement(tree, 'link', name=f'bar_{number}')
-        _draw_beam(link, 'arm', (0.06 * arm, 0.04 * arm), height, bar + height)
+        for end in (np.zeros(3), bar):
+            _draw_cylinder(link, 'metal', 0.03 * arm, end, end + 1.6 * height)
+        _draw_beam(link, 'bar', (0.06 * arm, 0.04 * arm), height, bar + height)
         _add_joint(tree, f'bar_rotation_{number}', 'continuous', 'half_plate_1', f'bar_{number}',
                    side * apart, mimic=(THETA_JOINT, 1.0))
-    # from D to D', midway between the bars
-    ElementTree.SubElement(tree, 'link', name='middle_line')
+    _draw_belt(tree, arm, bar)
     _add_joint(tree, THETA_JOINT, 'continuous', 'half_plate_1', 'middle_line')
     _draw_half_plate(tree, geometry, 'half_plate_2', (0, 1), apart)
     _add_joint(tree, 'half_plate_2_rotation', 'continuous', 'middle_line', 'half_plate_2', bar,
@@ -406,24 +434,39 @@ def _draw_half_plate(tree: ElementTree.Element, geometry: Geometry, name: str,
                      legs: tuple[int, int], apart: np.ndarray) -> None:
     link = ElementTree.SubElement(tree, 'link', name=name)
     arm = geometry.arm_length
-    section = (0.10 * arm, 0.07 * arm)
+    section = (0.10 * arm, 0.06 * arm)
     for leg in legs:
         joint = _plate_joint(geometry, leg)
-        pair = 1.2 * PAIR_OFFSET * arm * _sideways(geometry, leg)
-        _draw_cylinder(link, 'joint', 0.035 * arm, joint - pair, joint + pair)
+        pair = PAIR_OFFSET * arm * _sideways(geometry, leg)
+        _draw_cylinder(link, 'metal', 0.025 * arm, joint - pair, joint + pair)
         _draw_beam(link, 'plate', section, np.zeros(3), joint)
     _draw_beam(link, 'plate', section, -1.4 * apart, 1.4 * apart)
 
 
+def _draw_belt(tree: ElementTree.Element, arm: float, bar: np.ndarray) -> None:
+    """Draw, midway between the bars, the wheel at D' and the belt that turns the tool at D."""
+    link = ElementTree.SubElement(tree, 'link', name='middle_line')
+    low, high = 0.10 * arm * UP, 0.14 * arm * UP
+    across = np.array((1.0, 0.0, 0.0))
+    _draw_cylinder(link, 'metal', 0.09 * arm, bar + low, bar + high)
+    for side in SIDES:
+        _draw_beam(link, 'belt', (0.008 * arm, 0.03 * arm),
+                   0.5 * (low + high) + side * 0.035 * arm * across,
+                   bar + 0.5 * (low + high) + side * 0.09 * arm * across)
+
+
 def _draw_tool(tree: ElementTree.Element, arm: float) -> None:
-    """Draw a spindle and, along x, an arrow that shows the tool's angle."""
+    """Draw a spindle, its pulley and, along x, a pointer of two colours that shows its angle."""
     tool = ElementTree.SubElement(tree, 'link', name=TOOL_FRAME)
-    _draw_cylinder(tool, 'tool', 0.07 * arm, 0.06 * arm * UP, -0.05 * arm * UP)
-    _draw_cylinder(tool, 'tool', 0.035 * arm, np.zeros(3), -0.36 * arm * UP)
-    tail, tip = (np.array((part * arm, 0.0, -0.36 * arm)) for part in (-0.20, 0.40))
-    barbs = [tip + np.array((-0.18 * arm, side * 0.15 * arm, 0.0)) for side in SIDES]
-    for start in (tail, *barbs):
-        _draw_beam(tool, 'arrow', (0.06 * arm, 0.05 * arm), start, tip)
+    _draw_cylinder(tool, 'metal', 0.035 * arm, 0.14 * arm * UP, -0.36 * arm * UP)
+    _draw_cylinder(tool, 'metal', 0.10 * arm, -0.30 * arm * UP, -0.34 * arm * UP)
+    middle = -0.36 * arm * UP
+    tail, tip = (middle + np.array((part * arm, 0.0, 0.0)) for part in (-0.40, 0.55))
+    _draw_beam(tool, 'tail', (0.07 * arm, 0.05 * arm), middle, tail)
+    for side in SIDES:
+        _draw_beam(tool, 'pointer', (0.06 * arm, 0.05 * arm), tip,
+                   tip + np.array((-0.18 * arm, side * 0.14 * arm, 0.0)))
+    _draw_beam(tool, 'pointer', (0.07 * arm, 0.05 * arm), middle, tip)
 
 
 # ---------------------------------------------------------------------------- writing URDF

@@ -29,19 +29,28 @@ from par4_sim.simulation import FIDELITIES, build_simulation
 @click.option('--seed', default=0, show_default=True, type=int, help='seed of the noise')
 @click.option('--torque-noise', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
               help='noise on the recorded voltage, as torque, N m rms')
+@click.option('--noise-time', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
+              help='correlation time of that noise, s; 0 = white')
+@click.option('--position-noise', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
+              help='noise on the recorded positions, rad rms')
+@click.option('--stamp-jitter', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
+              help='error of the stamps, s rms; the values belong to the even times')
 @click.option('--rate', default=1000.0, show_default=True, type=click.FloatRange(min=1.0),
               help='samples a second')
 @click.option('--storage', default='mcap', show_default=True,
               type=click.Choice(('mcap', 'sqlite3')))
 def simulate(motion: str, robot: str, model: str, output: Path, fidelity: str,
              feedforward: str | None, duration: float | None, motion_seed: int, seed: int,
-             torque_noise: float, rate: float, storage: str) -> None:
+             torque_noise: float, noise_time: float, position_noise: float, stamp_jitter: float,
+             rate: float, storage: str) -> None:
     """Simulate MOTION (adept, excitation, circle or a motion.yaml) into a bag, without ROS."""
     machine = read_robot(robot)
     truth = read_model(model, machine)
     helping = None if feedforward is None else read_model(feedforward, machine)
     played = named_motion(motion, machine, duration, motion_seed)
-    simulation = build_simulation(machine, truth, fidelity, 1.0 / rate, seed, torque_noise)
+    simulation = build_simulation(
+        machine, truth, fidelity, 1.0 / rate, seed, torque_noise=torque_noise,
+        correlation_time=noise_time, position_noise=position_noise, stamp_jitter=stamp_jitter)
     with click.progressbar(length=1000, label=f'simulating {played.name}') as bar:
         counts = simulate_to_bag(simulation, played, machine, output, helping, storage,
                                  lambda share: bar.update(round(1000 * share) - bar.pos))

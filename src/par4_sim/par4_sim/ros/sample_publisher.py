@@ -1,12 +1,21 @@
-"""Publishes the samples of a simulation on the topics of the contract."""
+"""Publishes the samples of a simulation on the topics of the contract.
+
+About 30 times a second `joint_states` also carries the passive joints, after the four of the arms
+and in the same message: a message without the arms would break the contract, one with them and a
+stamp of its own would be a second sample of the same time.
+"""
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from typing import Any
 
+import numpy as np
 from rclpy.publisher import Publisher
 
+from par4_kinematics.errors import UnreachableError
+from par4_kinematics.geometry import LEGS, Geometry
 from par4_kinematics.interface import (
     AMPLIFIER_VOLTAGE,
     BASE_FRAME,
@@ -21,10 +30,13 @@ from par4_kinematics.robot import JOINT_NAMES, Robot
 from par4_kinematics.ros.convert import write_joint_state, write_pose, write_time
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.qos import message_type
+from par4_kinematics.workspace import home_pose
 from par4_sim.simulation import Sample
-from par4_sim.urdf import robot_description
+from par4_sim.urdf import robot_description, tree_joint_positions
 
 CLOCK_PERIOD_NS = 10_000_000
+PASSIVE_PERIOD_NS = 33_000_000
+"""Of the passive joints; cell.launch.py lets robot_state_publisher take each message with them."""
 
 
 class SamplePublisher:
@@ -36,9 +48,10 @@ class SamplePublisher:
 
     def __init__(self, node: Par4Node, robot: Robot, publish_clock: bool) -> None:
         self.published: Counter[str] = Counter()
-        self._amplification = robot.geometry.rotation_amplification
+        self._geometry = robot.geometry
         self._publish_clock = publish_clock
         self._clock_due_ns = 0
+        self._passive_due_ns = 0
         self._tested: frozenset[Topic] = frozenset()
         topics = (JOINT_STATES, AMPLIFIER_VOLTAGE, ROBOT_DESCRIPTION, TRUE_TORQUE, TRUE_POSE, CLOCK)
         self._publishers: dict[Topic, Publisher] = {
@@ -47,17 +60,19 @@ class SamplePublisher:
         for topic in (JOINT_STATES, AMPLIFIER_VOLTAGE, TRUE_TORQUE):
             self._messages[topic].name = list(JOINT_NAMES)
             self._messages[topic].header.frame_id = BASE_FRAME
+        self._with_passive = message_type(JOINT_STATES)()
+        self._with_passive.name = list(tree_joint_positions(robot.geometry, home_pose(robot)))
+        self._with_passive.header.frame_id = BASE_FRAME
         self._messages[ROBOT_DESCRIPTION].data = robot_description(robot)
         self._send(ROBOT_DESCRIPTION)
 
-    def _send(self, topic: Topic) -> None:
-        self._publishers[topic].publish(self._messages[topic])
+    def _send(self, topic: Topic, message: Any = None) -> None:
+        self._publishers[topic].publish(self._messages[topic] if message is None else message)
         self.published[topic.name] += 1
 
     def publish(self, now_ns: int, sample: Sample) -> None:
         """Publish a sample valid at `now_ns`; the clock at 100 Hz, the truth if someone listens."""
-        write_joint_state(self._messages[JOINT_STATES], now_ns, sample.q, sample.qd, sample.effort)
-        self._send(JOINT_STATES)
+        self._send(JOINT_STATES, self._joint_state(now_ns, sample))
         write_joint_state(self._messages[AMPLIFIER_VOLTAGE], now_ns, effort=sample.voltage)
         self._send(AMPLIFIER_VOLTAGE)
         if now_ns >= self._clock_due_ns:
@@ -71,5 +86,35 @@ class SamplePublisher:
             write_joint_state(self._messages[TRUE_TORQUE], now_ns, effort=sample.true_torque)
             self._send(TRUE_TORQUE)
         if TRUE_POSE in self._tested:
-            write_pose(self._messages[TRUE_POSE], now_ns, sample.true_pose, self._amplification)
+            write_pose(self._messages[TRUE_POSE], now_ns, sample.true_pose,
+                       self._geometry.rotation_amplification)
             self._send(TRUE_POSE)
+
+    def _joint_state(self, now_ns: int, sample: Sample) -> Any:
+        """Return the joint state of a sample, with the passive joints when they are due."""
+        if now_ns >= self._passive_due_ns:
+            self._passive_due_ns = now_ns + PASSIVE_PERIOD_NS
+            with contextlib.suppress(UnreachableError):  # a machine unlike its description
+                write_joint_state(self._with_passive, now_ns,
+                                  *joints_with_passive(self._geometry, sample))
+                return self._with_passive
+        message = self._messages[JOINT_STATES]
+        write_joint_state(message, now_ns, sample.q, sample.qd, sample.effort)
+        return message
+
+
+def joints_with_passive(geometry: Geometry, sample: Sample
+                        ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return position, velocity, effort (J,) of a sample in the order of `tree_joint_positions`.
+
+    The arms come first, as measured. The passive joints are those of the true pose; their velocity
+    is not known (NaN) and nothing drives them.
+
+    Raises:
+        UnreachableError: a pose that the described robot cannot reach.
+    """
+    position = np.array(list(tree_joint_positions(geometry, sample.true_pose).values()))
+    velocity, effort = np.full_like(position, np.nan), np.zeros_like(position)
+    for values, measured in ((position, sample.q), (velocity, sample.qd), (effort, sample.effort)):
+        values[:LEGS] = measured
+    return position, velocity, effort

@@ -16,10 +16,12 @@ from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import read_trajectory
 from par4_kinematics.ros.node import Par4Node, run
 from par4_kinematics.ros.parameters import parameter
+from par4_kinematics.workspace import home_pose
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.zero_stamp import ZeroStamps
-from par4_sim.simulation import FIDELITIES, Simulation, build_simulation
+from par4_sim.simulation import FIDELITIES, Sample, Simulation, build_simulation
+from par4_sim.window import Window
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,13 @@ class SimulationParameters:
                                         0.0)
     seed: int = parameter(0, 'of the measurement noise', 0)
     torque_noise: float = parameter(0.0, 'noise of the recorded torque, N m rms', 0.0)
+    noise_correlation_time: float = parameter(
+        0.0, 'of the noise of the recorded torque, s; 0 = white', 0.0)
+    position_noise: float = parameter(0.0, 'noise of the recorded positions, rad rms', 0.0)
+    stamp_jitter: float = parameter(
+        0.0, 'error of the stamps, s rms; the values belong to the even times', 0.0)
     publish_clock: bool = parameter(True, 'publish simulated time on /clock')
+    window: bool = parameter(False, 'show the robot in a window; needs a screen')
     feedforward_timeout: float = parameter(
         0.0, 'longest wait (s of wall time) for the torque of a reference that starts', 0.0)
 
@@ -54,9 +62,13 @@ class SimulationNode(Par4Node):
         super().__init__()
         asked = self.parameters
         self._robot = read_robot(asked.robot_file)
+        self._window = None
+        if asked.window:
+            self._window = Window(self._robot, home_pose(self._robot))
+            self.create_timer(1.0, self._notice_closed_window, clock=self.wall_clock)
         simulation = self._build()
         self._samples = SamplePublisher(self, self._robot, asked.publish_clock)
-        self._physics = PhysicsLoop(simulation, self._samples.publish, asked.real_time_factor,
+        self._physics = PhysicsLoop(simulation, self._publish, asked.real_time_factor,
                                     asked.feedforward_timeout)
         self._zero_stamps = ZeroStamps()
         self.subscribe(REFERENCE, self._on_reference)
@@ -72,8 +84,21 @@ class SimulationNode(Par4Node):
     def _build(self) -> Simulation:
         asked = self.parameters
         model = read_model(asked.model_file, self._robot)
-        return build_simulation(self._robot, model, asked.fidelity, 1.0 / asked.publish_rate_hz,
-                                asked.seed, asked.torque_noise)
+        return build_simulation(
+            self._robot, model, asked.fidelity, 1.0 / asked.publish_rate_hz, asked.seed,
+            torque_noise=asked.torque_noise, correlation_time=asked.noise_correlation_time,
+            position_noise=asked.position_noise, stamp_jitter=asked.stamp_jitter)
+
+    def _publish(self, now_ns: int, sample: Sample) -> None:
+        self._samples.publish(now_ns, sample)
+        window = self._window  # another thread may let go of it
+        if window is not None:
+            window.show(sample.true_pose)
+
+    def _notice_closed_window(self) -> None:
+        if self._window is not None and not self._window.open:
+            self._window = None
+            self.get_logger().warning('the window is closed; the simulation goes on')
 
     def _on_reference(self, message: JointTrajectory) -> None:
         points = read_trajectory(message)
@@ -143,8 +168,10 @@ class SimulationNode(Par4Node):
             self._physics.paused = True
 
     def close(self) -> None:
-        """Release the plant."""
+        """Release the plant and the window."""
         self._physics.close()
+        if self._window is not None:
+            self._window.close()
 
 
 def main() -> int:

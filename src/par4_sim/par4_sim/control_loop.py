@@ -1,0 +1,145 @@
+"""What lies between reference and plant, and back: encoders, drives, amplifiers; with its history.
+
+One physics step is one call of the compiled `control_step`, which takes arrays alone: a compiled
+plant can call it between its own steps.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+
+from par4_kinematics.geometry import LEGS
+from par4_kinematics.robot import Drives
+from par4_sim.amplifier import Amplifier, deliver, lag_shares
+from par4_sim.drive import DriveLoops, control
+from par4_sim.plant import Plant
+from par4_sim.reference import ReferenceQueue, interpolate
+from par4_sim.sensors import Sensors, read_encoders, round_to
+
+COMMAND, TORQUE = 0, 1
+"""The two histories: what is asked of the amplifiers and what they deliver."""
+SPARE = 4
+"""Rows of the history beyond those that are read."""
+
+
+@numba.njit(cache=True, error_model='numpy')
+def control_step(times, points, t, q, qd, encoders, gains, amplifier, lag, drive, currents,
+                 saturated, history, step, lead):
+    """Write command and delivered torque of one physics step into its row of the history.
+
+    Args:
+        times, points: of the ReferenceQueue.
+        t: time of the step's beginning on the queue's clock, s.
+        q, qd: true positions and velocities (4,).
+        encoders, gains, amplifier, lag: as `read_encoders`, `control` and `deliver` take them.
+        drive, currents: states of `control` and of `deliver`, each (2, 4), moved on.
+        saturated: counts (2,), raised.
+        history: (2, n, 4) command and torque; step s has row s % n.
+        step: number of the step.
+        lead: from the reading of q to the time where the torque acts, s.
+    """
+    target, reading, rate, silence = np.empty(12), np.empty(4), np.empty(4), np.zeros(4)
+    row = step % history.shape[1]
+    interpolate(times, points, t, target)
+    read_encoders(encoders, q, qd, silence, reading, rate)
+    control(gains, target, reading, rate, drive, saturated, history[COMMAND, row])
+    for joint in range(4):
+        reading[joint] = q[joint] + lead * qd[joint]
+    deliver(amplifier, lag, currents, history[COMMAND, row], reading, history[TORQUE, row])
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _between(history, position, values):
+    """Write a history (n, 4) at a fractional step, linearly interpolated, into values (4,)."""
+    before = math.floor(position)
+    part = position - before
+    rows = history.shape[0]
+    first, second = int(before) % rows, int(before + 1) % rows
+    for joint in range(4):
+        values[joint] = history[first, joint]
+        if part > 0.0:
+            values[joint] += part * (history[second, joint] - history[first, joint])
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _record(history, sample_step, shifts, encoders, torque_step, q, qd, torque_noise,
+            position_noise, told):
+    read_encoders(encoders, q, qd, position_noise, told[0], told[1])
+    _between(history[COMMAND], sample_step - shifts[COMMAND], told[2])
+    _between(history[TORQUE], sample_step - shifts[TORQUE], told[3])
+    for joint in range(4):
+        told[2, joint] = round_to(told[2, joint] + torque_noise[joint], torque_step[joint])
+
+
+class ControlLoop:
+    """Drives closed over the encoders, and the amplifiers that carry out their commands.
+
+    Args:
+        drives: gains, lag, counts.
+        torque_limit: of the commands, N m.
+        amplifier, sensors: as they truly are.
+        plant: for the times at which its readings and torques are valid.
+
+    Attributes:
+        drives: the loops and what they count.
+        steps_ahead: physics steps from a sample to where everything it tells is known.
+    """
+
+    def __init__(self, drives: Drives, torque_limit: float, amplifier: Amplifier,
+                 sensors: Sensors, plant: Plant) -> None:
+        self.drives = DriveLoops(drives, torque_limit, plant.dt)
+        self._encoders = sensors.encoders(drives.encoder_counts)
+        self._torque_step = np.broadcast_to(sensors.torque_step, (LEGS,)).astype(float)
+        self._amplifier = amplifier.packed
+        self._lag = lag_shares(drives.current_lag, amplifier.time_constant, plant.dt)
+        self._lead = plant.torque_offset
+        # steps from the row that is valid at a sample's time to the sample's own
+        shift = plant.torque_offset / plant.dt
+        self._shifts = np.round((shift + sensors.torque_delay / plant.dt, shift), 9)
+        self.steps_ahead = max(1, math.ceil(-self._shifts.min()) + 1)
+        rows = self.steps_ahead + max(0, math.ceil(self._shifts.max())) + SPARE
+        self._history = np.zeros((2, rows, LEGS))
+        self._currents = np.zeros((2, LEGS))
+
+    def restart(self, q: np.ndarray, holding: np.ndarray) -> None:
+        """Begin settled at positions q (4,) with the commands `holding` (4,), N m."""
+        self.drives.restart(holding)
+        self._currents[:] = holding
+        self._history[COMMAND] = holding
+        torque = np.empty(LEGS)
+        deliver(self._amplifier, self._lag, self._currents, holding, q, torque)
+        self._history[TORQUE] = torque
+
+    def reading(self, q: np.ndarray) -> np.ndarray:
+        """Return what the encoders tell of the true positions q (4,), rad."""
+        told, rest = np.empty(LEGS), np.zeros(LEGS)
+        read_encoders(self._encoders, q, rest, rest, told, np.empty(LEGS))
+        return told
+
+    def torque(self, reference: ReferenceQueue, t: float, step: int, q: np.ndarray,
+               qd: np.ndarray) -> np.ndarray:
+        """Return the torque (4,), N m, delivered in step number `step`, which begins at t, s."""
+        control_step(reference.times, reference.points, t, q, qd, self._encoders,
+                     self.drives.gains, self._amplifier, self._lag, self.drives.state,
+                     self._currents, self.drives.counts, self._history, step, self._lead)
+        return self._history[TORQUE, step % self._history.shape[1]]
+
+    def record(self, step: int, q: np.ndarray, qd: np.ndarray, torque_noise: np.ndarray,
+               position_noise: np.ndarray) -> np.ndarray:
+        """Return what is recorded at the beginning of a step, `steps_ahead` of which are done.
+
+        Args:
+            step: number of the physics step.
+            q, qd: true positions and velocities there (4,).
+            torque_noise, position_noise: added before rounding (4,), N m, rad.
+
+        Returns:
+            (4, 4): encoder positions and velocities, recorded torque, true torque.
+        """
+        told = np.empty((4, LEGS))
+        _record(self._history, step, self._shifts, self._encoders, self._torque_step, q, qd,
+                torque_noise, position_noise, told)
+        return told
