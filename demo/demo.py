@@ -166,12 +166,17 @@ def main() -> None:
     tool('par4_diagnose', odd_fit, '--holdout', odd_check, '--model', model,
          '--robot', 'reference', '--output', folder / 'diagnosed')
 
+    CONSOLE.rule('6. See what was recorded')
+    tool('python', os.path.relpath(Path(__file__).with_name('animate.py')), '--bag', check,
+         '--output', folder / 'par4.gif')
+
     CONSOLE.rule(f'done in {time.monotonic() - began:.0f} s')
     extended = folder / 'diagnosed' / 'extended_model.yaml'
     CONSOLE.print(f"""Everything lies in {folder}/:
   identified/report.html     TABLE 1
   validated/report.html      Fig. 7; odd_validated/report.html: the same on the odd machine
   diagnosed/report.html      what the model gets wrong, why, and what knowing it gains
+  par4.gif, par4.png         the robot in the liveliest seconds of validation_bag
   *_bag/ (rosbag2, MCAP), nodes.log (what the nodes said)
 To try next:
   .venv/bin/python demo/demo.py --hide stribeck        (or torque_offset)

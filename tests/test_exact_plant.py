@@ -12,10 +12,12 @@ from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_platform
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.position import inverse_kinematics
+from par4_kinematics.robot import JOINT_NAMES
 from par4_sim.exact import ExactPlant
 from par4_sim.friction import Friction
 from par4_sim.machine import Machine
 from par4_sim.machine_effects import machine_of_model
+from par4_sim.urdf import tree_joint_positions
 from robots import OTHER, REFERENCE, growing_waves, model_with, other_model
 
 HOME = np.array((0.0, 0.0, -0.78, 0.0))
@@ -178,3 +180,15 @@ def test_out_of_reach_is_an_error_not_a_nan():
 
     with pytest.raises(UnreachableError, match='driven out of reach'):
         drive_away()
+
+
+def test_passive_joints_are_those_of_the_pose():
+    plant = ExactPlant(free_machine(read_model('table1', REFERENCE)))
+    plant.reset((0.1, 0.05, -0.75, 0.3))
+    for _ in range(100):
+        plant.step((5.0, -5.0, 3.0, 1.0))
+    expected = tree_joint_positions(REFERENCE.geometry, plant.x)
+    passive = plant.passive_joints()
+    assert {*passive, *JOINT_NAMES} == set(expected)
+    assert not {*passive} & {*JOINT_NAMES}
+    assert passive == {name: expected[name] for name in passive}

@@ -55,6 +55,7 @@ from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.time_laws import Quintic
 from par4_kinematics.workspace import home_pose
 from par4_sim.bag import read_bag
+from par4_sim.urdf import tree_joint_positions
 from robots import random_poses
 
 ROBOT = read_robot('reference')
@@ -481,6 +482,45 @@ def test_effort_and_voltage_agree_and_the_truth_comes_on_request_only(bench):
     sticks = read_model('table1_full', ROBOT).values['coulomb_friction'].max()
     np.testing.assert_allclose(joint_values(torques[-1], 'effort'),
                                torque_of('table1_full', still)[0], atol=sticks)
+
+
+def test_passive_joints_come_with_a_sample_at_a_lower_rate(bench):
+    """After the arms, about 30 times a second, without a second sample of any time."""
+    simulated = Simulated(bench)
+    poses = bench.listen(TRUE_POSE, 'par4_simulation/true_pose')
+    motion = quintic_motion(HOME_Q + 0.2)
+    bench.publisher(REFERENCE).publish(
+        reference_message(motion, simulated.now_ns() + SECOND // 2))
+    bench.wait(lambda: poses and np.abs(joint_values(simulated.states[-1], 'position')
+                                        - motion.q[-1]).max() < 1e-3, 'the end of the motion')
+    stamps = np.array([time_ns(message.header.stamp) for message in simulated.states])
+    assert (np.diff(stamps) > 0).all()
+    assert all(tuple(message.name)[:4] == JOINT_NAMES for message in simulated.states)
+    with_passive = np.array([len(message.name) > 4 for message in simulated.states])
+    np.testing.assert_allclose(np.diff(stamps[with_passive]), 33 * MILLISECOND)
+    pose_at = {time_ns(message.header.stamp): message.pose for message in poses}
+    compared = 0
+    for message in np.array(simulated.states)[with_passive]:
+        assert len(message.name) == len(message.position) == len(message.velocity) == len(
+            message.effort)
+        pose = pose_at.get(time_ns(message.header.stamp))
+        if pose is not None:
+            compared += 1
+            x = (pose.position.x, pose.position.y, pose.position.z,
+                 tool_angle(pose) / ROBOT.geometry.rotation_amplification)
+            expected = tree_joint_positions(ROBOT.geometry, x)
+            # the arms as the encoders say
+            np.testing.assert_allclose([expected[name] for name in message.name],
+                                       message.position, atol=1e-4)
+    assert compared > 5
+
+
+def test_a_window_without_a_screen_is_refused_in_one_line(bench):
+    bench.environment.pop('DISPLAY', None)
+    assert bench.ended(bench.start('par4_simulation', window='true')) == 2
+    said = bench.said()
+    assert 'error: window asked, found no screen' in said
+    assert 'Traceback' not in said
 
 
 def test_a_stamp_of_zero_starts_reference_and_torque_together(bench):

@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from par4_dynamics.mechanism import LumpedBodies
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import read_yaml
 from par4_kinematics.geometry import LEGS
-from par4_kinematics.interface import BASE_FRAME, TOOL_FRAME
+from par4_kinematics.interface import BASE_FRAME, PLATFORM_POSE, ROBOT_DESCRIPTION, TOOL_FRAME
 from par4_kinematics.robot import JOINT_NAMES
 from par4_sim.urdf import (
     chains,
     engine_bodies,
     link_positions,
+    passive_joint_positions,
     robot_description,
     tree_joint_positions,
 )
@@ -215,3 +218,38 @@ def test_every_placed_link_exists(fidelity):
     assert set(link_positions(REFERENCE.geometry, fidelity, (0.0, 0.0, -0.78, 0.0))) == links
     for closure in mechanism.closures:
         assert {(point.chain, point.link) for point in (closure.first, closure.second)} <= links
+
+
+@pytest.mark.parametrize('robot', ROBOTS, ids=lambda robot: robot.name)
+def test_the_arms_come_first_and_the_rest_follows_pose_and_rods(robot):
+    """Rods of any length and a pose give the passive joints; each rod for itself."""
+    for x in random_poses(robot, 5, seed=8):
+        positions = tree_joint_positions(robot.geometry, x)
+        assert tuple(positions)[:LEGS] == JOINT_NAMES
+        q = np.array([positions[name] for name in JOINT_NAMES])
+        rods = np.array([[placed_rod(robot, positions, leg, number) for number in range(2)]
+                         for leg in range(LEGS)])
+        found = passive_joint_positions(robot.geometry, x, q, 3.0 * rods)
+        assert [*JOINT_NAMES, *found] == list(positions)
+        np.testing.assert_allclose(list(found.values()), list(positions.values())[LEGS:],
+                                   atol=1e-14)
+
+
+def placed_rod(robot, positions, leg, number):
+    """Return the direction of a drawn rod from elbow to plate."""
+    placed = placed_links(ElementTree.fromstring(robot_description(robot)), positions)
+    return -placed[f'rod_{leg}_{number}'][0][:, 2]
+
+
+def test_the_view_of_rviz_is_of_this_robot():
+    """Its frame and topics are those of the contract, and it is installed."""
+    package = Path(__file__).parents[1] / 'src' / 'par4_sim'
+    view = read_yaml(package / 'rviz' / 'par4.rviz')['Visualization Manager']
+    assert view['Global Options']['Fixed Frame'] == BASE_FRAME
+    shown = {display['Class'].split('/')[1]: display for display in view['Displays']}
+    assert set(shown) == {'Grid', 'RobotModel', 'TF', 'Pose'}
+    description = shown['RobotModel']['Description Topic']
+    assert description['Value'] == ROBOT_DESCRIPTION.name
+    assert description['Durability Policy'] == 'Transient Local'
+    assert shown['Pose']['Topic']['Value'] == PLATFORM_POSE.name
+    assert "['rviz/par4.rviz']" in (package / 'setup.py').read_text(encoding='utf-8')

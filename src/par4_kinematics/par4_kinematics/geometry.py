@@ -47,10 +47,12 @@ class Geometry(FileModel):
         across = abs(self.base_radius - self.platform_radius)
         reach = self.arm_length + self.forearm_length
         if across >= reach:
+            # at the centre every leg is the same, whatever its azimuth
             raise ValueError(
-                f'leg 0 (and every other) cannot close its loop: with the platform centred its '
-                f'plate joint is {across:.3f} m from its actuator at the least, arm and forearm '
-                f'together reach {reach:.3f} m; lengthen them or bring the radii together')
+                f'legs 0, 1, 2, 3 cannot close their loops: with the platform centred each plate '
+                f'joint is {across:.3f} m from its actuator at the least (base_radius, '
+                f'platform_radius), arm_length and forearm_length together reach {reach:.3f} m, '
+                f'{across - reach:.3g} m less; lengthen them or bring the radii together')
         return self
 
     @cached_property

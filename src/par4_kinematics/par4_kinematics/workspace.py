@@ -12,6 +12,7 @@ from par4_kinematics.arrays import as_rows
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import HOME, LEGS, Geometry
 from par4_kinematics.position import inverse_sample
+from par4_kinematics.reach import unreached_legs
 from par4_kinematics.robot import Robot
 from par4_kinematics.velocity import condition_number
 
@@ -62,8 +63,9 @@ def home_pose(robot: Robot) -> np.ndarray:
         home[2] = np.mean(robot.limits.workspace.z)
     if not reachable(robot.geometry, home):
         raise InputError(
-            f'robot {robot.name}: the middle of its workspace (z {home[2]:.4g} m) is out of reach '
-            f'of its legs; set limits.workspace in its file to where it can work')
+            f'robot {robot.name}: the middle of its workspace (z {home[2]:.4g} m) is out of reach: '
+            f'{unreached_legs(robot.geometry, home)}; set limits.workspace in its file to where it '
+            f'can work')
     return home
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from par4_dynamics.model import ActiveEffect, Model
 from par4_dynamics.state import GRAVITY
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import parse
 from par4_kinematics.geometry import LEGS, Geometry
 from par4_kinematics.robot import Robot
 from par4_sim.friction import Friction
@@ -202,8 +203,8 @@ def _geometry_error(machine: Machine, active: ActiveEffect) -> Machine:
     true = {name: getattr(machine.geometry, name) + float(values[0])
             for name, values in active.values.items()}
     # validated anew: a copy would keep what is cached of the nominal dimensions
-    return replace(machine, geometry=Geometry.model_validate(
-        {**machine.geometry.model_dump(), **true}))
+    return replace(machine, geometry=parse(
+        {**machine.geometry.model_dump(), **true}, Geometry, 'effect geometry_error'))
 
 
 def _external_force(machine: Machine, active: ActiveEffect) -> Machine:
