@@ -13,10 +13,10 @@ from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 from par4_kinematics.workspace import home_pose
-from par4_sim.exact import ExactPlant
 from par4_sim.machine import Machine
 from par4_sim.machine_effects import machine_of_model
-from par4_sim.simulation import Simulation
+from par4_sim.noise import Noise
+from par4_sim.simulation import Simulation, build_plant
 from robots import OTHER, REFERENCE
 
 DWELL = 0.5
@@ -34,8 +34,9 @@ def simulation_of(robot: Robot, machine: Machine, model: Model, seed: int, noise
     """Return a simulation of `machine`, whose drives rest with the torque of `model`."""
     still = np.zeros((1, 4))
     rest = state_of_platform(robot.geometry, np.zeros(1), home_pose(robot)[None], still, still)
-    return Simulation(robot, ExactPlant(machine), 1e-3, seed, noise, robot.drives.torque_limit,
-                      model.torque(rest)[0])
+    return Simulation(robot, build_plant(machine, 'exact'), 1e-3, robot.drives.torque_limit,
+                      model.torque(rest)[0], machine.amplifier, machine.sensors,
+                      Noise(torque_noise=noise), seed)
 
 
 def log_of_machine(robot: Robot, machine: Machine, model: Model, *, duration: float = 10.0,
