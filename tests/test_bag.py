@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from binascii import crc32
+from dataclasses import fields
 from pathlib import Path
 
 import lz4.frame
@@ -25,16 +26,18 @@ from par4_sim.bag_repair import repair_bag
 
 JOINTS = ('arm_joint_0', 'arm_joint_1', 'arm_joint_2', 'arm_joint_3')
 JOINT_STATE = 'sensor_msgs/msg/JointState'
+TRAJECTORY = 'trajectory_msgs/msg/JointTrajectory'
 MILLISECOND = 1_000_000
 STORE = get_typestore(Stores.ROS2_JAZZY)
 START = 1_700_000_000_123_456_789
 
 
-def serialised(stamp: int, names=JOINTS, position=(), effort=(), little_endian=True) -> bytes:
+def serialised(stamp: int, names=JOINTS, position=(), effort=(), little_endian=True,
+               frame='base') -> bytes:
     """Return a JointState made by the library alone."""
     types = STORE.types
     header = types['std_msgs/msg/Header'](
-        types['builtin_interfaces/msg/Time'](*divmod(stamp, 10**9)), 'base')
+        types['builtin_interfaces/msg/Time'](*divmod(stamp, 10**9)), frame)
     message = types[JOINT_STATE](header, list(names), np.asarray(position, float), np.empty(0),
                                  np.asarray(effort, float))
     return bytes(STORE.serialize_cdr(message, JOINT_STATE, little_endian=little_endian))
@@ -118,6 +121,110 @@ def test_another_reader_understands_the_bag(tmp_path, storage):
     assert [list(message.position) for message in messages if hasattr(message, 'position')] == [
         list(index + np.arange(4) / 8) for index in range(5)]
     assert 'version: 9' in (tmp_path / 'bag' / 'metadata.yaml').read_text()
+
+
+def some_messages(generator: np.random.Generator) -> list[tuple[str, bytes]]:
+    """Return type and content of messages of twelve layouts a type, whole and not, in any order."""
+    types, made = STORE.types, []
+    values = [0.0, -0.0, np.nan, np.inf, *generator.normal(size=9)]
+    for kind in 12 * (JOINT_STATE, TRAJECTORY):
+        lengths = generator.integers(9, size=generator.integers(5))
+        names = ['j' * length + chr(955) for length in lengths]
+        frame = 'f' * generator.integers(6)
+        # of each array of up to two points, which are mostly alike
+        sizes = generator.choice([0, len(names), 3], (2, 4), p=(0.2, 0.7, 0.1))
+        sizes = sizes[np.zeros(2, dtype=int) if generator.random() < 0.8 else [0, 1]]
+        sizes = sizes[:generator.integers(3)] if kind == TRAJECTORY else sizes[:1, :3]
+        little_endian = generator.random() < 0.8
+        for _ in range(12):
+            header = types['std_msgs/msg/Header'](types['builtin_interfaces/msg/Time'](
+                int(generator.integers(-2**31, 2**31)), int(generator.integers(2**32))), frame)
+            arrays = [[generator.choice(values, size) for size in row] for row in sizes]
+            if kind == TRAJECTORY:
+                arrays = [[types['trajectory_msgs/msg/JointTrajectoryPoint'](
+                    *row, types['builtin_interfaces/msg/Duration'](int(generator.integers(9)), 7))
+                    for row in arrays]]
+            data = bytearray(STORE.serialize_cdr(
+                types[kind](header, names, *(arrays[0] if kind == JOINT_STATE else arrays)), kind,
+                little_endian=little_endian))
+            harm = generator.integers(12)
+            if harm == 0:
+                del data[generator.integers(len(data)):]
+            elif harm == 1:
+                data += generator.bytes(4)
+            elif harm == 2:
+                data[generator.integers(len(data))] = generator.integers(256)
+            made.append((kind, bytes(data)))
+    return [made[index] for index in generator.permutation(len(made))]
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_bulk_decoding_finds_what_the_library_decodes_one_by_one(tmp_path, seed, monkeypatch):
+    generator = np.random.default_rng(seed)
+    topics = {JOINT_STATE: '/joint_states', TRAJECTORY: '/reference'}
+    with BagWriter(tmp_path / 'bag', STORAGES[seed % 2]) as writer:
+        for kind, data in some_messages(generator):
+            writer.write_raw(topics[kind], kind, START + int(generator.integers(50)), data)
+    monkeypatch.setattr(bag_module, 'BATCH_MESSAGES', 37)
+    bulk = read_bag(tmp_path / 'bag')
+    monkeypatch.setattr(bag_module, 'BATCH_MESSAGES', 10**6)
+    monkeypatch.setattr(bag_module, 'MOST_LAYOUTS', 0)
+    alone = read_bag(tmp_path / 'bag')
+    assert bulk.unreadable.keys() == set(topics.values())
+    assert bulk.unreadable == alone.unreadable
+    for found, wanted in ((bulk.joints['joint_states'], alone.joints['joint_states']),
+                          (bulk.trajectories['reference'], alone.trajectories['reference'])):
+        assert found.layouts == wanted.layouts
+        for name in (field.name for field in fields(found) if field.name != 'layouts'):
+            np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
+
+
+def test_messages_of_one_layout_are_decoded_together(tmp_path, monkeypatch):
+    small_bag(tmp_path / 'bag')
+    decoded = []
+    monkeypatch.setattr(bag_module, '_decode', lambda *arguments, decode=bag_module._decode: (
+        decoded.append(arguments), decode(*arguments))[1])
+    assert_prefix(tmp_path / 'bag', 50, 50)
+    assert len(decoded) == 1
+
+
+@pytest.mark.parametrize('mode', [CompressionMode.NONE, CompressionMode.STORAGE])
+@pytest.mark.parametrize('ahead', [0, 100, 10**6])
+def test_messages_keep_the_order_of_the_library(tmp_path, mode, ahead, monkeypatch):
+    monkeypatch.setattr(bag_module, 'BATCH', 0)
+    generator = np.random.default_rng(7)
+    writer = Writer(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        # two publishers of one topic, and times that repeat within and across the chunks of 1 MiB
+        connections = [writer.add_connection('/joint_states', JOINT_STATE, typestore=STORE,
+                                             offered_qos_profiles=profiles)
+                       for profiles in ((), (bag_module._QOS,))]
+        for index in range(15000):
+            received = START + index // 7 + int(generator.integers(ahead + 1))
+            writer.write(connections[generator.integers(2)], received,
+                         serialised(START + index, position=generator.normal(size=4)))
+    with AnyReader([tmp_path / 'bag']) as reader:
+        assert len(reader.readers[0].storage.storages[0].chunks) > 1
+        messages = [(received, reader.deserialize(data, JOINT_STATE).header.stamp.nanosec)
+                    for _, received, data in reader.messages()]
+    samples = read_bag(tmp_path / 'bag').joints['joint_states']
+    assert list(zip(samples.received, samples.stamp % 10**9, strict=True)) == messages
+
+
+def test_written_joint_states_are_the_librarys_bytes(tmp_path):
+    generator = np.random.default_rng(8)
+    wanted = []
+    with BagWriter(tmp_path / 'bag') as writer:
+        for index in range(60):
+            names = ['j' * generator.integers(1, 6) for _ in range(generator.integers(5))]
+            position, effort = (generator.normal(size=generator.choice([0, len(names)]))
+                                for _ in range(2))
+            writer.write_joint_state('/joint_states', START + index, names, position=position,
+                                     effort=list(effort))
+            wanted.append(serialised(START + index, names, position, effort, frame=''))
+    with AnyReader([tmp_path / 'bag']) as reader:
+        assert [bytes(data) for *_, data in reader.messages()] == wanted
 
 
 def test_raw_messages_pass_byte_for_byte(tmp_path):

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from par4_kinematics.errors import InputError
 
 
-def low_pass(values: np.ndarray, cutoff_hz: float, period: float, order: int = 4) -> np.ndarray:
+def low_pass(values: np.ndarray, cutoff_hz: float, period: float, order: int = 4,
+             rows: slice = slice(None)) -> np.ndarray:
     """Return `values` (n, ...) after a Butterworth filter run forward and backward (no phase).
 
-    The magnitude at `cutoff_hz` is one half (two passes of -3 dB).
+    The magnitude at `cutoff_hz` is one half (two passes of -3 dB). Beyond either end the values
+    are continued by their reflection through the end point.
+
+    Args:
+        values: (n, ...).
+        cutoff_hz: of the filter.
+        period: of the values, s.
+        order: of either pass, even.
+        rows: which to return; the others are not stored.
 
     Raises:
         InputError: fewer samples than the filter needs, or a cut-off beyond the Nyquist frequency.
@@ -20,11 +29,60 @@ def low_pass(values: np.ndarray, cutoff_hz: float, period: float, order: int = 4
     if not 0.0 < cutoff_hz < nyquist:
         raise InputError(f'low-pass at {cutoff_hz:g} Hz asked of samples with a Nyquist frequency '
                          f'of {nyquist:g} Hz; lower the cut-off or record faster')
-    sections = butter(order, cutoff_hz, fs=1.0 / period, output='sos')
-    padding = int(min(3 * len(values) // 4, 3.0 / (cutoff_hz * period)))
     if len(values) < 3 * order:
         raise InputError(f'low-pass: {len(values)} samples are too few, {3 * order} needed')
-    return sosfiltfilt(sections, values, axis=0, padlen=padding)
+    padding = int(min(3 * len(values) // 4, 3.0 / (cutoff_hz * period)))
+    first, stop, step = rows.indices(len(values))
+    columns = np.ascontiguousarray(values, dtype=float).reshape(len(values), -1)
+    filtered = _forward_backward(columns, _butterworth(cutoff_hz * period, order), padding, first,
+                                 step, len(range(first, stop, step)))
+    return filtered.reshape(-1, *values.shape[1:])
+
+
+def _butterworth(cutoff: float, order: int) -> np.ndarray:
+    """Return the second-order sections b0, a1, a2 (order / 2, 3) of a digital low-pass.
+
+    Bilinear transform of 1 / (s^2 + 2 d s + 1), prewarped; b1 = 2 b0, b2 = b0, a0 = 1; `cutoff` is
+    in cycles a sample.
+    """
+    warped = np.tan(np.pi * cutoff)
+    damping = np.sin(np.pi * (2.0 * np.arange(order // 2) + 1.0) / (2.0 * order))
+    scale = 1.0 / (1.0 + 2.0 * damping * warped + warped ** 2)
+    return np.stack((warped ** 2 * scale, 2.0 * (warped ** 2 - 1.0) * scale,
+                     (1.0 - 2.0 * damping * warped + warped ** 2) * scale), axis=1)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _forward_backward(values, sections, padding, first, step, count):
+    """Return rows first, first + step, ... of columns (n, k) filtered both ways, (count, k)."""
+    n, width = values.shape
+    line = np.empty(n + 2 * padding)
+    filtered = np.empty((count, width))
+    for column in range(width):
+        for row in range(n):
+            line[padding + row] = values[row, column]
+        for row in range(padding):
+            line[row] = 2.0 * values[0, column] - values[padding - row, column]
+            line[padding + n + row] = 2.0 * values[n - 1, column] - values[n - 2 - row, column]
+        for direction in (1, -1):
+            for section in range(len(sections)):
+                _pass(line[::direction], sections[section])
+        for row in range(count):
+            filtered[row, column] = line[padding + first + row * step]
+    return filtered
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _pass(line, section):
+    """Filter a line in place by one section (direct form II transposed), at rest on its start."""
+    gain, a1, a2 = section
+    near, far = (1.0 - gain) * line[0], (gain - a2) * line[0]
+    for row in range(len(line)):
+        value = gain * line[row]
+        out = value + near
+        near = (2.0 * value + far) - a1 * out
+        far = value - a2 * out
+        line[row] = out
 
 
 def central_difference(values: np.ndarray, period: float) -> np.ndarray:

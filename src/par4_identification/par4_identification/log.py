@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, REFERENCE, START_DELAY
@@ -318,7 +317,6 @@ class _Clock:
         """Find the runs of positions (n, J) in the order in which they were received, (n,) ns."""
         spacing = np.diff(stamp)
         period = float(np.median(spacing[spacing > 0])) if (spacing > 0).any() else 1.0
-        values = np.nan_to_num(values)
         starts = [0]
         while (reset := _first_reset(stamp[starts[-1]:], values[starts[-1]:], period)) is not None:
             starts.append(starts[-1] + reset)
@@ -343,6 +341,8 @@ class _Clock:
 
     def time(self, received: np.ndarray, stamp: np.ndarray) -> np.ndarray:
         """Return the time of stamps, (n,) ns."""
+        if not len(self.joins):
+            return stamp + self._shifts[0]
         candidates = stamp[:, None] + self._shifts
         distance = np.abs(candidates - self.at_receipt(received)[:, None])
         return candidates[np.arange(len(stamp)), np.argmin(distance, axis=1)]
@@ -369,7 +369,7 @@ def _first_reset(stamp: np.ndarray, values: np.ndarray, period: float) -> int | 
             continue
         nearest = order[_nearest(stamp[order], again)]
         covered = np.abs(stamp[nearest] - again) < CROWDED * period
-        differs = (values[nearest] != values[first:end]).any(axis=1)
+        differs = (np.nan_to_num(values[nearest]) != np.nan_to_num(values[first:end])).any(axis=1)
         if _count(covered & differs) >= 3:
             return first
     return None
@@ -431,18 +431,16 @@ def _series(path: str | Path, rows: _Rows, clock: _Clock) -> _Series:
     """
     stamp = clock.time(rows.received, rows.stamp)
     order = np.argsort(stamp, kind='stable')
-    values = rows.values[order]
-    same_stamp = np.r_[False, np.diff(stamp[order]) == 0]
-    same_values = np.r_[False, ((values[1:] == values[:-1])
-                                | np.isnan(values[1:]) & np.isnan(values[:-1])).all(axis=1)]
-    repeated = _count(same_stamp & same_values)
-    conflicting = _count(same_stamp & ~same_values)
+    again = np.flatnonzero(np.diff(stamp[order]) == 0) + 1
+    one, other = rows.values[order[again - 1]], rows.values[order[again]]
+    repeated = _count(((one == other) | np.isnan(one) & np.isnan(other)).all(axis=1))
+    conflicting = len(again) - repeated
     if conflicting > MOST_CONFLICTS * len(stamp):
         raise InputError(
             f'{path}: {conflicting} of {len(stamp)} samples on {rows.topic} have the stamp of '
             'another but other values (two publishers, or a clock set back while its time ordered '
             'the bag); record one source at a time, on the clock of the system')
-    order = order[~same_stamp]
+    order = np.delete(order, again)
     crowded = np.zeros(len(order), dtype=bool)
     if len(order) > 2:
         crowded[1:] = np.diff(stamp[order]) < CROWDED * np.median(np.diff(stamp[order]))
@@ -530,6 +528,7 @@ def _grid(position: _Series) -> _Grid:
         if not uneven and len(time) == len(part):
             q = values[part]
         else:
+            from scipy.interpolate import CubicSpline  # slow to load, and not always needed
             q = CubicSpline(stamp[part] / period, values[part])(time / period)
             if not uneven:
                 q[number.astype(int)] = values[part]
@@ -566,9 +565,9 @@ def _disagreement(torque: _Series, effort: _Series, clock: _Clock) -> tuple[floa
     common = np.isfinite(other).all(axis=1)
     if not common.any():
         return None
-    size = np.maximum(np.linalg.norm(torque.values[common], axis=0),
-                      np.linalg.norm(other[common], axis=0))
-    difference = np.linalg.norm(torque.values[common] - other[common], axis=0)
+    values, other = torque.values[common], other[common]
+    size = np.maximum(np.linalg.norm(values, axis=0), np.linalg.norm(other, axis=0))
+    difference = np.linalg.norm(values - other, axis=0)
     return tuple(np.divide(difference, size, out=np.zeros_like(size), where=size > 0).tolist())
 
 
@@ -577,19 +576,21 @@ def _interpolate(series: _Series, time: np.ndarray, clock: _Clock, tolerance: fl
 
     A sample within `tolerance`, ns, of a time is taken as it is.
     """
-    stamp, values = series.stamp, series.values
+    stamp = series.stamp
+    nearest = _nearest(stamp, time)
+    values = series.values[nearest]
+    between = np.flatnonzero(np.abs(stamp[nearest] - time) > tolerance)
+    time = time[between]
     right = np.searchsorted(stamp, time).clip(1, len(stamp) - 1)
     left = right - 1
     width = stamp[right] - stamp[left]
     fraction = ((time - stamp[left]) / width)[:, None]
-    interpolated = (1 - fraction) * values[left] + fraction * values[right]
+    interpolated = (1 - fraction) * series.values[left] + fraction * series.values[right]
     outside = (time < stamp[0]) | (time > stamp[-1])
     far = np.round(width / series.period) - 1 > FILLED
     interpolated[outside | far | (clock.run(stamp[left]) != clock.run(stamp[right]))] = np.nan
-    nearest = _nearest(stamp, time)
-    close = np.abs(stamp[nearest] - time) <= tolerance
-    interpolated[close] = values[nearest[close]]
-    return interpolated
+    values[between] = interpolated
+    return values
 
 
 def _reordered(samples: JointSamples, joints: Sequence[str]) -> int:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.filtering import central_difference, low_pass, second_difference
@@ -71,8 +70,8 @@ class Run:
     def rows(self, columns: np.ndarray) -> np.ndarray:
         """Return columns (n, J, ...) of `state` filtered like the torque, at the rows (m, ...)."""
         period = float(self.state.t[1] - self.state.t[0])
-        filtered = low_pass(columns, self.conditioning.torque_cutoff_hz, period)
-        return filtered[self._first:len(filtered) - self._first:self._every]
+        return low_pass(columns, self.conditioning.torque_cutoff_hz, period,
+                        rows=slice(self._first, len(columns) - self._first, self._every))
 
     def part(self, rows: slice) -> Run:
         """Return the same run with only `rows` of it valid."""
@@ -123,9 +122,9 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
     # half the length over which the low-pass remembers, in samples
     reach = int(np.ceil(0.9 / (conditioning.torque_cutoff_hz * period)))
     slow = np.abs(state.qd) < conditioning.low_speed
-    near = binary_dilation(slow, np.ones((2 * reach + 1, 1), dtype=bool))
+    near = _within(reach, slow)
     moving = np.abs(state.qd) >= conditioning.low_speed / 4
-    resting = ~binary_dilation(moving, np.ones((4 * reach + 1, 1), dtype=bool))
+    resting = ~_within(2 * reach, moving)
     first = 2 * reach
     window = slice(first, len(state.t) - first, every)
     return Run(
@@ -133,6 +132,12 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
         tau=tau[window], valid=~near[window], standstill=resting[window],
         noise_floor=_white_floor(torque, conditioning, period), conditioning=conditioning,
         _first=first, _every=every)
+
+
+def _within(reach: int, mask: np.ndarray) -> np.ndarray:
+    """Return where there is a true value of `mask` (n, J) at most `reach` rows away, (n, J)."""
+    count = np.cumsum(np.pad(mask, ((reach + 1, reach), (0, 0))), axis=0, dtype=np.int32)
+    return count[2 * reach + 1:] > count[:-2 * reach - 1]
 
 
 def _white_floor(torque: np.ndarray, conditioning: Conditioning, period: float) -> np.ndarray:

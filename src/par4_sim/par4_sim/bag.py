@@ -45,7 +45,6 @@ from par4_kinematics.interface import JOINT_STATES, RECORDED_TOPICS, REFERENCE, 
 from par4_sim.serialised import (
     JointStateTemplate,
     SerialisedMessages,
-    joined,
     joint_state_layout,
     messages_of_chunks,
     serialised_messages,
@@ -60,6 +59,11 @@ FLUSH_PERIOD = 1.0
 
 MOST_LAYOUTS = 16
 """Layouts in one topic that are decoded in bulk; every one costs a look at all messages."""
+
+BATCH = 1 << 24
+"""Bytes of messages that are decoded at a time, where the order of an MCAP file allows it."""
+BATCH_MESSAGES = 1 << 16
+"""Messages that are decoded at a time where the library reads them."""
 
 STORAGE_SUFFIXES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 ZSTD_SUFFIX = '.zstd'
@@ -358,19 +362,25 @@ def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:
             types = {topic: parts[0].msgtype for topic, parts in topics.items()}
             filled = {topic for topic, parts in topics.items() if any(p.msgcount for p in parts)}
             chosen = _choose_topics(path, types, filled, namespace)
-            messages = _messages(reader, {topic: topics[topic] for topic in chosen.values()})
+            typestore = get_typestore(Stores.ROS2_JAZZY)
+            received = {topic: np.empty(0, dtype=np.int64) for topic in chosen.values()}
+            blocks: dict[str, list[_Block]] = {topic: [] for topic in chosen.values()}
+            for batch in _batches(reader, {topic: topics[topic] for topic in chosen.values()}):
+                for topic, messages in batch.items():
+                    blocks[topic] += _blocks(typestore, types[topic], messages,
+                                             len(received[topic]))
+                    received[topic] = np.append(received[topic], messages.received)
     except InputError:
         raise
     except Exception as error:
         raise _cut_off(path, ' '.join(str(error).split()) or type(error).__name__) from error
 
-    typestore = get_typestore(Stores.ROS2_JAZZY)
     joints, trajectories, unreadable = {}, {}, {}
     for name, topic in chosen.items():
-        points = _points(typestore, types[topic], topic, messages[topic])
+        points = _points(types[topic], topic, received[topic], blocks[topic])
         decoded = points.messages
-        if decoded < len(messages[topic]):
-            unreadable[topic] = len(messages[topic]) - decoded
+        if decoded < len(received[topic]):
+            unreadable[topic] = len(received[topic]) - decoded
         if decoded and types[topic] == JOINT_STATE_TYPE:
             joints[name] = JointSamples(*points.named, *points.arrays)
         elif decoded:
@@ -378,16 +388,16 @@ def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:
                                                   *points.arrays)
     topic = chosen[JOINT_STATES.name]
     if JOINT_STATES.name not in joints:
-        raise InputError(f'{path}: none of the {len(messages[topic])} messages on {topic} can be '
+        raise InputError(f'{path}: none of the {len(received[topic])} messages on {topic} can be '
                          'decoded; record the bag again')
     return RawBag(path, topic[:-len(JOINT_STATES.name) - 1] or '/', joints, trajectories,
                   {name: kind for name, kind in sorted(types.items())
                    if name not in chosen.values()}, unreadable)
 
 
-def _messages(reader: Reader, topics: dict[str, list[Connection]]
-              ) -> dict[str, SerialisedMessages]:
-    """Return the messages of topics, each with its connections.
+def _batches(reader: Reader, topics: dict[str, list[Connection]]
+             ) -> Iterator[dict[str, SerialisedMessages]]:
+    """Yield the messages of topics, each with its connections, in the order of the bag.
 
     The library makes an object of every message on the way. MCAP's chunks are therefore taken
     apart here, in bulk, where the library has found their index.
@@ -395,34 +405,52 @@ def _messages(reader: Reader, topics: dict[str, list[Connection]]
     storages = getattr(reader.storage, 'storages', [reader.storage])
     if reader.compression_mode == 'message' or not all(
             isinstance(storage, McapReader) and storage.chunks for storage in storages):
-        received = {topic: [] for topic in topics}
-        data = {topic: [] for topic in topics}
-        for connection, time_ns, message in reader.messages(
-                [part for parts in topics.values() for part in parts]):
-            received[connection.topic].append(time_ns)
-            data[connection.topic].append(message)
-        return {topic: serialised_messages(received[topic], data[topic]) for topic in topics}
-    files = []
+        waiting = {topic: ([], []) for topic in topics}
+        for count, (connection, received, data) in enumerate(reader.messages(
+                [part for parts in topics.values() for part in parts]), 1):
+            times, contents = waiting[connection.topic]
+            times.append(received)
+            contents.append(data)
+            if count % BATCH_MESSAGES == 0:
+                yield {topic: serialised_messages(*parts) for topic, parts in waiting.items()}
+                waiting = {topic: ([], []) for topic in topics}
+        yield {topic: serialised_messages(*parts) for topic, parts in waiting.items()}
+        return
     for storage in storages:
         channels = {part.id: part.topic for part in storage.connections if part.topic in topics}
         chunks = sorted((chunk for chunk in storage.chunks
                          if any(chunk.channel_count.get(channel) for channel in channels)),
                         key=lambda chunk: chunk.chunk_start_offset)
-        files.append(messages_of_chunks(
-            (_records(storage.bio, chunk) for chunk in chunks),
-            sum(chunk.uncompressed_size for chunk in chunks), channels))
-    return {topic: joined([messages[topic] for messages in files if topic in messages])
-            for topic in topics}
+        for batch in _in_order(chunks):
+            yield messages_of_chunks(_records(storage.bio, batch), _expanded(batch), channels)
 
 
-def _records(stream: BinaryIO, chunk: ChunkInfo) -> bytes:
-    """Return the records of an MCAP chunk, expanded."""
-    # behind opcode and size: two times, size when expanded, checksum, compression, size
-    stream.seek(chunk.chunk_start_offset + 9 + 24)
-    (checksum,) = struct.unpack('<I', stream.read(4))
-    stream.seek(4 + len(chunk.compression) + 8, os.SEEK_CUR)
-    return decompress(stream.read(chunk.compressed_size), chunk.compression,
-                      chunk.uncompressed_size, checksum)
+def _in_order(chunks: Sequence[ChunkInfo]) -> Iterator[Sequence[ChunkInfo]]:
+    """Yield chunks in batches of some size, no message of which is older than the one before."""
+    latest = np.maximum.accumulate([chunk.message_end_time for chunk in chunks])
+    earliest = np.minimum.accumulate([chunk.message_start_time for chunk in chunks][::-1])[::-1]
+    first = 0
+    for last in range(len(chunks)):
+        if last + 1 == len(chunks) or (latest[last] <= earliest[last + 1] and
+                                       _expanded(chunks[first:last + 1]) > BATCH):
+            yield chunks[first:last + 1]
+            first = last + 1
+
+
+def _expanded(chunks: Sequence[ChunkInfo]) -> int:
+    return sum(chunk.uncompressed_size for chunk in chunks)
+
+
+def _records(stream: BinaryIO, chunks: Sequence[ChunkInfo]) -> Iterator[bytes | memoryview]:
+    """Yield the records of MCAP chunks, expanded; one buffer serves them all."""
+    buffer = memoryview(bytearray(max((chunk.compressed_size for chunk in chunks), default=0)))
+    for chunk in chunks:
+        # behind opcode and size: two times, size when expanded, checksum, compression, size
+        stream.seek(chunk.chunk_start_offset + 9 + 24)
+        (checksum,) = struct.unpack('<I', stream.read(4))
+        stream.seek(4 + len(chunk.compression) + 8, os.SEEK_CUR)
+        found = stream.readinto(buffer[:chunk.compressed_size])
+        yield decompress(buffer[:found], chunk.compression, chunk.uncompressed_size, checksum)
 
 
 def _refuse_incomplete(path: Path) -> None:
@@ -542,10 +570,10 @@ class _Points:
     arrays: list[np.ndarray]
 
 
-def _points(typestore: object, type_name: str, topic: str, messages: SerialisedMessages
+def _points(type_name: str, topic: str, received: np.ndarray, blocks: Sequence[_Block]
             ) -> _Points:
-    blocks = list(_blocks(typestore, type_name, messages))
-    count = np.full(len(messages), -1)
+    """Return the points of blocks of messages, which were received at (n,) ns."""
+    count = np.full(len(received), -1)
     for block in blocks:
         count[block.rows] = block.after.shape[1]
     decoded = count >= 0
@@ -567,12 +595,16 @@ def _points(typestore: object, type_name: str, topic: str, messages: SerialisedM
             array[place, filled:] = np.nan
     return _Points(
         int(decoded.sum()),
-        (topic, np.repeat(messages.received, count), stamp, tuple(layouts), layout),
+        (topic, np.repeat(received, count), stamp, tuple(layouts), layout),
         np.repeat(np.cumsum(decoded) - 1, count), after, arrays)
 
 
-def _blocks(typestore: object, type_name: str, messages: SerialisedMessages) -> Iterator[_Block]:
-    """Yield the messages by layout: of the first layouts in bulk, all others one by one."""
+def _blocks(typestore: object, type_name: str, messages: SerialisedMessages, before: int
+            ) -> Iterator[_Block]:
+    """Yield the messages by layout: of the first layouts in bulk, all others one by one.
+
+    They are numbered from `before` on.
+    """
     rows, layouts = np.arange(len(messages)), 0
     while len(rows):
         data = messages[rows[0]]
@@ -583,11 +615,11 @@ def _blocks(typestore: object, type_name: str, messages: SerialisedMessages) -> 
                 data)
         if layout is not None:
             alike = layout.followed_by(messages, rows[0], rows)
-            yield _Block(rows[alike], layout.names, *layout.read(messages, rows[alike]))
+            yield _Block(before + rows[alike], layout.names, *layout.read(messages, rows[alike]))
             rows, layouts = rows[~alike], layouts + 1
             continue
         if message is not None:
-            yield _block(type_name, rows[:1], message)
+            yield _block(type_name, before + rows[:1], message)
         rows = rows[1:]
 
 

@@ -53,24 +53,12 @@ def serialised_messages(received: Sequence[int], data: Sequence[bytes]) -> Seria
                               np.frombuffer(b''.join(data), dtype=np.uint8))
 
 
-def joined(parts: Sequence[SerialisedMessages]) -> SerialisedMessages:
-    """Return messages one part, of at least one, behind the other."""
-    if len(parts) == 1:
-        return parts[0]
-    ends = np.cumsum([0, *(len(part.content) for part in parts)])
-    return SerialisedMessages(
-        np.concatenate([part.received for part in parts]),
-        np.concatenate([part.start + end for part, end in zip(parts, ends[:-1], strict=True)]),
-        np.concatenate([part.size for part in parts]),
-        np.concatenate([part.content for part in parts]))
-
-
-def messages_of_chunks(chunks: Iterable[bytes], most: int, topics: Mapping[int, str]
+def messages_of_chunks(chunks: Iterable[bytes | memoryview], most: int, topics: Mapping[int, str]
                        ) -> dict[str, SerialisedMessages]:
     """Return the messages of topics among MCAP records, by bag time.
 
     Args:
-        chunks: records, in the order of the file.
+        chunks: records, in the order of the file; each is done with when the next is asked for.
         most: bytes of all chunks together, or more.
         topics: by channel.
 
@@ -81,9 +69,11 @@ def messages_of_chunks(chunks: Iterable[bytes], most: int, topics: Mapping[int, 
     wanted[list(topics)] = True
     content, filled = np.empty(most, dtype=np.uint8), 0
     tables = [np.empty((0, 4), dtype=np.int64)]
+    table = tables[0]
     for chunk in chunks:
         records = np.frombuffer(chunk, dtype=np.uint8)
-        table = np.empty((len(records) // (9 + _MESSAGE_HEAD), 4), dtype=np.int64)
+        if len(table) < len(records) // (9 + _MESSAGE_HEAD):
+            table = np.empty((len(records) // (9 + _MESSAGE_HEAD), 4), dtype=np.int64)
         count, filled = _take_messages(records, wanted, content, filled, table)
         if count < 0:
             raise ValueError('an MCAP record is cut off')

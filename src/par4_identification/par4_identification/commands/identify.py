@@ -46,9 +46,11 @@ from par4_sim.commands.entry import run
 @click.option('--namespace', default=None, help='that the topics sit under')
 @click.option('--compare-true', default=None, metavar='MODEL',
               help='model of a simulated machine, shown beside what was identified')
+@click.option('--report/--no-report', default=True, show_default=True,
+              help='draw report.html')
 def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: str,
                   payload: tuple[str, ...], namespace: str | None,
-                  compare_true: str | None) -> None:
+                  compare_true: str | None, report: bool) -> None:
     """Identify the parameters of equation (20) from measured bags."""
     machine = read_machine(robot)
     truth = None if compare_true is None else read_model(compare_true, machine)
@@ -68,19 +70,22 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
         floor = noise_floor(identification.runs, machine, build_model(machine, model_file))
         outcome = outcome_of_identification(identification, floor, machine, logs)
         rows = table_of_parameters(identification, machine, truth)
-        status.update('drawing the report')
-        # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.report import report_of_identification
-        report = report_of_identification(identification, outcome, rows, floor, machine, logs,
-                                          model_file.provenance)
+        page = None
+        if report:
+            status.update('drawing the report')
+            # the plot library is slow to load, and some homes make it talk on stderr
+            from par4_identification.report import report_of_identification
+            page = report_of_identification(identification, outcome, rows, floor, machine, logs,
+                                            model_file.provenance)
         write_results(output, {
             'model.yaml': model_file,
             'identification.json': identification_json(identification, machine, logs),
-            'report.html': report})
+            'report.html': page})
     console = Console(highlight=False)
     console.print(terminal_table(rows))
     console.print(outcome.sentence, soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results and report: {output}', soft_wrap=True, markup=False)
+    console.print(f'results{" and report" if report else ""}: {output}', soft_wrap=True,
+                  markup=False)
 
 
 def distinct_bags(bags: Sequence[str]) -> Sequence[str]:

@@ -1,0 +1,40 @@
+"""Filters: what scipy makes of the same signal, and only the rows asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import binary_dilation
+from scipy.signal import butter, sosfiltfilt
+
+from par4_identification import rows
+from par4_identification.filtering import low_pass
+
+PERIOD = 1e-3
+
+
+@pytest.mark.parametrize(('samples', 'cutoff', 'order'), [
+    (5000, 40.0, 4), (5000, 160.0, 8), (60, 3.0, 4), (900, 499.0, 2)])
+def test_low_pass_is_scipys(samples, cutoff, order):
+    random = np.random.default_rng(samples)
+    values = 100.0 + np.cumsum(random.normal(size=(samples, 2, 3)), axis=0)
+    padding = int(min(3 * samples // 4, 3.0 / (cutoff * PERIOD)))
+    wanted = sosfiltfilt(butter(order, cutoff, fs=1.0 / PERIOD, output='sos'), values, axis=0,
+                         padlen=padding)
+    np.testing.assert_allclose(low_pass(values, cutoff, PERIOD, order), wanted, rtol=1e-10)
+
+
+@pytest.mark.parametrize('part', [slice(None), slice(7, -7, 10), slice(0, 1), slice(5, 5)])
+def test_low_pass_returns_the_rows_asked_for(part):
+    values = np.random.default_rng(1).normal(size=(300, 4))
+    np.testing.assert_array_equal(low_pass(values, 40.0, PERIOD, rows=part),
+                                  low_pass(values, 40.0, PERIOD)[part])
+
+
+@pytest.mark.parametrize('reach', [0, 1, 23, 400])
+def test_within_widens_a_mask_to_both_sides(reach):
+    random = np.random.default_rng(reach)
+    for share in (0.0, 0.001, 0.05, 1.0):
+        mask = random.random((300, 2)) < share
+        wanted = binary_dilation(mask, np.ones((2 * reach + 1, 1), dtype=bool))
+        np.testing.assert_array_equal(rows._within(reach, mask), wanted)

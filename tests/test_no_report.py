@@ -1,0 +1,44 @@
+"""par4_identify without the report: the same numbers, and nothing is loaded to draw."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+
+from par4_sim.bag import BagWriter
+
+RUN = """
+import sys
+from par4_identification.commands.identify import identify_bags
+identify_bags.main(sys.argv[1:], standalone_mode=False)
+print('loaded:', *sorted({'matplotlib', 'jinja2', 'scipy.signal'} & set(sys.modules)))
+"""
+
+
+def test_without_report_the_numbers_are_the_same_and_nothing_draws(tmp_path):
+    (tmp_path / 'axis.yaml').write_text(
+        'schema: par4/axis/1\nname: slide\njoint: slide\nkind: linear\ngain: 35.0\n')
+    t = 1e-3 * np.arange(12000)
+    rate = 2.0 * np.pi * np.array((0.31, 1.7))
+    angle, size = np.outer(t, rate), np.array((0.08, 0.012))
+    q, qd, qdd = (part @ size for part in (
+        np.sin(angle), rate * np.cos(angle), -rate ** 2 * np.sin(angle)))
+    noise = np.random.default_rng(1).normal(size=len(t))
+    force = 95.0 * qdd + 20.0 * np.sign(qd) + 200.0 * qd + noise
+    with BagWriter(tmp_path / 'bag') as bag:
+        for row in range(len(t)):
+            bag.write_joint_state('/joint_states', (1000 + row) * 1_000_000, ['slide'], [q[row]],
+                                  effort=[force[row]])
+    found = []
+    for option, words in (('--report', 'results and report:'), ('--no-report', 'results:')):
+        done = subprocess.run(
+            [sys.executable, '-c', RUN, tmp_path / 'bag', '--robot', tmp_path / 'axis.yaml',
+             '--output', tmp_path / 'out', option], capture_output=True, text=True, check=True)
+        assert words in done.stdout
+        found.append((tmp_path / 'out' / 'identification.json').read_text())
+    assert done.stdout.splitlines()[-1] == 'loaded:'
+    assert found[0] == found[1]
+    assert {path.name for path in (tmp_path / 'out').iterdir()} == {
+        'identification.json', 'model.yaml'}
