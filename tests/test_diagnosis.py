@@ -6,18 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hidden import clean, draw, with_coloured_noise
+from hidden import draw, with_coloured_noise
 from measured import DWELL, excitation, log_of_machine, log_of_model
 
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file
-from par4_dynamics.state import state_of_joints
 from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
 from par4_identification.diagnosis.holdout import blocks_of_runs
 from par4_identification.rows import runs_of_log
-from par4_kinematics.position import inverse_kinematics
 from par4_sim.machine_effects import machine_of_model
-from robots import OTHER, REFERENCE, model_with
+from robots import REFERENCE, model_with
 
 
 def logs_of(hidden, seed, noise=0.05, feedforward=True):
@@ -187,28 +185,6 @@ def test_a_single_log_is_cut_and_its_last_third_held_out():
     assert last < first
 
 
-@pytest.mark.parametrize('name', sorted(LIBRARY))
-def test_coefficients_and_values_are_two_readings_of_an_effect(name):
-    """torque = columns @ coefficients, and values(coefficients(values)) = values."""
-    effect = LIBRARY[name]
-    model = model_with(read_model('table1', OTHER), name, **{
-        'torque_offset': {'offset': (0.1, -0.2, 0.3, 0.4)},
-        'stribeck': {'stribeck_torque': (0.5, 0.6, 0.7, 0.8), 'stribeck_velocity': 0.1},
-        'cogging': {'amplitude': (0.1, 0.2, 0.3, 0.4), 'periods': 20.0, 'phase': (0, 1, 2, -1)},
-        'distributed_rods': {'rod_mass': 0.05}}[name])
-    active = model.effects[0]
-    log = log_of_model(OTHER, read_model('table1', OTHER), duration=8.0, seed=1)
-    run, = runs_of_log(log, OTHER)
-    shape = effect.shape_of({key: value[0] for key, value in active.values.items()})
-    coefficients = effect.coefficients(active.values)
-    again = effect.values(coefficients, shape)
-    for key, value in active.values.items():
-        np.testing.assert_allclose(again[key], value)
-    columns = effect.columns(run.state, shape)
-    np.testing.assert_allclose(np.einsum('njk,kj->nj', columns, coefficients),
-                               active.torque(run.state), atol=1e-12)
-
-
 def test_bootstrap_interval_covers_the_gain():
     random = np.random.default_rng(3)
     t, valid = np.arange(4000) * 0.01, np.ones((4000, 2), bool)
@@ -220,21 +196,3 @@ def test_bootstrap_interval_covers_the_gain():
     assert gain.high - gain.low < 0.1
     nothing = blocks.gain([after], [random.permutation(after)])
     assert nothing.low < 0.0 < nothing.high
-
-
-def test_simulated_effects_have_the_torque_of_the_catalogue():
-    """The plant's reading of an effect and the regressor's agree, though written apart."""
-    q = inverse_kinematics(REFERENCE.geometry, (0.1, -0.05, -0.75, 0.3))
-    qd = np.array((0.3, -0.1, 0.2, 1.0))
-    state = state_of_joints(REFERENCE.geometry, [0.0], q[None], qd[None], np.zeros((1, 4)))
-    model = read_model('table1', REFERENCE)
-    for name, values in (('torque_offset', {'offset': (0.1, 0.2, -0.3, 0.4)}),
-                         ('cogging', {'amplitude': 0.5, 'periods': 18.0, 'phase': (0, 1, 2, 3)})):
-        extended = model_with(model, name, **values)
-        machine = machine_of_model(REFERENCE, extended)
-        np.testing.assert_allclose(sum(load(0.0, q, qd) for load in machine.loads),
-                                   extended.effects[0].torque(state)[0])
-    friction = machine_of_model(REFERENCE, model_with(
-        model, 'stribeck', stribeck_torque=0.8, stribeck_velocity=0.2)).friction
-    np.testing.assert_allclose(friction.stribeck_torque, 0.8)
-    assert clean(REFERENCE).machine.friction.stribeck_torque.max() == 0.0

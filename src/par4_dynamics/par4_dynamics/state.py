@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,6 +49,7 @@ class State:
         geometry: dimensions, or None for a single axis; then x, xd, xdd are None too.
         x, xd, xdd: pose of D and theta, (n, 4).
         nominal: the torque of this motion as far as known, None where only motion is.
+        recorded: the torque recorded with it, (n, J) N m, None where nothing was measured.
     """
 
     t: np.ndarray
@@ -60,11 +61,19 @@ class State:
     xd: np.ndarray | None = None
     xdd: np.ndarray | None = None
     nominal: Nominal | None = None
+    recorded: np.ndarray | None = None
 
     @property
     def joints(self) -> int:
         """Number of joints J."""
         return self.q.shape[1]
+
+    def part(self, rows: slice) -> State:
+        """Return the motion of some of the samples, without its nominal torque."""
+        arrays = {name: getattr(self, name) for name in ('t', 'q', 'qd', 'qdd', 'x', 'xd', 'xdd',
+                                                        'recorded')}
+        return replace(self, nominal=None, **{
+            name: None if values is None else values[rows] for name, values in arrays.items()})
 
     def torque_of_force(self, force: ArrayLike) -> np.ndarray:
         """Return the joint torques J_1^T f (n, 4), N m, that carry a generalised force f.

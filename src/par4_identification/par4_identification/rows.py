@@ -116,7 +116,7 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
     tau = low_pass(torque, conditioning.torque_cutoff_hz, period)
 
     geometry = machine.geometry if isinstance(machine, Robot) else None
-    state = state_of_joints(geometry, log.t[segment], q, qd, qdd)
+    state = replace(state_of_joints(geometry, log.t[segment], q, qd, qdd), recorded=torque)
     every = max(1, round(1.0 / (conditioning.row_rate_hz * period)))
 
     # half the length over which the low-pass remembers, in samples

@@ -16,7 +16,8 @@ class TimeOffset(Effect):
     """tau += tau(t - d) - tau(t): positive where torque was stamped late.
 
     The column is that change divided by the delay it is `expanded_at`, exact where the
-    coefficient d equals it and the slope -dtau/dt at 0.
+    coefficient d equals it and the slope -dtau/dt at 0. Of a record, the torque is taken as it was
+    recorded, which is known better: the column is the record less what it is d later.
     """
 
     name = 'time_offset'
@@ -33,9 +34,12 @@ class TimeOffset(Effect):
                      for share in (-0.5, 0.0, 0.5))
 
     def columns(self, state, shape):
-        torque, delay = state.nominal.torque, shape['expanded_at']
+        delay = shape['expanded_at']
+        torque = state.nominal.torque if state.recorded is None else state.recorded
         if delay == 0.0 or len(state.t) < 2:
             return -time_rate(state, torque)[..., None]
+        if state.recorded is not None:
+            return ((torque - _earlier(state.t, torque, -delay)) / delay)[..., None]
         return ((_earlier(state.t, torque, delay) - torque) / delay)[..., None]
 
     def coefficients(self, values):

@@ -8,11 +8,13 @@ from typing import Literal
 
 import numpy as np
 
-from par4_dynamics.effects.catalogue import effect_named
+from par4_dynamics.base_terms import BaseTerm
+from par4_dynamics.effects.catalogue import CATALOGUE, effect_named
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
+from par4_identification.diagnosis.estimates import effect_parameters
 from par4_identification.diagnosis.evidence import (
     Evidence,
     Fit,
@@ -28,7 +30,7 @@ from par4_identification.diagnosis.floor import noise_floor
 from par4_identification.diagnosis.gate import unusable
 from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
 from par4_identification.diagnosis.nameless import available_blocks, fit_block, ranges_of
-from par4_identification.diagnosis.observations import Observations, observe
+from par4_identification.diagnosis.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.selection import Found, Rejected, Rules, Selector
 from par4_identification.identification import identify_runs
 from par4_identification.log import Log
@@ -38,9 +40,9 @@ from par4_kinematics.robot import Axis, Robot
 
 CONDITIONING = Conditioning(low_speed=0.02)
 """Lower than identification's: effects of low speed must show."""
-LIBRARY = {name: effect_named(name)
-           for name in ('torque_offset', 'stribeck', 'cogging', 'distributed_rods')}
-"""Effects that may be named."""
+LIBRARY = {name: effect for name, effect in CATALOGUE.items()
+           if name not in ('quantization', 'torque_saturation')}
+"""Effects that may be named: all but those that add no torque to a motion."""
 
 Verdict = Literal['clean', 'explained', 'partly_explained', 'unknown', 'unusable_data']
 Progress = Callable[[str], None]
@@ -116,6 +118,8 @@ class Diagnosis:
         base_before, base_after: base parameters without and with the causes.
         extended_model: base parameters and causes as one model; None for unusable data.
         fit_runs: rows that were fitted.
+        evidence: these rows, whitened; None for unusable data.
+        hypotheses: of the causes, in their order.
     """
 
     verdict: Verdict
@@ -128,6 +132,8 @@ class Diagnosis:
     base_after: dict[str, Parameter]
     extended_model: ModelFile | None
     fit_runs: tuple[Run, ...]
+    evidence: Evidence | None = None
+    hypotheses: tuple[Hypothesis, ...] = ()
 
 
 def _silent(step: str) -> None:
@@ -200,6 +206,9 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         return _unusable(tuple(reasons), tuple(fit_runs))
 
     searched = LIBRARY if library is None else library
+    base_model = build_model(machine, _baseline_with(
+        baseline, rigid_body, identification.parameters, identification.terms, ()))
+    observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
     applicable = {name: effect for name, effect in searched.items()
                   if isinstance(machine, Robot) or not effect.needs_platform}
     sigma = identification.estimate.rms
@@ -215,6 +224,16 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     progress('searching the library for causes')
     selector = Selector(applicable, evidence, heldout, blocks, rules)
     selection = selector.run()
+    if selection.found:
+        # effects that scale with the torque were searched with that of a model without causes
+        progress('searching again beside the causes found')
+        better = build_model(machine, _extended_model(
+            baseline, rigid_body, evidence, selection.hypotheses,
+            solve(evidence, selection.hypotheses)))
+        observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
+        evidence = gather(observations, whitener, evidence)
+        selector = Selector(applicable, evidence, heldout, blocks, rules)
+        selection = selector.run()
     progress('looking for twins')
     selection = selector.with_twins(selection)
     hypotheses = selection.hypotheses
@@ -224,14 +243,20 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     before = residuals(heldout, [], base_only)
     after = residuals(heldout, hypotheses, full_fit)
     extended = _extended_model(baseline, rigid_body, evidence, hypotheses, full_fit)
-    floor = noise_floor(holdout_runs, machine, build_model(machine, extended))
+    # effects that refer to the torque as a whole are read off the record, not off the encoders
+    simple = extended.model_copy(update={'effects': tuple(
+        entry for entry in extended.effects if not effect_named(entry.effect).needs_nominal)})
+    floor = noise_floor(holdout_runs, machine, build_model(machine, simple))
     remaining, explained_share = _remaining(evidence, heldout, hypotheses, blocks, before, after,
                                             floor, rules)
-    verdict, withheld = _verdict(selection.found, remaining, explained_share, rules)
+    holdout = _holdout(holdout_runs, blocks, before, after, floor)
+    verdict, withheld = _verdict(selection.found, remaining, explained_share,
+                                 holdout.explained_fraction, rules)
     rejected = list(selection.rejected)
     if withheld:
         rejected += [Rejected(item.hypothesis.label, withheld) for item in selection.found]
-        hypotheses, full_fit, after = [], base_only, before
+        full_fit = base_only
+        holdout = _holdout(holdout_runs, blocks, before, before, floor)
         extended = _extended_model(baseline, rigid_body, evidence, [], base_only)
         selection.found.clear()
     return Diagnosis(
@@ -240,11 +265,12 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
                      for index, item in enumerate(selection.found)),
         reasons=(withheld,) if withheld else (),
         rejected=tuple(rejected),
-        holdout=_holdout(holdout_runs, blocks, before, after, floor),
+        holdout=holdout,
         remaining=remaining,
         base_before=_base_parameters(evidence, base_only),
         base_after=_base_parameters(evidence, full_fit),
-        extended_model=extended, fit_runs=tuple(fit_runs))
+        extended_model=extended, fit_runs=tuple(fit_runs), evidence=evidence,
+        hypotheses=tuple(selection.hypotheses))
 
 
 def _unusable(reasons: tuple[str, ...], runs: tuple[Run, ...]) -> Diagnosis:
@@ -277,9 +303,17 @@ def _remaining(evidence: Evidence, heldout: Observations, hypotheses: Sequence[H
     return Remaining(significant, looks_like, gain, excess), share
 
 
-def _verdict(found: Sequence[Found], remaining: Remaining, explained_share: float, rules: Rules
-             ) -> tuple[Verdict, str]:
-    """Return the verdict and, where names are withheld, why."""
+def _verdict(found: Sequence[Found], remaining: Remaining, explained_share: float,
+             closed: float, rules: Rules) -> tuple[Verdict, str]:
+    """Return the verdict and, where names are withheld, why.
+
+    Args:
+        found: the causes.
+        remaining: what nameless blocks still find.
+        explained_share: of the causes, of what they and the best block explain together.
+        closed: share of the error above the noise floor that the causes close.
+        rules: thresholds.
+    """
     wrong = remaining.significant or remaining.floor_excess > rules.floor_excess
     if not found:
         return ('unknown' if wrong else 'clean'), ''
@@ -287,6 +321,9 @@ def _verdict(found: Sequence[Found], remaining: Remaining, explained_share: floa
         return 'unknown', (f'the names found explain {explained_share:.0%} of what a nameless '
                            f'function of {remaining.looks_like} and they explain together; a '
                            f'cause that is not in the library is more likely')
+    if remaining.floor_excess > rules.floor_excess and closed < rules.closed_share:
+        return 'unknown', (f'the names found close {closed:.0%} of the error above the noise '
+                           f'floor; a cause that is not in the library is more likely')
     return ('partly_explained' if wrong else 'explained'), ''
 
 
@@ -319,67 +356,12 @@ def _base_parameters(evidence: Evidence, fit: Fit) -> dict[str, Parameter]:
             for term, value, error in zip(evidence.observations.terms, fit.base, std)}
 
 
-def _effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
-                       ) -> dict[str, Parameter]:
-    """Return parameters with standard deviations of coefficients, by finite differences."""
-    effect, acting = hypothesis.effect, list(hypothesis.joints)
-    coefficients = fit.coefficients[index][:, acting]
-    covariance = fit.covariance[fit.slices[index], fit.slices[index]]
-    width = len(coefficients)
-    values = effect.values(coefficients, hypothesis.shape)
-    shape_std = _shape_std(evidence, hypothesis, fit, index)
-    result = {}
-    for parameter in effect.parameters:
-        std = np.zeros(len(acting))
-        for position in range(len(acting)):
-            block = 0 if effect.shared else position * width
-            own = covariance[block:block + width, block:block + width]
-            slope = np.empty(width)
-            for row in range(width):
-                step = 1e-3 * max(np.sqrt(own[row, row]), 1e-12)
-                moved = coefficients.copy()
-                moved[row, position] += step
-                slope[row] = (effect.values(moved, hypothesis.shape)[parameter.name][position]
-                              - values[parameter.name][position]) / step
-            std[position] = np.sqrt(max(slope @ own @ slope, 0.0))
-        if parameter.name in hypothesis.shape:
-            std[:] = shape_std[parameter.name]
-        whole = parameter.scope == 'machine'
-        result[parameter.name] = Parameter(
-            value=float(values[parameter.name][0]) if whole
-            else tuple(map(float, values[parameter.name])),
-            std=float(std[0]) if whole else tuple(map(float, std)), unit=parameter.unit)
-    return result
-
-
-def _shape_std(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
-               ) -> dict[str, float]:
-    """Return the standard deviation of each shape parameter from the slope of its columns.
-
-    First order: a shape error d changes the torque by d times the columns' derivative times the
-    coefficients; what of that the other columns cannot follow carries the information on d.
-    """
-    result = {}
-    if not hypothesis.shape:
-        return result
-    projection = project(evidence, [hypothesis])
-    flat = hypothesis.stacked(fit.coefficients[index])
-    for name, value in hypothesis.shape.items():
-        step = 1e-3 * max(abs(value), 1e-6)
-        moved = Hypothesis(hypothesis.effect, {**hypothesis.shape, name: value + step},
-                           hypothesis.joints)
-        slope = (evidence.columns(moved) - evidence.columns(hypothesis)) @ flat / step
-        left = slope - projection.basis @ (projection.basis.T @ slope)
-        result[name] = float(1.0 / max(np.linalg.norm(left), 1e-30))
-    return result
-
-
 def _cause(found: Found, evidence: Evidence, fit: Fit, index: int) -> Cause:
     hypothesis = found.hypothesis
     columns = evidence.columns(hypothesis)
     return Cause(
         effect=hypothesis.effect, joints=hypothesis.joints,
-        parameters=_effect_parameters(evidence, hypothesis, fit, index), twins=found.twins,
+        parameters=effect_parameters(evidence, hypothesis, fit, index), twins=found.twins,
         visible_fraction=project(evidence, []).left_share(
             columns, hypothesis.stacked(fit.coefficients[index])),
         p_value=found.p_value, gain=found.gain)
@@ -387,19 +369,24 @@ def _cause(found: Found, evidence: Evidence, fit: Fit, index: int) -> Cause:
 
 def _extended_model(baseline: ModelFile | None, rigid_body: str, evidence: Evidence,
                     hypotheses: Sequence[Hypothesis], fit: Fit) -> ModelFile:
-    """Return the baseline with refitted base parameters and the causes added.
+    """Return the baseline with refitted base parameters and the causes added."""
+    added = tuple(
+        EffectEntry(effect=hypothesis.effect.name, joints=hypothesis.joints,
+                    parameters=effect_parameters(evidence, hypothesis, fit, index))
+        for index, hypothesis in enumerate(hypotheses))
+    return _baseline_with(baseline, rigid_body, _base_parameters(evidence, fit),
+                          evidence.observations.terms, added)
+
+
+def _baseline_with(baseline: ModelFile | None, rigid_body: str, fitted: Mapping[str, Parameter],
+                   terms: Sequence[BaseTerm], added: tuple[EffectEntry, ...]) -> ModelFile:
+    """Return the baseline with other base parameters and more effects.
 
     A base parameter that came out slightly negative is written as zero.
     """
-    parameters = {}
-    for term in evidence.observations.terms:
-        fitted = _base_parameters(evidence, fit)[term.name]
-        parameters[term.name] = (fitted.model_copy(update={'value': max(fitted.value, 0.0)})
-                                 if term.nonnegative else fitted)
-    added = tuple(
-        EffectEntry(effect=hypothesis.effect.name, joints=hypothesis.joints,
-                    parameters=_effect_parameters(evidence, hypothesis, fit, index))
-        for index, hypothesis in enumerate(hypotheses))
+    parameters = {term.name: fitted[term.name] if not term.nonnegative else
+                  fitted[term.name].model_copy(update={'value': max(fitted[term.name].value, 0.0)})
+                  for term in terms}
     return ModelFile(schema='par4/model/1', rigid_body=rigid_body, parameters=parameters,
                      effects=(*(baseline.effects if baseline else ()), *added),
                      torque_limit=baseline.torque_limit if baseline else None)

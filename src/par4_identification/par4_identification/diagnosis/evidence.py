@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from par4_dynamics.effects.effect import Effect, Shape
-from par4_identification.diagnosis.observations import Observations
+from par4_identification.diagnosis.observations import Observations, lasting
 from par4_identification.noise import ArNoise, fit_noise
 
 
@@ -86,6 +87,19 @@ def spread(blocks: list[np.ndarray], joints: tuple[int, ...], shared: bool) -> n
 
 
 @dataclass(frozen=True)
+class Block:
+    """Whitened columns of an effect at one shape, all joints.
+
+    Attributes:
+        columns: (n_j, K) of each joint.
+        gram: columns^T columns of each joint, (J, K, K).
+    """
+
+    columns: tuple[np.ndarray, ...]
+    gram: np.ndarray
+
+
+@dataclass(frozen=True)
 class Evidence:
     """The whitened problem: target and base columns of all joints stacked.
 
@@ -94,17 +108,28 @@ class Evidence:
         whitener: noise models.
         target: y, (N,).
         base: (N, p).
+        ends: first row of each joint and, last, N, (J + 1,).
     """
 
     observations: Observations
     whitener: Whitener
     target: np.ndarray
     base: np.ndarray
+    ends: np.ndarray
+    _kept: dict = field(default_factory=dict)
+
+    def block(self, effect: Effect, shape: Shape) -> Block:
+        """Return the whitened columns of an effect; computed once."""
+        key = (effect.name, tuple(sorted(shape.items())))
+        if key not in self._kept:
+            columns = tuple(self.whitener.whiten(self.observations.effect_rows(effect, shape)))
+            self._kept[key] = Block(columns, np.stack([part.T @ part for part in columns]))
+        return self._kept[key]
 
     def columns(self, hypothesis: Hypothesis) -> np.ndarray:
         """Return the whitened, stacked columns of a hypothesis."""
-        rows = self.observations.effect_rows(hypothesis.effect, hypothesis.shape)
-        return spread(self.whitener.whiten(rows), hypothesis.joints, hypothesis.effect.shared)
+        block = self.block(hypothesis.effect, hypothesis.shape)
+        return spread(list(block.columns), hypothesis.joints, hypothesis.effect.shared)
 
     def design(self, hypotheses: Sequence[Hypothesis]) -> np.ndarray:
         """Return base columns and those of the hypotheses, (N, c)."""
@@ -116,28 +141,57 @@ class Evidence:
         return int(sum(valid.sum() for valid in self.whitener.valid))
 
 
-def gather(observations: Observations, whitener: Whitener) -> Evidence:
-    """Return the whitened problem of observations."""
+def gather(observations: Observations, whitener: Whitener, before: Evidence | None = None
+           ) -> Evidence:
+    """Return the whitened problem of observations.
+
+    Args:
+        observations: the rows.
+        whitener: noise models.
+        before: the problem of the same rows with another nominal torque, whose columns are used
+            again where they do not depend on it.
+    """
     joints = tuple(range(observations.joints))
     target = whitener.whiten([part[..., None] for part in observations.target])
     base = whitener.whiten(observations.base)
     return Evidence(observations, whitener, np.concatenate(target)[:, 0],
-                    spread(base, joints, shared=True))
+                    spread(base, joints, shared=True),
+                    np.cumsum([0, *(len(part) for part in target)]),
+                    {} if before is None else lasting(before._kept))
 
 
 @dataclass(frozen=True)
 class Projection:
-    """What is left of the target after a design, and the design's orthonormal basis."""
+    """What is left of the target after a design, and the design's orthonormal basis.
 
+    Attributes:
+        evidence: whose target.
+        basis: (N, c).
+        residual: (N,).
+    """
+
+    evidence: Evidence
     basis: np.ndarray
     residual: np.ndarray
 
-    def gain(self, columns: np.ndarray) -> float:
-        """Return twice the gain in log-likelihood by adding columns (N, k)."""
-        inside = self.basis.T @ columns
-        gram = columns.T @ columns - inside.T @ inside
-        moment = columns.T @ self.residual
-        return quadratic(gram, moment, np.diag(columns.T @ columns))
+    def gain(self, hypothesis: Hypothesis) -> float:
+        """Return twice the gain in log-likelihood by adding a hypothesis.
+
+        Linear algebra of small matrices, joint by joint: what a joint's columns do to the others
+        goes through the basis alone.
+        """
+        block = self.evidence.block(hypothesis.effect, hypothesis.shape)
+        insides, moments = [], []
+        for joint in hypothesis.joints:
+            rows = slice(self.evidence.ends[joint], self.evidence.ends[joint + 1])
+            insides.append(self.basis[rows].T @ block.columns[joint])
+            moments.append(block.columns[joint].T @ self.residual[rows])
+        own = block.gram[list(hypothesis.joints)]
+        if hypothesis.effect.shared:
+            inside, moment, gram = sum(insides), sum(moments), own.sum(axis=0)
+        else:
+            inside, moment, gram = np.hstack(insides), np.concatenate(moments), block_diag(*own)
+        return quadratic(gram - inside.T @ inside, moment, np.diag(gram))
 
     def left_share(self, columns: np.ndarray, coefficients: np.ndarray) -> float:
         """Return the share (rms) of columns @ coefficients that the design does not swallow."""
@@ -159,7 +213,7 @@ def project(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Projection:
     """Return the projection of the target out of base columns and hypotheses."""
     design = evidence.design(hypotheses)
     basis, _ = np.linalg.qr(design / np.maximum(np.linalg.norm(design, axis=0), 1e-30))
-    return Projection(basis, evidence.target - basis @ (basis.T @ evidence.target))
+    return Projection(evidence, basis, evidence.target - basis @ (basis.T @ evidence.target))
 
 
 @dataclass(frozen=True)

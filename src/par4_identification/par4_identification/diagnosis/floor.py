@@ -15,6 +15,8 @@ from par4_kinematics.robot import Axis, Robot
 WINDOW = 30
 """Rows of a stretch of standstill in which torque noise is measured."""
 LEAST_WINDOWS = 3
+LONGEST = 60_000
+"""Samples of a run that tell what encoder counts do; more move the result by a few percent."""
 
 
 def torque_noise(runs: Sequence[Run]) -> np.ndarray:
@@ -54,7 +56,7 @@ def encoder_noise(runs: Sequence[Run], machine: Robot | Axis, model: Model, seed
     random = np.random.default_rng(seed)
     squares, rows = np.zeros(joints), np.zeros(joints)
     for run in runs:
-        state, period = run.state, float(run.state.t[1] - run.state.t[0])
+        state, period = run.state.part(slice(0, LONGEST)), float(run.state.t[1] - run.state.t[0])
         step = 2.0 * np.pi / counts
         dither = low_pass(random.uniform(-0.5, 0.5, state.q.shape) * step,
                           run.conditioning.position_cutoff_hz, period)
@@ -64,8 +66,9 @@ def encoder_noise(runs: Sequence[Run], machine: Robot | Axis, model: Model, seed
             state.qdd + second_difference(dither, period))
         # friction's sign is the same: rows near its change are not used
         change = run.rows(model.torque(moved) - model.torque(state))
-        squares += np.sum(np.where(run.valid, change, 0.0) ** 2, axis=0)
-        rows += run.valid.sum(axis=0)
+        valid = run.valid[:len(change)]
+        squares += np.sum(np.where(valid, change, 0.0) ** 2, axis=0)
+        rows += valid.sum(axis=0)
     return np.sqrt(squares / np.maximum(rows, 1))
 
 

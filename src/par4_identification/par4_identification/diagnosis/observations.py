@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms
+from par4_dynamics.effects.catalogue import effect_named
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.model import Model
 from par4_identification.identification import known_torque
@@ -63,3 +64,20 @@ def observe(runs: list[Run], machine: Robot | Axis, rigid_body: str, baseline: M
         targets.append(run.tau - run.rows(known))
         bases.append(run.rows(base_columns(run.state)))
     return Observations(tuple(runs), tuple(targets), tuple(bases), base_terms(runs[0].state))
+
+
+def with_nominal(observations: Observations, model: Model) -> Observations:
+    """Return the observations with the torque of `model` as nominal torque.
+
+    It is that of its base terms and bodies: with that of its effects in it, an effect which scales
+    with the torque could stand in for them.
+    """
+    return replace(observations, _kept=lasting(observations._kept), runs=tuple(
+        replace(run, state=replace(run.state, nominal=model.nominal(run.state)))
+        for run in observations.runs))
+
+
+def lasting(kept: dict) -> dict:
+    """Return what of columns kept by effect does not depend on the nominal torque."""
+    return {(name, shape): value for (name, shape), value in kept.items()
+            if not effect_named(name).needs_nominal}

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from par4_dynamics.effects.effect import Effect
 from par4_identification.diagnosis.evidence import (
@@ -39,8 +39,12 @@ class Rules:
         joint_p_value: below which a joint keeps an effect that others have.
         joint_share: least share of the effect's likelihood ratio that a joint must carry.
         twin_margin: difference of log-likelihood within which another name is as good.
+        equal_margin: difference of score within which the simpler of two names goes first.
         most: number of causes.
+        fixed_range: of the coefficients of effects whose size is known.
         sufficient_share: least share of what anything explains that the causes must explain.
+        closed_share: least share of the error above the noise floor that the causes must close
+            where much is left.
         remaining_gain: held-out gain of nameless blocks that counts as something left.
         floor_excess: residual over noise floor beyond which something is wrong though no block
             explains it.
@@ -53,8 +57,11 @@ class Rules:
     joint_p_value: float = 1e-3
     joint_share: float = 0.0005
     twin_margin: float = 10.0
+    equal_margin: float = 2.0
     most: int = 4
+    fixed_range: tuple[float, float] = (0.5, 1.5)
     sufficient_share: float = 0.75
+    closed_share: float = 0.4
     remaining_gain: float = 0.04
     floor_excess: float = 1.6
 
@@ -110,7 +117,7 @@ class Candidate:
 
     def p_value(self, family: int) -> float:
         """Return the family-wise p-value among `family` tests."""
-        return float(min(1.0, chi2.sf(self.likelihood_ratio, self.freedoms) * family))
+        return float(min(1.0, chdtrc(self.freedoms, self.likelihood_ratio) * family))
 
     def score(self, rows: int) -> float:
         """Return the evidence: BIC with a penalty for the shapes tried."""
@@ -148,8 +155,7 @@ class Selector:
             return None
 
         def ratio(shape):
-            hypothesis = Hypothesis(effect, shape, self._joints)
-            return projection.gain(self._evidence.columns(hypothesis))
+            return projection.gain(Hypothesis(effect, shape, self._joints))
 
         ratios = [ratio(shape) for shape in shapes]
         shape, best = shapes[int(np.argmax(ratios))], max(ratios)
@@ -184,7 +190,7 @@ class Selector:
                           and item.score(self._evidence.rows) > 0.0]
             if not candidates:
                 break
-            candidate = max(candidates, key=lambda item: item.score(self._evidence.rows))
+            candidate = self._simplest_of_the_best(candidates)
             candidate = self._keep_acting_joints(candidate, projection)
             name = candidate.hypothesis.effect.name
             verdict = self._confirm(candidate, selection.hypotheses)
@@ -203,6 +209,12 @@ class Selector:
         selection.found.sort(key=lambda item: -item.likelihood_ratio)
         return selection
 
+    def _simplest_of_the_best(self, candidates: list[Candidate]) -> Candidate:
+        """Return the best candidate; of equals, the first of the library, which is the simplest."""
+        scores = [item.score(self._evidence.rows) for item in candidates]
+        return next(item for item, score in zip(candidates, scores)
+                    if score > max(scores) - self._rules.equal_margin)
+
     def _keep_acting_joints(self, candidate: Candidate, projection: Projection) -> Candidate:
         """Return the candidate without the joints that do not need it beside the others.
 
@@ -219,10 +231,10 @@ class Selector:
             for joint in hypothesis.joints:
                 rest = replace(hypothesis, joints=tuple(
                     other for other in hypothesis.joints if other != joint))
-                trials.append((projection.gain(self._evidence.columns(rest)), rest))
+                trials.append((projection.gain(rest), rest))
             left, rest = max(trials, key=lambda trial: trial[0])
             lost = ratio - left
-            needed = chi2.sf(lost, width) * len(self._joints) < self._rules.joint_p_value
+            needed = chdtrc(width, lost) * len(self._joints) < self._rules.joint_p_value
             if needed and lost > self._rules.joint_share * ratio:
                 break
             hypothesis, ratio = rest, left
@@ -269,6 +281,12 @@ class Selector:
         values = effect.values(fit.coefficients[index][:, acting], hypothesis.shape)
         base = {term.name: np.full(len(acting), value)
                 for term, value in zip(self._evidence.observations.terms, fit.base)}
+        if effect.fixed_coefficients:
+            found = fit.coefficients[index][:, acting]
+            low, high = self._rules.fixed_range
+            if found.min() < low or found.max() > high:
+                return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '
+                        f'it must be')
         return effect.implausible(values, base)
 
     def _agreement(self, hypotheses: Sequence[Hypothesis]) -> float:
@@ -310,7 +328,7 @@ class Selector:
             others = [other for other in selection.hypotheses if other is not item.hypothesis]
             named = {other.effect.name for other in others} | {item.hypothesis.effect.name}
             projection = project(self._evidence, others)
-            own = projection.gain(self._evidence.columns(item.hypothesis))
+            own = projection.gain(item.hypothesis)
             twins = []
             for name, effect in self._library.items():
                 if name in named:

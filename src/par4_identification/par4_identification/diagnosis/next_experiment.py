@@ -1,0 +1,351 @@
+"""The motion that would tell apart what the data at hand cannot, with the expected separation.
+
+For names A and B and a motion: the torque of the fitted model with A, without noise, on the old
+rows and on those of the motion, is fitted by the base terms, the other causes and B at any shape.
+Half the whitened squared residual is the expected difference of log-likelihood, A over B, if A is
+true. The same with A and B exchanged; the smaller counts, since nobody knows which is true.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, Shape
+from par4_dynamics.model import Model
+from par4_dynamics.model_file import ModelFile
+from par4_identification.diagnosis.evidence import (
+    Evidence,
+    Hypothesis,
+    Whitener,
+    gather,
+    quadratic,
+    solve,
+)
+from par4_identification.diagnosis.motion_library import joined, motion_library
+from par4_identification.diagnosis.observations import observe
+from par4_identification.log import Log
+from par4_identification.rows import Run, runs_of_log
+from par4_kinematics.motion import Motion
+from par4_kinematics.robot import Robot
+
+WANTED = 30.0
+"""Expected separation at which a motion decides: chance moves it by about sqrt(2 separation), so
+that it will exceed the margin of 10 within which names are twins."""
+LONGEST = 60.0
+"""s of motion that may be asked for."""
+
+
+Programme = tuple[Motion, ...]
+"""Motions that are run one after the other."""
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """Two names that explain the data alike, in the model beside the same other causes.
+
+    Attributes:
+        first, second: at their best shapes.
+        others: the other causes.
+    """
+
+    first: Hypothesis
+    second: Hypothesis
+    others: tuple[Hypothesis, ...]
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Names of the two effects."""
+        return self.first.effect.name, self.second.effect.name
+
+
+@dataclass(frozen=True)
+class Separation:
+    """What is known of telling two names apart.
+
+    Attributes:
+        names: of the effects, the stronger first.
+        present: difference of log-likelihood on the data at hand, first over second.
+        expected: the same behind the next motion, whichever is true.
+        most: expected of the motion of the library that is best for these two, repeated as long
+            as may be.
+        separated: True where the next motion decides between them.
+    """
+
+    names: tuple[str, str]
+    present: float
+    expected: float
+    most: float
+    separated: bool
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """The next motion, or why there is none.
+
+    Attributes:
+        motion: None where no motion of the library separates any pair.
+        separations: of each pair of names.
+    """
+
+    motion: Motion | None
+    separations: tuple[Separation, ...]
+
+    @property
+    def separates(self) -> tuple[tuple[str, str], ...]:
+        """Pairs between which the motion decides."""
+        return tuple(item.names for item in self.separations if item.separated)
+
+    @property
+    def expected_separation(self) -> float:
+        """The smallest expected separation of these pairs."""
+        return min(item.expected for item in self.separations if item.separated)
+
+
+def next_experiment(evidence: Evidence, hypotheses: Sequence[Hypothesis],
+                    twins: Sequence[Sequence[Effect]], robot: Robot, model_file: ModelFile,
+                    seed: int = 0) -> NextExperiment | None:
+    """Return the motion that separates the causes from their twins, None without twins.
+
+    Args:
+        evidence: whitened rows of the data at hand.
+        hypotheses: the causes.
+        twins: of each cause.
+        robot: the machine.
+        model_file: the extended model, for the torque that a motion takes.
+        seed: of the random motions.
+
+    Raises:
+        InputError: drives that do not even hold the platform, or a workspace out of reach.
+    """
+    pairs = [rivals(evidence, hypotheses, cause, twin)
+             for cause, names in enumerate(twins) for twin in names]
+    if not pairs:
+        return None
+    prospect = Prospect(evidence, robot, model_file)
+    trials = [Trial(prospect, pair) for pair in pairs]
+    motions = motion_library(robot, prospect.model, seed)
+    best = [_choose([trial], [(motion,) for motion in motions]) for trial in trials]
+    programmes = [(motion,) for motion in motions] + list({
+        tuple(sorted(motion.name for motion in couple)): couple
+        for couple in (first + second for first in best for second in best if first != second)
+    }.values()) if len(trials) > 1 else best
+    chosen = _choose(trials, programmes)
+    motion = joined(chosen * _times(chosen, trials), ' and '.join(part.name for part in chosen),
+                    robot)
+    found = []
+    for trial, own in zip(trials, best, strict=True):
+        expected = trial.exact((motion,))
+        found.append(Separation(trial.pair.names, trial.present, expected,
+                                trial.exact(own, _most_times(own)), expected >= WANTED))
+    separated = any(item.separated for item in found)
+    return NextExperiment(motion if separated else None, tuple(found))
+
+
+def rivals(evidence: Evidence, hypotheses: Sequence[Hypothesis], cause: int, twin: Effect
+           ) -> Rivals:
+    """Return a cause and its twin, the twin at the shape that suits the data best."""
+    others = tuple(item for number, item in enumerate(hypotheses) if number != cause)
+    target = evidence.target
+
+    def left(shape: Shape) -> float:
+        design = evidence.design([*others, _everywhere(evidence, twin, shape)])
+        return squared_rest(moments(design, target))
+
+    shape, _ = least(twin, shapes_of(evidence, twin), left)
+    return Rivals(hypotheses[cause], _everywhere(evidence, twin, shape), others)
+
+
+def _everywhere(evidence: Evidence, effect: Effect, shape: Shape) -> Hypothesis:
+    return Hypothesis(effect, shape, tuple(range(evidence.observations.joints)))
+
+
+def shapes_of(evidence: Evidence, effect: Effect) -> tuple[Shape, ...]:
+    """Return the shapes of an effect worth trying on the longest run of the data."""
+    return effect.shapes(max(evidence.observations.runs, key=lambda run: len(run.t)).state)
+
+
+def least(effect: Effect, shapes: Sequence[Shape], cost: Callable[[Shape], float]
+          ) -> tuple[Shape, float]:
+    """Return the shape of least cost, sought around the best of `shapes`, and its cost."""
+    costs = [cost(shape) for shape in shapes]
+    best = int(np.argmin(costs))
+    shape, lowest = shapes[best], costs[best]
+    for step in (1.0, 0.5, 0.25):
+        around = effect.refined(shape, step)
+        if len(around) < 2:
+            break
+        costs = [cost(item) for item in around]
+        best = int(np.argmin(costs))
+        if costs[best] < lowest:
+            shape, lowest = around[best], costs[best]
+    return shape, lowest
+
+
+def moments(design: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """Return the products (c + 1, c + 1) of a design (N, c) with a signal (N,) as last column.
+
+    Those of several stretches of rows add up, and hold all that least squares need.
+    """
+    columns = np.column_stack((design, signal))
+    return columns.T @ columns
+
+
+def squared_rest(products: np.ndarray) -> float:
+    """Return the squared residual of the last column of `moments` after its other columns."""
+    gram, moment = products[:-1, :-1], products[:-1, -1]
+    return float(max(products[-1, -1] - quadratic(gram, moment, np.diag(gram)), 0.0))
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """The data at hand, and rows of motions as they would be if they were run.
+
+    Attributes:
+        evidence: of the data at hand.
+        robot: the machine.
+        model_file: the extended model.
+    """
+
+    evidence: Evidence
+    robot: Robot
+    model_file: ModelFile
+    _kept: dict[str, Evidence] = field(default_factory=dict)
+
+    @cached_property
+    def model(self) -> Model:
+        """The model without effects that gave the data their nominal torque."""
+        nominal = self.evidence.observations.runs[0].state.nominal
+        return Model(self.model_file.rigid_body, dict(nominal.values), self.robot.bodies,
+                     torque_limit=self.model_file.torque_limit)
+
+    def of_motion(self, motion: Motion) -> Evidence:
+        """Return the whitened rows of a motion, its torque zero; computed once."""
+        if motion.name not in self._kept:
+            runs = [replace(run, state=replace(run.state, nominal=self.model.nominal(run.state)))
+                    for run in self._runs(motion)]
+            whitener = Whitener(self.evidence.whitener.noise, tuple(run.valid for run in runs))
+            self._kept[motion.name] = gather(
+                observe(runs, self.robot, self.model_file.rigid_body, None), whitener)
+        return self._kept[motion.name]
+
+    def _runs(self, motion: Motion) -> list[Run]:
+        log = Log(name=motion.name, joint_names=self.robot.joint_names, start_stamp=0,
+                  period=motion.period, t=motion.t, q=motion.q, tau=np.zeros_like(motion.q),
+                  segments=(slice(0, len(motion.t)),), reference=None, accounts=None)
+        return runs_of_log(log, self.robot, self.evidence.observations.runs[0].conditioning)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A pair of names on trial.
+
+    Attributes:
+        prospect: old rows and those of motions.
+        pair: the names.
+    """
+
+    prospect: Prospect
+    pair: Rivals
+    _kept: dict = field(default_factory=dict)
+
+    @cached_property
+    def present(self) -> float:
+        """Difference of log-likelihood on the data at hand, first over second."""
+        evidence, rest = self.prospect.evidence, []
+        for hypothesis in (self.pair.first, self.pair.second):
+            design = evidence.design([*self.pair.others, hypothesis])
+            rest.append(squared_rest(moments(design, evidence.target)))
+        return 0.5 * (rest[1] - rest[0])
+
+    def bound(self, motions: Programme, times: int = 1) -> float:
+        """Return at least the expected separation: the rival's shape is that of the old data."""
+        return min(0.5 * self._rest(number, self._sides[1 - number].shape, motions, times)
+                   for number in (0, 1))
+
+    def exact(self, motions: Programme, times: int = 1) -> float:
+        """Return the expected separation of motions run so many times, any shape of the rival."""
+        return min(self._least_rest(number, motions, times) for number in (0, 1))
+
+    @property
+    def _sides(self) -> tuple[Hypothesis, Hypothesis]:
+        return self.pair.first, self.pair.second
+
+    def _least_rest(self, number: int, motions: Programme, times: int) -> float:
+        rival = self._sides[1 - number]
+        shapes = (rival.shape, *shapes_of(self.prospect.evidence, rival.effect))
+        _, rest = least(rival.effect, shapes,
+                        lambda shape: self._rest(number, shape, motions, times))
+        return 0.5 * rest
+
+    def _rest(self, number: int, shape: Shape, motions: Programme, times: int) -> float:
+        """Return the squared residual if name `number` is true and its rival has a shape."""
+        return squared_rest(self._moments(number, shape, None) + times * sum(
+            self._moments(number, shape, motion) for motion in motions))
+
+    def _moments(self, number: int, shape: Shape, motion: Motion | None) -> np.ndarray:
+        """Return the moments of the old rows, or of those of a motion; computed once."""
+        key = (number, tuple(sorted(shape.items())), motion and motion.name)
+        if key not in self._kept:
+            evidence = (self.prospect.evidence if motion is None
+                        else self.prospect.of_motion(motion))
+            truth, rival = self._sides[number], self._sides[1 - number]
+            design = evidence.design([*self.pair.others,
+                                      _everywhere(evidence, rival.effect, shape)])
+            self._kept[key] = moments(design, evidence.columns(truth) @ self._fitted[number])
+        return self._kept[key]
+
+    @cached_property
+    def _fitted(self) -> tuple[np.ndarray, np.ndarray]:
+        """Stacked coefficients of either name, each beside the other causes, on the old data."""
+        evidence, found = self.prospect.evidence, []
+        for hypothesis in self._sides:
+            fit = solve(evidence, [*self.pair.others, hypothesis])
+            found.append(hypothesis.stacked(fit.coefficients[-1]))
+        return found[0], found[1]
+
+
+Worth = tuple[int, float]
+"""Number of pairs that a programme decides, and separation a second of the least of them."""
+
+
+def _most_times(programme: Programme) -> int:
+    """Return how often a programme can be run in the time that may be asked for."""
+    return max(1, int(LONGEST / sum(motion.duration for motion in programme)))
+
+
+def _times(programme: Programme, trials: Sequence[Trial]) -> int:
+    """Return how often a programme must run to decide all pairs that it can decide."""
+    most = _most_times(programme)
+    able = [trial for trial in trials if trial.exact(programme, most) >= WANTED]
+    return next((times for times in range(1, most)
+                 if all(trial.exact(programme, times) >= WANTED for trial in able)), most)
+
+
+def _worth(programme: Programme, separations: Sequence[float]) -> Worth:
+    """Return the worth by the separations at `_most_times`."""
+    decided = [item for item in separations if item >= WANTED]
+    return len(decided), min(decided or separations) / (
+        _most_times(programme) * sum(motion.duration for motion in programme))
+
+
+def _choose(trials: Sequence[Trial], programmes: Sequence[Programme]) -> Programme:
+    """Return the programme of most worth.
+
+    A bound is quick, the exact separation is not; no worth exceeds what the bounds say, so that
+    only programmes with the highest bounds need the exact one.
+    """
+    worths = [_worth(item, [trial.bound(item, _most_times(item)) for trial in trials])
+              for item in programmes]
+    exact: set[int] = set()
+    while True:
+        best = max(range(len(programmes)), key=lambda number: worths[number])
+        programme = programmes[best]
+        if best in exact:
+            return programme
+        exact.add(best)
+        worths[best] = _worth(programme, [trial.exact(programme, _most_times(programme))
+                                          for trial in trials])
