@@ -15,15 +15,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 from plants import add_plants
 from rich.console import Console
 from rich.table import Table
 from rosbags.highlevel import AnyReader
+from torque import add_torque
 
-from par4_dynamics.base_terms import base_columns
 from par4_dynamics.model import read_model
-from par4_dynamics.state import state_of_joints, state_of_platform
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.log import read_log
 from par4_kinematics.excitation import excitation_motion
@@ -46,27 +44,6 @@ def seconds(work: Callable[[], object], repeats: int = 3) -> float:
     return min(times)
 
 
-def mathematics(robot: Robot, table: Table) -> None:
-    """Add the speed of kinematics and dynamics, one core."""
-    motion = excitation_motion(robot, duration=30.0, seed=1)
-    model = read_model('table1_full', robot)
-
-    def from_platform() -> np.ndarray:
-        return model.torque(state_of_platform(robot.geometry, motion.t, motion.x, motion.xd,
-                                              motion.xdd))
-
-    def from_joints() -> np.ndarray:
-        return model.torque(state_of_joints(robot.geometry, motion.t, motion.q, motion.qd,
-                                            motion.qdd))
-
-    state = state_of_joints(robot.geometry, motion.t, motion.q, motion.qd, motion.qdd)
-    for name, work in (('torque from platform motion', from_platform),
-                       ('torque from joint motion, forward kinematics included', from_joints),
-                       ('regressor', lambda: base_columns(state))):
-        work()
-        table.add_row(name, f'{len(motion.t) / seconds(work) / 1e6:.2f} million samples/s')
-
-
 def pipeline(robot: Robot, table: Table) -> None:
     """Add the offline tools' work on a bag of 30 s."""
     model = read_model('table1_full', robot)
@@ -81,7 +58,7 @@ def pipeline(robot: Robot, table: Table) -> None:
         ten_minutes(bag, Path(folder), table)
         log = read_log(bag, robot)
         spent = seconds(lambda: diagnose([log], robot), 2)
-        table.add_row('diagnosis of 30 s, the library of four effects',
+        table.add_row('diagnosis of 30 s, the whole library',
                       f'{spent:.1f} s, {motion.duration / spent:.0f} x real time')
 
 
@@ -135,7 +112,7 @@ def main() -> None:
     table = Table('what', 'measured', 'target',
                   title=f'{platform.machine()}, Python {platform.python_version()}')
     add_plants(robot, table)
-    mathematics(robot, table)
+    add_torque(robot, table)
     pipeline(robot, table)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     table.add_row('peak memory of this run', f'{memory:.0f} MiB')

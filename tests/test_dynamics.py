@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from par4_dynamics.base_terms import base_columns, base_terms, unmodelled_columns
+from par4_dynamics.base_terms import (
+    BASE_TERMS,
+    UNMODELLED,
+    base_columns,
+    base_terms,
+    unmodelled_columns,
+)
 from par4_dynamics.mechanism import (
     forward_dynamics,
     joint_mass_matrix,
@@ -17,12 +24,14 @@ from par4_dynamics.mechanism import (
 )
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import ModelFile, read_model_file, write_model_file
+from par4_dynamics.rigid_body import COLUMNS
 from par4_dynamics.state import GRAVITY, state_of_joints, state_of_platform
-from par4_kinematics.errors import InputError
+from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.files import write_text
+from par4_kinematics.geometry import HOME
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.velocity import AT_D, AT_D2, jacobian
-from robots import OTHER, REFERENCE, other_model, random_poses
+from robots import OTHER, REFERENCE, model_with, other_model, random_poses
 
 MACHINES = [(REFERENCE, read_model('table1', REFERENCE)),
             (REFERENCE, read_model('table1_full', REFERENCE)),
@@ -178,6 +187,83 @@ def test_regressor_times_values_is_inverse_dynamics(robot, model):
         unit = {name: np.zeros(4) for name in model.values} | {term.name: np.ones(4)}
         np.testing.assert_allclose(replace(model, values=unit).base_torque(state),
                                    columns[..., index], atol=1e-12)
+
+
+@pytest.mark.parametrize(('robot', 'model'), MACHINES, ids=IDS)
+def test_each_joint_may_have_values_of_its_own(robot, model):
+    state, random = moving_state(robot), np.random.default_rng(4)
+    own = replace(model, values={name: value * random.uniform(0.5, 1.5, 4)
+                                 for name, value in model.values.items()})
+    chi = np.array([own.values[term.name] for term in base_terms(state)])
+    np.testing.assert_allclose(np.einsum('njp,pj->nj', base_columns(state), chi),
+                               own.base_torque(state), atol=1e-12)
+
+
+def test_order_of_the_columns_is_that_of_the_base_terms():
+    assert (*(term.name for term in BASE_TERMS), *UNMODELLED) == COLUMNS
+    assert UNMODELLED == ('rod_mass', 'bar_mass', 'theta_inertia')
+
+
+def test_layout_of_a_state_in_memory_does_not_matter():
+    model, state = MACHINES[1][1], moving_state(REFERENCE, 50)
+    other = replace(state, **{name: np.asfortranarray(getattr(state, name))
+                              for name in ('x', 'xd', 'xdd', 'q', 'qd', 'qdd')})
+    assert np.array_equal(model.torque(other), model.torque(state))
+    assert np.array_equal(base_columns(other), base_columns(state))
+
+
+@pytest.mark.parametrize('shape', [(), (1,), (5,), (2, 3)])
+@pytest.mark.parametrize(('robot', 'model'), MACHINES, ids=IDS)
+def test_torque_straight_from_a_motion_is_that_of_its_state(robot, model, shape):
+    """One sample takes another way than many."""
+    state = moving_state(robot, max(1, math.prod(shape)))
+    expected = model.torque(state)
+    wide = (*shape, 4)
+    platform = (part.reshape(wide) for part in (state.x, state.xd, state.xdd))
+    joints = (part.reshape(wide) for part in (state.q, state.qd, state.qdd))
+    for found, close in ((model.torque_of_platform(robot.geometry, *platform), 1e-11),
+                         (model.torque_of_joints(robot.geometry, *joints), 1e-7)):
+        assert found.shape == wide
+        np.testing.assert_allclose(found.reshape(-1, 4), expected, atol=close)
+
+
+def test_torque_straight_from_a_motion_knows_the_effects_and_their_time():
+    plain = read_model('table1', REFERENCE)
+    model = model_with(plain, 'friction_drift', drop=0.5, time_constant=10.0)
+    state = moving_state(REFERENCE, 1)
+    for now in (0.0, 20.0):
+        expected = model.torque(replace(state, t=np.array((now,))))[0]
+        assert (np.abs(expected - plain.torque(state)).max() > 0.1) == (now > 0.0)
+        for found in (
+                model.torque_of_platform(REFERENCE.geometry, state.x[0], state.xd[0],
+                                         state.xdd[0], now),
+                model.torque_of_joints(REFERENCE.geometry, state.q[0], state.qd[0], state.qdd[0],
+                                       now)):
+            np.testing.assert_allclose(found, expected, atol=1e-7)
+
+
+@pytest.mark.parametrize(('pose', 'error', 'words'), [
+    ((0.0, 0.0, -2.0, 0.0), UnreachableError, 'pose 0 .*leg 0 cannot'),
+    ((0.0, np.nan, -0.78, 0.0), InputError, 'x: .* found nan in sample 0, column 1'),
+    ((0.0, 0.0, -np.inf, 0.0), InputError, 'x: .* found -inf in sample 0, column 2'),
+    ((0.0, 0.0, -0.78), InputError, 'matching shape'),
+])
+def test_one_sample_is_checked_as_many_are(pose, error, words):
+    model, still = read_model('table1', REFERENCE), np.zeros(4)
+    with pytest.raises(error, match=words):
+        model.torque_of_platform(REFERENCE.geometry, pose, still, still)
+    with pytest.raises(InputError, match='xdd: .* found nan'):
+        model.torque_of_platform(REFERENCE.geometry, HOME, still, [np.nan] * 4)
+
+
+def test_one_sample_of_joints_is_checked_as_many_are():
+    model, still = read_model('table1', REFERENCE), np.zeros(4)
+    for q, error, words in (((-1.5, 1.5, -1.5, 1.5), UnreachableError, 'does not close'),
+                            ((0.3, np.nan, 0.3, 0.3), InputError, 'found nan in sample 0')):
+        with pytest.raises(error, match=words):
+            model.torque_of_joints(REFERENCE.geometry, q, still, still)
+    with pytest.raises(InputError, match='found nan'):
+        model.torque_of_joints(REFERENCE.geometry, [0.3] * 4, [np.nan] * 4, still)
 
 
 def test_forces_on_the_platform_do_the_work_of_the_joints():

@@ -10,6 +10,7 @@ import pytest
 from par4_kinematics.acceleration import joint_motion, platform_motion
 from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.geometry import HOME, Geometry
+from par4_kinematics.linear_solve import inverse_columns
 from par4_kinematics.position import forward_kinematics, inverse_kinematics, loop_opening
 from par4_kinematics.robot import Robot, read_robot
 from par4_kinematics.velocity import (
@@ -195,6 +196,58 @@ def test_jacobians_are_the_derivatives_of_inverse_kinematics(robot, point):
     assert np.abs(j_x / j_q[..., None] - expected).max() < 1e-7 * scale
     identity = jacobian(geometry, x, point) @ expected
     assert np.abs(identity - np.eye(4)).max() < 1e-6
+
+
+@ROBOTS
+def test_closed_form_inverse_is_that_of_general_elimination(robot):
+    x = poses_in(robot, 300, 11)
+    x[:, 3] *= math.radians(75.0) / robot.limits.workspace.theta
+    j_x, _ = jacobian_parts(robot.geometry, x[reachable(robot.geometry, x)])
+    assert len(j_x) > 200
+    for matrix in j_x:
+        found = np.array(inverse_columns(*(tuple(row) for row in matrix[:, :3]), *matrix[:2, 3])).T
+        expected = np.linalg.inv(matrix)
+        assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize('rows', [
+    ((1.0, 2.0, 3.0), (3.0, 2.0, 1.0), (1.0, 0.0, 1.0), (2.0, 0.0, 2.0), 0.1, 0.2),
+    ((1.0, 2.0, 3.0), (3.0, 2.0, 1.0), (1.0, 0.0, 1.0), (0.0, 1.0, 2.0), 0.0, 0.0),
+    ((1.0, 2.0, 3.0), (1.0, 2.0, 3.0), (1.0, 0.0, 1.0), (0.0, 1.0, 2.0), 0.1, 0.1),
+], ids=['parallel forearms', 'no lever', 'legs 0 and 1 alike'])
+def test_singular_jacobian_has_no_finite_inverse(rows):
+    assert not np.isfinite(inverse_columns(*rows)).all()
+
+
+@ROBOTS
+def test_a_sample_does_not_depend_on_how_many_there_are(robot):
+    """Samples are computed several at a time, the last ones one by one."""
+    motion = path(robot, np.linspace(0.0, 1.0, 21))
+    joints = joint_motion(robot.geometry, *motion)
+    forth = (joints.q, joints.qd, joints.qdd)
+    platform = platform_motion(robot.geometry, *forth)
+    for count in range(1, 21):
+        some = joint_motion(robot.geometry, *(part[:count] for part in motion))
+        back = platform_motion(robot.geometry, *(part[:count] for part in forth))
+        for found, whole in ((some.q, joints.q), (some.qd, joints.qd), (some.qdd, joints.qdd),
+                             (back.x, platform.x), (back.xd, platform.xd),
+                             (back.xdd, platform.xdd)):
+            np.testing.assert_allclose(found, whole[:count], rtol=1e-12, atol=1e-12)
+
+
+@ROBOTS
+@pytest.mark.parametrize('layout', [np.asfortranarray, lambda part: np.repeat(part, 2, axis=0)[::2],
+                                    lambda part: np.hstack((part, part))[:, 4:]],
+                         ids=['by columns', 'every other row', 'part of wider rows'])
+def test_layout_in_memory_does_not_matter(robot, layout):
+    motion = path(robot, np.linspace(0.0, 1.0, 50))
+    joints = joint_motion(robot.geometry, *motion)
+    again = joint_motion(robot.geometry, *(layout(part) for part in motion))
+    assert np.array_equal(again.q, joints.q)
+    assert np.array_equal(again.qdd, joints.qdd)
+    forth = (joints.q, joints.qd, joints.qdd)
+    assert np.array_equal(platform_motion(robot.geometry, *(layout(part) for part in forth)).xdd,
+                          platform_motion(robot.geometry, *forth).xdd)
 
 
 @ROBOTS

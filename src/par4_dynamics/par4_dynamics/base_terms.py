@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
+from par4_dynamics.rigid_body import (
+    COLUMNS,
+    rigid_body_columns,
+    rigid_body_torque,
+    value_table,
+)
 from par4_dynamics.state import State
 from par4_kinematics.robot import Bodies
 
@@ -40,7 +46,7 @@ BASE_TERMS = (
 )
 """In the order of (23)."""
 
-UNMODELLED = ('rod_mass', 'bar_mass', 'theta_inertia')
+UNMODELLED = COLUMNS[len(BASE_TERMS):]
 """Parameters of the full mechanism that (20) leaves out, in the order of their columns."""
 
 
@@ -52,19 +58,35 @@ def base_terms(state: State) -> tuple[BaseTerm, ...]:
 
 def base_columns(state: State) -> np.ndarray:
     """Return the regressor W of (22), (n, J, p), in the order of `base_terms(state)`."""
-    friction = np.stack((np.sign(state.qd), state.qd), axis=-1)
     if state.geometry is None:
-        return np.concatenate((state.qdd[..., None], friction), axis=-1)
-    return np.concatenate((rigid_body_columns(state)[..., :4], friction), axis=-1)
+        return np.stack((state.qdd, np.sign(state.qd), state.qd), axis=-1)
+    return rigid_body_columns(state, len(BASE_TERMS))
 
 
 def unmodelled_columns(state: State) -> np.ndarray:
     """Return the columns (n, 4, 3) of `UNMODELLED`: full mechanism minus (20), per unit."""
-    return rigid_body_columns(state)[..., COLUMNS.index('rod_mass'):]
+    return rigid_body_columns(state)[..., len(BASE_TERMS):]
+
+
+def torque_of_values(state: State, values: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the torque (n, J), N m, of base terms and `UNMODELLED` with these values.
+
+    Args:
+        state: the motion.
+        values: name -> one number or (J,); those that are not named are zero.
+    """
+    if state.geometry is not None:
+        return rigid_body_torque(state, value_table(values))
+    chi = np.stack([np.broadcast_to(values.get(term.name, 0.0), (state.joints,))
+                    for term in base_terms(state)])
+    return np.einsum('njp,pj->nj', base_columns(state), chi)
+
+
+def values_of_bodies(bodies: Bodies) -> dict[str, float]:
+    """Return the values of `UNMODELLED` for known rods, bars and theta inertia."""
+    return {name: getattr(bodies, name) for name in UNMODELLED}
 
 
 def distributed_torque(bodies: Bodies, state: State) -> np.ndarray:
     """Return the torque (n, J), N m, that known rods, bars and theta inertia add to (20)."""
-    if state.geometry is None:
-        return np.zeros_like(state.q)
-    return unmodelled_columns(state) @ (bodies.rod_mass, bodies.bar_mass, bodies.theta_inertia)
+    return torque_of_values(state, values_of_bodies(bodies))

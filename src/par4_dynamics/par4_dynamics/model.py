@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from par4_dynamics.base_terms import BASE_TERMS, base_columns, base_terms, distributed_torque
+from par4_dynamics.base_terms import BASE_TERMS, torque_of_values, values_of_bodies
 from par4_dynamics.effects.catalogue import effect_named
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.mechanism import LumpedBodies, physical_bodies
 from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file
-from par4_dynamics.state import Nominal, State
+from par4_dynamics.rigid_body import (
+    torque_of_joints_sample,
+    torque_of_platform_sample,
+    value_table,
+)
+from par4_dynamics.state import Nominal, State, state_of_joints, state_of_platform
+from par4_kinematics.arrays import as_matching_rows
 from par4_kinematics.errors import InputError
+from par4_kinematics.geometry import LEGS, Geometry
 from par4_kinematics.robot import Axis, Bodies, Robot
+
+FRICTION = ('coulomb_friction', 'viscous_friction')
+"""Base parameters that are no bodies."""
 
 
 @dataclass(frozen=True)
@@ -55,41 +68,97 @@ class Model:
 
     def base_torque(self, state: State) -> np.ndarray:
         """Return W chi (n, J), N m: equation (20)."""
-        columns = base_columns(state)
-        chi = np.stack([self.values[term.name] for term in base_terms(state)])
-        return np.einsum('njp,pj->nj', columns, chi)
+        return torque_of_values(state, self.values)
 
     def distributed_torque(self, state: State) -> np.ndarray:
         """Return what distributed bodies add to (20), (n, J) N m; zero for `paper`."""
-        return (distributed_torque(self.bodies, state) if self.rigid_body == 'full'
-                else np.zeros_like(state.q))
+        return torque_of_values(state, self._distributed)
 
     def rigid_torque(self, state: State) -> np.ndarray:
         """Return the torque of the bodies alone, no friction, no effects, (n, J) N m."""
-        return self.base_torque(state) - self.friction_torque(state) + self.distributed_torque(state)
+        return torque_of_values(state, {name: value for name, value in self._linear.items()
+                                        if name not in FRICTION})
 
     def friction_torque(self, state: State) -> np.ndarray:
         """Return Coulomb and viscous friction of (20), (n, J) N m."""
-        return (self.values['coulomb_friction'] * np.sign(state.qd)
-                + self.values['viscous_friction'] * state.qd)
+        return torque_of_values(state, {name: self.values[name] for name in FRICTION})
 
     def nominal(self, state: State) -> Nominal:
         """Return the torque of a motion without effects, as effects refer to it."""
-        torque = self.base_torque(state) + self.distributed_torque(state)
-        return Nominal(torque, self.friction_torque(state), self.values, self.rigid_torque)
+        return Nominal(torque_of_values(state, self._linear), self.friction_torque(state),
+                       self.values, self.rigid_torque)
 
     def known_torque(self, state: State) -> np.ndarray:
         """Return what is not linear in the base parameters (n, J): bodies and effects."""
-        total = self.distributed_torque(state)
-        if any(active.effect.needs_nominal for active in self.effects):
-            state = replace(state, nominal=self.nominal(state))
-        for active in self.effects:
-            total = total + active.torque(state)
-        return total
+        return self._with_effects(state, self.distributed_torque(state))
 
     def torque(self, state: State) -> np.ndarray:
         """Return the joint torques (n, J), N m, that this motion needs."""
-        return self.base_torque(state) + self.known_torque(state)
+        return self._with_effects(state, torque_of_values(state, self._linear))
+
+    def torque_of_platform(self, geometry: Geometry, x: ArrayLike, xd: ArrayLike, xdd: ArrayLike,
+                           t: ArrayLike = 0.0) -> np.ndarray:
+        """Return the joint torques (..., 4), N m, of platform motion x, xd, xdd (..., 4) at t.
+
+        Quick for one sample (4,) of a model without effects: control loops.
+
+        Raises:
+            UnreachableError: a pose that a leg cannot reach.
+            InputError: shapes that do not match or values that are not finite.
+        """
+        torque = self._torque_of_one(torque_of_platform_sample, geometry, x, xd, xdd)
+        if torque is not None:
+            return torque
+        (x, xd, xdd), leading = as_matching_rows({'x': x, 'xd': xd, 'xdd': xdd})
+        t = np.broadcast_to(t, leading).reshape(-1)
+        return self.torque(state_of_platform(geometry, t, x, xd, xdd)).reshape((*leading, LEGS))
+
+    def torque_of_joints(self, geometry: Geometry, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike,
+                         t: ArrayLike = 0.0) -> np.ndarray:
+        """Return the joint torques (..., 4), N m, of joint motion q, qd, qdd (..., 4) at t.
+
+        Quick for one sample (4,) of a model without effects: control loops.
+
+        Raises:
+            UnreachableError: joint positions with which the mechanism does not close.
+            InputError: shapes that do not match or values that are not finite.
+        """
+        torque = self._torque_of_one(torque_of_joints_sample, geometry, q, qd, qdd)
+        if torque is not None:
+            return torque
+        (q, qd, qdd), leading = as_matching_rows({'q': q, 'qd': qd, 'qdd': qdd})
+        t = np.broadcast_to(t, leading).reshape(-1)
+        return self.torque(state_of_joints(geometry, t, q, qd, qdd)).reshape((*leading, LEGS))
+
+    def _torque_of_one(self, sample: Callable, geometry: Geometry, *motion: ArrayLike
+                       ) -> np.ndarray | None:
+        """Return the torques (4,) of one sample, None if it is not one or not so simple."""
+        if self.effects or any(np.shape(part) != (LEGS,) for part in motion):
+            return None
+        torque = np.empty(LEGS)
+        if sample(geometry.packed, self._table, np.array(motion, dtype=float), torque):
+            return torque
+        return None  # what is wrong is for the checks to say
+
+    @cached_property
+    def _distributed(self) -> dict[str, float]:
+        return values_of_bodies(self.bodies) if self.rigid_body == 'full' else {}
+
+    @cached_property
+    def _linear(self) -> dict[str, np.ndarray | float]:
+        """All that the torque is linear in but the effects: parameter -> value."""
+        return {**self.values, **self._distributed}
+
+    @cached_property
+    def _table(self) -> np.ndarray:
+        return value_table(self._linear)
+
+    def _with_effects(self, state: State, torque: np.ndarray) -> np.ndarray:
+        if any(active.effect.needs_nominal for active in self.effects):
+            state = replace(state, nominal=self.nominal(state))
+        for active in self.effects:
+            torque = torque + active.torque(state)
+        return torque
 
     def lumped_bodies(self) -> LumpedBodies:
         """Return the rigid bodies as the equations of motion take them.

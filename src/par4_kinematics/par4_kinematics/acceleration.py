@@ -5,19 +5,17 @@ The dots of this relation and of (15) are missing in the paper's print.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from par4_kinematics.arrays import as_matching_rows
+from par4_kinematics.arrays import as_matching_rows, four, put_four, two
 from par4_kinematics.geometry import LEGS, Geometry
-from par4_kinematics.leg import curvature, plate_velocity
-from par4_kinematics.linear_solve import solve_in_place
-from par4_kinematics.position import forward_kinematics, inverse_kinematics
-from par4_kinematics.velocity import AT_D, jacobians_sample
+from par4_kinematics.leg import bar_lever, closed_leg, curvature, joint_lever, plate_velocity
+from par4_kinematics.linear_solve import combined, inverse_columns
+from par4_kinematics.position import forward_kinematics, inverse_kinematics, turns_of
 
 
 @dataclass(frozen=True)
@@ -38,53 +36,128 @@ class PlatformMotion:
     xdd: np.ndarray
 
 
-@numba.njit(cache=True, error_model='numpy')
-def _curvatures(packed, x, xd, q, qd, j_x, result):
-    """Write b (4,) of J_x Xddot = J_q qddot + b; the first columns of j_x (4, 4) are A_iB_i."""
-    cosine, sine = math.cos(x[3]), math.sin(x[3])
-    for leg in range(4):
-        v_x, v_y = plate_velocity(packed, xd[0], xd[1], xd[3], cosine, sine, leg)
-        result[leg] = curvature(packed, j_x[leg, 0], j_x[leg, 1], j_x[leg, 2], v_x, v_y, xd[2],
-                                xd[3], qd[leg], math.cos(q[leg]), math.sin(q[leg]), cosine, sine,
-                                leg)
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def joint_speed(packed, reach, xd, cosine, sine, leg):
+    """Return qd of one leg; reach of `closed_leg`, xd a tuple of four."""
+    ab_x, ab_y, ab_z, cos_q, sin_q = reach
+    v_x, v_y = plate_velocity(packed, xd[0], xd[1], xd[3], cosine, sine, leg)
+    return (ab_x * v_x + ab_y * v_y + ab_z * xd[2]) / joint_lever(packed, ab_x, ab_y, ab_z, cos_q,
+                                                                  sin_q, leg)
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def bias(packed, reach, xd, qd, cosine, sine, leg):
+    """Return b_i of J_x Xddot = J_q qddot + b of one leg; reach of `closed_leg`."""
+    ab_x, ab_y, ab_z, cos_q, sin_q = reach
+    v_x, v_y = plate_velocity(packed, xd[0], xd[1], xd[3], cosine, sine, leg)
+    return curvature(packed, ab_x, ab_y, ab_z, v_x, v_y, xd[2], xd[3], qd, cos_q, sin_q, cosine,
+                     sine, leg)
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def joint_acceleration(packed, reach, xd, xdd, qd, cosine, sine, leg):
+    """Return qdd of one leg; reach of `closed_leg`, xd and xdd tuples of four."""
+    ab_x, ab_y, ab_z, cos_q, sin_q = reach
+    # what multiplies velocities in J_x Xdot multiplies accelerations in J_x Xddot
+    a_x, a_y = plate_velocity(packed, xdd[0], xdd[1], xdd[3], cosine, sine, leg)
+    return (ab_x * a_x + ab_y * a_y + ab_z * xdd[2]
+            - bias(packed, reach, xd, qd, cosine, sine, leg)) / joint_lever(
+                packed, ab_x, ab_y, ab_z, cos_q, sin_q, leg)
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def _pull(packed, reach, rate, leg):
+    """Return j_q times a rate of one joint."""
+    return rate * joint_lever(packed, reach[0], reach[1], reach[2], reach[3], reach[4], leg)
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def closed_legs(packed, x, y, z, cosine, sine):
+    """Return `closed_leg` of all legs and the columns of J_x^-1 at D."""
+    reach_0 = closed_leg(packed, x, y, z, cosine, sine, 0)
+    reach_1 = closed_leg(packed, x, y, z, cosine, sine, 1)
+    reach_2 = closed_leg(packed, x, y, z, cosine, sine, 2)
+    reach_3 = closed_leg(packed, x, y, z, cosine, sine, 3)
+    return (reach_0, reach_1, reach_2, reach_3), inverse_columns(
+        reach_0, reach_1, reach_2, reach_3,
+        -bar_lever(packed, reach_0[0], reach_0[1], cosine, sine),
+        -bar_lever(packed, reach_1[0], reach_1[1], cosine, sine))
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def joint_speeds(packed, reaches, xd, cosine, sine):
+    """Return qd, a tuple of four, of the platform's xd; reaches of `closed_legs`."""
+    return (joint_speed(packed, reaches[0], xd, cosine, sine, 0),
+            joint_speed(packed, reaches[1], xd, cosine, sine, 1),
+            joint_speed(packed, reaches[2], xd, cosine, sine, 2),
+            joint_speed(packed, reaches[3], xd, cosine, sine, 3))
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def joint_accelerations(packed, reaches, xd, xdd, qd, cosine, sine):
+    """Return qdd, a tuple of four, of the platform's xd and xdd; reaches of `closed_legs`."""
+    return (joint_acceleration(packed, reaches[0], xd, xdd, qd[0], cosine, sine, 0),
+            joint_acceleration(packed, reaches[1], xd, xdd, qd[1], cosine, sine, 1),
+            joint_acceleration(packed, reaches[2], xd, xdd, qd[2], cosine, sine, 2),
+            joint_acceleration(packed, reaches[3], xd, xdd, qd[3], cosine, sine, 3))
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def platform_speed(packed, reaches, inverse, qd):
+    """Return xd, a tuple of four, of the joints' qd; reaches and inverse of `closed_legs`."""
+    return combined(inverse, _pull(packed, reaches[0], qd[0], 0),
+                    _pull(packed, reaches[1], qd[1], 1), _pull(packed, reaches[2], qd[2], 2),
+                    _pull(packed, reaches[3], qd[3], 3))
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def platform_acceleration(packed, reaches, inverse, xd, qd, qdd, cosine, sine):
+    """Return xdd, a tuple of four, of xd and the joints' qd and qdd; see `platform_speed`."""
+    return combined(inverse,
+                    _pull(packed, reaches[0], qdd[0], 0)
+                    + bias(packed, reaches[0], xd, qd[0], cosine, sine, 0),
+                    _pull(packed, reaches[1], qdd[1], 1)
+                    + bias(packed, reaches[1], xd, qd[1], cosine, sine, 1),
+                    _pull(packed, reaches[2], qdd[2], 2)
+                    + bias(packed, reaches[2], xd, qd[2], cosine, sine, 2),
+                    _pull(packed, reaches[3], qdd[3], 3)
+                    + bias(packed, reaches[3], xd, qd[3], cosine, sine, 3))
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def joint_rates(packed, x, xd, xdd, cosine, sine):
+    """Return qd and qdd of one sample, tuples of four like x, xd, xdd; cosine, sine of theta."""
+    reaches, _ = closed_legs(packed, x[0], x[1], x[2], cosine, sine)
+    qd = joint_speeds(packed, reaches, xd, cosine, sine)
+    return qd, joint_accelerations(packed, reaches, xd, xdd, qd, cosine, sine)
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def platform_rates(packed, x, qd, qdd, cosine, sine):
+    """Return xd and xdd of one sample, tuples of four like x, qd, qdd; cosine, sine of theta."""
+    reaches, inverse = closed_legs(packed, x[0], x[1], x[2], cosine, sine)
+    xd = platform_speed(packed, reaches, inverse, qd)
+    return xd, platform_acceleration(packed, reaches, inverse, xd, qd, qdd, cosine, sine)
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _to_joint_rows(packed, x, xd, xdd, q, qd, qdd):
-    j_x, j_q, b = np.empty((4, 4)), np.empty(4), np.empty(4)
+def _joint_rate_rows(packed, x, xd, xdd, turns, qd, qdd):
     for row in range(x.shape[0]):
-        jacobians_sample(packed, x[row], q[row], AT_D, j_x, j_q)
-        for leg in range(4):
-            total = 0.0
-            for axis in range(4):
-                total += j_x[leg, axis] * xd[row, axis]
-            qd[row, leg] = total / j_q[leg]
-        _curvatures(packed, x[row], xd[row], q[row], qd[row], j_x, b)
-        for leg in range(4):
-            total = -b[leg]
-            for axis in range(4):
-                total += j_x[leg, axis] * xdd[row, axis]
-            qdd[row, leg] = total / j_q[leg]
+        cosine, sine = two(turns, row)
+        speeds, changes = joint_rates(packed, four(x, row), four(xd, row), four(xdd, row), cosine,
+                                      sine)
+        put_four(qd, row, speeds)
+        put_four(qdd, row, changes)
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _to_platform_rows(packed, q, qd, qdd, x, xd, xdd):
-    j_x, matrix = np.empty((4, 4)), np.empty((4, 4))
-    j_q, b = np.empty(4), np.empty(4)
-    column = np.empty((4, 1))
-    for row in range(q.shape[0]):
-        jacobians_sample(packed, x[row], q[row], AT_D, j_x, j_q)
-        matrix[:] = j_x
-        for leg in range(4):
-            column[leg, 0] = j_q[leg] * qd[row, leg]
-        solve_in_place(matrix, column)
-        xd[row] = column[:, 0]
-        _curvatures(packed, x[row], xd[row], q[row], qd[row], j_x, b)
-        matrix[:] = j_x
-        for leg in range(4):
-            column[leg, 0] = j_q[leg] * qdd[row, leg] + b[leg]
-        solve_in_place(matrix, column)
-        xdd[row] = column[:, 0]
+def _platform_rate_rows(packed, x, turns, qd, qdd, xd, xdd):
+    for row in range(x.shape[0]):
+        cosine, sine = two(turns, row)
+        speed, change = platform_rates(packed, four(x, row), four(qd, row), four(qdd, row), cosine,
+                                       sine)
+        put_four(xd, row, speed)
+        put_four(xdd, row, change)
 
 
 def joint_motion(geometry: Geometry, x: ArrayLike, xd: ArrayLike, xdd: ArrayLike) -> JointMotion:
@@ -97,7 +170,8 @@ def joint_motion(geometry: Geometry, x: ArrayLike, xd: ArrayLike, xdd: ArrayLike
     (x_rows, xd_rows, xdd_rows), leading = as_matching_rows({'x': x, 'xd': xd, 'xdd': xdd})
     q = inverse_kinematics(geometry, x_rows)
     qd, qdd = np.empty_like(q), np.empty_like(q)
-    _to_joint_rows(geometry.packed, x_rows, xd_rows, xdd_rows, q, qd, qdd)
+    turns = turns_of(x_rows)
+    _joint_rate_rows(geometry.packed, x_rows, xd_rows, xdd_rows, turns, qd, qdd)
     shape = (*leading, LEGS)
     return JointMotion(q.reshape(shape), qd.reshape(shape), qdd.reshape(shape))
 
@@ -113,6 +187,7 @@ def platform_motion(geometry: Geometry, q: ArrayLike, qd: ArrayLike, qdd: ArrayL
     (q_rows, qd_rows, qdd_rows), leading = as_matching_rows({'q': q, 'qd': qd, 'qdd': qdd})
     x = forward_kinematics(geometry, q_rows)
     xd, xdd = np.empty_like(x), np.empty_like(x)
-    _to_platform_rows(geometry.packed, q_rows, qd_rows, qdd_rows, x, xd, xdd)
+    turns = turns_of(x)
+    _platform_rate_rows(geometry.packed, x, turns, qd_rows, qdd_rows, xd, xdd)
     shape = (*leading, LEGS)
     return PlatformMotion(x.reshape(shape), xd.reshape(shape), xdd.reshape(shape))

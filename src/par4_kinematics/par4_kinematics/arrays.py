@@ -1,8 +1,19 @@
-"""Checked conversion between arrays with any leading axes and the rows the kernels work on."""
+"""Checked conversion between arrays with any leading axes and the rows the kernels work on.
+
+A kernel over rows that the compiler shall turn into vector instructions has no calls, branches or
+inner loops that stay, reads and writes rows by `four` and `put_four`, and few arrays: for each pair
+of one written and another it checks at run time that they do not overlap; beyond eight it gives up.
+"""
 
 from __future__ import annotations
 
+import numba
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
+from numba.np.arrayobj import make_array
 from numpy.typing import ArrayLike
 
 from par4_kinematics.errors import InputError
@@ -44,3 +55,64 @@ def as_matching_rows(name_to_values: dict[str, ArrayLike]) -> tuple[list[np.ndar
         row, leading = as_rows(array, name)
         rows.append(row)
     return rows, leading
+
+
+@intrinsic(prefer_literal=True)
+def _entry(typing_context, rows, width, row, column):  # noqa: ARG001
+    """Return rows[row, column] of rows (n, width); the compiler is told that it lies inside.
+
+    With this, and the distance between rows known, it can compile a loop over rows to vector
+    instructions; numba's own indexing leaves it to suspect that addresses wrap around.
+    """
+    _expect_contiguous(rows)
+
+    def generate(context, builder, signature, arguments):
+        return builder.load(_address(context, builder, signature, arguments))
+
+    return rows.dtype(rows, width, types.intp, types.intp), generate
+
+
+@intrinsic(prefer_literal=True)
+def _put_entry(typing_context, rows, width, row, column, value):  # noqa: ARG001
+    """Do rows[row, column] = value for rows (n, width), as `_entry` reads them."""
+    _expect_contiguous(rows)
+
+    def generate(context, builder, signature, arguments):
+        builder.store(arguments[4], _address(context, builder, signature, arguments))
+        return context.get_dummy_value()
+
+    return types.void(rows, width, types.intp, types.intp, rows.dtype), generate
+
+
+def _expect_contiguous(rows):
+    if rows.ndim != 2 or rows.layout != 'C':
+        raise TypingError(f'rows must be a contiguous array of two axes, found {rows}')
+
+
+def _address(context, builder, signature, arguments):
+    array = make_array(signature.args[0])(context, builder, arguments[0])
+    row_type = ir.ArrayType(array.data.type.pointee, signature.args[1].literal_value)
+    rows = builder.bitcast(array.data, row_type.as_pointer())
+    return builder.gep(rows, arguments[2:4], inbounds=True)
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def two(rows, row):
+    """Return one row of rows (n, 2)."""
+    return _entry(rows, 2, row, 0), _entry(rows, 2, row, 1)
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def four(rows, row):
+    """Return one row of rows (n, 4)."""
+    return (_entry(rows, 4, row, 0), _entry(rows, 4, row, 1), _entry(rows, 4, row, 2),
+            _entry(rows, 4, row, 3))
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def put_four(rows, row, values):
+    """Write one row of rows (n, 4)."""
+    _put_entry(rows, 4, row, 0, values[0])
+    _put_entry(rows, 4, row, 1, values[1])
+    _put_entry(rows, 4, row, 2, values[2])
+    _put_entry(rows, 4, row, 3, values[3])

@@ -82,12 +82,18 @@ EXECUTABLES = (
     ('par4_sim', 'par4_simulation', 'node: the simulated Par4 with drives and sensors'),
     ('par4_sim', 'par4_simulate',
      'offline: the same simulation without ROS, same topics in the bag'),
+    ('par4_sim', 'par4_push',
+     'offline: static pushes on a simulated force sensor, a bag and its readings'),
     ('par4_identification', 'par4_record', 'node: records a bag; `--repair BAG` mends one cut off'),
+    ('par4_identification', 'par4_excite',
+     'offline: designs an excitation motion file and says what to expect of it'),
     ('par4_identification', 'par4_identify', 'offline: identifies a model from bags'),
     ('par4_identification', 'par4_validate', 'offline: cross-validates a model on a bag'),
     ('par4_identification', 'par4_diagnose', 'offline: names what the model gets wrong'),
     ('par4_identification', 'par4_simplification',
      'offline: what (20) leaves out, by imposed displacement in pybullet'),
+    ('par4_identification', 'par4_drive_gain',
+     'offline: drive gains from static pushes on a force sensor'),
 )
 
 SCHEMAS = (
@@ -100,6 +106,7 @@ SCHEMAS = (
     ('validation.json', 'par4/validation/1', 'written by `par4_validate`'),
     ('diagnosis.json', 'par4/diagnosis/1', 'written by `par4_diagnose`'),
     ('simplification.json', 'par4/simplification/1', 'written by `par4_simplification`'),
+    ('drive_gain.json', 'par4/drive_gain/1', 'written by `par4_drive_gain`'),
 )
 
 START_DELAY = 0.2

@@ -1,7 +1,8 @@
 """One leg at one sample, in scalars: what kinematics and equations of motion are made of.
 
 cos q and sin q follow from the closure of the leg without any angle; compiled, these functions
-vanish into their callers.
+vanish into their callers. They neither branch nor leave early where a result is not finite, so
+that a loop over samples made of them can be compiled to vector instructions.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ def plate_joint(packed, x, y, z, cosine, sine, leg):
 
 @numba.njit(cache=True, error_model='numpy')
 def arm_direction(packed, along, across, up):
-    """Return whether the leg reaches its plate joint, cos q and sin q.
+    """Return whether the leg reaches its plate joint, cos q and sin q, NaN where it does not.
 
     The arm's end must be l from the plate joint: along cos q - up sin q = k with
     k = (|v|^2 + L^2 - l^2) / (2 L); of the two solutions the one with the elbow outward.
@@ -37,10 +38,9 @@ def arm_direction(packed, along, across, up):
     needed = (plane + across * across + packed[0] * packed[0] - packed[1] * packed[1]) / (
         2.0 * packed[0])
     left = plane - needed * needed
-    if not left >= 0.0:
-        return False, 0.0, 0.0
     root = math.sqrt(left)
-    return True, (along * needed - up * root) / plane, (-up * needed - along * root) / plane
+    return (left >= 0.0, (along * needed - up * root) / plane,
+            (-up * needed - along * root) / plane)
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -52,11 +52,33 @@ def forearm_vector(packed, along, across, up, cos_q, sin_q, leg):
             inward * sin_azimuth + across * cos_azimuth, up + packed[0] * sin_q)
 
 
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def closed_leg(packed, x, y, z, cosine, sine, leg):
+    """Return A_i B_i in `base`, m, cos q and sin q of a pose; NaN where the leg cannot reach."""
+    along, across, up = plate_joint(packed, x, y, z, cosine, sine, leg)
+    _, cos_q, sin_q = arm_direction(packed, along, across, up)
+    ab_x, ab_y, ab_z = forearm_vector(packed, along, across, up, cos_q, sin_q, leg)
+    return ab_x, ab_y, ab_z, cos_q, sin_q
+
+
 @numba.njit(cache=True, error_model='numpy')
 def tangent(packed, cos_q, sin_q, leg):
     """Return dA_i/dq_i in `base`, m/rad."""
     return (-packed[0] * sin_q * packed[4 + 4 * leg], -packed[0] * sin_q * packed[5 + 4 * leg],
             -packed[0] * cos_q)
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def joint_lever(packed, ab_x, ab_y, ab_z, cos_q, sin_q, leg):
+    """Return the leg's entry of J_q, A_iB_i . dA_i/dq_i, m2/rad; positive, elbow outward."""
+    t_x, t_y, t_z = tangent(packed, cos_q, sin_q, leg)
+    return ab_x * t_x + ab_y * t_y + ab_z * t_z
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def bar_lever(packed, ab_x, ab_y, cosine, sine):
+    """Return h (cos theta ABx + sin theta ABy), m2/rad: -c of legs 0, 1 at D, c of 2, 3 at D'."""
+    return packed[3] * (cosine * ab_x + sine * ab_y)
 
 
 @numba.njit(cache=True, error_model='numpy')

@@ -56,6 +56,56 @@ def solve_in_place(matrix: np.ndarray, columns: np.ndarray) -> float:
     return smallest / largest
 
 
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def cross(a, b):
+    """Return a x b, tuples whose first three entries count."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def dot(a, b):
+    """Return a . b, tuples whose first three entries count."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def inverse_columns(a_0, a_1, a_2, a_3, c_0, c_1):
+    """Return the four columns of the inverse of J_x at D, rows (a_0, c_0), (a_1, c_1), (a_2, 0),
+    (a_3, 0); not finite where it is singular.
+
+    A motion across a_2 and a_3 is one along n = a_2 x a_3, which leaves two equations for it and
+    theta. Without pivots: n is small, and det J_x with it, only where J_x is near singular.
+    """
+    n = cross(a_2, a_3)
+    d_0, d_1 = dot(a_0, n), dot(a_1, n)
+    reciprocal = 1.0 / (d_0 * c_1 - d_1 * c_0)
+    s_0, r_0 = c_1 * reciprocal, -d_1 * reciprocal
+    s_1, r_1 = -c_0 * reciprocal, d_0 * reciprocal
+    # p_2 moves along a_2 alone by one, p_3 along a_3; what legs 0 and 1 see of that is undone
+    square = 1.0 / dot(n, n)
+    p_2, p_3 = cross(a_3, n), cross(n, a_2)
+    e_20, e_21 = dot(a_0, p_2) * square, dot(a_1, p_2) * square
+    e_30, e_31 = dot(a_0, p_3) * square, dot(a_1, p_3) * square
+    s_2, r_2 = -e_20 * s_0 - e_21 * s_1, -e_20 * r_0 - e_21 * r_1
+    s_3, r_3 = -e_30 * s_0 - e_31 * s_1, -e_30 * r_0 - e_31 * r_1
+    return ((s_0 * n[0], s_0 * n[1], s_0 * n[2], r_0),
+            (s_1 * n[0], s_1 * n[1], s_1 * n[2], r_1),
+            (square * p_2[0] + s_2 * n[0], square * p_2[1] + s_2 * n[1],
+             square * p_2[2] + s_2 * n[2], r_2),
+            (square * p_3[0] + s_3 * n[0], square * p_3[1] + s_3 * n[1],
+             square * p_3[2] + s_3 * n[2], r_3))
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def combined(columns, f_0, f_1, f_2, f_3):
+    """Return the four columns (tuples of four) times (f_0, f_1, f_2, f_3)."""
+    k_0, k_1, k_2, k_3 = columns
+    return (k_0[0] * f_0 + k_1[0] * f_1 + k_2[0] * f_2 + k_3[0] * f_3,
+            k_0[1] * f_0 + k_1[1] * f_1 + k_2[1] * f_2 + k_3[1] * f_3,
+            k_0[2] * f_0 + k_1[2] * f_1 + k_2[2] * f_2 + k_3[2] * f_3,
+            k_0[3] * f_0 + k_1[3] * f_1 + k_2[3] * f_2 + k_3[3] * f_3)
+
+
 @numba.njit(cache=True, error_model='numpy')
 def factor_in_place(matrix: np.ndarray) -> None:
     """Replace a symmetric positive definite matrix by its Cholesky factor, lower half.

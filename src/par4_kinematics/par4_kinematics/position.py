@@ -13,24 +13,38 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from par4_kinematics.arrays import as_matching_rows, as_rows
+from par4_kinematics.arrays import as_matching_rows, as_rows, four, put_four, two
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import HOME, LEGS, POSE_NAMES, Geometry
-from par4_kinematics.leg import arm_direction, forearm_vector, plate_joint
-from par4_kinematics.linear_solve import solve_in_place
+from par4_kinematics.leg import (
+    arm_direction,
+    bar_lever,
+    closed_leg,
+    forearm_vector,
+    plate_joint,
+)
+from par4_kinematics.linear_solve import combined, dot, inverse_columns
 from par4_kinematics.reach import unreached_legs
 
 CONVERGED = 1e-12
 """Loop opening (m) at which Newton's iteration stops."""
 MAX_ITERATIONS = 30
+SAME_ARM = 1e-6
+"""Difference of an arm's direction (rad) up to which a closed pose is in the assembly mode."""
 
 
 @numba.njit(cache=True, error_model='numpy')
 def forearm(packed, x, angle, leg):
     """Return the vector A_i B_i of one leg in `base`, m."""
-    along, across, up = plate_joint(packed, x[0], x[1], x[2], math.cos(x[3]),
-                                    math.sin(x[3]), leg)
-    return forearm_vector(packed, along, across, up, math.cos(angle), math.sin(angle), leg)
+    return forearm_of(packed, x[0], x[1], x[2], math.cos(x[3]), math.sin(x[3]), math.cos(angle),
+                      math.sin(angle), leg)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def forearm_of(packed, x, y, z, cosine, sine, cos_q, sin_q, leg):
+    """Return the vector A_i B_i of one leg in `base`, m; cosine and sine of theta."""
+    along, across, up = plate_joint(packed, x, y, z, cosine, sine, leg)
+    return forearm_vector(packed, along, across, up, cos_q, sin_q, leg)
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -47,67 +61,94 @@ def inverse_sample(packed, x, q):
 
 
 @numba.njit(cache=True, error_model='numpy')
-def forward_sample(packed, q, x):
-    """Improve the pose x (4,) in place until it closes the loops of q; return the iterations.
+def _opening(packed, ab):
+    """Return (|A_i B_i|^2 - l^2) / 2, m2: near enough l times what the loop is open."""
+    return 0.5 * (dot(ab, ab) - packed[1] * packed[1])
+
+
+@numba.njit(cache=True, error_model='numpy')
+def forward_sample(packed, cosines, sines, row, x):
+    """Improve the pose x[row] until it closes the loops of one sample; return the iterations.
 
     Newton's iteration on (|A_i B_i|^2 - l^2) / 2. Returns -1 if it does not converge to the
     assembly mode in which the elbows point outward and the platform hangs below them.
+
+    Args:
+        packed: of the geometry.
+        cosines, sines: of the joint positions, (n, 4).
+        row: which sample.
+        x: poses (n, 4).
     """
-    matrix = np.empty((4, 4))
-    step = np.empty((4, 1))
-    angles = np.empty(4)
+    p_x, p_y, p_z, theta = x[row, 0], x[row, 1], x[row, 2], x[row, 3]
+    cos_0, cos_1, cos_2, cos_3 = (cosines[row, 0], cosines[row, 1], cosines[row, 2],
+                                  cosines[row, 3])
+    sin_0, sin_1, sin_2, sin_3 = sines[row, 0], sines[row, 1], sines[row, 2], sines[row, 3]
     for iteration in range(MAX_ITERATIONS):
-        worst = 0.0
-        for leg in range(4):
-            ab_x, ab_y, ab_z = forearm(packed, x, q[leg], leg)
-            matrix[leg, 0], matrix[leg, 1], matrix[leg, 2] = ab_x, ab_y, ab_z
-            matrix[leg, 3] = 0.0
-            if leg < 2:
-                matrix[leg, 3] = -packed[3] * (math.cos(x[3]) * ab_x + math.sin(x[3]) * ab_y)
-            opening = 0.5 * (ab_x * ab_x + ab_y * ab_y + ab_z * ab_z - packed[1] * packed[1])
-            step[leg, 0] = opening
-            worst = max(worst, abs(opening) / packed[1])
-        if worst < CONVERGED:
-            if inverse_sample(packed, x, angles) >= 0 or abs(x[3]) > 0.5 * math.pi:
+        cosine, sine = math.cos(theta), math.sin(theta)
+        ab_0 = forearm_of(packed, p_x, p_y, p_z, cosine, sine, cos_0, sin_0, 0)
+        ab_1 = forearm_of(packed, p_x, p_y, p_z, cosine, sine, cos_1, sin_1, 1)
+        ab_2 = forearm_of(packed, p_x, p_y, p_z, cosine, sine, cos_2, sin_2, 2)
+        ab_3 = forearm_of(packed, p_x, p_y, p_z, cosine, sine, cos_3, sin_3, 3)
+        open_0, open_1 = _opening(packed, ab_0), _opening(packed, ab_1)
+        open_2, open_3 = _opening(packed, ab_2), _opening(packed, ab_3)
+        if max(abs(open_0), abs(open_1), abs(open_2), abs(open_3)) < CONVERGED * packed[1]:
+            x[row, 0], x[row, 1], x[row, 2], x[row, 3] = p_x, p_y, p_z, theta
+            if abs(theta) > 0.5 * math.pi:
                 return -1
             for leg in range(4):
-                if abs(angles[leg] - q[leg]) > 1e-6:
+                _, _, _, cos_q, sin_q = closed_leg(packed, p_x, p_y, p_z, cosine, sine, leg)
+                if not abs(cos_q - cosines[row, leg]) + abs(sin_q - sines[row, leg]) < SAME_ARM:
                     return -1
             return iteration
-        if not solve_in_place(matrix, step) > 1e-12:
+        inverse = inverse_columns(
+            ab_0, ab_1, ab_2, ab_3, -bar_lever(packed, ab_0[0], ab_0[1], cosine, sine),
+            -bar_lever(packed, ab_1[0], ab_1[1], cosine, sine))
+        s_x, s_y, s_z, turn = combined(inverse, open_0, open_1, open_2, open_3)
+        if not abs(s_x) + abs(s_y) + abs(s_z) + abs(turn) < math.inf:
             return -1
-        scale = 1.0
-        for axis in range(3):
-            scale = min(scale, 0.5 * packed[1] / max(abs(step[axis, 0]), 1e-300))
-        scale = min(scale, 1.0 / max(abs(step[3, 0]), 1e-300))
-        for axis in range(4):
-            x[axis] -= scale * step[axis, 0]
+        longest = max(abs(s_x), abs(s_y), abs(s_z), 0.5 * packed[1] * abs(turn))
+        scale = 1.0 if longest < 0.5 * packed[1] else 0.5 * packed[1] / longest
+        p_x, p_y, p_z, theta = (p_x - scale * s_x, p_y - scale * s_y, p_z - scale * s_z,
+                                theta - scale * turn)
     return -1
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _inverse_rows(packed, x, q):
+def _direction_rows(packed, x, turns, cosines, sines):
     for row in range(x.shape[0]):
-        leg = inverse_sample(packed, x[row], q[row])
-        if leg >= 0:
-            return row, leg
-    return -1, -1
+        p_x, p_y, p_z, _ = four(x, row)
+        cosine, sine = two(turns, row)
+        _, _, _, cos_0, sin_0 = closed_leg(packed, p_x, p_y, p_z, cosine, sine, 0)
+        _, _, _, cos_1, sin_1 = closed_leg(packed, p_x, p_y, p_z, cosine, sine, 1)
+        _, _, _, cos_2, sin_2 = closed_leg(packed, p_x, p_y, p_z, cosine, sine, 2)
+        _, _, _, cos_3, sin_3 = closed_leg(packed, p_x, p_y, p_z, cosine, sine, 3)
+        put_four(cosines, row, (cos_0, cos_1, cos_2, cos_3))
+        put_four(sines, row, (sin_0, sin_1, sin_2, sin_3))
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _forward_rows(packed, q, start, home, x):
-    for row in range(q.shape[0]):
+def _forward_rows(packed, cosines, sines, start, home, x):
+    for row in range(x.shape[0]):
         if row == 0:
-            x[row] = start[0]
+            x[row] = start
         elif row == 1:
             x[row] = x[row - 1]
         else:  # constant velocity is a good guess within a log
-            x[row] = 2.0 * x[row - 1] - x[row - 2]
-        if forward_sample(packed, q[row], x[row]) < 0:
+            for axis in range(4):
+                x[row, axis] = 2.0 * x[row - 1, axis] - x[row - 2, axis]
+        if forward_sample(packed, cosines, sines, row, x) < 0:
             x[row] = home
-            if forward_sample(packed, q[row], x[row]) < 0:
+            if forward_sample(packed, cosines, sines, row, x) < 0:
                 return row
     return -1
+
+
+def turns_of(x: np.ndarray) -> np.ndarray:
+    """Return cos theta and sin theta (n, 2) of the poses x (n, 4)."""
+    turns = np.empty((len(x), 2))
+    np.cos(x[:, 3], out=turns[:, 0])
+    np.sin(x[:, 3], out=turns[:, 1])
+    return turns
 
 
 def inverse_kinematics(geometry: Geometry, x: ArrayLike) -> np.ndarray:
@@ -118,9 +159,12 @@ def inverse_kinematics(geometry: Geometry, x: ArrayLike) -> np.ndarray:
         InputError: wrong shape or a value that is not finite.
     """
     rows, leading = as_rows(x, 'pose x')
-    q = np.empty_like(rows)
-    row, _ = _inverse_rows(geometry.packed, rows, q)
-    if row >= 0:
+    cosines, sines = np.empty_like(rows), np.empty_like(rows)
+    _direction_rows(geometry.packed, rows, turns_of(rows), cosines, sines)
+    q = np.arctan2(sines, cosines, out=cosines)
+    lost = np.isnan(q)
+    if lost.any():
+        row = int(np.argmax(lost.any(axis=1)))
         pose = ', '.join(f'{name} {value:.4g}'
                          for name, value in zip(POSE_NAMES, rows[row], strict=True))
         raise UnreachableError(f'pose {row} ({pose}): {unreached_legs(geometry, rows[row])}; '
@@ -147,7 +191,7 @@ def forward_kinematics(geometry: Geometry, q: ArrayLike, start: ArrayLike = HOME
     first, _ = as_rows(start, 'start pose')
     x = np.empty_like(rows)
     home = mid_height_home(geometry)
-    row = _forward_rows(geometry.packed, rows, first[:1], home, x)
+    row = _forward_rows(geometry.packed, np.cos(rows), np.sin(rows), first[0], home, x)
     if row >= 0:
         angles = ', '.join(f'{angle:.4g}' for angle in rows[row])
         raise UnreachableError(

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from par4_kinematics.arrays import as_matching_rows, as_rows
 from par4_kinematics.geometry import LEGS, Geometry
-from par4_kinematics.leg import tangent
+from par4_kinematics.leg import bar_lever, joint_lever, tangent
 from par4_kinematics.linear_solve import solve_in_place
 from par4_kinematics.position import forearm, inverse_kinematics
 
@@ -38,9 +38,8 @@ def jacobians_sample(packed, x, q, point, j_x, j_q):
         ab_x, ab_y, ab_z = forearm(packed, x, q[leg], leg)
         lever = point - 1.0 if leg < 2 else point
         j_x[leg, 0], j_x[leg, 1], j_x[leg, 2] = ab_x, ab_y, ab_z
-        j_x[leg, 3] = lever * packed[3] * (cosine * ab_x + sine * ab_y)
-        t_x, t_y, t_z = arm_tangent(packed, q[leg], leg)
-        j_q[leg] = ab_x * t_x + ab_y * t_y + ab_z * t_z
+        j_x[leg, 3] = lever * bar_lever(packed, ab_x, ab_y, cosine, sine)
+        j_q[leg] = joint_lever(packed, ab_x, ab_y, ab_z, math.cos(q[leg]), math.sin(q[leg]), leg)
 
 
 @numba.njit(cache=True, error_model='numpy')

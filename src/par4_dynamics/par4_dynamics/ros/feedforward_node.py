@@ -9,7 +9,6 @@ import numpy as np
 from trajectory_msgs.msg import JointTrajectory
 
 from par4_dynamics.model import read_model
-from par4_dynamics.state import state_of_joints
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE
 from par4_kinematics.position import inverse_kinematics
@@ -40,9 +39,9 @@ class FeedforwardNode(Par4Node):
         self._model = read_model(self.parameters.model_file, self._robot)
         # compile before anyone can find this node: the first torque must not come seconds late
         still, home = np.zeros((1, LEGS)), home_pose(self._robot)
-        self._model.torque(state_of_joints(
-            self._robot.geometry, [0.0], inverse_kinematics(self._robot.geometry, home[None]),
-            still, still))
+        self._model.torque_of_joints(
+            self._robot.geometry, inverse_kinematics(self._robot.geometry, home[None]), still,
+            still)
         self._publisher = self.publisher_of(FEEDFORWARD_TORQUE)
         self.subscribe(REFERENCE, self._on_reference)
         self.serve('~/reload_model', self._reload_model)
@@ -55,9 +54,9 @@ class FeedforwardNode(Par4Node):
 
     def _on_reference(self, message: JointTrajectory) -> None:
         points = read_trajectory(message)
-        state = state_of_joints(self._robot.geometry, points.times(points.stamp_ns), points.q,
-                                points.qd, points.qdd)
-        write_effort(message, self._model.torque(state))
+        write_effort(message, self._model.torque_of_joints(
+            self._robot.geometry, points.q, points.qd, points.qdd,
+            points.times(points.stamp_ns)))
         self._publisher.publish(message)
 
 
