@@ -413,8 +413,8 @@ def add_plants(robot: Robot, table: Table) -> None:
 def _add_runs(robot: Robot, model: Model, built: Builder, others: tuple[str, ...], table: Table
               ) -> None:
     paces = {}
-    runs = [('exact', STEP), ('exact', LARGE_STEP), (FINE, LARGE_STEP), ('fast', STEP), ('fast', LARGE_STEP),
-            ('accurate', STEP), ('accurate', SMALL_STEP)]
+    runs = [('exact', STEP), ('exact', LARGE_STEP), (FINE, LARGE_STEP), ('fast', STEP),
+            ('fast', LARGE_STEP), ('accurate', STEP), ('accurate', SMALL_STEP)]
     for fidelity, dt in runs + [(other, LARGE_STEP) for other in others]:
         motion = cycles(robot, dt, CYCLES)
         plant = built(fidelity, dt)
