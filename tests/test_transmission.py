@@ -10,15 +10,17 @@ from flywheels import Flywheels
 
 from par4_dynamics.mechanism import joint_mass_matrix, kinetic_energy, potential_energy
 from par4_dynamics.model import read_model
+from par4_dynamics.state import state_of_platform
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.workspace import home_pose
 from par4_sim.elastic import ElasticPlant, Motors, split_machine
 from par4_sim.exact import ExactPlant
 from par4_sim.friction import Friction
 from par4_sim.machine_effects import machine_of_model
-from par4_sim.simulation import build_plant
+from par4_sim.noise import Noise
+from par4_sim.simulation import Simulation, build_plant
 from par4_sim.transmission import Transmission
-from robots import REFERENCE
+from robots import REFERENCE, growing_waves
 
 MACHINE = machine_of_model(REFERENCE, read_model('table1_full', REFERENCE))
 FRICTIONLESS = replace(MACHINE, friction=Friction())
@@ -191,9 +193,10 @@ def test_splitting_keeps_inertia_and_friction_once():
     assert driven.transmission.is_rigid
 
 
-def test_at_rest_the_springs_are_wound_by_gravity():
+@pytest.mark.parametrize('gap', [0.0, 2e-3])
+def test_at_rest_the_springs_are_wound_by_gravity_and_lie_on_their_flanks(gap):
     stiffness = 2e3
-    plant = build_plant(elastic(FRICTIONLESS, stiffness), 'exact')
+    plant = build_plant(elastic(FRICTIONLESS, stiffness, gap=all_joints(gap)), 'exact')
     plant.reset(HOME)
     # potential energy over the joints: the torque that holds is its gradient
     geometry, step = REFERENCE.geometry, 1e-6
@@ -201,7 +204,8 @@ def test_at_rest_the_springs_are_wound_by_gravity():
     height = [potential_energy(geometry, MACHINE.bodies, x) for x in (ahead, behind)]
     q = [inverse_kinematics(geometry, x) for x in (ahead, behind)]
     holding = np.linalg.solve(q[0] - q[1], height[0] - height[1])
-    np.testing.assert_allclose(plant.q - plant.arms, holding / stiffness, rtol=1e-3)
+    wound = holding / stiffness + np.sign(holding) * 0.5 * gap
+    np.testing.assert_allclose(plant.q - plant.arms, wound, rtol=1e-3)
     _, qd, arms = run(plant, holding, 400)
     assert np.abs(qd).max() < 1e-4
     np.testing.assert_allclose(arms[-1], arms[0], atol=1e-6)
@@ -273,3 +277,30 @@ def test_rigid_joints_beside_elastic_ones_move_with_their_arms():
     np.testing.assert_array_equal(q[:, (0, 2, 3)], arms[:, (0, 2, 3)])
     assert np.abs(q - arms)[:, 1].max() > 1e-4
     assert np.abs(arms[-1] - arms[0]).min() > 1e-3
+
+
+def driven(fidelity, transmission):
+    """Return encoder positions and true poses (n, 4) of a motion with feedforward."""
+    model = read_model('table1_full', REFERENCE)
+    machine = replace(MACHINE, transmission=transmission)
+    t = np.arange(0.0, 0.4, 1e-3)
+    state = state_of_platform(REFERENCE.geometry, t, *growing_waves(REFERENCE, t, 0.5))
+    tau = model.torque(state)
+    simulation = Simulation(REFERENCE, build_plant(machine, fidelity), 1e-3, 200.0, tau[0],
+                            machine.amplifier, machine.sensors, Noise(), 0)
+    simulation.queue_reference(0.1 + t, state.q, state.qd, state.qdd)
+    simulation.queue_effort(0.1 + t, tau)
+    samples = [simulation.next_sample() for _ in range(450)]
+    simulation.close()
+    return (np.array([sample.q for sample in samples]),
+            np.array([sample.true_pose for sample in samples]))
+
+
+@pytest.mark.parametrize('transmission', [
+    Transmission(stiffness=all_joints(5e3)), Transmission(gap=all_joints(2e-3))])
+def test_both_plants_agree_behind_springs_and_gaps(transmission):
+    (q, x), (other_q, other_x) = (driven(fidelity, transmission) for fidelity in ('exact', 'fast'))
+    rigid_q, rigid_x = driven('exact', Transmission())
+    assert np.abs(q - other_q).max() < 5e-4
+    assert np.abs(x - other_x).max() < 0.2 * np.abs(x - rigid_x).max()
+    assert np.abs(rigid_q - q)[100:].max() > 5e-4

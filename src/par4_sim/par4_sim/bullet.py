@@ -8,6 +8,7 @@ motor that holds each joint still with limited torque: real sticking.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import sys
 import tempfile
@@ -16,6 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -78,6 +80,8 @@ CLOSING_RATE = 0.8
 """Share of a loop's opening that a step closes."""
 UNLIMITED = 1e7
 """Force of a constraint, N, and speed of a joint, rad/s, that no motion reaches."""
+STANDSTILL = 1e-12
+"""Speed of a joint, rad/s, that the solver's rounding leaves to one that is held."""
 FIRST_LINK = -1
 """The engine's index of the first link of a chain."""
 
@@ -102,6 +106,7 @@ class BulletPlant:
         self._machine = machine
         self._fidelity = fidelity
         self._friction = _JointFriction(machine)
+        self._is_pushed = not machine.platform.is_none
         mechanism = chains(machine.geometry, machine.bodies, fidelity)
 
         self._client = pybullet.connect(pybullet.DIRECT)
@@ -249,9 +254,16 @@ class BulletPlant:
         for (body, link), value in zip(self._arms, torque.tolist(), strict=True):
             pybullet.setJointMotorControl2(body, link, pybullet.TORQUE_CONTROL, force=value,
                                            physicsClientId=self._client)
-        if not self._machine.platform.is_none:
+        if self._is_pushed:
             self._push_platform(velocity)
         self._advance()
+        if self._friction.bears_load:
+            self._friction.load = torque + self._motor_torques()
+
+    def _motor_torques(self) -> np.ndarray:
+        """Return the torque (4,), N m, with which motors acted on the joints in the last step."""
+        return np.array([pybullet.getJointState(body, link, physicsClientId=self._client)[3]
+                         for body, link in self._arms])
 
     def _push_platform(self, qd: np.ndarray) -> None:
         """Let the forces on the platform act at D and about theta during the next step."""
@@ -286,8 +298,7 @@ class BulletPlant:
         self._xd_before = self.xd
         self._use_iterations(IMPOSED_ITERATIONS)
         self._advance()
-        torque = np.array([pybullet.getJointState(body, link, physicsClientId=self._client)[3]
-                           for body, link in self._arms])
+        torque = self._motor_torques()
         self._use_iterations(ITERATIONS[self._fidelity])
         self._hold_still(self._friction.at_rest)
         return torque
@@ -353,21 +364,40 @@ class BulletPlant:
         pybullet.disconnect(physicsClientId=self._client)
 
 
+@numba.njit(cache=True, error_model='numpy')
+def _smooth_friction(laws, time, velocity, moved, bending):
+    """Return the friction (4,), N m, that is not dry; `bending` (4,) goes on by `moved`, rad."""
+    torque = np.empty(4)
+    for joint in range(4):
+        torque[joint] = flowing_friction(laws, joint, velocity[joint])
+        if laws[joint, PRESLIDING_DISTANCE] > 0.0:
+            bending[joint] = bent(laws, joint, bending[joint], moved[joint])
+            torque[joint] += bending_torque(laws, joint, bending[joint])
+        else:  # dry levels that differ between the directions: a symmetric one and this
+            torque[joint] += 0.5 * (laws[joint, FORWARD_COULOMB] - laws[joint, BACK_COULOMB])
+    return friction_scale(laws, time) * torque
+
+
 class _JointFriction:
-    """Friction of a machine's joints as an engine takes it: dry levels apart from a torque."""
+    """Friction of a machine's joints as an engine takes it: dry levels apart from a torque.
+
+    Attributes:
+        varies: whether the dry levels do.
+        bears_load: whether they depend on the torque that goes on behind the friction.
+        load: that torque in the last step (4,), N m; None where it is not known.
+    """
 
     def __init__(self, machine: Machine) -> None:
         self._laws = machine.friction.packed
-        # levels that differ between the directions are a symmetric one and a constant torque
-        self._lean = 0.5 * (self._laws[:, FORWARD_COULOMB] - self._laws[:, BACK_COULOMB])
-        self._bends = self._laws[0, PRESLIDING_DISTANCE] > 0.0
-        self.varies = bool(np.any(self._laws[:, (STRIBECK_TORQUE, LOAD_COEFFICIENT, DRIFT_DROP)]))
+        self.bears_load = bool(np.any(self._laws[:, LOAD_COEFFICIENT]))
+        self.varies = self.bears_load or bool(np.any(self._laws[:, (STRIBECK_TORQUE, DRIFT_DROP)]))
         self.restart(np.zeros(LEGS))
 
     def restart(self, q: np.ndarray) -> None:
         """Begin at joint positions q (4,) with unbent contacts."""
         self._q = q
         self._bending = np.zeros(LEGS)
+        self.load: np.ndarray | None = None
 
     @property
     def at_rest(self) -> np.ndarray:
@@ -376,28 +406,23 @@ class _JointFriction:
 
     def torque(self, time: float, q: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Return the friction (4,), N m, that is not dry; contacts bend on to q (4,)."""
-        result = np.zeros(LEGS)
-        for joint in range(LEGS):
-            result[joint] = flowing_friction(self._laws, joint, velocity[joint])
-            if self._bends:
-                self._bending[joint] = bent(self._laws, joint, self._bending[joint],
-                                            q[joint] - self._q[joint])
-                result[joint] += bending_torque(self._laws, joint, self._bending[joint])
-            else:
-                result[joint] += self._lean[joint]
-        self._q = q
-        return friction_scale(self._laws, time) * result
+        moved, self._q = q - self._q, q
+        return _smooth_friction(self._laws, time, velocity, moved, self._bending)
 
     def dry(self, time: float, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
         """Return the torque (4,), N m, up to which a joint is held, `torque` (4,) driving it."""
         scale = friction_scale(self._laws, time)
         result = np.empty(LEGS)
         for joint in range(LEGS):
-            direction = float(np.sign(velocity[joint]))
+            speed = abs(velocity[joint])
             level = scale * 0.5 * sum(
-                dry_friction(self._laws, joint, side, abs(velocity[joint])) for side in (-1.0, 1.0))
-            load = behind_load_friction(self._laws, joint, scale * direction,
-                                        torque[joint] - direction * level)
+                dry_friction(self._laws, joint, side, speed) for side in (-1.0, 1.0))
+            if speed > STANDSTILL:
+                direction = math.copysign(1.0, velocity[joint])
+                load = behind_load_friction(self._laws, joint, scale * direction,
+                                            torque[joint] - direction * level)
+            else:  # what holds a joint tells which part of its torque goes on
+                load = torque[joint] if self.load is None else self.load[joint]
             result[joint] = level + scale * self._laws[joint, LOAD_COEFFICIENT] * abs(load)
         return result
 

@@ -196,22 +196,31 @@ def _joint_state(constants, work):
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _take_over(constants, friction, state, work):
-    """Make END the state; joints that stick lose what velocity rounding left them."""
-    moved = False
+def _take_over(constants, friction, state, work, landed):
+    """Make END the state; stuck joints lose what motion the integration left them.
+
+    Joint `landed` (-1: none) has come to rest just there; the others stay where they were.
+    """
+    moved, left = False, np.zeros((4, 2))
     for joint in range(4):
+        stuck, before = state[MODE, joint] == STUCK, state[Q, joint]
         if friction[joint, PRESLIDING_DISTANCE] > 0.0:
             state[BENDING, joint] = bent(friction, joint, state[BENDING, joint],
-                                         work[END + Q, joint] - state[Q, joint])
+                                         work[END + Q, joint] - before)
         for row in range(4):
             state[row, joint] = work[END + row, joint]
-        if state[MODE, joint] == STUCK and state[QD, joint] != 0.0:
+        if stuck and joint != landed and state[Q, joint] != before:
+            left[joint, 0] = before - state[Q, joint]
+            state[Q, joint] = before
+            moved = True
+        if stuck and state[QD, joint] != 0.0:
             state[QD, joint] = 0.0
             moved = True
     if moved and equations_sample(constants, state, work) < 0:
-        column = state[QD].copy().reshape(4, 1)
-        solve_in_place(work[RATES:BIAS], column)
-        state[XD] = column[:, 0]
+        left[:, 1] = state[QD]
+        solve_in_place(work[RATES:BIAS], left)
+        state[X] += left[:, 0]
+        state[XD] = left[:, 1]
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -278,9 +287,9 @@ def advance(constants, friction, harmonics, state, work, time, tau, span):
         else:
             work[END:] = state[:MODE]
         state[MODE, first] = STUCK
-        _take_over(constants, friction, state, work)
+        _take_over(constants, friction, state, work, first)
         span *= 1.0 - part
-    _take_over(constants, friction, state, work)
+    _take_over(constants, friction, state, work, -1)
     return -1 if math.isfinite(state[X, 0]) else LOST
 
 

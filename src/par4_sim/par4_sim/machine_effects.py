@@ -40,11 +40,16 @@ def machine_of_model(robot: Robot, model: Model) -> Machine:
 def _refuse_the_impossible(machine: Machine) -> None:
     """Raise an InputError that names what no machine can have."""
     friction, amplifier, bodies = machine.friction, machine.amplifier, machine.bodies
+    platform, sensors = machine.platform, machine.sensors
     for what, values, lowest, highest in (
             ('Coulomb friction forward', friction.coulomb + friction.coulomb_asymmetry, 0.0, None),
             ('Coulomb friction back', friction.coulomb - friction.coulomb_asymmetry, 0.0, None),
             ('viscous friction forward', friction.viscous + friction.viscous_asymmetry, 0.0, None),
             ('viscous friction back', friction.viscous - friction.viscous_asymmetry, 0.0, None),
+            ('friction at rest', friction.coulomb - np.abs(friction.coulomb_asymmetry)
+             + friction.stribeck_torque, 0.0, None),
+            ('Stribeck velocity, rad/s', friction.stribeck_velocity, 1e-6, None),
+            ('exponent of friction', friction.power_exponent, 1e-2, None),
             ('friction of load', friction.load_coefficient, 0.0, 0.9),
             ('presliding distance, rad', friction.presliding_distance, 0.0, None),
             ('share of friction lost', friction.drift_drop, -10.0, 1.0),
@@ -61,9 +66,12 @@ def _refuse_the_impossible(machine: Machine) -> None:
             ('rod mass, kg', bodies.rod_mass, 0.0, None),
             ('theta inertia, kg m2', bodies.theta_inertia, 0.0, None),
             ('viscous friction of theta or pivots',
-             (machine.platform.theta_viscous, machine.platform.pivot_viscous), 0.0, None),
+             (platform.theta_viscous, platform.pivot_viscous), 0.0, None),
             ('Coulomb friction of theta or pivots',
-             (machine.platform.theta_coulomb, machine.platform.pivot_coulomb), 0.0, None)):
+             (platform.theta_coulomb, platform.pivot_coulomb), 0.0, None),
+            ('drag', (platform.viscous_drag, platform.quadratic_drag), 0.0, None),
+            ('stiffness of the cable, N/m', platform.spring, 0.0, None),
+            ('step of a record', (sensors.position_step, sensors.torque_step), 0.0, None)):
         low, high = float(np.min(values)), float(np.max(values))
         if low < lowest or (highest is not None and high > highest):
             found = low if low < lowest else high
