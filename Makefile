@@ -16,7 +16,7 @@ help:
 	@echo 'make setup  install into $(VENV) only'
 	@echo 'make bench  measure accuracy and speed'
 	@echo 'make lint   check style'
-	@echo 'make docs   regenerate docs/interface.md'
+	@echo 'make docs   regenerate docs/interface.md and docs/effects.md'
 	@echo 'make clean  remove what the above made'
 
 setup: $(VENV)/.installed
@@ -49,6 +49,7 @@ bench: setup
 
 docs: setup
 	$(BIN)/python -m par4_kinematics.interface > docs/interface.md
+	$(BIN)/python -m par4_dynamics.effects.catalogue > docs/effects.md
 
 clean:
 	rm -rf $(VENV) demo_output build install log .pytest_cache .ruff_cache

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from par4_dynamics.effects import catalogue
 from par4_kinematics import interface
 
 ROOT = Path(__file__).parents[1]
@@ -75,6 +76,11 @@ def test_executables_of_the_contract_are_installed():
 def test_interface_document_is_the_table():
     written = (ROOT / 'docs' / 'interface.md').read_text(encoding='utf-8')
     assert written == interface.markdown(), 'run make docs'
+
+
+def test_effects_document_is_the_catalogue():
+    written = (ROOT / 'docs' / 'effects.md').read_text(encoding='utf-8')
+    assert written == catalogue.markdown(), 'run make docs'
 
 
 def test_every_dependency_is_pinned_and_explained():

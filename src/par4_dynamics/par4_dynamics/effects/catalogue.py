@@ -1,4 +1,4 @@
-"""All effects by name."""
+"""All effects by name; `python -m par4_dynamics.effects.catalogue` prints docs/effects.md."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from par4_dynamics.effects.cogging import Cogging
 from par4_dynamics.effects.coulomb_asymmetry import CoulombAsymmetry
 from par4_dynamics.effects.distributed_rods import DistributedRods
 from par4_dynamics.effects.drive_gain_error import DriveGainError
-from par4_dynamics.effects.effect import Effect
+from par4_dynamics.effects.effect import Effect, EffectParameter
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.effects.encoder_eccentricity import EncoderEccentricity
 from par4_dynamics.effects.encoder_offset import EncoderOffset
@@ -85,3 +85,37 @@ def effect_named(name: str) -> Effect:
     if name not in CATALOGUE:
         raise InputError(f'unknown effect {name!r}; known effects are {", ".join(CATALOGUE)}')
     return CATALOGUE[name]
+
+
+def markdown() -> str:
+    """Return `docs/effects.md`."""
+    rows = []
+    for effect in CATALOGUE.values():
+        formula = (effect.__doc__ or '').partition('\n')[0].rstrip('.').replace('|', '\\|')
+        parameters = ', '.join(
+            f'`{parameter.name}` ({_meaning(parameter)})' for parameter in effect.parameters)
+        rows.append(f'| `{effect.name}` | {effect.phrase} | {formula} | {parameters} |')
+    return f"""# Effects
+
+Generated from `par4_dynamics/effects/` by `make docs`; do not edit.
+
+What a machine can do that (20) does not say, as `model.yaml` and `diagnosis.json` name it. Torques
+are what the recorded torque G V contains on top of the model; s = sign(qd).
+
+| effect | in words | what it does | parameters |
+|---|---|---|---|
+{chr(10).join(rows)}
+"""
+
+
+def _meaning(parameter: EffectParameter) -> str:
+    unit = parameter.unit if parameter.other_unit is None else (
+        f'{parameter.unit} or {parameter.other_unit}')
+    whole = ', of the machine' if parameter.scope == 'machine' else ', of each joint'
+    vector = f', {parameter.size} numbers' if parameter.size > 1 else ''
+    optional = '' if parameter.default is None else f', {parameter.default:g} if not given'
+    return f'{unit}{whole}{vector}{optional}'
+
+
+if __name__ == '__main__':
+    print(markdown(), end='')
