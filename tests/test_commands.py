@@ -160,7 +160,7 @@ def checked_page(path: Path, least_images: int) -> Page:
 def test_identification_json_has_the_keys_of_the_contract(identified):
     content = json.loads((identified.folder / 'identification.json').read_text())
     assert list(content) == ['schema', 'parameters', 'condition_number', 'residual_rms',
-                             'relative_error', 'data']
+                             'relative_error', 'data', 'estimator', 'offsets']
     assert content['schema'] == 'par4/identification/1'
     for parameter in content['parameters'].values():
         assert list(parameter) == ['value', 'std', 'relative_std', 'unit']
@@ -190,7 +190,7 @@ def test_provenance_names_versions_date_and_the_bag_by_its_hash(identified, bags
         'path': str(bags.plain), 'sha256': hashlib.sha256(''.join(lines).encode()).hexdigest()}]
     assert provenance['versions']['numpy'] == np.__version__
     assert provenance['date'].endswith('+00:00')
-    assert provenance['options'] == {'rigid_body': 'paper'}
+    assert provenance['options'] == {'rigid_body': 'paper', 'estimator': 'weighted'}
 
 
 def test_terminal_shows_table_1_within_80_columns(identified):

@@ -12,7 +12,6 @@ from scipy.signal import lfilter
 from par4_dynamics.model import build_model, read_model
 from par4_identification.filtering import central_difference, low_pass, second_difference
 from par4_identification.identification import identify
-from par4_identification.least_squares import Series, fit
 from par4_identification.noise import ArNoise, fit_noise
 from par4_identification.rows import runs_of_log
 from par4_identification.validation import validate
@@ -81,37 +80,6 @@ def test_whitening_is_the_gaussian_likelihood():
     expected = residual[valid] @ np.linalg.solve(omega, residual[valid])
     white = noise.whiten(residual[:, None], valid)
     assert float(np.sum(white ** 2)) == pytest.approx(expected, rel=1e-9)
-
-
-def test_standard_deviations_hold_for_coloured_correlated_residuals():
-    """z-scores of many fits of synthetic data have unit spread; textbook ones do not."""
-    random = np.random.default_rng(8)
-    scores, textbook = [], []
-    for _ in range(150):
-        columns = lfilter([0.2], [1.0, -0.8], random.standard_normal((900, 2, 3)), axis=0)
-        shared = lfilter([1.0], [1.0, -0.7], random.standard_normal(900))
-        own = lfilter([1.0], [1.0, -0.7], random.standard_normal((900, 2)), axis=0)
-        target = columns @ np.array((1.0, -2.0, 0.5)) + 0.1 * (shared[:, None] + own)
-        estimate = fit([Series(target[:500], columns[:500], np.ones((500, 2), bool)),
-                        Series(target[500:], columns[500:], np.ones((400, 2), bool))])
-        error = estimate.values - (1.0, -2.0, 0.5)
-        scores.append(error / estimate.std)
-        textbook.append(error / estimate.textbook_std)
-    assert 0.9 < np.std(scores) < 1.15
-    assert np.std(textbook) > 1.5
-
-
-def test_least_squares_refuses_data_that_say_nothing():
-    columns = np.random.default_rng(0).standard_normal((100, 1, 2))
-    columns[..., 1] = 2.0 * columns[..., 0]
-    series = Series(np.ones((100, 1)), columns, np.ones((100, 1), bool))
-    with pytest.raises(InputError, match='does not tell the parameters apart'):
-        fit([series])
-    with pytest.raises(InputError, match='3 usable rows for 2 parameters'):
-        fit([Series(series.target[:3], columns[:3], series.valid[:3])])
-    columns[..., 1] = 0.0
-    with pytest.raises(InputError, match='does not show in the data'):
-        fit([Series(series.target, columns, series.valid)])
 
 
 def test_parameters_come_back_within_their_intervals():

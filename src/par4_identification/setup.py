@@ -15,15 +15,17 @@ setup(
         ('share/' + package_name, ['package.xml']),
     ],
     install_requires=[
-        'click', 'jinja2', 'markupsafe', 'matplotlib', 'numba', 'numpy', 'rich', 'scipy'],
+        'click', 'daqp', 'jinja2', 'markupsafe', 'matplotlib', 'numba', 'numpy', 'rich', 'scipy'],
     zip_safe=False,
     entry_points={
         'console_scripts': [
             'par4_record = par4_identification.ros.record_node:main',
+            'par4_excite = par4_identification.commands.excite:main',
             'par4_identify = par4_identification.commands.identify:main',
             'par4_validate = par4_identification.commands.validate:main',
             'par4_diagnose = par4_identification.commands.diagnose:main',
             'par4_simplification = par4_identification.commands.simplification:main',
+            'par4_drive_gain = par4_identification.commands.drive_gain:main',
         ],
     },
 )

@@ -17,10 +17,15 @@ from markupsafe import Markup, escape
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.diagnosis import Cause, Diagnosis
+from par4_identification.diagnosis.next_experiment import NextExperiment
+from par4_identification.drive_gain import DriveGains
 from par4_identification.identification import Identification
 from par4_identification.log import Log
 from par4_identification.outcome.diagnosis import looks_like_in_words, phrase_of_cause
+from par4_identification.outcome.drive_gain import gains_rows
+from par4_identification.outcome.estimator import estimator_in_words
 from par4_identification.outcome.identification import ParameterRow, autocorrelation
+from par4_identification.outcome.next_experiment import advice
 from par4_identification.outcome.outcome import Outcome, over_joints
 from par4_identification.outcome.simplification import share_in_words
 from par4_identification.outcome.validation import errors_by_joint, total_errors
@@ -42,6 +47,7 @@ from par4_identification.plots import (
     deviation_bars,
     differences_over_time,
     measured_motion,
+    proposed_motion,
     residual_over_motion,
     residual_over_time,
     residual_statistics,
@@ -81,7 +87,8 @@ def report_of_identification(identification: Identification, outcome: Outcome,
     names, estimate, runs = _names(machine), identification.estimate, identification.runs
     paper, truth = (any(getattr(row, name) is not None for row in rows)
                     for name in ('paper', 'true'))
-    printed = [f'{number(row.printed)} {typeset(row.unit)}' for row in rows if row.printed]
+    printed = list(dict.fromkeys(f'{number(row.printed)} {typeset(row.unit)}'
+                                 for row in rows if row.printed))
     return _render(
         'identification.html', machine, logs, outcome, f'Identification of {machine.name}',
         'Can it be trusted?', provenance,
@@ -92,7 +99,8 @@ def report_of_identification(identification: Identification, outcome: Outcome,
                    ('noise floor', [number(value) for value in floor], names.torque_unit),
                    ('residual / floor', [number(value, 2) for value in
                                          estimate.rms / np.maximum(floor, 1e-12)], '')],
-        totals=f'{estimate.rows} rows; condition number of the regressor '
+        totals=f'Estimated by {estimator_in_words(identification)}. '
+               f'{estimate.rows} rows; condition number of the regressor '
                f'{number(estimate.condition_number)}; relative error '
                f'{percent(estimate.relative_error)} = |residual| / |{names.torque}| in 2-norms.',
         statistics=_statistics(runs, estimate.residuals, floor, names))
@@ -135,7 +143,8 @@ def report_of_validation(validation: Validation, outcome: Outcome, runs: Sequenc
 
 
 def report_of_diagnosis(diagnosis: Diagnosis, outcome: Outcome, machine: Robot | Axis,
-                        logs: Sequence[Log], provenance: dict[str, Any]) -> str:
+                        logs: Sequence[Log], provenance: dict[str, Any],
+                        experiment: NextExperiment | None = None) -> str:
     """Return the report of a diagnosis.
 
     Args:
@@ -144,13 +153,14 @@ def report_of_diagnosis(diagnosis: Diagnosis, outcome: Outcome, machine: Robot |
         machine: that was measured.
         logs: the data, those held out last.
         provenance: as in the extended model.
+        experiment: that would tell twins apart.
     """
     names = _names(machine)
     title = f'Diagnosis of {machine.name}: {in_words(diagnosis.verdict)}'
     content: dict[str, Any] = {
         'causes': [], 'motion': '', 'over_time': '', 'statistics': '', 'per_joint': [],
         'swallowed': [], 'bars': '', 'rejected': diagnosis.rejected, 'remains': '',
-        'over_motion': ''}
+        'over_motion': '', 'experiment': _experiment_cells(experiment, names)}
     if diagnosis.holdout is None:
         runs = diagnosis.fit_runs
         content['motion'] = measured_motion(
@@ -214,6 +224,21 @@ def report_of_simplification(study: Simplification, outcome: Outcome, robot: Rob
         parts=[_part_cells(study, variant) for variant in (*study.parts, ALL, NOTHING)],
         per_joint=_simplification_rows(study, labels | {NOTHING: 'noise'}, names.torque_unit),
         **_simplification_table(study))
+
+
+def report_of_gains(gains: DriveGains, outcome: Outcome, robot: Robot, logs: Sequence[Log],
+                    provenance: dict[str, Any]) -> str:
+    """Return the report of the drive gains that static pushes tell.
+
+    Args:
+        gains: as estimated.
+        outcome: in words.
+        robot: whose gains are nominal.
+        logs: with the pushes.
+        provenance: of the run.
+    """
+    return _render('drive_gain.html', robot, logs, outcome, f'Drive gains of {robot.name}',
+                   'What it rests on', provenance, rows=gains_rows(gains, robot))
 
 
 # pieces that several reports share
@@ -327,6 +352,8 @@ def _bars_of_table_1(rows: Sequence[ParameterRow], paper: bool, truth: bool) -> 
     bars = []
     for row in rows:
         zero = row.paper if paper else row.value
+        if not zero:
+            continue  # an offset of the paper's machine, or a value at its limit: no deviation
         values, stds = [(row.value - zero) / zero], [row.std / abs(zero)]
         if paper:
             values.append(0.0)
@@ -430,6 +457,20 @@ def _period(cause: Cause, places: Sequence[np.ndarray]) -> float | None:
         return None
     period = 2.0 * np.pi / max(rates)
     return period if np.ptp(np.concatenate(places)) > FOLDED * period else None
+
+
+def _experiment_cells(experiment: NextExperiment | None, names: Names) -> dict[str, Any] | None:
+    if experiment is None:
+        return None
+    motion = experiment.motion
+    return {
+        'rows': [{'names': listed([in_words(name) for name in item.names]),
+                  'present': number(item.present, 2), 'expected': number(item.expected, 2),
+                  'most': number(item.most, 2)} for item in experiment.separations],
+        'picture': motion and proposed_motion(motion.t, motion.x - motion.x[0], motion.qd, names),
+        'motion': motion and f'{motion.name}, {number(motion.duration)} s',
+        'advice': advice({name for item in experiment.separations for name in item.names},
+                         experiment)}
 
 
 def _swallowed_cells(name: str, diagnosis: Diagnosis, machine: Robot | Axis) -> dict[str, str]:

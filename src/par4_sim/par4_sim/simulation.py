@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ from par4_sim.amplifier import Amplifier
 from par4_sim.control_loop import ControlLoop
 from par4_sim.elastic import ElasticPlant, split_machine
 from par4_sim.exact import ExactPlant
-from par4_sim.machine import Machine
+from par4_sim.machine import LoadTorque, Machine
 from par4_sim.machine_effects import machine_of_model
 from par4_sim.noise import Noise, NoiseSource
 from par4_sim.plant import STEP, Plant
@@ -205,7 +205,8 @@ def build_plant(machine: Machine, fidelity: str, dt: float = STEP) -> Plant:
 
 
 def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: float = 1e-3,
-                     seed: int = 0, **noise: float) -> Simulation:
+                     seed: int = 0, loads: tuple[LoadTorque, ...] = (), **noise: float
+                     ) -> Simulation:
     """Return the simulation of the machine that `model` describes, at rest at home.
 
     Args:
@@ -214,13 +215,14 @@ def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: f
         fidelity: of FIDELITIES.
         sample_period: s.
         seed: of the noise.
+        loads: further torques on its joints.
         noise: sizes by name, as `Noise` has them.
 
     Raises:
         InputError: unknown fidelity, a rate that does not divide the physics', masses that make
             a body negative, a jitter that mixes up the stamps.
     """
-    machine = machine_of_model(robot, model)
+    machine = replace(machine_of_model(robot, model), loads=loads)
     plant = build_plant(machine, fidelity)
     limit = model.torque_limit or robot.drives.torque_limit
     still = np.zeros((1, LEGS))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -13,14 +14,16 @@ from rich.table import Table
 
 from par4_dynamics.model import build_model, read_model
 from par4_identification.diagnosis.floor import noise_floor
-from par4_identification.identification import identify
+from par4_identification.identification import ESTIMATORS, Fitting, identify
 from par4_identification.log import read_log
+from par4_identification.outcome.estimator import estimator_remarks
 from par4_identification.outcome.identification import (
     ParameterRow,
     identification_json,
     outcome_of_identification,
     table_of_parameters,
 )
+from par4_identification.outcome.loads import known_payloads, weighed_payload
 from par4_identification.outcome.results import (
     model_in_units,
     provenance,
@@ -29,7 +32,7 @@ from par4_identification.outcome.results import (
 )
 from par4_identification.outcome.words import in_words, listed, percent, with_std
 from par4_kinematics.errors import InputError
-from par4_kinematics.robot import read_machine
+from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.commands.entry import run
 
 
@@ -41,20 +44,32 @@ from par4_sim.commands.entry import run
 @click.option('--rigid-body', default='paper', show_default=True,
               type=click.Choice(('paper', 'full')),
               help='equation (20), or with rods and bars distributed')
+@click.option('--estimator', default='weighted', show_default=True, type=click.Choice(ESTIMATORS),
+              help='docs/identification.md says which one when')
+@click.option('--per-joint', is_flag=True,
+              help='a value of its own for each joint, but for the platform masses')
+@click.option('--offsets', is_flag=True, help='with a constant torque of each joint')
 @click.option('--payload', multiple=True, metavar='BAG=KG',
-              help='known mass at the tool in one of the bags; repeat for others')
+              help='known mass at the tool in one of the bags; repeat for others; bags with and '
+                   'without it tell the drive gains too')
+@click.option('--unknown-payload', multiple=True, metavar='BAG',
+              help='one of the bags, recorded with a payload: its mass and half plate are '
+                   'estimated, the parameters come from the other bags')
 @click.option('--namespace', default=None, help='that the topics sit under')
 @click.option('--compare-true', default=None, metavar='MODEL',
               help='model of a simulated machine, shown beside what was identified')
 @click.option('--report/--no-report', default=True, show_default=True,
               help='draw report.html')
 def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: str,
-                  payload: tuple[str, ...], namespace: str | None,
+                  estimator: str, per_joint: bool, offsets: bool, payload: tuple[str, ...],
+                  unknown_payload: tuple[str, ...], namespace: str | None,
                   compare_true: str | None, report: bool) -> None:
     """Identify the parameters of equation (20) from measured bags."""
     machine = read_machine(robot)
     truth = None if compare_true is None else read_model(compare_true, machine)
     masses = payload_masses(payload, bags)
+    loaded = loaded_bags(unknown_payload, bags)
+    refuse_payloads(machine, masses, loaded)
     refuse_unwritable(output)
     with Console(stderr=True).status('reading the bags') as status:
         logs = []
@@ -62,13 +77,24 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
             status.update(f'reading {bag}')
             logs.append(read_log(bag, machine, namespace))
         status.update('identifying')
-        identification = identify(logs, machine, rigid_body, masses)
+        bare = [log for log in logs if log.name not in loaded]
+        identification = identify(bare, machine, rigid_body, masses,
+                                  fitting=Fitting(estimator, per_joint, offsets))
         model_file = model_in_units(identification.model_file(provenance(
             'par4_identify', machine, bags,
-            {'rigid_body': rigid_body, 'payload': masses, 'namespace': namespace})), machine)
+            {'rigid_body': rigid_body, 'payload': masses, 'unknown_payload': loaded,
+             'namespace': namespace, 'estimator': estimator, 'per_joint': per_joint,
+             'offsets': offsets})), machine)
         status.update('measuring the noise floor')
         floor = noise_floor(identification.runs, machine, build_model(machine, model_file))
-        outcome = outcome_of_identification(identification, floor, machine, logs)
+        status.update('weighing payloads')
+        gain_remarks, gain_fields = known_payloads(identification.runs, masses, machine,
+                                                   rigid_body)
+        mass_remarks, mass_fields = weighed_payload(
+            identification.runs, [log for log in logs if log.name in loaded], machine, rigid_body)
+        found = (*gain_remarks, *mass_remarks)
+        outcome = outcome_of_identification(identification, floor, machine, bare)
+        outcome = replace(outcome, remarks=(*outcome.remarks, *found))
         rows = table_of_parameters(identification, machine, truth)
         page = None
         if report:
@@ -79,10 +105,13 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
                                             model_file.provenance)
         write_results(output, {
             'model.yaml': model_file,
-            'identification.json': identification_json(identification, machine, logs),
+            'identification.json': {**identification_json(identification, machine, logs),
+                                    **gain_fields, **mass_fields},
             'report.html': page})
     console = Console(highlight=False)
     console.print(terminal_table(rows))
+    for remark in (*estimator_remarks(identification, machine), *found):
+        console.print(remark.text, soft_wrap=not console.is_terminal, markup=False)
     console.print(outcome.sentence, soft_wrap=not console.is_terminal, markup=False)
     console.print(f'results{" and report" if report else ""}: {output}', soft_wrap=True,
                   markup=False)
@@ -122,6 +151,38 @@ def payload_masses(payloads: Sequence[str], bags: Sequence[str]) -> dict[str, fl
     return masses
 
 
+def loaded_bags(names: Sequence[str], bags: Sequence[str]) -> list[str]:
+    """Return the bags, as they were given, that --unknown-payload names.
+
+    Raises:
+        InputError: an unknown bag, or no bag left without the payload.
+    """
+    asked = {Path(name).resolve(): name for name in names}
+    loaded = [bag for bag in bags if Path(bag).resolve() in asked]
+    unknown = asked.keys() - {Path(bag).resolve() for bag in loaded}
+    if unknown:
+        raise InputError(f'--unknown-payload {asked[min(unknown)]}: expected one of the bags given '
+                         f'({", ".join(bags)})')
+    if len(loaded) == len(bags):
+        raise InputError('--unknown-payload: every bag carries it; give a bag without it too')
+    return loaded
+
+
+def refuse_payloads(machine: Robot | Axis, masses: Mapping[str, float], loaded: Sequence[str]
+                    ) -> None:
+    """Refuse payloads on an axis, and known together with unknown ones.
+
+    Raises:
+        InputError: names what does not go together.
+    """
+    if isinstance(machine, Axis) and (masses or loaded):
+        raise InputError(f'--payload, --unknown-payload: {machine.name} is a single axis without a '
+                         f'platform; leave them out')
+    if masses and loaded:
+        raise InputError('--payload and --unknown-payload together: a mass is known or asked for; '
+                         'give one of them')
+
+
 def terminal_table(rows: Sequence[ParameterRow]) -> Table:
     """Return TABLE 1 for a terminal."""
     paper, truth = (any(getattr(row, name) is not None for row in rows)
@@ -134,10 +195,13 @@ def terminal_table(rows: Sequence[ParameterRow]) -> Table:
     table.add_column('unit', no_wrap=True)
     for row in rows:
         table.add_row(
-            in_words(row.name), *([f'{row.paper:g}'] if paper else []),
+            in_words(row.name),
+            *(['' if row.paper is None else f'{row.paper:g}'] if paper else []),
             *([f'{row.true:.5g}'] if truth else []), ' ± '.join(with_std(row.value, row.std)),
             percent(row.relative_std), row.unit)
-    printed = [f'{in_words(row.name)} {row.printed:g} {row.unit}' for row in rows if row.printed]
+    printed = list(dict.fromkeys(
+        f'{in_words(row.name.partition("[")[0])} {row.printed:g} {row.unit}'
+        for row in rows if row.printed))
     if printed:
         table.caption = f'The paper prints {listed(printed)}, which is not plausible.'
         table.caption_justify = 'left'

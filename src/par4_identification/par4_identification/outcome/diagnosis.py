@@ -9,6 +9,8 @@ import numpy as np
 
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.diagnosis import Cause, Diagnosis
+from par4_identification.diagnosis.next_experiment import NextExperiment
+from par4_identification.outcome.next_experiment import advice, next_experiment_json
 from par4_identification.outcome.outcome import FLOOR_EXCESS, Outcome, Remark, over_joints
 from par4_identification.outcome.results import plain
 from par4_identification.outcome.words import (
@@ -33,8 +35,9 @@ ALL = 0.999
 """Share beyond which an interval says no more."""
 
 
-def outcome_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis) -> Outcome:
-    """Return the verdict in words."""
+def outcome_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis,
+                         experiment: NextExperiment | None = None) -> Outcome:
+    """Return the verdict in words, and what to do next."""
     if diagnosis.verdict == 'unusable_data':
         # a reason says what was found and, behind a semicolon, what to do
         parts = [reason.partition('; ') for reason in diagnosis.reasons]
@@ -45,7 +48,7 @@ def outcome_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis) -> Outcome
     holdout, unit = diagnosis.holdout, unit_on(machine, 'N m')
     before, after, noise = (f'{number(over_joints(rms), 2)} {unit}' for rms in (
         holdout.baseline_rms, holdout.extended_rms, holdout.noise_floor_rms))
-    remarks = _remarks(diagnosis)
+    remarks = _remarks(diagnosis, experiment)
     looks_like = looks_like_in_words(diagnosis.remaining.looks_like)
     if diagnosis.verdict == 'clean':
         return Outcome(
@@ -129,7 +132,7 @@ def looks_like_in_words(block: str | None) -> str:
     return '' if block is None else _LOOKS_LIKE.get(block, f'a function of {in_words(block)}')
 
 
-def _remarks(diagnosis: Diagnosis) -> tuple[Remark, ...]:
+def _remarks(diagnosis: Diagnosis, experiment: NextExperiment | None) -> tuple[Remark, ...]:
     remarks = [Remark(False, f'Names were withheld: {reason}.') for reason in diagnosis.reasons]
     remarks.append(_remaining_remark(diagnosis))
     if diagnosis.causes:
@@ -146,7 +149,8 @@ def _remarks(diagnosis: Diagnosis) -> tuple[Remark, ...]:
             remarks.append(Remark(
                 False, f'On this motion {cause.effect.phrase} cannot be told from '
                 f'{listed([in_words(name) for name in cause.twins])}.',
-                'To tell such names apart, add a bag of slow wide sweeps and one with a known '
+                advice({cause.effect.name, *cause.twins}, experiment)
+                or 'To tell such names apart, add a bag of slow wide sweeps and one with a known '
                 'payload.'))
     if diagnosis.verdict == 'clean':
         remarks.append(Remark(True, 'Effects below the noise floor of these data, and those that '
@@ -172,8 +176,9 @@ def _remaining_remark(diagnosis: Diagnosis) -> Remark:
                   'of noise that changes with time.')
 
 
-def diagnosis_json(diagnosis: Diagnosis, machine: Robot | Axis) -> dict[str, Any]:
-    """Return `diagnosis.json`; `holdout`, `remaining`, `extended_model` are null without them."""
+def diagnosis_json(diagnosis: Diagnosis, machine: Robot | Axis,
+                   experiment: NextExperiment | None = None) -> dict[str, Any]:
+    """Return `diagnosis.json`; what there is not is null."""
     holdout, remaining = diagnosis.holdout, diagnosis.remaining
     content = {
         'schema': 'par4/diagnosis/1', 'verdict': diagnosis.verdict,
@@ -191,7 +196,7 @@ def diagnosis_json(diagnosis: Diagnosis, machine: Robot | Axis) -> dict[str, Any
             'explained_fraction_ci': holdout.interval},
         'remaining': remaining and {
             'significant': remaining.significant, 'looks_like': remaining.looks_like},
-        'next_experiment': None,
+        'next_experiment': next_experiment_json(experiment),
         'extended_model': diagnosis.extended_model and 'extended_model.yaml'}
     if diagnosis.reasons:
         content['reasons'] = diagnosis.reasons

@@ -12,8 +12,13 @@ import numpy as np
 from par4_dynamics.model import Model
 from par4_dynamics.model_file import read_model_file
 from par4_dynamics.parameters import Parameter
-from par4_identification.identification import Identification
+from par4_identification.identification import OFFSET, Identification
 from par4_identification.log import Log
+from par4_identification.outcome.estimator import (
+    estimator_in_words,
+    estimator_json,
+    estimator_remarks,
+)
 from par4_identification.outcome.outcome import (
     FLOOR_EXCESS,
     LARGEST_ERROR,
@@ -60,7 +65,7 @@ class ParameterRow:
     """A row of TABLE 1.
 
     Attributes:
-        name, symbol, unit: of the parameter.
+        name, symbol, unit: of the parameter; the name tells the joint where each has its own.
         value, std, relative_std: identified; the latter a fraction.
         paper, paper_relative_std: of TABLE 1, its f_v read as 2.04; None for other machines.
         printed: what TABLE 1 prints where that is not plausible, else None.
@@ -85,16 +90,28 @@ def table_of_parameters(identification: Identification, machine: Robot | Axis,
     is_par4 = isinstance(machine, Robot)
     paper = read_model_file('table1').parameters if is_par4 else {}
     printed = read_model_file('table1_as_printed').parameters if is_par4 else {}
-    rows = []
-    for term in identification.terms:
-        found, theirs = identification.parameters[term.name], paper.get(term.name)
-        odd = theirs is not None and printed[term.name].value != theirs.value
+    symbols = {term.name: term.symbol for term in identification.terms}
+    estimate, rows = identification.estimate, []
+    for label, value, std in zip(estimate.labels, estimate.values, estimate.std, strict=True):
+        name, theirs, true = label.name, paper.get(label.name), None
+        odd = theirs is not None and printed[name].value != theirs.value
+        if truth is not None:
+            whose = slice(None) if label.output is None else label.output
+            true = float(np.mean(_true_values(truth, name)[whose]))
         rows.append(ParameterRow(
-            term.name, term.symbol, unit_on(machine, term.unit), found.value, found.std,
-            _relative(found), theirs and theirs.value, theirs and _relative(theirs),
-            printed[term.name].value if odd else None,
-            None if truth is None else float(np.mean(truth.values[term.name]))))
+            name if len(machine.joint_names) == 1 else str(label),
+            symbols.get(name, ''), unit_on(machine, label.unit), float(value), float(std),
+            _relative(Parameter(value=value, std=std)), theirs and theirs.value,
+            theirs and _relative(theirs), printed[name].value if odd else None, true))
     return tuple(rows)
+
+
+def _true_values(truth: Model, name: str) -> np.ndarray:
+    """Return what a simulated machine truly has of a parameter, (J,)."""
+    if name != OFFSET:
+        return truth.values[name]
+    offsets = [active.values['offset'] for active in truth.effects if active.effect.name == OFFSET]
+    return np.sum(offsets, axis=0) if offsets else np.zeros_like(truth.values['coulomb_friction'])
 
 
 def outcome_of_identification(identification: Identification, floor: np.ndarray,
@@ -111,8 +128,10 @@ def outcome_of_identification(identification: Identification, floor: np.ndarray,
     relative = {name: _relative(parameter) for name, parameter in identification.parameters.items()}
     unsure = [name for name, value in relative.items() if value > LARGEST_STD]
     rms, noise = over_joints(estimate.rms), over_joints(floor)
+    condition = identification.excitation
     remarks = (
-        _excitation_remark(estimate.condition_number), _precision_remark(relative, unsure),
+        *estimator_remarks(identification, machine), _excitation_remark(condition),
+        _precision_remark(relative, unsure),
         _sign_remark(identification), floor_remark(rms, noise, unit),
         _memory_remark(identification), *_joints_remark(estimate.rms, floor, machine),
         data_remark(logs))
@@ -122,7 +141,7 @@ def outcome_of_identification(identification: Identification, floor: np.ndarray,
         f'{unit} rms, {percent(estimate.relative_error)} of the {torque_name(machine)}, the noise '
         f'floor being {number(noise, 2)} {unit}')
     if (estimate.relative_error > LARGEST_ERROR
-            or estimate.condition_number > WORST_CONDITION):
+            or condition > WORST_CONDITION):
         return Outcome(f'{sentence}: do not use this model.', 'bad', remarks)
     if unsure:
         are = 'is' if len(unsure) == 1 else 'are'
@@ -158,7 +177,8 @@ def _precision_remark(relative: dict[str, float], unsure: list[str]) -> Remark:
 def _sign_remark(identification: Identification) -> Remark:
     parameters = identification.parameters
     doubtful = [in_words(term.name) for term in identification.terms if term.nonnegative
-                and parameters[term.name].value < 2.0 * parameters[term.name].std]
+                and np.any(np.less(parameters[term.name].value,
+                                   2.0 * np.asarray(parameters[term.name].std)))]
     if not doubtful:
         return Remark(True, 'Every inertia, mass and friction is positive beyond doubt.')
     return Remark(False, f'Cannot be told from zero: {listed(doubtful)}.')
@@ -231,17 +251,30 @@ def memory(identification: Identification) -> float:
 def identification_json(identification: Identification, machine: Robot | Axis,
                         logs: Sequence[Log]) -> dict[str, Any]:
     """Return `identification.json`."""
-    estimate = identification.estimate
+    estimate, offsets = identification.estimate, identification.offsets
     return plain({
         'schema': 'par4/identification/1',
         'parameters': {
             name: {'value': parameter.value, 'std': parameter.std,
-                   'relative_std': _relative(parameter), 'unit': unit_on(machine, parameter.unit)}
+                   'relative_std': _relatives(parameter), 'unit': unit_on(machine, parameter.unit)}
             for name, parameter in identification.parameters.items()},
         'condition_number': estimate.condition_number, 'residual_rms': estimate.rms,
         'relative_error': estimate.relative_error,
-        'data': {'rows': estimate.rows, 'bags': data_of_logs(logs)}})
+        'data': {'rows': estimate.rows, 'bags': data_of_logs(logs)},
+        'estimator': {
+            **estimator_json(identification), 'in_words': estimator_in_words(identification),
+            'textbook_std': {str(label): std for label, std in
+                             zip(estimate.labels, estimate.textbook_std, strict=True)}},
+        'offsets': {} if offsets is None else {OFFSET: {
+            'value': offsets.value, 'std': offsets.std, 'unit': unit_on(machine, offsets.unit)}}})
 
 
 def _relative(parameter: Parameter) -> float:
-    return abs(parameter.std / parameter.value) if parameter.value else math.inf
+    """Return the relative deviation, the largest one where each joint has its own."""
+    return float(np.max(_relatives(parameter)))
+
+
+def _relatives(parameter: Parameter) -> np.ndarray | float:
+    """Return the relative deviation, one a joint where each has its own."""
+    value, std = np.abs(parameter.value), np.asarray(parameter.std)
+    return np.divide(std, value, out=np.full(value.shape, math.inf), where=value > 0.0)

@@ -1,0 +1,63 @@
+"""The next experiment in words, and as `diagnosis.json` has it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from par4_identification.diagnosis.next_experiment import (
+    LONGEST,
+    NextExperiment,
+    Separation,
+)
+from par4_identification.outcome.words import in_words, listed, number
+
+MOTION_FILE = 'motion.yaml'
+NONE_AT_ALL = 1.0
+"""Expected separation below which two names are the same torque."""
+_ANOTHER_WAY = {
+    frozenset(('torque_offset', 'coulomb_asymmetry')):
+        'both shift the torque of both directions alike, the breakaway torques included; read the '
+        'amplifiers with the drives off, where an offset shows and friction does not'}
+_WAY = 'measure one of them by other means, or with a known payload, which changes the load'
+
+
+def advice(names: set[str], experiment: NextExperiment | None) -> str:
+    """Return what tells a cause from its twins, a sentence each; empty without an experiment.
+
+    Args:
+        names: of the cause and its twins.
+        experiment: the next motion, or why there is none.
+    """
+    if experiment is None:
+        return ''
+    mine = [item for item in experiment.separations if names.issuperset(item.names)]
+    sentences = []
+    decided = [item for item in mine if item.separated]
+    if decided:
+        pairs = listed([f'{_pair(item)} by {number(item.expected, 2)}' for item in decided])
+        sentences.append(
+            f'Play {MOTION_FILE} ({experiment.motion.name}, {experiment.motion.duration:.0f} s), '
+            f'which is expected to tell apart {pairs} in log-likelihood, and give its bag beside '
+            f'the old ones, of which --holdout names one.')
+    sentences += [_without_motion(item) for item in mine if not item.separated]
+    return ' '.join(sentences)
+
+
+def _pair(item: Separation) -> str:
+    return ' and '.join(map(in_words, item.names))
+
+
+def _without_motion(item: Separation) -> str:
+    way = _ANOTHER_WAY.get(frozenset(item.names), _WAY)
+    if item.most < NONE_AT_ALL:
+        return f'No motion of this machine tells apart {_pair(item)}: {way}.'
+    return (f'Within {LONGEST:.0f} s no motion of the library tells apart {_pair(item)}: '
+            f'{number(item.most, 2)} in log-likelihood is expected at most; {way}.')
+
+
+def next_experiment_json(experiment: NextExperiment | None) -> dict[str, Any] | None:
+    """Return `next_experiment` of `diagnosis.json`, None where no motion separates anything."""
+    if experiment is None or experiment.motion is None:
+        return None
+    return {'motion': MOTION_FILE, 'separates': experiment.separates,
+            'expected_separation': experiment.expected_separation}

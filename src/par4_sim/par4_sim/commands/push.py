@@ -1,0 +1,46 @@
+"""par4_push: the paper's static push on a force sensor, simulated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from par4_dynamics.model import read_model
+from par4_kinematics.robot import read_robot
+from par4_sim.commands.entry import run
+from par4_sim.simulation import FIDELITIES
+from par4_sim.static_push import simulate_push
+
+
+@click.command('par4_push')
+@click.option('--robot', default='reference', show_default=True, help='robot.yaml or built-in name')
+@click.option('--model', default='table1_full', show_default=True,
+              help='model.yaml or built-in name: the machine as it truly is, effects included')
+@click.option('--output', required=True, type=click.Path(path_type=Path),
+              help='bag to write; the readings go to OUTPUT.csv')
+@click.option('--force', default=250.0, show_default=True, type=click.FloatRange(min=1.0),
+              help='largest push, N')
+@click.option('--fidelity', default='exact', show_default=True, type=click.Choice(FIDELITIES))
+@click.option('--seed', default=0, show_default=True, type=int, help='seed of the noise')
+@click.option('--torque-noise', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
+              help='noise on the recorded voltage, as torque, N m rms')
+@click.option('--force-noise', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
+              help='noise of the force sensor, N rms')
+def push(robot: str, model: str, output: Path, force: float, fidelity: str, seed: int,
+         torque_noise: float, force_noise: float) -> None:
+    """Simulate slow pushes of the platform on a force plate into a bag, its readings into a CSV."""
+    machine = read_robot(robot)
+    readings = output.with_name(f'{output.name}.csv')
+    with click.progressbar(length=1000, label='simulating static pushes') as bar:
+        simulate_push(machine, read_model(model, machine), output, readings, force, fidelity, seed,
+                      torque_noise, force_noise,
+                      progress=lambda share: bar.update(round(1000 * share) - bar.pos))
+        bar.update(1000 - bar.pos)
+    click.echo(f'{output}: static pushes of {force:g} N on {machine.name} ({fidelity}); force in '
+               f'{readings}')
+
+
+def main() -> None:
+    """Run the executable."""
+    run(push)

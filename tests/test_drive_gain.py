@@ -1,0 +1,263 @@
+"""Drive gains: from static pushes on a force sensor, and from runs with a known payload."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from measured import log_of_model
+from test_commands import run
+
+from par4_dynamics.model import read_model
+from par4_dynamics.state import GRAVITY
+from par4_identification.commands import drive_gain
+from par4_identification.drive_gain import gains_of_payloads
+from par4_identification.log import read_log
+from par4_identification.outcome.drive_gain import gains_remarks, wrong_gains
+from par4_identification.rows import runs_of_log
+from par4_identification.static_push import (
+    ForceReadings,
+    Push,
+    gains_of_pushes,
+    pushes_of_log,
+    read_force,
+)
+from par4_kinematics.errors import InputError
+from par4_kinematics.files import write_yaml
+from par4_kinematics.position import forward_kinematics, inverse_kinematics
+from par4_kinematics.robot import Axis
+from par4_kinematics.workspace import home_pose
+from par4_sim.force_plate import ForcePlate
+from par4_sim.machine_effects import machine_of_model
+from par4_sim.simulation import build_plant
+from par4_sim.static_push import push_poses, simulate_push
+from robots import OTHER, REFERENCE, model_with, other_model
+
+ERRORS = np.array((0.03, -0.05, 0.08, -0.02))
+"""What is recorded over what is delivered, less one."""
+MODELS = {'reference': (REFERENCE, read_model('table1_full', REFERENCE)),
+          'other': (OTHER, other_model())}
+
+
+def true_gains(robot, errors=ERRORS):
+    return np.array(robot.drive_gain) / (1.0 + errors)
+
+
+# ----------------------------------------------------------------------------- the force plate
+
+
+def test_the_plate_carries_what_presses_on_it():
+    """Frictionless, without drives: the platform comes to rest where the spring is its weight."""
+    model = read_model('table1', REFERENCE)
+    bare = replace(model, values={**model.values, 'arm_gravity': np.zeros(4),
+                                  'coulomb_friction': np.zeros(4)})
+    home = home_pose(REFERENCE)
+    plate = ForcePlate(REFERENCE.geometry, home[2], 2e4)
+    plant = build_plant(replace(machine_of_model(REFERENCE, bare), loads=(plate,)), 'exact')
+    plant.reset(home)
+    for _ in range(6000):
+        plant.step(np.zeros(4))
+    weight = GRAVITY * sum(float(model.values[f'platform_mass_{half}'][0]) for half in (1, 2))
+    t, *force = plate.readings[-1]
+    assert t == pytest.approx(1.5, abs=2e-3)
+    np.testing.assert_allclose(force, (0.0, 0.0, weight), rtol=1e-3)
+    assert plant.x[2] == pytest.approx(home[2] - weight / 2e4, rel=1e-5)
+
+
+def test_the_torque_against_the_plate_is_the_gradient_of_its_energy():
+    geometry = REFERENCE.geometry
+    x = push_poses(REFERENCE)[1] - (0.0, 0.0, 3e-3, 0.0)
+    height, q, step = x[2] + 3e-3, inverse_kinematics(geometry, x), 1e-6
+    plate = ForcePlate(geometry, height, 1e5)
+
+    def energy(q):
+        return 0.5 * 1e5 * (height - forward_kinematics(geometry, q, x)[2]) ** 2
+
+    gradient = [(energy(q + step * unit) - energy(q - step * unit)) / (2.0 * step)
+                for unit in np.eye(4)]
+    np.testing.assert_allclose(plate(0.0, q, np.zeros(4)), gradient, rtol=1e-5)
+    np.testing.assert_array_equal(plate(1.0, inverse_kinematics(
+        geometry, x + (0.0, 0.0, 4e-3, 0.0)), np.zeros(4)), 0.0)
+
+
+# ------------------------------------------------------------------------------- static pushes
+
+
+@pytest.fixture(scope='module', params=sorted(MODELS))
+def pushed(request, tmp_path_factory):
+    """Return robot, bag and readings of pushes at three places by a machine with other gains."""
+    robot, model = MODELS[request.param]
+    bag = tmp_path_factory.mktemp(request.param) / 'push'
+    readings = bag.with_name('push.csv')
+    simulate_push(robot, model_with(model, 'drive_gain_error', relative=ERRORS), bag, readings,
+                  seed=3, torque_noise=0.05, force_noise=0.5, poses=push_poses(robot)[:3],
+                  pushes=1)
+    return robot, bag, readings
+
+
+def test_gains_come_back_from_pushes(pushed):
+    robot, bag, readings = pushed
+    pushes = pushes_of_log(read_log(bag, robot), read_force(readings), robot)
+    assert len(pushes) == 3
+    gains = gains_of_pushes(pushes, robot)
+    true = true_gains(robot)
+    np.testing.assert_allclose(gains.values, true, rtol=0.005)
+    assert np.all(np.abs(gains.values - true) < 3.0 * gains.std)
+    assert np.all(gains.std < 0.005 * true)
+    np.testing.assert_array_equal(gains.bound, 0.0)
+    assert wrong_gains(gains).all()
+
+
+def test_friction_at_rest_stays_within_its_bound(pushed):
+    """The same pushes without the direction of sliding, as the paper had them."""
+    robot, bag, readings = pushed
+    known = MODELS[robot.name][1].values
+    pushes = [replace(push, sliding=np.zeros_like(push.sliding))
+              for push in pushes_of_log(read_log(bag, robot), read_force(readings), robot)]
+    # creeping makes viscous friction of hundredths of a N m beside
+    friction = float(known['coulomb_friction'][0] + 0.05 * known['viscous_friction'][0])
+    gains = gains_of_pushes(pushes, robot, friction * 1.1)
+    assert np.all(gains.bound > 0.02 * gains.values)
+    assert np.all(np.abs(gains.values - true_gains(robot)) < gains.bound + 3.0 * gains.std)
+    with pytest.raises(InputError, match='joint 0: 0 and 0 rows in which it slides'):
+        gains_of_pushes(pushes, robot)
+
+
+def synthetic_push(friction, carried=None):
+    """Return a push of joints at rest with friction (m, 4), N m; the gains are nominal."""
+    carried = np.linspace(2.0, 20.0, len(friction))[:, None] * np.ones(4)
+    rest = np.zeros_like(friction)
+    return Push('bag', carried, carried + friction + 3.0, rest, rest.astype(bool))
+
+
+def test_the_bound_is_reached_by_the_worst_friction_and_by_none_else():
+    random = np.random.default_rng(2)
+    rows = 40
+    none = gains_of_pushes([synthetic_push(1e-9 * random.standard_normal((rows, 4)))], REFERENCE,
+                           1.5)
+    worst = 1.5 * np.sign(np.linspace(-1.0, 1.0, rows))[:, None] * np.ones(4)
+    pushed = gains_of_pushes([synthetic_push(worst)], REFERENCE, 1.5)
+    # the slope, nominal over gain, is linear in friction
+    reach = none.nominal / pushed.values - none.nominal / none.values
+    np.testing.assert_allclose(none.bound / none.nominal, reach, rtol=1e-6)
+    for _ in range(20):
+        friction = random.uniform(-1.5, 1.5, (rows, 4))
+        other = gains_of_pushes([synthetic_push(friction)], REFERENCE, 1.5)
+        assert np.all(np.abs(other.nominal / other.values - 1.0) <= none.bound / none.nominal)
+
+
+def test_readings_on_another_clock_and_of_another_sign_are_refused(pushed):
+    robot, bag, readings = pushed
+    log, force = read_log(bag, robot), read_force(readings)
+    with pytest.raises(InputError, match='readings on the clock of the bag'):
+        pushes_of_log(log, ForceReadings(force.t + 1e9, force.force), robot)
+    with pytest.raises(InputError, match='no push of at least'):
+        pushes_of_log(log, ForceReadings(force.t, 0.0 * force.force), robot)
+    with pytest.raises(InputError, match='check the sign and frame'):
+        gains_of_pushes(pushes_of_log(log, ForceReadings(force.t, -force.force), robot), robot)
+
+
+@pytest.mark.parametrize(('content', 'message'), [
+    ('t,fx,fy\n0,1,2\n', 'expected the header t,fx,fy,fz'),
+    ('t,fx,fy,fz\n0,1,2\n', 'expected four numbers in every row'),
+    ('t,fx,fy,fz\n0,1,2,a\n', 'expected four numbers in every row'),
+    ('t,fx,fy,fz\n0,1,2,nan\n1,1,1,1\n', 'finite numbers with increasing t'),
+    ('t,fx,fy,fz\n1,1,2,3\n0,1,1,1\n', 'finite numbers with increasing t'),
+    ('', 'expected the header')])
+def test_readings_that_are_none_are_refused_in_one_line(tmp_path, content, message):
+    path = tmp_path / 'force.csv'
+    path.write_text(content, encoding='utf-8')
+    with pytest.raises(InputError, match=message) as refused:
+        read_force(path)
+    assert '\n' not in str(refused.value)
+    with pytest.raises(InputError, match='no such file'):
+        read_force(tmp_path / 'none.csv')
+
+
+def test_the_command_writes_gains_and_report(pushed, tmp_path):
+    robot, bag, readings = pushed
+    named = tmp_path / 'robot.yaml'
+    write_yaml(named, robot.model_dump(mode='json', by_alias=True))
+    done = run(drive_gain, f'{bag}={readings}', '--robot', named, '--output', tmp_path)
+    assert done.code == 0, done.err
+    assert 'The drive gains are' in done.out
+    content = json.loads((tmp_path / 'drive_gain.json').read_text(encoding='utf-8'))
+    assert content['schema'] == 'par4/drive_gain/1'
+    np.testing.assert_allclose(content['drive_gain']['value'], true_gains(robot), rtol=0.005)
+    page = (tmp_path / 'report.html').read_text(encoding='utf-8')
+    assert 'All joints slid both ways' in page
+    assert 'Write the gains into drives.gain' in page
+    for arguments, message in (((bag,), 'expected BAG=FORCE.csv'),
+                               ((f'{bag}={readings}', f'{bag}={readings}'), 'given twice')):
+        done = run(drive_gain, *arguments, '--robot', named, '--output', tmp_path)
+        assert done.code == 2
+        assert message in done.err
+        assert done.err.count('\n') == 1
+
+
+# ------------------------------------------------------------------------------ known payloads
+
+
+def loaded_runs(robot, model, mass, seed, **options):
+    """Return the rows of the bags 'bare' and 'loaded'."""
+    heavy = model_with(model, 'payload', mass=mass, half=1.0)
+    return [run for name, truth, number in (('bare', model, 2 * seed),
+                                            ('loaded', heavy, 2 * seed + 1))
+            for run in runs_of_log(log_of_model(robot, truth, seed=number, name=name, **options),
+                                   robot)]
+
+
+@pytest.mark.parametrize(('robot', 'model'), [(REFERENCE, read_model('table1', REFERENCE)),
+                                              (OTHER, other_model())], ids=('reference', 'other'))
+def test_gains_come_back_from_known_payloads(robot, model):
+    """Within 1 %; within three standard deviations but for rare chance."""
+    scores = []
+    for seed, mass in ((0, 0.2), (1, 0.5), (2, 2.0)):
+        errors = np.random.default_rng(seed).uniform(-0.1, 0.1, 4)
+        odd = model_with(model, 'drive_gain_error', relative=errors)
+        gains = gains_of_payloads(loaded_runs(robot, odd, mass, seed), {'loaded': mass}, robot)
+        true = true_gains(robot, errors)
+        np.testing.assert_allclose(gains.values, true, rtol=0.01)
+        scores.append((gains.values - true) / gains.std)
+        assert gains.p_value > 1e-4
+    assert np.abs(scores).max() < 3.5
+    assert np.sqrt(np.mean(np.square(scores))) < 2.0
+
+
+def test_unequal_arms_and_friction_that_drifts_are_no_gains():
+    """Each joint may have friction and inertia of its own, and friction may change on the way."""
+    model = read_model('table1', REFERENCE)
+    arms = {**model.values, 'actuator_inertia': np.array((0.10, 0.12, 0.113, 0.09)),
+            'coulomb_friction': np.array((2.0, 2.4, 2.8, 3.0))}
+    warm = {**arms, 'coulomb_friction': 0.8 * arms['coulomb_friction'],
+            'viscous_friction': 0.7 * arms['viscous_friction'],
+            'platform_mass_1': arms['platform_mass_1'] + 0.5}
+    runs = [run for name, values in (('bare', arms), ('loaded', warm))
+            for run in runs_of_log(log_of_model(REFERENCE, replace(model, values=values),
+                                                seed=len(name), name=name), REFERENCE)]
+    gains = gains_of_payloads(runs, {'loaded': 0.5}, REFERENCE)
+    np.testing.assert_allclose(gains.values, REFERENCE.drive_gain, rtol=0.005)
+    assert not wrong_gains(gains).any()
+    remark, = gains_remarks(gains, REFERENCE, 'By the payload')
+    assert remark.good
+
+
+def test_full_bodies_are_known_torque_too():
+    model = model_with(read_model('table1_full', REFERENCE), 'drive_gain_error', relative=ERRORS)
+    gains = gains_of_payloads(loaded_runs(REFERENCE, model, 0.5, 4), {'loaded': 0.5}, REFERENCE,
+                              'full')
+    np.testing.assert_allclose(gains.values, true_gains(REFERENCE), rtol=0.005)
+
+
+def test_gains_need_a_known_difference():
+    runs = loaded_runs(REFERENCE, read_model('table1', REFERENCE), 0.5, 5, duration=4.0)
+    for payloads in ({}, {'bare': 0.5, 'loaded': 0.5}):
+        with pytest.raises(InputError, match='every bag carries the same payload'):
+            gains_of_payloads(runs, payloads, REFERENCE)
+    with pytest.raises(InputError, match='check which bag carried it'):
+        gains_of_payloads(runs, {'bare': 0.5}, REFERENCE)
+    axis = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=35.0)
+    with pytest.raises(InputError, match='single axis'):
+        gains_of_payloads(runs, {'loaded': 0.5}, axis)

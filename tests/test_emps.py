@@ -1,0 +1,163 @@
+"""One measured axis: the published digits, a synthetic twin, and the way through a bag.
+
+The measured data stand outside the repository: PAR4_EMPS_DATA gives the path of DATA_EMPS.mat.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from example import (
+    PUBLISHED,
+    PUBLISHED_BY_DIRECTION,
+    PUBLISHED_FIT,
+    PUBLISHED_FIT_BY_DIRECTION,
+    through_a_bag,
+)
+
+from axis_simulation import simulated, synthetic_recording
+from own_recipe import own_estimates, values_by_name
+from par4_identification.log import read_log
+from par4_kinematics.errors import InputError
+from published_recipe import BY_DIRECTION, COLUMNS, published_estimate
+from recording import VARIABLE, data_path, read_recording, write_bag
+
+TRUE = {'M': 80.0, 'Fv': 150.0, 'Fc': 18.0, 'offset': -2.0}
+
+
+@pytest.fixture(scope='module')
+def measured():
+    """Return the measured recording."""
+    path = data_path()
+    if path is None:
+        pytest.skip(f'{VARIABLE} is not set')
+    return read_recording(path)
+
+
+@pytest.fixture(scope='module')
+def synthetic():
+    """Return a recording of an axis with the values TRUE."""
+    return synthetic_recording(np.array(list(TRUE.values())))
+
+
+@pytest.fixture(scope='module')
+def bag_of_synthetic(synthetic, tmp_path_factory):
+    """Return the folder of its bag, identification.json and validation.json."""
+    folder = tmp_path_factory.mktemp('axis')
+    return folder, *through_a_bag(synthetic, folder)
+
+
+def test_published_digits(measured):
+    """Every printed digit of parameters, deviations, relative error and condition number."""
+    estimate, relative = published_estimate(measured.position, measured.force, measured.period)
+    found = {name: (f'{value:.4f}', f'{100.0 * std:.4f}')
+             for name, value, std in zip(COLUMNS, estimate.values, relative)}
+    assert found == PUBLISHED
+    assert (f'{100.0 * estimate.relative_error:.4f}',
+            f'{estimate.condition_number:.4f}') == PUBLISHED_FIT
+
+
+def test_published_digits_of_friction_by_direction(measured):
+    estimate, _ = published_estimate(measured.position, measured.force, measured.period,
+                                     BY_DIRECTION)
+    assert {name: f'{value:.4f}' for name, value in zip(BY_DIRECTION, estimate.values)
+            } == PUBLISHED_BY_DIRECTION
+    assert f'{100.0 * estimate.relative_error:.4f}' == PUBLISHED_FIT_BY_DIRECTION
+
+
+def test_own_recipe_agrees_with_the_published_one(measured):
+    """Within the own deviations, which count the colour of the residual and are larger."""
+    estimates = own_estimates(measured)
+    published = {name: float(value) for name, (value, _) in PUBLISHED.items()}
+    for estimate in estimates.values():
+        for name, value, std in zip(values_by_name(estimate), values_by_name(estimate).values(),
+                                    estimate.std):
+            assert abs(value - published[name]) < 4.0 * std, name
+    weighted = estimates['weighted']
+    assert np.all(weighted.std > 1.5 * weighted.textbook_std)
+    assert weighted.relative_error < float(PUBLISHED_FIT[0]) / 100.0
+    assert estimates['consistent'].active == ()
+    bias = estimates['instrumental'].bias
+    assert np.abs(bias.difference / weighted.std).max() < 0.5
+
+
+def test_measured_data_through_a_bag(measured, tmp_path):
+    identification, validation = through_a_bag(measured, tmp_path)
+    mass = identification['parameters']['actuator_inertia']
+    assert mass['unit'] == 'kg'
+    assert abs(mass['value'] - float(PUBLISHED['M'][0])) < 3.0 * mass['std']
+    assert validation['overall']['relative_error'] < 0.05
+    log = read_log(tmp_path / 'bag', measured.axis)
+    np.testing.assert_allclose(log.q[:, 0], measured.position, rtol=0.0, atol=1e-15)
+    np.testing.assert_allclose(log.tau[:, 0], measured.force, rtol=1e-12)
+
+
+def test_axis_without_noise_obeys_its_equation(synthetic):
+    """Where it moves, what was integrated meets force = M a + Fv v + Fc sign v + offset."""
+    clean = simulated(synthetic, np.array(list(TRUE.values())))
+    speed = np.gradient(clean.position, clean.period)
+    acceleration = np.gradient(speed, clean.period)
+    force = (TRUE['M'] * acceleration + TRUE['Fv'] * speed + TRUE['Fc'] * np.sign(speed)
+             + TRUE['offset'])
+    moving = np.convolve(np.abs(speed) > 0.01, np.ones(21), 'same') > 20.5
+    assert moving.mean() > 0.3
+    residual = (clean.force - force)[moving]
+    assert np.sqrt(np.mean(residual ** 2)) < 0.01 * np.sqrt(np.mean(clean.force[moving] ** 2))
+
+
+def test_published_recipe_on_a_synthetic_axis(synthetic):
+    """It comes near; standstill, which it does not leave out, costs friction some percent."""
+    estimate, relative = published_estimate(synthetic.position, synthetic.force, synthetic.period)
+    np.testing.assert_allclose(estimate.values, list(TRUE.values()), rtol=0.05)
+    assert np.all(relative > 0.0)
+    assert estimate.condition_number < 30.0
+
+
+def test_every_estimator_recovers_the_synthetic_axis(synthetic):
+    for estimate in own_estimates(synthetic).values():
+        for name, value, std in zip(values_by_name(estimate), values_by_name(estimate).values(),
+                                    estimate.std):
+            assert value == pytest.approx(TRUE[name], abs=4.0 * std + 2e-3 * abs(TRUE[name])), name
+
+
+def test_synthetic_axis_through_a_bag(bag_of_synthetic, synthetic):
+    folder, identification, validation = bag_of_synthetic
+    found = identification['parameters']
+    for name, true in (('actuator_inertia', 'M'), ('viscous_friction', 'Fv'),
+                       ('coulomb_friction', 'Fc')):
+        assert found[name]['value'] == pytest.approx(
+            TRUE[true], abs=4.0 * found[name]['std'] + 2e-3 * TRUE[true])
+    offset = identification['offsets']['torque_offset']
+    assert offset['value'][0] == pytest.approx(TRUE['offset'], abs=4.0 * offset['std'][0] + 0.01)
+    assert offset['unit'] == 'N'
+    assert identification['estimator']['offsets'] is True
+    assert validation['without_standstill']['overall']['relative_error'] < 0.02
+    log = read_log(folder / 'bag', synthetic.axis)
+    assert log.accounts.findings() == ()
+    np.testing.assert_allclose(log.reference.q[:, 0], synthetic.reference, atol=1e-15)
+
+
+def test_an_axis_cannot_be_simulated_by_the_executable(bag_of_synthetic, tmp_path):
+    from par4_identification.commands import identify
+
+    folder, *_ = bag_of_synthetic
+    with pytest.raises(InputError, match='only a Par4 can be simulated'):
+        identify.identify_bags.main(
+            [str(folder / 'bag'), '--robot', str(folder / 'emps.yaml'), '--estimator',
+             'instrumental', '--output', str(tmp_path)], standalone_mode=False)
+
+
+def test_other_files_are_refused(tmp_path):
+    with pytest.raises(InputError, match='cannot be read as a MATLAB file'):
+        read_recording(tmp_path / 'nothing.mat')
+    from scipy.io import savemat
+
+    savemat(tmp_path / 'other.mat', {'t': [0.0, 1.0]})
+    with pytest.raises(InputError, match='lacks qg, qm, vir'):
+        read_recording(tmp_path / 'other.mat')
+
+
+def test_a_bag_is_not_overwritten(bag_of_synthetic, synthetic):
+    folder, *_ = bag_of_synthetic
+    with pytest.raises(InputError, match='exists already'):
+        write_bag(synthetic, folder / 'bag')
