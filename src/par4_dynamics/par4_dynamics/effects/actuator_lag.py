@@ -40,12 +40,6 @@ class ActuatorLag(Effect):
         late = lagged(state.recorded, constant, state.t[1] - state.t[0])
         return ((state.recorded - late) / constant)[..., None]
 
-    def coefficients(self, values):
-        return values['time_constant'][None]
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'time_constant': coefficients[0]}
-
     def implausible(self, values, base):  # noqa: ARG002
         constant = float(values['time_constant'][0])
         if not 0.0 < constant <= LONGEST:

@@ -24,12 +24,6 @@ class ArmMassOffset(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return (GRAVITY * np.sin(state.q))[..., None]
 
-    def coefficients(self, values):
-        return values['first_moment'][None]
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'first_moment': coefficients[0]}
-
     def implausible(self, values, base):
         torque = GRAVITY * np.abs(values['first_moment'])
         along = float(np.max(np.abs(base['arm_gravity'])))

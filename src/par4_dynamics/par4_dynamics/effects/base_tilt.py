@@ -49,12 +49,6 @@ class BaseTilt(Effect):
         return (values['arm_gravity'] / GRAVITY * np.sin(state.q) * outward
                 - values['platform_mass_1'] * at_d - values['platform_mass_2'] * at_d2)
 
-    def coefficients(self, values):
-        return np.stack((values['about_x'], values['about_y']))
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'about_x': coefficients[0], 'about_y': coefficients[1]}
-
     def implausible(self, values, base):  # noqa: ARG002
         tilt = math.hypot(float(values['about_x'][0]), float(values['about_y'][0]))
         if tilt > STEEPEST:

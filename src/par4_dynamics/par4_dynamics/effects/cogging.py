@@ -15,7 +15,7 @@ class Cogging(Effect):
     name = 'cogging'
     phrase = 'cogging torque'
     parameters = (EffectParameter('amplitude', 'N m', 'joint'),
-                  EffectParameter('periods', '1/turn', 'machine'),
+                  EffectParameter('periods', '1/turn', 'machine', is_shape=True),
                   EffectParameter('phase', 'rad', 'joint'))
 
     def shapes(self, state):
@@ -38,9 +38,6 @@ class Cogging(Effect):
         return {'amplitude': amplitude,
                 'periods': np.full_like(amplitude, shape['periods']),
                 'phase': np.arctan2(coefficients[1], coefficients[0])}
-
-    def shape_of(self, values):
-        return {'periods': float(values['periods'])}
 
     def implausible(self, values, base):  # noqa: ARG002
         return None

@@ -17,12 +17,6 @@ class CoulombAsymmetry(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return (state.qd != 0.0).astype(float)[..., None]
 
-    def coefficients(self, values):
-        return values['asymmetry'][None]
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'asymmetry': coefficients[0]}
-
     def implausible(self, values, base):
         excess = np.abs(values['asymmetry']) - base['coulomb_friction']
         worst = int(np.argmax(excess))

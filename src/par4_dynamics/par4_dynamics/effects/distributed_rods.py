@@ -18,12 +18,6 @@ class DistributedRods(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return unmodelled_columns(state)[..., [UNMODELLED.index('rod_mass')]]
 
-    def coefficients(self, values):
-        return values['rod_mass'][None]
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'rod_mass': coefficients[0]}
-
     def implausible(self, values, base):
         mass = float(values['rod_mass'][0])
         # two rods hang from each half plate by half, with two legs each: 2 m_5 of m_1', m_2'

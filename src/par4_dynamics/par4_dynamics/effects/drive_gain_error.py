@@ -20,12 +20,6 @@ class DriveGainError(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return state.nominal.torque[..., None]
 
-    def coefficients(self, values):
-        return values['relative'][None]
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'relative': coefficients[0]}
-
     def implausible(self, values, base):  # noqa: ARG002
         relative = values['relative']
         if np.any(np.abs(relative) > LARGEST):

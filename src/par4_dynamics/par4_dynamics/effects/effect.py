@@ -23,6 +23,7 @@ class EffectParameter:
         default: taken where a model does not give it; None where it must.
         other_unit: a second unit that gives the parameter another meaning, see the effect.
         size: numbers it has; more than one for a vector of the machine.
+        is_shape: True where the columns depend on it; False where it is a coefficient.
     """
 
     name: str
@@ -31,6 +32,7 @@ class EffectParameter:
     default: float | None = None
     other_unit: str | None = None
     size: int = 1
+    is_shape: bool = False
 
 
 @dataclass(frozen=True)
@@ -78,13 +80,19 @@ class Effect(ABC):
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         """Return the torque per unit coefficient, (n, J, K), N m."""
 
-    @abstractmethod
     def coefficients(self, values: Values) -> np.ndarray:
-        """Return the coefficients (K, J) of parameter values, each (J,)."""
+        """Return the coefficients (K, J) of parameter values, each (J,).
 
-    @abstractmethod
+        By default the parameters that are no shapes, in their order.
+        """
+        return np.stack([values[parameter.name] for parameter in self.parameters
+                         if not parameter.is_shape])
+
     def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
         """Return the parameter values, each (J,), of coefficients (K, J) and a shape."""
+        rows = iter(coefficients)
+        return {parameter.name: np.full_like(coefficients[0], shape[parameter.name])
+                if parameter.is_shape else next(rows) for parameter in self.parameters}
 
     @abstractmethod
     def implausible(self, values: Values, base: Mapping[str, np.ndarray]) -> str | None:
@@ -94,9 +102,10 @@ class Effect(ABC):
     def signature(self, state: State) -> Signature:
         """Return the abscissa over which the effect shows."""
 
-    def shape_of(self, values: Values) -> Shape:  # noqa: ARG002
-        """Return the shape parameters among the values (those of the machine)."""
-        return {}
+    def shape_of(self, values: Values) -> Shape:
+        """Return the shape parameters among the values, one number each."""
+        return {parameter.name: float(values[parameter.name]) for parameter in self.parameters
+                if parameter.is_shape}
 
     def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
         """Return the torque (n, J), N m; zero on joints not in `joints`.

@@ -22,12 +22,6 @@ class ExternalForce(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return np.stack([-state.torque_of_force(unit) for unit in np.eye(4)[:3]], axis=-1)
 
-    def coefficients(self, values):
-        return np.stack([values[axis] for axis in 'xyz'])
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return dict(zip('xyz', coefficients))
-
     def implausible(self, values, base):  # noqa: ARG002
         force = float(np.linalg.norm([values[axis][0] for axis in 'xyz']))
         if force > LARGEST:

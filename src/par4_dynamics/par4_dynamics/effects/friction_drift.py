@@ -20,7 +20,7 @@ class FrictionDrift(Effect):
     name = 'friction_drift'
     phrase = 'friction that changes while the machine warms up'
     parameters = (EffectParameter('drop', '1', 'machine'),
-                  EffectParameter('time_constant', 's', 'machine'))
+                  EffectParameter('time_constant', 's', 'machine', is_shape=True))
     shared = True
     needs_nominal = True
 
@@ -33,16 +33,6 @@ class FrictionDrift(Effect):
     def columns(self, state, shape):
         warm = -np.expm1(-state.t / shape['time_constant'])
         return (-warm[:, None] * state.nominal.friction)[..., None]
-
-    def coefficients(self, values):
-        return values['drop'][None]
-
-    def values(self, coefficients, shape):
-        drop = coefficients[0]
-        return {'drop': drop, 'time_constant': np.full_like(drop, shape['time_constant'])}
-
-    def shape_of(self, values):
-        return {'time_constant': float(values['time_constant'])}
 
     def implausible(self, values, base):  # noqa: ARG002
         drop, constant = float(values['drop'][0]), float(values['time_constant'][0])

@@ -43,12 +43,6 @@ class GeometryError(Effect):
             columns.append((ends[1] - ends[0]) / (2.0 * STEP))
         return np.stack(columns, axis=-1)
 
-    def coefficients(self, values):
-        return np.stack([values[name] for name in DIMENSIONS])
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return dict(zip(DIMENSIONS, coefficients))
-
     def implausible(self, values, base):  # noqa: ARG002
         name = max(DIMENSIONS, key=lambda dimension: abs(float(values[dimension][0])))
         error = float(values[name][0])

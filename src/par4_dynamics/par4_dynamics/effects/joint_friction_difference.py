@@ -20,12 +20,6 @@ class JointFrictionDifference(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return np.stack((np.sign(state.qd), state.qd), axis=-1)
 
-    def coefficients(self, values):
-        return np.stack((values['coulomb'], values['viscous']))
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'coulomb': coefficients[0], 'viscous': coefficients[1]}
-
     def implausible(self, values, base):
         for parameter in self.parameters:
             difference, level = values[parameter.name], base[_BASE[parameter.name]]

@@ -17,12 +17,6 @@ class JointInertiaDifference(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return state.qdd[..., None]
 
-    def coefficients(self, values):
-        return values['inertia'][None]
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'inertia': coefficients[0]}
-
     def implausible(self, values, base):
         excess = np.abs(values['inertia']) - base['actuator_inertia']
         worst = int(np.argmax(excess))

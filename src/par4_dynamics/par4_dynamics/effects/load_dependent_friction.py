@@ -20,12 +20,6 @@ class LoadDependentFriction(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return (np.abs(state.nominal.load) * np.sign(state.qd))[..., None]
 
-    def coefficients(self, values):
-        return values['coefficient'][None]
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'coefficient': coefficients[0]}
-
     def implausible(self, values, base):  # noqa: ARG002
         coefficient = values['coefficient']
         if np.any(coefficient < 0):

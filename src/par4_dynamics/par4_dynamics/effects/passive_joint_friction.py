@@ -33,12 +33,6 @@ class PassiveJointFriction(Effect):
             state.torque_of_force(passive_friction_force(state.geometry, state.x, state.xd, *unit))
             for unit in ((1.0, 0.0), (0.0, 1.0))], axis=-1)
 
-    def coefficients(self, values):
-        return np.stack((values['coulomb'], values['viscous']))
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'coulomb': coefficients[0], 'viscous': coefficients[1]}
-
     def implausible(self, values, base):  # noqa: ARG002
         coulomb, viscous = float(values['coulomb'][0]), float(values['viscous'][0])
         if feeds_energy(coulomb, viscous * TYPICAL_RATE):

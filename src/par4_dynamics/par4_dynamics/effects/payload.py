@@ -20,7 +20,7 @@ class Payload(Effect):
     name = 'payload'
     phrase = 'a payload'
     parameters = (EffectParameter('mass', 'kg', 'machine'),
-                  EffectParameter('half', '1', 'machine', default=1.0))
+                  EffectParameter('half', '1', 'machine', default=1.0, is_shape=True))
     shared = True
     needs_platform = True
 
@@ -31,13 +31,6 @@ class Payload(Effect):
         # between the halves the mass is shared, so that the shape has a derivative
         columns = rigid_body_columns(state)[..., HALVES]
         return columns @ [[2.0 - shape['half']], [shape['half'] - 1.0]]
-
-    def coefficients(self, values):
-        return values['mass'][None]
-
-    def values(self, coefficients, shape):
-        mass = coefficients[0]
-        return {'mass': mass, 'half': mass * 0.0 + shape['half']}
 
     def shape_of(self, values):
         if values['half'] not in (1.0, 2.0):

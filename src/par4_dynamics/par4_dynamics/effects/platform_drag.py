@@ -30,12 +30,6 @@ class PlatformDrag(Effect):
         return np.stack((state.torque_of_force(velocity), state.torque_of_force(speed * velocity)),
                         axis=-1)
 
-    def coefficients(self, values):
-        return np.stack((values['viscous'], values['quadratic']))
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'viscous': coefficients[0], 'quadratic': coefficients[1]}
-
     def implausible(self, values, base):  # noqa: ARG002
         viscous, quadratic = float(values['viscous'][0]), float(values['quadratic'][0])
         parts = (viscous * TYPICAL_SPEED, quadratic * TYPICAL_SPEED ** 2)

@@ -41,7 +41,7 @@ class Presliding(Effect):
 
     name = 'presliding'
     phrase = 'elastic presliding before friction breaks away'
-    parameters = (EffectParameter('distance', 'rad', 'machine'),)
+    parameters = (EffectParameter('distance', 'rad', 'machine', is_shape=True),)
     needs_nominal = True
     fixed_coefficients = True
 
@@ -60,12 +60,6 @@ class Presliding(Effect):
 
     def coefficients(self, values):
         return np.ones_like(values['distance'])[None]
-
-    def values(self, coefficients, shape):
-        return {'distance': np.full_like(coefficients[0], shape['distance'])}
-
-    def shape_of(self, values):
-        return {'distance': float(values['distance'])}
 
     def implausible(self, values, base):  # noqa: ARG002
         distance = float(values['distance'][0])

@@ -17,7 +17,7 @@ class Quantization(Effect):
 
     name = 'quantization'
     phrase = 'quantization of the recorded signal'
-    parameters = (EffectParameter('step', 'rad', 'joint', other_unit='N m'),)
+    parameters = (EffectParameter('step', 'rad', 'joint', other_unit='N m', is_shape=True),)
 
     def shapes(self, state):  # noqa: ARG002
         return ()
@@ -30,9 +30,6 @@ class Quantization(Effect):
 
     def values(self, coefficients, shape):
         return {'step': np.full(coefficients.shape[1], shape['step'])}
-
-    def shape_of(self, values):
-        return {'step': float(values['step'])}
 
     def implausible(self, values, base):  # noqa: ARG002
         step = values['step']

@@ -15,7 +15,7 @@ class Stribeck(Effect):
     name = 'stribeck'
     phrase = 'Stribeck friction'
     parameters = (EffectParameter('stribeck_torque', 'N m', 'joint'),
-                  EffectParameter('stribeck_velocity', 'rad/s', 'joint'))
+                  EffectParameter('stribeck_velocity', 'rad/s', 'joint', is_shape=True))
 
     def shapes(self, state):
         fastest = float(np.max(np.abs(state.qd)))
@@ -31,17 +31,6 @@ class Stribeck(Effect):
     def columns(self, state, shape):
         ratio = state.qd / shape['stribeck_velocity']
         return (np.exp(-ratio * ratio) * np.sign(state.qd))[..., None]
-
-    def coefficients(self, values):
-        return values['stribeck_torque'][None]
-
-    def values(self, coefficients, shape):
-        torque = coefficients[0]
-        return {'stribeck_torque': torque,
-                'stribeck_velocity': np.full_like(torque, shape['stribeck_velocity'])}
-
-    def shape_of(self, values):
-        return {'stribeck_velocity': float(values['stribeck_velocity'])}
 
     def implausible(self, values, base):
         torque, level = values['stribeck_torque'], base['coulomb_friction']

@@ -28,12 +28,6 @@ class ThetaFriction(Effect):
         rate = state.xd[:, 3:]
         return np.stack((unit * np.sign(rate), unit * rate), axis=-1)
 
-    def coefficients(self, values):
-        return np.stack((values['coulomb'], values['viscous']))
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'coulomb': coefficients[0], 'viscous': coefficients[1]}
-
     def implausible(self, values, base):  # noqa: ARG002
         coulomb, viscous = float(values['coulomb'][0]), float(values['viscous'][0])
         if feeds_energy(coulomb, viscous * TYPICAL_RATE):

@@ -23,12 +23,6 @@ class ThetaInertia(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return unmodelled_columns(state)[..., [UNMODELLED.index('theta_inertia')]]
 
-    def coefficients(self, values):
-        return values['inertia'][None]
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'inertia': coefficients[0]}
-
     def implausible(self, values, base):  # noqa: ARG002
         inertia = float(values['inertia'][0])
         if inertia < 0:

@@ -42,12 +42,6 @@ class TimeOffset(Effect):
             return ((torque - _earlier(state.t, torque, -delay)) / delay)[..., None]
         return ((_earlier(state.t, torque, delay) - torque) / delay)[..., None]
 
-    def coefficients(self, values):
-        return values['delay'][None]
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'delay': coefficients[0]}
-
     def shape_of(self, values):
         return {'expanded_at': float(values['delay'])}
 

@@ -17,12 +17,6 @@ class TorqueOffset(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return np.ones((*state.q.shape, 1))
 
-    def coefficients(self, values):
-        return values['offset'][None]
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'offset': coefficients[0]}
-
     def implausible(self, values, base):  # noqa: ARG002
         return None
 

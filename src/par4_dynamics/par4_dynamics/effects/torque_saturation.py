@@ -17,7 +17,7 @@ class TorqueSaturation(Effect):
 
     name = 'torque_saturation'
     phrase = 'saturation of the drives'
-    parameters = (EffectParameter('limit', 'N m', 'joint'),)
+    parameters = (EffectParameter('limit', 'N m', 'joint', is_shape=True),)
     needs_nominal = True
     fixed_coefficients = True
 
@@ -30,12 +30,6 @@ class TorqueSaturation(Effect):
 
     def coefficients(self, values):
         return np.ones_like(values['limit'])[None]
-
-    def values(self, coefficients, shape):
-        return {'limit': np.full_like(coefficients[0], shape['limit'])}
-
-    def shape_of(self, values):
-        return {'limit': float(values['limit'])}
 
     def implausible(self, values, base):
         limit, level = values['limit'], base['coulomb_friction']

@@ -17,12 +17,6 @@ class ViscousAsymmetry(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return np.abs(state.qd)[..., None]
 
-    def coefficients(self, values):
-        return values['asymmetry'][None]
-
-    def values(self, coefficients, shape):  # noqa: ARG002
-        return {'asymmetry': coefficients[0]}
-
     def implausible(self, values, base):
         excess = np.abs(values['asymmetry']) - base['viscous_friction']
         worst = int(np.argmax(excess))
