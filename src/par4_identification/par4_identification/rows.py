@@ -38,6 +38,11 @@ class Conditioning:
     row_rate_hz: float = 100.0
     low_speed: float = 0.05
 
+    @property
+    def reach(self) -> float:
+        """Half the time over which the torque's low-pass remembers, s."""
+        return 0.9 / self.torque_cutoff_hz
+
 
 @dataclass(frozen=True)
 class Run:
@@ -119,8 +124,7 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
     state = replace(state_of_joints(geometry, log.t[segment], q, qd, qdd), recorded=torque)
     every = max(1, round(1.0 / (conditioning.row_rate_hz * period)))
 
-    # half the length over which the low-pass remembers, in samples
-    reach = int(np.ceil(0.9 / (conditioning.torque_cutoff_hz * period)))
+    reach = int(np.ceil(conditioning.reach / period))
     slow = np.abs(state.qd) < conditioning.low_speed
     near = _within(reach, slow)
     moving = np.abs(state.qd) >= conditioning.low_speed / 4

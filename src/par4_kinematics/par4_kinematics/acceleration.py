@@ -191,3 +191,14 @@ def platform_motion(geometry: Geometry, q: ArrayLike, qd: ArrayLike, qdd: ArrayL
     _platform_rate_rows(geometry.packed, x, turns, qd_rows, qdd_rows, xd, xdd)
     shape = (*leading, LEGS)
     return PlatformMotion(x.reshape(shape), xd.reshape(shape), xdd.reshape(shape))
+
+
+def half_plate_accelerations(geometry: Geometry, x: np.ndarray, xd: np.ndarray, xdd: np.ndarray
+                             ) -> np.ndarray:
+    """Return the accelerations of D and, by (15), of D', (2, n, 3), m/s2, of a motion (n, 4)."""
+    theta, thetad, thetadd = x[:, 3], xd[:, 3], xdd[:, 3]
+    sine, cosine = np.sin(theta), np.cos(theta)
+    relative = geometry.platform_bar_length * np.column_stack((
+        sine * thetad ** 2 - cosine * thetadd, -cosine * thetad ** 2 - sine * thetadd,
+        np.zeros_like(theta)))
+    return np.stack((xdd[:, :3], xdd[:, :3] + relative))

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from par4_kinematics.acceleration import joint_motion
+from par4_kinematics.acceleration import half_plate_accelerations, joint_motion
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion import Motion, check_limits, motion_of_platform, sample_times
 from par4_kinematics.position import inverse_kinematics
@@ -93,7 +93,7 @@ def excitation_motion(robot: Robot, duration: float = 30.0, seed: int = 0, perio
     require_positive({'acceleration': acceleration, 'joint_speed': joint_speed}, 'excitation')
     t = sample_times(duration, period)
     home = home_pose(robot)
-    region = _region(robot, home)
+    region = reachable_region(robot, home)
     generator = np.random.default_rng(seed)
     slow_duration = slow_fraction * duration
     slow = Phase(slow_duration, min(SLOW_JOINT_SPEED, joint_speed),
@@ -125,7 +125,7 @@ class Region:
     theta: float
 
 
-def _region(robot: Robot, home: np.ndarray) -> Region:
+def reachable_region(robot: Robot, home: np.ndarray) -> Region:
     """Return the largest region that every leg reaches within its joint range."""
     low, high = robot.limits.joint_position
     grid = workspace_grid(robot) - home
@@ -239,11 +239,5 @@ def _largest_scale(phase: Phase, robot: Robot, base: np.ndarray, added: np.ndarr
 def _load(phase: Phase, robot: Robot, x: np.ndarray) -> float:
     """Return the largest share of the phase's limits that a platform motion (3, n, 4) uses."""
     qd = joint_motion(robot.geometry, *x).qd
-    acceleration = x[2, :, :3]
-    theta, thetad, thetadd = x[:, :, 3]
-    sine, cosine = np.sin(theta), np.cos(theta)
-    of_d2 = acceleration + robot.geometry.platform_bar_length * np.column_stack((
-        sine * thetad ** 2 - cosine * thetadd, -cosine * thetad ** 2 - sine * thetadd,
-        np.zeros_like(theta)))
-    fastest = max(np.linalg.norm(part, axis=1).max() for part in (acceleration, of_d2))
+    fastest = np.linalg.norm(half_plate_accelerations(robot.geometry, *x), axis=-1).max()
     return max(np.abs(qd).max() / phase.joint_speed, fastest / phase.acceleration)
