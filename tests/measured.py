@@ -6,9 +6,12 @@ from functools import cache
 
 import numpy as np
 
+from par4_dynamics.base_terms import base_columns, distributed_torque
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints, state_of_platform
+from par4_identification.identification import identify_runs
 from par4_identification.log import Log
+from par4_identification.rows import runs_of_log
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
@@ -29,22 +32,22 @@ def excitation(robot_name: str, duration: float, seed: int) -> Motion:
     return excitation_motion(ROBOTS[robot_name], duration=duration, seed=seed)
 
 
-def simulation_of(robot: Robot, machine: Machine, model: Model, seed: int, noise: float
-                  ) -> Simulation:
+def simulation_of(robot: Robot, machine: Machine, model: Model, seed: int, noise: float,
+                  noise_time: float = 0.0) -> Simulation:
     """Return a simulation of `machine`, whose drives rest with the torque of `model`."""
     still = np.zeros((1, 4))
     rest = state_of_platform(robot.geometry, np.zeros(1), home_pose(robot)[None], still, still)
     return Simulation(robot, build_plant(machine, 'exact'), 1e-3, robot.drives.torque_limit,
                       model.torque(rest)[0], machine.amplifier, machine.sensors,
-                      Noise(torque_noise=noise), seed)
+                      Noise(torque_noise=noise, correlation_time=noise_time), seed)
 
 
 def log_of_machine(robot: Robot, machine: Machine, model: Model, *, duration: float = 10.0,
-                   seed: int = 0, noise: float = 0.05, feedforward: bool = False,
-                   name: str | None = None) -> Log:
+                   seed: int = 0, noise: float = 0.05, noise_time: float = 0.0,
+                   feedforward: bool = False, name: str | None = None) -> Log:
     """Return the log of an excitation on `machine`; `model` is what its drives know of it."""
     motion = excitation(robot.name, duration, seed)
-    simulation = simulation_of(robot, machine, model, seed, noise)
+    simulation = simulation_of(robot, machine, model, seed, noise, noise_time)
     start = simulation.time + DWELL
     simulation.queue_reference(start + motion.t, motion.q, motion.qd, motion.qdd)
     if feedforward:
@@ -62,3 +65,23 @@ def log_of_machine(robot: Robot, machine: Machine, model: Model, *, duration: fl
 def log_of_model(robot: Robot, model: Model, **options) -> Log:
     """Return the log of an excitation on the machine that `model` describes."""
     return log_of_machine(robot, machine_of_model(robot, model), model, **options)
+
+
+def asked_log(robot: Robot, motion: Motion) -> Log:
+    """Return the log of a machine that follows a motion to the letter; its torque is zero."""
+    return Log(name=motion.name, joint_names=robot.joint_names, start_stamp=0,
+               period=motion.period, t=motion.t, q=motion.q, tau=np.zeros_like(motion.q),
+               segments=(slice(0, len(motion.t)),), reference=None, accounts=None)
+
+
+def predicted_bias(robot: Robot, model: Model, log: Log) -> np.ndarray:
+    """Return by how much (20) misses the base parameters (p,) of the full mechanism, relatively.
+
+    Rods and bars, projected onto the columns of (20) with the filters and weights of the
+    estimator, along the positions of the log; its torque does not count.
+    """
+    runs = runs_of_log(log, robot)
+    left_out = [run.rows(distributed_torque(robot.bodies, run.state)) for run in runs]
+    bases = [run.rows(base_columns(run.state)) for run in runs]
+    fit = identify_runs(runs, left_out, bases, 'paper')
+    return fit.estimate.values / [model.values[term.name][0] for term in fit.terms]

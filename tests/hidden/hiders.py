@@ -1,0 +1,529 @@
+"""What may be hidden: each effect as parts of a machine, its usual sizes, its family of shapes.
+
+A hider knows how to build a machine with the effect and how large the effect usually is. It knows
+no torque: that is what the machine makes of it, see `physics`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from hidden.machines import Known
+from par4_kinematics.geometry import LEGS
+from par4_sim.machine import Harmonic, Machine
+
+Values = dict[str, np.ndarray | float]
+"""Parameter -> one number, or (4,) for the joints."""
+JOINTS = tuple(range(LEGS))
+RATED = 20.0
+"""N m: motors of this size; their cogging and ripple are shares of it."""
+DIMENSIONS = ('arm_length', 'forearm_length', 'base_radius', 'platform_radius',
+              'platform_bar_length')
+
+
+@dataclass(frozen=True)
+class Column:
+    """One direction in which an effect can be larger.
+
+    Attributes:
+        values: of the effect, of a usual size.
+        low, high: bounds of the factor on them.
+    """
+
+    values: Values
+    low: float = -5.0
+    high: float = 5.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a family may depend on.
+
+    Attributes:
+        reach: least range of a joint, rad.
+        periods: a turn, of waves that are hidden.
+    """
+
+    reach: float
+    periods: tuple[float, ...] = ()
+
+
+Family = list[list[Column]]
+"""One list of columns for each shape: torques of a shape add up, shapes exclude each other."""
+
+
+@dataclass(frozen=True)
+class Hider:
+    """One effect.
+
+    Attributes:
+        name: as `diagnosis.json` has it.
+        build: (machine, values) -> machine with the effect.
+        draw: (random, known, joints (k,)) -> values of a usual size.
+        sizes: parameters that scale the effect; the others shape it.
+        family: scene -> shapes and columns.
+        own_joints: whether what it does to a joint shows in that joint's torque alone; a column
+            of the family is then one for each joint.
+        per_joint: whether each joint has it or not.
+    """
+
+    name: str
+    build: Callable[[Machine, Values], Machine]
+    draw: Callable[[np.random.Generator, Known, np.ndarray], Values]
+    sizes: tuple[str, ...]
+    family: Callable[[Scene], Family]
+    own_joints: bool = False
+    per_joint: bool = True
+
+
+def part(machine: Machine, name: str, **added) -> Machine:
+    """Return the machine with a part whose fields are changed."""
+    return replace(machine, **{name: replace(getattr(machine, name), **added)})
+
+
+def on(joints, values) -> np.ndarray:
+    """Return (4,) with values on some joints."""
+    full = np.zeros(LEGS)
+    full[list(joints)] = values
+    return full
+
+
+def signs(random: np.random.Generator, joints) -> np.ndarray:
+    """Return +-1 for each joint."""
+    return random.choice((-1.0, 1.0), len(joints))
+
+
+def field_hider(name: str, part_name: str, fields: dict[str, str],
+                draw, units: list[list[tuple[Values, float, float]]], sizes, **kind) -> Hider:
+    """Return a hider whose parameters are fields of one part of the machine.
+
+    Args:
+        fields: parameter -> field.
+        units: shapes; each a list of usual values with the bounds of their factor.
+    """
+    def build(machine: Machine, values: Values) -> Machine:
+        own = getattr(machine, part_name)
+        changed = {}
+        for parameter, value in values.items():
+            old = getattr(own, fields[parameter])
+            additive = parameter in sizes
+            changed[fields[parameter]] = old + value if additive else value
+        return part(machine, part_name, **changed)
+
+    def family(_scene):
+        return [[Column(*unit) for unit in shape] for shape in units]
+
+    return Hider(name, build, draw, sizes, family, **kind)
+
+
+def all_joints(values: Values, sizes: tuple[str, ...], low: float = -5.0, high: float = 5.0):
+    """Return the same values on all joints, to be split."""
+    return [({key: on(JOINTS, value) if key in sizes else value
+              for key, value in values.items()}, low, high)]
+
+
+def each_joint(values: Values, sizes: tuple[str, ...], low: float = -5.0, high: float = 5.0):
+    """Return the same values on each joint alone."""
+    return [({key: on([joint], value) if key in sizes else value
+              for key, value in values.items()}, low, high) for joint in JOINTS]
+
+
+def coulomb(known: Known) -> np.ndarray:
+    """Return f_c (4,), N m."""
+    return known.model.values['coulomb_friction']
+
+
+def viscous(known: Known) -> np.ndarray:
+    """Return f_v (4,), N m s/rad."""
+    return known.model.values['viscous_friction']
+
+
+# --- friction of the joints -------------------------------------------------------------------
+
+STRIBECK = field_hider(
+    'stribeck', 'friction',
+    {'stribeck_torque': 'stribeck_torque', 'stribeck_velocity': 'stribeck_velocity'},
+    lambda random, known, joints: {
+        'stribeck_torque': on(joints, random.uniform(0.2, 0.6, len(joints))
+                              * coulomb(known)[joints]),
+        'stribeck_velocity': np.full(LEGS, np.exp(random.uniform(np.log(0.02), np.log(0.3))))},
+    [all_joints({'stribeck_torque': 0.5, 'stribeck_velocity': np.full(LEGS, speed)},
+                ('stribeck_torque',), 0.0)
+     for speed in (0.02, 0.035, 0.06, 0.1, 0.17, 0.3, 0.5)],
+    ('stribeck_torque',), own_joints=True)
+
+COULOMB_ASYMMETRY = field_hider(
+    'coulomb_asymmetry', 'friction', {'asymmetry': 'coulomb_asymmetry'},
+    lambda random, known, joints: {'asymmetry': on(
+        joints, signs(random, joints) * random.uniform(0.05, 0.2, len(joints))
+        * coulomb(known)[joints])},
+    [all_joints({'asymmetry': 0.3}, ('asymmetry',))], ('asymmetry',), own_joints=True)
+
+VISCOUS_ASYMMETRY = field_hider(
+    'viscous_asymmetry', 'friction', {'asymmetry': 'viscous_asymmetry'},
+    lambda random, known, joints: {'asymmetry': on(
+        joints, signs(random, joints) * random.uniform(0.05, 0.2, len(joints))
+        * viscous(known)[joints])},
+    [all_joints({'asymmetry': 0.2}, ('asymmetry',))], ('asymmetry',), own_joints=True)
+
+
+def _nonlinear_viscous(random, known, joints):
+    share = random.uniform(0.1, 0.3, len(joints)) * viscous(known)[joints]
+    if random.uniform() < 0.5:
+        # that share of the viscous torque at 2 rad/s
+        return {'quadratic': on(joints, share / 2.0)}
+    exponent = random.choice((0.35, 0.5, 1.5, 2.5))
+    return {'torque': on(joints, share * 2.0 ** (1.0 - exponent)),
+            'exponent': np.full(LEGS, exponent)}
+
+
+NONLINEAR_VISCOUS = field_hider(
+    'nonlinear_viscous', 'friction',
+    {'quadratic': 'quadratic', 'torque': 'power_torque', 'exponent': 'power_exponent'},
+    _nonlinear_viscous,
+    [all_joints({'quadratic': 0.2}, ('quadratic',))]
+    + [all_joints({'torque': 0.3, 'exponent': np.full(LEGS, exponent)}, ('torque',))
+       for exponent in (0.25, 0.35, 0.5, 0.7, 1.4, 1.7, 2.4, 2.8)],
+    ('quadratic', 'torque'), own_joints=True)
+
+LOAD_DEPENDENT_FRICTION = field_hider(
+    'load_dependent_friction', 'friction', {'coefficient': 'load_coefficient'},
+    lambda random, _known, joints: {'coefficient': on(
+        joints, random.uniform(0.01, 0.1, len(joints)))},
+    [all_joints({'coefficient': 0.03}, ('coefficient',), 0.0)], ('coefficient',), own_joints=True)
+
+FRICTION_DRIFT = field_hider(
+    'friction_drift', 'friction', {'drop': 'drift_drop', 'time_constant': 'drift_time'},
+    lambda random, _known, _joints: {
+        'drop': random.uniform(0.1, 0.4), 'time_constant': random.uniform(2.0, 20.0)},
+    [[({'drop': 0.2, 'time_constant': constant}, 0.0, 5.0)]
+     for constant in (0.8, 1.5, 3.0, 6.0, 12.0, 25.0, 50.0)],
+    ('drop',), per_joint=False)
+
+PRESLIDING = field_hider(
+    'presliding', 'friction', {'distance': 'presliding_distance'},
+    lambda random, _known, _joints: {
+        'distance': 1e-3 * np.exp(random.uniform(np.log(0.5), np.log(10.0)))},
+    [[({'distance': 1e-3 * distance}, 0.9, 1.1)]
+     for distance in (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0)],
+    ('distance',), per_joint=False)
+
+
+def _friction_difference(machine: Machine, values: Values) -> Machine:
+    friction = machine.friction
+    return part(machine, 'friction', coulomb=friction.coulomb + values.get('coulomb', 0.0),
+                viscous=friction.viscous + values.get('viscous', 0.0))
+
+
+def _draw_friction_difference(random, known, joints):
+    joints = joints[:3]  # the same on all joints is the base model's
+    share = signs(random, joints) * random.uniform(0.02, 0.2, len(joints))
+    other = signs(random, joints) * random.uniform(0.02, 0.2, len(joints))
+    return {'coulomb': on(joints, share * coulomb(known)[joints]),
+            'viscous': on(joints, other * viscous(known)[joints])}
+
+
+JOINT_FRICTION_DIFFERENCE = Hider(
+    'joint_friction_difference', _friction_difference, _draw_friction_difference,
+    ('coulomb', 'viscous'),
+    lambda _scene: [[Column({key: on(JOINTS, 0.2)})
+                     for key in ('coulomb', 'viscous')]],
+    own_joints=True)
+
+
+# --- drives, transmissions, record ------------------------------------------------------------
+
+DRIVE_GAIN_ERROR = field_hider(
+    'drive_gain_error', 'amplifier', {'relative': 'gain_error'},
+    lambda random, _known, joints: {'relative': on(
+        joints[:3], signs(random, joints[:3]) * random.uniform(0.01, 0.05, len(joints[:3])))},
+    [all_joints({'relative': 0.02}, ('relative',))], ('relative',), own_joints=True)
+
+
+def _with_harmonics(machine: Machine, values: Values) -> Machine:
+    added = tuple(Harmonic(joint, float(values['amplitude'][joint]), float(values['periods']),
+                           float(values['phase'][joint]))
+                  for joint in JOINTS if values['amplitude'][joint])
+    return replace(machine, harmonics=(*machine.harmonics, *added))
+
+
+def _waves(unit: Callable[[float, float], Values], scene: Scene) -> Family:
+    """Return waves of periods that a smooth effect could look like, and of those hidden."""
+    lowest = max(6, math.ceil(2.0 * math.pi / scene.reach))
+    return [[Column(unit(float(periods), phase)) for phase in (0.0, 0.5 * math.pi)]
+            for periods in (*range(lowest, lowest + 24, 3), *scene.periods)]
+
+
+def _drawn_periods(random: np.random.Generator) -> float:
+    return float(random.integers(12, 81))
+
+
+COGGING = Hider(
+    'cogging', _with_harmonics,
+    lambda random, _known, joints: {
+        'amplitude': on(joints, random.uniform(0.005, 0.03, len(joints)) * RATED),
+        'periods': _drawn_periods(random), 'phase': random.uniform(-3.1, 3.1, LEGS)},
+    ('amplitude',),
+    lambda scene: _waves(lambda periods, phase: {
+        'amplitude': on(JOINTS, 0.2), 'periods': periods, 'phase': np.full(LEGS, phase)}, scene),
+    own_joints=True)
+
+
+def _rippled(machine: Machine, values: Values) -> Machine:
+    return part(machine, 'amplifier', ripple=values['relative'],
+                ripple_periods=np.full(LEGS, values['periods']), ripple_phase=values['phase'])
+
+
+TORQUE_RIPPLE = Hider(
+    'torque_ripple', _rippled,
+    lambda random, _known, joints: {
+        'relative': on(joints, random.uniform(0.01, 0.03, len(joints))),
+        'periods': _drawn_periods(random), 'phase': random.uniform(-3.1, 3.1, LEGS)},
+    ('relative',),
+    lambda scene: _waves(lambda periods, phase: {
+        'relative': on(JOINTS, 0.02), 'periods': periods, 'phase': np.full(LEGS, phase)}, scene),
+    own_joints=True)
+
+ACTUATOR_LAG = field_hider(
+    'actuator_lag', 'amplifier', {'time_constant': 'time_constant'},
+    lambda random, _known, _joints: {'time_constant': random.uniform(2e-4, 5e-3)},
+    [[({'time_constant': 1e-3}, 0.0, 10.0)]], ('time_constant',), per_joint=False)
+
+TIME_OFFSET = field_hider(
+    'time_offset', 'sensors', {'delay': 'torque_delay'},
+    lambda random, _known, _joints: {
+        'delay': random.choice((-1.0, 1.0)) * random.uniform(5e-4, 5e-3)},
+    # between these the torque of a delay is nearly linear in it
+    [[({'delay': 1e-3 * delay}, 0.75, 1.3)]
+     for size in (0.2, 0.35, 0.6, 1.0, 1.7, 2.9, 4.9) for delay in (-size, size)],
+    ('delay',), per_joint=False)
+
+BACKLASH = field_hider(
+    'backlash', 'transmission', {'gap': 'gap'},
+    lambda random, _known, joints: {'gap': on(
+        joints, random.uniform(1e-3, 5e-3, len(joints)))},
+    [each_joint({'gap': 1e-3}, ('gap',), 0.0, 10.0)], ('gap',))
+
+
+def _elastic(machine: Machine, values: Values) -> Machine:
+    compliance = values['compliance']
+    # a rigid joint in this machine stays rigid
+    with np.errstate(divide='ignore'):
+        stiffness = np.where(compliance > 0.0, 1.0 / compliance, machine.transmission.stiffness)
+    return part(machine, 'transmission', stiffness=stiffness)
+
+
+ELASTIC_TRANSMISSION = Hider(
+    'elastic_transmission', _elastic,
+    lambda random, _known, joints: {'compliance': on(
+        joints, np.exp(-random.uniform(np.log(1e3), np.log(1e5), len(joints))))},
+    ('compliance',),
+    lambda _scene: [[
+        Column({'compliance': on([joint], 1e-4)}, 0.0, 20.0) for joint in JOINTS]])
+
+
+# --- loads of the joints ----------------------------------------------------------------------
+
+def _offset(machine: Machine, values: Values) -> Machine:
+    added = tuple(Harmonic(joint, float(level), 0.0, 0.5 * math.pi)
+                  for joint, level in enumerate(values['offset']) if level)
+    return replace(machine, harmonics=(*machine.harmonics, *added))
+
+
+TORQUE_OFFSET = Hider(
+    'torque_offset', _offset,
+    lambda random, _known, joints: {'offset': on(
+        joints, signs(random, joints) * random.uniform(0.1, 1.0, len(joints)))},
+    ('offset',),
+    lambda _scene: [[Column({'offset': on(JOINTS, 0.3)})]], own_joints=True)
+
+
+def _arm_weight(machine: Machine, values: Values) -> Machine:
+    """Put a weight off the line to the elbow: it is highest at q = 90 degrees."""
+    added = tuple(Harmonic(joint, 9.81 * float(moment), 1.0, 0.0)
+                  for joint, moment in enumerate(values['first_moment']) if moment)
+    return replace(machine, harmonics=(*machine.harmonics, *added))
+
+
+ARM_MASS_OFFSET = Hider(
+    'arm_mass_offset', _arm_weight,
+    lambda random, _known, joints: {'first_moment': on(
+        joints, signs(random, joints) * random.uniform(0.05, 0.5, len(joints)) / 9.81)},
+    ('first_moment',),
+    lambda _scene: [[Column({'first_moment': on(JOINTS, 0.03)})]], own_joints=True)
+
+
+# --- bodies, gravity, geometry, platform ------------------------------------------------------
+
+def _heavier(machine: Machine, values: Values) -> Machine:
+    bodies = machine.bodies
+    return part(machine, 'bodies', **{key: getattr(bodies, key) + value
+                                      for key, value in values.items()})
+
+
+DISTRIBUTED_RODS = Hider(
+    'distributed_rods', _heavier,
+    lambda random, _known, _joints: {'rod_mass': random.uniform(0.02, 0.08)},
+    ('rod_mass',),
+    lambda _scene: [[Column({'rod_mass': 0.04}, 0.0)]],
+    per_joint=False)
+
+THETA_INERTIA = Hider(
+    'theta_inertia', _heavier,
+    lambda random, _known, _joints: {'theta_inertia': np.exp(
+        random.uniform(np.log(1e-4), np.log(5e-3)))},
+    ('theta_inertia',),
+    lambda _scene: [[Column({'theta_inertia': 1e-3}, 0.0)]],
+    per_joint=False)
+
+JOINT_INERTIA_DIFFERENCE = Hider(
+    'joint_inertia_difference', _heavier,
+    lambda random, known, joints: {'actuator_inertia': on(
+        joints[:3], signs(random, joints[:3]) * random.uniform(0.02, 0.1, len(joints[:3]))
+        * known.model.values['actuator_inertia'][joints[:3]])},
+    ('actuator_inertia',),
+    lambda _scene: [[Column({'actuator_inertia': on(JOINTS, 0.005)})]], own_joints=True)
+
+
+def _tilted(machine: Machine, values: Values) -> Machine:
+    """Turn the base about a level axis; seen from it gravity turns the other way (Rodrigues)."""
+    axis = np.array((values['about_x'], values['about_y'], 0.0))
+    angle = float(np.linalg.norm(axis))
+    axis = axis / angle
+    down = machine.gravity
+    turned = (down * math.cos(angle) - np.cross(axis, down) * math.sin(angle)
+              + axis * (axis @ down) * (1.0 - math.cos(angle)))
+    return replace(machine, gravity=turned)
+
+
+def _draw_tilt(random, _known, _joints):
+    size, heading = math.radians(random.uniform(0.2, 3.0)), random.uniform(-math.pi, math.pi)
+    return {'about_x': size * math.cos(heading), 'about_y': size * math.sin(heading)}
+
+
+BASE_TILT = Hider(
+    'base_tilt', _tilted, _draw_tilt, ('about_x', 'about_y'),
+    lambda _scene: [[Column({'about_x': 0.02, 'about_y': 0.0}),
+                                     Column({'about_x': 0.0, 'about_y': 0.02})]], per_joint=False)
+
+
+def _pulled(machine: Machine, values: Values) -> Machine:
+    force = np.array([values[axis] for axis in 'xyz'])
+    return part(machine, 'platform', force=machine.platform.force + force)
+
+
+def _draw_force(random, _known, _joints):
+    way = random.standard_normal(3)
+    return dict(zip('xyz', random.uniform(1.0, 5.0) * way / np.linalg.norm(way)))
+
+
+EXTERNAL_FORCE = Hider(
+    'external_force', _pulled, _draw_force, ('x', 'y', 'z'),
+    lambda _scene: [[Column(dict(zip('xyz', 2.0 * row)))
+                                     for row in np.eye(3)]], per_joint=False)
+
+
+def _roped(machine: Machine, values: Values) -> Machine:
+    return part(machine, 'platform', spring=values['stiffness'], anchor=values['anchor'])
+
+
+def _draw_rope(random, _known, _joints):
+    away = random.uniform(-0.5, 0.5, 3) + (0.0, 0.0, 0.2)
+    return {'stiffness': random.uniform(5.0, 50.0), 'anchor': away}
+
+
+def _rope_family(_scene):
+    """Springs to the corners of a cube: together, one to any anchor within it."""
+    corners = 1.5 * np.array(list(product((-1.0, 1.0), repeat=3)))
+    return [[Column({'stiffness': 5.0, 'anchor': corner}, 0.0) for corner in corners]]
+
+
+CABLE_SPRING = Hider('cable_spring', _roped, _draw_rope, ('stiffness',), _rope_family,
+                     per_joint=False)
+
+THETA_FRICTION = field_hider(
+    'theta_friction', 'platform', {'coulomb': 'theta_coulomb', 'viscous': 'theta_viscous'},
+    lambda random, _known, _joints: {'coulomb': random.uniform(0.1, 0.5),
+                                   'viscous': random.uniform(0.0, 0.1)},
+    [[({'coulomb': 0.2}, 0.0, 5.0), ({'viscous': 0.05}, 0.0, 5.0)]],
+    ('coulomb', 'viscous'), per_joint=False)
+
+PASSIVE_JOINT_FRICTION = field_hider(
+    'passive_joint_friction', 'platform', {'coulomb': 'pivot_coulomb', 'viscous': 'pivot_viscous'},
+    lambda random, _known, _joints: {'coulomb': random.uniform(0.01, 0.1),
+                                   'viscous': random.uniform(0.0, 0.02)},
+    [[({'coulomb': 0.03}, 0.0, 5.0), ({'viscous': 0.01}, 0.0, 5.0)]],
+    ('coulomb', 'viscous'), per_joint=False)
+
+
+def _draw_drag(random, _known, _joints):
+    if random.uniform() < 0.5:
+        return {'viscous': random.uniform(0.1, 1.0)}
+    return {'quadratic': random.uniform(0.1, 1.0)}
+
+
+PLATFORM_DRAG = field_hider(
+    'platform_drag', 'platform', {'viscous': 'viscous_drag', 'quadratic': 'quadratic_drag'},
+    _draw_drag, [[({'viscous': 0.5}, 0.0, 10.0), ({'quadratic': 0.5}, 0.0, 10.0)]],
+    ('viscous', 'quadratic'), per_joint=False)
+
+ENCODER_OFFSET = field_hider(
+    'encoder_offset', 'sensors', {'offset': 'encoder_offset'},
+    lambda random, _known, joints: {'offset': on(
+        joints, signs(random, joints) * np.radians(random.uniform(0.05, 0.5, len(joints))))},
+    [each_joint({'offset': 2e-3}, ('offset',), -10.0, 10.0)], ('offset',))
+
+
+def _eccentric(machine: Machine, values: Values) -> Machine:
+    return part(machine, 'sensors', eccentricity=values['amplitude'],
+                eccentricity_phase=values['phase'])
+
+
+ENCODER_ECCENTRICITY = Hider(
+    'encoder_eccentricity', _eccentric,
+    lambda random, _known, joints: {
+        'amplitude': on(joints, np.radians(np.exp(
+            random.uniform(np.log(0.01), np.log(0.1), len(joints))))),
+        'phase': random.uniform(-3.1, 3.1, LEGS)},
+    ('amplitude',),
+    lambda _scene: [[
+        Column({'amplitude': on([joint], 1e-3), 'phase': np.full(LEGS, phase)}, -10.0, 10.0)
+        for phase in (0.0, 0.5 * math.pi) for joint in JOINTS]])
+
+
+def _resized(machine: Machine, values: Values) -> Machine:
+    old = machine.geometry.model_dump()
+    new = {key: old[key] + value for key, value in values.items()}
+    # validated anew: a copy would keep what is cached of the nominal dimensions
+    return replace(machine, geometry=type(machine.geometry).model_validate({**old, **new}))
+
+
+def _draw_geometry(random, _known, _joints):
+    names = random.choice(DIMENSIONS, size=random.integers(1, 4), replace=False)
+    return {str(name): random.choice((-1.0, 1.0)) * random.uniform(2e-4, 2e-3) for name in names}
+
+
+GEOMETRY_ERROR = Hider(
+    'geometry_error', _resized, _draw_geometry, DIMENSIONS,
+    lambda _scene: [[Column({name: 1e-3}, -10.0, 10.0)
+                                     for name in DIMENSIONS]], per_joint=False)
+
+
+HIDERS: dict[str, Hider] = {hider.name: hider for hider in (
+    STRIBECK, COULOMB_ASYMMETRY, VISCOUS_ASYMMETRY, NONLINEAR_VISCOUS, LOAD_DEPENDENT_FRICTION,
+    FRICTION_DRIFT, PRESLIDING, JOINT_FRICTION_DIFFERENCE, DRIVE_GAIN_ERROR, COGGING,
+    TORQUE_RIPPLE, ACTUATOR_LAG, TIME_OFFSET, BACKLASH, ELASTIC_TRANSMISSION, TORQUE_OFFSET,
+    ARM_MASS_OFFSET, DISTRIBUTED_RODS, THETA_INERTIA, THETA_FRICTION, PASSIVE_JOINT_FRICTION,
+    JOINT_INERTIA_DIFFERENCE, BASE_TILT, EXTERNAL_FORCE, CABLE_SPRING, PLATFORM_DRAG,
+    ENCODER_OFFSET, ENCODER_ECCENTRICITY, GEOMETRY_ERROR)}
+"""All of the table but payload (two runs), torque_saturation and quantization (no torque)."""
+
+
+def scaled(hider: Hider, values: Values, factor: float) -> Values:
+    """Return values of another size and the same shape."""
+    return {key: value * factor if key in hider.sizes else value for key, value in values.items()}

@@ -1,0 +1,166 @@
+"""Recordings of a machine: what a bag would hold, and the truth behind it.
+
+Every recording is made without noise of the recorder, which never reaches the drives; the noise
+that a seed draws is added afterwards and so is known to the last digit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from hidden.machines import Known
+from hidden.physics import in_band
+from par4_dynamics.model import Model
+from par4_dynamics.state import state_of_joints, state_of_platform
+from par4_identification.log import Log
+from par4_kinematics.motion import Motion
+from par4_kinematics.workspace import home_pose
+from par4_sim.machine import Machine
+from par4_sim.noise import Noise, NoiseSource
+from par4_sim.plant import Plant
+from par4_sim.simulation import Simulation, build_plant
+
+DWELL = 0.5
+"""s of rest before and after."""
+PERIOD = 1e-3
+FOLD = 200.0
+"""Hz: faster torque moves no arm as far as a sample tells."""
+
+
+@dataclass(frozen=True)
+class Wander:
+    """A load on the drives that follows nothing: first order with a memory, in N m rms.
+
+    Attributes:
+        level: (4,), N m rms.
+        memory: s.
+        seed: of its path.
+    """
+
+    level: np.ndarray
+    memory: float
+    seed: int
+
+    def path(self, samples: int) -> np.ndarray:
+        """Return the load at the first samples (n, 4), N m, held for a sample each."""
+        source = NoiseSource(Noise(torque_noise=1.0, correlation_time=self.memory), PERIOD,
+                             self.seed)
+        return self.level * drawn(source, samples)
+
+    def load(self, samples: int):
+        """Return the load as a machine takes it."""
+        path = self.path(samples)
+
+        def load(time, q, qd):  # noqa: ARG001
+            return path[min(int(time / PERIOD), len(path) - 1)]
+
+        return load
+
+
+def drawn(source: NoiseSource, samples: int) -> np.ndarray:
+    """Return the torque noise of the first samples, (n, 4)."""
+    rows = np.empty((samples, 4))
+    for row in rows:
+        source.advance()
+        row[:] = source.torque
+    return rows
+
+
+class Watched:
+    """A plant whose true positions and torques are kept, a row a step; implements `Plant`."""
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self.positions: list[np.ndarray] = []
+        self.torques: list[np.ndarray] = []
+
+    def __getattr__(self, name: str):
+        return getattr(self._plant, name)
+
+    def step(self, tau: np.ndarray) -> None:
+        """Keep the positions and advance."""
+        self.positions.append(self._plant.q)
+        self.torques.append(np.array(tau))
+        self._plant.step(tau)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A log and the truth behind it.
+
+    Attributes:
+        log: what the diagnosis sees.
+        t: time since the machine began, (n,) s.
+        reading: of ideal encoders, (n, 4) rad: without counts.
+        torque: recorded, without noise, (n, 4) N m; a wandering load is in it.
+        noise: what the recorder added and what it folds into its band of the drives' answers to
+            encoder counts, (n, 4) N m.
+        wander: the wandering load, (n, 4) N m, zero without one.
+    """
+
+    log: Log
+    t: np.ndarray
+    reading: np.ndarray
+    torque: np.ndarray
+    noise: np.ndarray
+    wander: np.ndarray
+
+
+def holding_torque(known: Known) -> np.ndarray:
+    """Return what the drives believe keeps the machine at home, (4,) N m."""
+    still = np.zeros((1, 4))
+    rest = state_of_platform(known.robot.geometry, np.zeros(1), home_pose(known.robot)[None],
+                             still, still)
+    return known.model.torque(rest)[0]
+
+
+def simulation_of(known: Known, machine: Machine, fidelity: str, noise: Noise, seed: int
+                  ) -> Simulation:
+    """Return the simulation of a machine at rest, its plant watched."""
+    robot = known.robot
+    return Simulation(robot, Watched(build_plant(machine, fidelity)), PERIOD,
+                      robot.drives.torque_limit, holding_torque(known), machine.amplifier,
+                      machine.sensors, noise, seed)
+
+
+def record(known: Known, machine: Machine, motion: Motion, *, fidelity: str, noise: Noise,
+           seed: int, feedforward: Model | None, wander: Wander | None, name: str) -> Recording:
+    """Return the recording of a motion on a machine; see `Simulation` for what is asked."""
+    samples = round((motion.duration + 2.0 * DWELL) / PERIOD)
+    if wander:
+        machine = loaded(machine, wander, samples)
+    simulation = simulation_of(known, machine, fidelity, Noise(), seed)
+    plant = simulation.plant
+    start = simulation.time + DWELL
+    simulation.queue_reference(start + motion.t, motion.q, motion.qd, motion.qdd)
+    if feedforward:
+        state = state_of_joints(known.robot.geometry, motion.t, motion.q, motion.qd, motion.qdd)
+        simulation.queue_effort(start + motion.t, feedforward.torque(state))
+    told = [simulation.next_sample() for _ in range(samples)]
+    each = round(PERIOD / plant.dt)
+    true = np.array(plant.positions[::each][:samples])
+    # drives answer encoder counts at every step; what of that a recorder folds into its band
+    steps = (np.arange(len(plant.torques)) * plant.dt + plant.torque_offset)
+    smooth = CubicSpline(steps, in_band(np.array(plant.torques), FOLD, plant.dt))
+    folded = np.array([sample.true_torque for sample in told]) - smooth(
+        np.arange(samples) * PERIOD)
+    simulation.close()
+    sensors = machine.sensors
+    reading = true + sensors.encoder_offset + sensors.eccentricity * np.sin(
+        true + sensors.eccentricity_phase)
+    torque = np.array([sample.effort for sample in told])
+    added = drawn(NoiseSource(noise, PERIOD, seed), samples)
+    t = np.arange(samples) * PERIOD
+    log = Log(name=name, joint_names=known.robot.joint_names, start_stamp=told[0].time_ns,
+              period=PERIOD, t=t, q=np.array([sample.q for sample in told]), tau=torque + added,
+              segments=(slice(0, samples),), reference=None, accounts=None)
+    path = wander.path(samples) if wander else np.zeros_like(torque)
+    return Recording(log, t, reading, torque - folded, added + folded, path)
+
+
+def loaded(machine: Machine, wander: Wander, samples: int) -> Machine:
+    """Return the machine with a wandering load."""
+    return replace(machine, loads=(*machine.loads, wander.load(samples)))

@@ -1,0 +1,225 @@
+"""What is visible in a recording and what cannot be told apart, from the truth alone.
+
+    r = torque recorded without noise - torque of the known machine along the true reading
+
+is the hidden effect's own torque on the motion as it happened. r, and the torque that any other
+effect would have there, are compared in the band and at the moments that fit data have, with the
+base columns projected out, in units of the true noise: half the squared length of what is left of
+r is the log-likelihood ratio of the true regressor. A torque is always that of machines built by
+the hiders, through `physics.Torques`; regressors of the diagnosis take no part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular, toeplitz
+from scipy.optimize import lsq_linear
+
+from hidden.hiders import HIDERS, JOINTS, Column, Hider, Scene, Values, on, part
+from hidden.machines import Known
+from hidden.physics import Torques, in_band, rate
+from hidden.recording import PERIOD, Recording
+from par4_sim.machine import Machine
+
+VISIBLE = 50.0
+"""Log-likelihood ratio over the base model at which an effect counts as visible."""
+TWIN = 10.0
+"""Difference of log-likelihood within which another effect is a twin."""
+CHAOTIC = ('backlash',)
+"""A rattling gap: no torque along a reading gives it again. Alone it is all that the truth shows;
+beside another effect, or as another's twin, it cannot be judged."""
+LOOSE = ('elastic_transmission',)
+"""Known along a reading only as far as its resonance is far: alone it, too, is all of the truth."""
+BAND = 40.0
+"""Hz: faster torque is not fit data."""
+EVERY = 10
+"""Samples from row to row: 100 rows a second."""
+SLOW = 0.02
+"""rad/s: a slower joint does not say what its friction is, nor do rows that its filter touches."""
+REACH = 23
+"""Samples that the band's filter remembers."""
+MEMORY = 100
+"""Rows after which noise is taken for forgotten."""
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Rows of a recording in units of its noise."""
+
+    rows: tuple[np.ndarray, ...]
+    inverses: tuple[np.ndarray, ...]
+
+    def __call__(self, torque: np.ndarray) -> list[np.ndarray]:
+        """Return torque (n, 4) of all samples as independent rows of unit noise, by joint."""
+        told = in_band(torque, BAND, PERIOD)
+        return [inverse @ told[rows, joint]
+                for joint, (rows, inverse) in enumerate(zip(self.rows, self.inverses))]
+
+
+def usable(reading: np.ndarray) -> np.ndarray:
+    """Return which samples (n, 4) say something of moving joints."""
+    slow = np.abs(rate(reading, PERIOD)) < SLOW
+    wide = np.ones(2 * REACH + 1)
+    near = np.stack([np.convolve(column, wide, mode='same') > 0.5 for column in slow.T], axis=1)
+    near[:2 * REACH] = near[-2 * REACH:] = True
+    return ~near
+
+
+def true_noise(recording: Recording, known: Known) -> np.ndarray:
+    """Return what no model could explain, (n, 4) N m: noise, wandering load, encoder counts.
+
+    Counts are felt through the inertia that the base model takes from the told positions.
+    """
+    smooth = part(known.machine, 'friction', coulomb=np.zeros(4))
+    told = in_band(recording.log.q, 4.0 * BAND, PERIOD)
+    felt = [Torques(recording.t, q).recorded(smooth) for q in (told, recording.reading)]
+    return recording.noise + recording.wander + felt[1] - felt[0]
+
+
+def whitener_of(noise: np.ndarray, valid: np.ndarray) -> Whitener:
+    """Return the whitener of a noise (n, 4) at the valid samples (n, 4)."""
+    told = in_band(noise, BAND, PERIOD)[::EVERY]
+    rows, inverses = [], []
+    for joint in JOINTS:
+        taken = np.flatnonzero(valid[::EVERY, joint])
+        inside = np.where(valid[::EVERY, joint], told[:, joint], 0.0)
+        # biased covariances under a window that ends stay those of a noise
+        counts = np.correlate(valid[::EVERY, joint].astype(float),
+                              valid[::EVERY, joint].astype(float), 'full')[len(inside) - 1:]
+        sums = np.correlate(inside, inside, 'full')[len(inside) - 1:]
+        lags = np.arange(MEMORY)
+        window = np.where(lags < MEMORY / 2, 1 - 6 * (lags / MEMORY) ** 2 * (1 - lags / MEMORY),
+                          2 * (1 - lags / MEMORY) ** 3)
+        covariance = np.zeros(len(inside))
+        covariance[:MEMORY] = window * sums[:MEMORY] / np.maximum(counts[0], 1.0)
+        covariance[0] *= 1.001
+        rows.append(taken * EVERY)
+        root = np.linalg.cholesky(toeplitz(covariance)[np.ix_(taken, taken)])
+        inverses.append(solve_triangular(root, np.eye(len(root)), lower=True))
+    return Whitener(tuple(rows), tuple(inverses))
+
+
+class Truth:
+    """What one fit recording holds.
+
+    Args:
+        recording: of the machine with its effects.
+        known: the machine without them.
+        hidden: (name, values) of the effects.
+    """
+
+    def __init__(self, recording: Recording, known: Known,
+                 hidden: Sequence[tuple[str, Values]]) -> None:
+        self._known = known
+        self._hidden = dict(hidden)
+        self._torques = Torques(recording.t, recording.reading)
+        self._valid = usable(recording.reading)
+        self._white = whitener_of(true_noise(recording, known), self._valid)
+        self._plain = self._torques.recorded(known.machine)
+        self._scene = Scene(
+            float(np.ptp(recording.reading, axis=0).min()),
+            tuple(float(values['periods']) for _, values in hidden if 'periods' in values))
+        base = np.stack([
+            np.concatenate(self._white(self._torques.recorded(machine) - self._plain))
+            for machine in base_variants(known.machine)], axis=1)
+        self._base = np.linalg.qr(base)[0]
+        self._left = self._projected(np.concatenate(self._white(
+            recording.torque - recording.wander - self._plain)))
+        self._shapes: dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}
+
+    def _projected(self, rows: np.ndarray) -> np.ndarray:
+        return rows - self._base @ (self._base.T @ rows)
+
+    @property
+    def evidence(self) -> float:
+        """Log-likelihood ratio of all that is hidden over the base model."""
+        return 0.5 * float(self._left @ self._left)
+
+    def torque(self, hider: Hider, values: Values) -> np.ndarray:
+        """Return the torque (n, 4), N m, that an effect adds on the motion as it happened."""
+        return self._torques.recorded(hider.build(self._known.machine, values)) - self._plain
+
+    def shapes(self, name: str) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Return columns (m, k) and their bounds for each shape of an effect, base taken out."""
+        if name not in self._shapes:
+            hider = HIDERS[name]
+            if name in CHAOTIC:
+                return [(self._left[:, None], np.zeros(1), np.ones(1))]
+            family = hider.family(self._scene)
+            if name in self._hidden:
+                family = [*family, [Column(self._hidden[name], 0.0, 2.0)]]
+            self._shapes[name] = [self.columns(hider, shape) for shape in family]
+            if name in LOOSE and list(self._hidden) == [name]:
+                self._shapes[name].append((self._left[:, None], np.zeros(1), np.ones(1)))
+        return self._shapes[name]
+
+    def columns(self, hider: Hider, shape: list[Column]
+                ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return a shape's columns (m, k), base taken out, and the bounds of their factors."""
+        rows, bounds = [], []
+        for column in shape:
+            told = self._white(self.torque(hider, column.values))
+            split = hider.own_joints and column.values is not self._hidden.get(hider.name)
+            for joint in JOINTS if split else (None,):
+                rows.append(np.concatenate([
+                    one if joint in (None, other) else np.zeros_like(one)
+                    for other, one in enumerate(told)]))
+                bounds.append((column.low, column.high))
+        low, high = np.array(bounds).T
+        return self._projected(np.stack(rows, axis=1)), low, high
+
+    def rest(self, names: Sequence[str]) -> float:
+        """Return half the squared length of what these effects together leave of the truth.
+
+        The shape of each is that which leaves least beside the first shape of the others.
+        """
+        if not names:
+            return self.evidence
+        chosen = [self.shapes(name)[-1] for name in names]
+        best = np.inf
+        for position, name in enumerate(names):
+            trials = []
+            for shape in self.shapes(name):
+                trial = [*chosen[:position], shape, *chosen[position + 1:]]
+                trials.append((self.fitted(trial), shape))
+            best, chosen[position] = min(trials, key=lambda trial: trial[0])
+        return best
+
+    def fitted(self, parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> float:
+        """Return half the squared length of what these columns together leave of the truth."""
+        columns = np.concatenate([part[0] for part in parts], axis=1)
+        low, high = (np.concatenate([part[index] for part in parts]) for index in (1, 2))
+        length = np.linalg.norm(columns, axis=0)
+        length = np.where(length > 1e-9, length, 1.0)
+        columns = columns / length
+        q, r = np.linalg.qr(columns)
+        seen = q.T @ self._left
+        outside = 0.5 * max(float(self._left @ self._left - seen @ seen), 0.0)
+        fit = lsq_linear(r, seen, (low * length, high * length), method='bvls')
+        return outside + float(fit.cost)
+
+    def strength(self, name: str) -> float:
+        """Return the log-likelihood that a hidden effect is worth beside the others hidden."""
+        others = [other for other in self._hidden if other != name]
+        return self.rest(others) - self.rest([*others, name])
+
+    def twins(self, name: str) -> list[str]:
+        """Return the effects that explain a hidden one to within `TWIN`, beside the others."""
+        others = [other for other in self._hidden if other != name]
+        own = self.rest([*others, name])
+        return [rival for rival in HIDERS if rival not in (*self._hidden, *CHAOTIC)
+                and self.rest([*others, rival]) <= own + TWIN]
+
+
+def base_variants(machine: Machine) -> list[Machine]:
+    """Return the machine with a little more of each base parameter of (20)."""
+    bodies, friction = machine.bodies, machine.friction
+    return [part(machine, 'bodies', actuator_inertia=bodies.actuator_inertia + 0.01),
+            part(machine, 'bodies', platform_mass_1=bodies.platform_mass_1 + 0.1),
+            part(machine, 'bodies', platform_mass_2=bodies.platform_mass_2 + 0.1),
+            part(machine, 'bodies', arm_gravity=bodies.arm_gravity + 0.1),
+            part(machine, 'friction', coulomb=friction.coulomb + on(JOINTS, 0.1)),
+            part(machine, 'friction', viscous=friction.viscous + on(JOINTS, 0.1))]
