@@ -6,12 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from par4_dynamics.base_terms import base_columns, distributed_torque
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints, state_of_platform
-from par4_identification.identification import identify_runs
 from par4_identification.log import Log
-from par4_identification.rows import runs_of_log
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
@@ -65,23 +62,3 @@ def log_of_machine(robot: Robot, machine: Machine, model: Model, *, duration: fl
 def log_of_model(robot: Robot, model: Model, **options) -> Log:
     """Return the log of an excitation on the machine that `model` describes."""
     return log_of_machine(robot, machine_of_model(robot, model), model, **options)
-
-
-def asked_log(robot: Robot, motion: Motion) -> Log:
-    """Return the log of a machine that follows a motion to the letter; its torque is zero."""
-    return Log(name=motion.name, joint_names=robot.joint_names, start_stamp=0,
-               period=motion.period, t=motion.t, q=motion.q, tau=np.zeros_like(motion.q),
-               segments=(slice(0, len(motion.t)),), reference=None, accounts=None)
-
-
-def predicted_bias(robot: Robot, model: Model, log: Log) -> np.ndarray:
-    """Return by how much (20) misses the base parameters (p,) of the full mechanism, relatively.
-
-    Rods and bars, projected onto the columns of (20) with the filters and weights of the
-    estimator, along the positions of the log; its torque does not count.
-    """
-    runs = runs_of_log(log, robot)
-    left_out = [run.rows(distributed_torque(robot.bodies, run.state)) for run in runs]
-    bases = [run.rows(base_columns(run.state)) for run in runs]
-    fit = identify_runs(runs, left_out, bases, 'paper')
-    return fit.estimate.values / [model.values[term.name][0] for term in fit.terms]

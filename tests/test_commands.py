@@ -18,6 +18,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from measured import log_of_model
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import EffectParameter
@@ -57,6 +58,7 @@ from par4_sim.simulation import build_simulation
 from robots import REFERENCE, model_with
 
 TABLE_1 = read_model('table1', REFERENCE)
+FULL = read_model('table1_full', REFERENCE)
 COGGING = model_with(TABLE_1, 'cogging', amplitude=0.61, periods=22.0, phase=(0.3, 1.0, 2.0, -1.0))
 AXIS = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=35.0)
 
@@ -256,6 +258,48 @@ def test_trust_follows_from_excitation_precision_and_residual(fits, name, change
     assert any(advised in step for step in outcome.advice)
 
 
+def test_the_terminal_says_the_reservations_and_what_to_do(bags, tmp_path):
+    done = run(identify, bags.cogging, '--robot', 'reference', '--output', tmp_path / 'odd',
+               '--no-report')
+    assert 'does something that the model lacks.\n- ' in done.out
+    assert 'Run par4_diagnose on these bags' in done.out
+
+
+def described(fit, log):
+    """Return the outcome of a fit whose noise floor is its residual."""
+    return outcome_of_identification(fit, fit.estimate.rms, REFERENCE, [log])
+
+
+@pytest.mark.parametrize(('name', 'machine', 'noise', 'standing', 'said', 'advised'), [
+    ('lumped', TABLE_1, 0.1, 'good', 'No bias from lumping rods and bars', ''),
+    ('distributed', FULL, 0.1, 'fair', 'which biases platform mass 2 by -0.0', '--rigid-body full'),
+    ('drowned', FULL, 5.0, 'fair', 'does not tell whether', 'less noise'),
+    ('sunk', FULL, 30.0, 'bad', 'biases no value by more than 0.', 'slow sweeps'),
+])
+def test_bias_is_told_from_what_the_residual_shows(name, machine, noise, standing, said, advised):
+    log = log_of_model(REFERENCE, machine, seed=1, noise=noise, name=name)
+    log = replace(log, accounts=SimpleNamespace(findings=lambda: [], duration=11.0))
+    outcome = described(fit_parameters([log], REFERENCE), log)
+    assert outcome.standing == standing
+    assert any(said in remark.text for remark in outcome.remarks)
+    assert any(advised in step for step in outcome.advice)
+    assert any('noise of the positions' in step for step in outcome.advice)
+    full = described(fit_parameters([log], REFERENCE, 'full'), log)
+    assert not any('lumps' in remark.text or 'umping' in remark.text for remark in full.remarks)
+
+
+def test_every_reservation_says_what_to_do_next(fits):
+    """Weak excitation, no precision, no sign, a residual above the floor, one joint worse."""
+    log, fit, floor = fits['cogging']
+    poor = replace(fit.estimate, condition_number=500.0, covariance=np.diag(
+        np.square(fit.estimate.values)), rms=fit.estimate.rms * (1.0, 1.0, 1.0, 4.0))
+    outcome = outcome_of_identification(replace(fit, estimate=poor), floor, REFERENCE, [log])
+    troubles = [remark for remark in outcome.remarks if not remark.good]
+    assert len(troubles) >= 6
+    assert all(remark.advice for remark in troubles)
+    assert outcome.standing == 'bad'
+
+
 def test_only_a_residual_that_is_not_noise_remembers_itself(fits):
     assert memory(fits['plain'][1]) < 0.1
     assert memory(fits['cogging'][1]) > 0.2
@@ -322,7 +366,7 @@ def test_validation_of_a_machine_at_rest_says_so(bags, tmp_path):
 def test_diagnosis_json_has_the_keys_of_the_contract(diagnosed):
     content = json.loads((diagnosed.folder / 'diagnosis.json').read_text())
     assert list(content) == ['schema', 'verdict', 'causes', 'holdout', 'remaining',
-                             'next_experiment', 'extended_model']
+                             'next_experiment', 'extended_model', 'simulation']
     assert list(content['holdout']) == ['baseline_rms', 'extended_rms', 'noise_floor_rms',
                                         'explained_fraction', 'explained_fraction_ci']
     assert list(content['remaining']) == ['significant', 'looks_like']
@@ -334,6 +378,13 @@ def test_diagnosis_json_has_the_keys_of_the_contract(diagnosed):
         [0.61] * 4, rel=0.05)
     assert content['next_experiment'] is None
     assert content['extended_model'] == 'extended_model.yaml'
+    simulation = content['simulation']
+    assert simulation['followed'] == 'reference'
+    for quantity in ('torque', 'motion'):
+        assert min(simulation[quantity]['baseline_rms']) > 1.5 * max(
+            simulation[quantity]['extended_rms'])
+    assert min(simulation['tracking']['baseline_rms']) > 1.5 * max(
+        simulation['tracking']['extended_rms'])
 
 
 def test_extended_model_is_a_model_with_the_cause(diagnosed):
@@ -345,7 +396,11 @@ def test_extended_model_is_a_model_with_the_cause(diagnosed):
 
 
 def test_diagnosis_report_says_it_in_one_sentence(diagnosed):
-    page = checked_page(diagnosed.folder / 'report.html', 5)
+    page = checked_page(diagnosed.folder / 'report.html', 7)
+    headings = ('Measured against simulated', 'Evidence', 'What could not be told apart',
+                'What the base parameters had swallowed', 'What remains')
+    places = [page.text.index(f' {heading}') for heading in headings]
+    assert places == sorted(places)
     assert '0.61 N m of cogging torque with 22 periods a turn on all joints' in page.text
     assert diagnosed.out.splitlines()[0].removeprefix('explained: ') in page.text
     for heading in ('What could not be told apart', 'What the base parameters had swallowed',

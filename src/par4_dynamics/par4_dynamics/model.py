@@ -84,9 +84,11 @@ class Model:
         return torque_of_values(state, {name: self.values[name] for name in FRICTION})
 
     def nominal(self, state: State) -> Nominal:
-        """Return the torque of a motion without effects, as effects refer to it."""
+        """Return the torque of a motion as effects that scale or shift it refer to it."""
+        added = sum(active.torque(state) for active in self.effects
+                    if not active.effect.needs_nominal)
         return Nominal(torque_of_values(state, self._linear), self.friction_torque(state),
-                       self.values, self.rigid_torque)
+                       self.values, self.rigid_torque, added)
 
     def known_torque(self, state: State) -> np.ndarray:
         """Return what is not linear in the base parameters (n, J): bodies and effects."""

@@ -26,12 +26,19 @@ class Nominal:
         friction: the part of it that is friction, (n, J) N m.
         values: base parameter name -> (J,).
         rigid_torque: returns the torque without friction of another motion, (n, J) N m.
+        added: torque of effects that add one of their own, (n, J) N m.
     """
 
     torque: np.ndarray
     friction: np.ndarray
     values: Mapping[str, np.ndarray]
     rigid_torque: Callable[[State], np.ndarray]
+    added: np.ndarray | float = 0.0
+
+    @property
+    def delivered(self) -> np.ndarray:
+        """The torque that the drives deliver as far as known, (n, J) N m."""
+        return self.torque + self.added
 
     @property
     def load(self) -> np.ndarray:
@@ -49,7 +56,6 @@ class State:
         geometry: dimensions, or None for a single axis; then x, xd, xdd are None too.
         x, xd, xdd: pose of D and theta, (n, 4).
         nominal: the torque of this motion as far as known, None where only motion is.
-        recorded: the torque recorded with it, (n, J) N m, None where nothing was measured.
     """
 
     t: np.ndarray
@@ -61,7 +67,6 @@ class State:
     xd: np.ndarray | None = None
     xdd: np.ndarray | None = None
     nominal: Nominal | None = None
-    recorded: np.ndarray | None = None
 
     @property
     def joints(self) -> int:
@@ -70,8 +75,7 @@ class State:
 
     def part(self, rows: slice) -> State:
         """Return the motion of some of the samples, without its nominal torque."""
-        arrays = {name: getattr(self, name) for name in ('t', 'q', 'qd', 'qdd', 'x', 'xd', 'xdd',
-                                                        'recorded')}
+        arrays = {name: getattr(self, name) for name in ('t', 'q', 'qd', 'qdd', 'x', 'xd', 'xdd')}
         return replace(self, nominal=None, **{
             name: None if values is None else values[rows] for name, values in arrays.items()})
 

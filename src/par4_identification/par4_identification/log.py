@@ -22,9 +22,16 @@ from typing import Any
 import numpy as np
 
 from par4_kinematics.errors import InputError
-from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, REFERENCE, START_DELAY
+from par4_kinematics.interface import (
+    AMPLIFIER_VOLTAGE,
+    FEEDFORWARD_TORQUE,
+    JOINT_STATES,
+    REFERENCE,
+    START_DELAY,
+)
 from par4_kinematics.robot import Axis, Robot
-from par4_sim.bag import JointSamples, RawBag, read_bag
+from par4_sim.bag import JointSamples, RawBag, TrajectoryPoints, read_bag
+from par4_sim.reference import MATCH
 
 GAP = 1.5
 """Spacing in periods above which samples are missing."""
@@ -182,12 +189,14 @@ class Reference:
     Attributes:
         t: on the clock of the log, increasing, (m,) s.
         q, qd, qdd: (m, J); NaN where the messages carried none.
+        effort: feedforward torque, (m, J) N m, NaN where none came; None without any.
     """
 
     t: np.ndarray
     q: np.ndarray
     qd: np.ndarray
     qdd: np.ndarray
+    effort: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -612,9 +621,7 @@ def _reference(bag: RawBag, joints: Sequence[str], clock: _Clock) -> tuple[Refer
     missing = sorted(set(joints) - {name for names in points.layouts for name in names})
     if missing:
         return None, f'{points.topic} lacks {", ".join(missing)}'
-    start = np.where(points.stamp > 0, clock.time(points.received, points.stamp),
-                     clock.at_receipt(points.received) + round(1e9 * START_DELAY))
-    time = start + points.time_from_start
+    time = _point_times(points, clock)
     first = np.full(points.message[-1] + 1, np.iinfo(np.int64).max)
     np.minimum.at(first, points.message, time)
     replaced_from = np.append(np.minimum.accumulate(first[::-1])[::-1][1:],
@@ -624,5 +631,29 @@ def _reference(bag: RawBag, joints: Sequence[str], clock: _Clock) -> tuple[Refer
     if not len(kept) or (np.diff(time[kept]) <= 0).any():
         return None, f'{points.topic} has no points with increasing times'
     return Reference(1e-9 * time[kept], q[kept], *(
-        points.select(part, joints)[kept] for part in (points.velocity, points.acceleration))), (
-        'read')
+        points.select(part, joints)[kept] for part in (points.velocity, points.acceleration)),
+        _feedforward(bag, joints, clock, time[kept])), 'read'
+
+
+def _point_times(points: TrajectoryPoints, clock: _Clock) -> np.ndarray:
+    """Return the time of each point, (n,) ns."""
+    start = np.where(points.stamp > 0, clock.time(points.received, points.stamp),
+                     clock.at_receipt(points.received) + round(1e9 * START_DELAY))
+    return start + points.time_from_start
+
+
+def _feedforward(bag: RawBag, joints: Sequence[str], clock: _Clock, time: np.ndarray
+                 ) -> np.ndarray | None:
+    """Return the torque that came for reference points at `time` (m,) ns, (m, J), or None."""
+    points = bag.trajectories.get(FEEDFORWARD_TORQUE.name)
+    if points is None or len(points.stamp) < 2:
+        return None
+    # reversed, so that the newest of one time is the one that `unique` keeps
+    own, newest = np.unique(_point_times(points, clock)[::-1], return_index=True)
+    if len(own) < 2:
+        return None
+    effort = points.select(points.effort, joints)[::-1][newest]
+    nearest = _nearest(own, time)
+    matched = np.abs(own[nearest] - time) <= 1e9 * MATCH
+    effort = np.where(matched[:, None], effort[nearest], np.nan)
+    return effort if np.isfinite(effort).any() else None

@@ -156,6 +156,42 @@ def residual_over_time(t: np.ndarray, before: np.ndarray, after: np.ndarray | No
         return _image(figure)
 
 
+def measured_and_simulated(t: np.ndarray, measured: np.ndarray, before: np.ndarray | None,
+                           after: np.ndarray, valid: np.ndarray, names: Names) -> str:
+    """Return measured and simulated values (m, J) per joint, and simulated minus measured.
+
+    Left the window in which the old model differs most, right the differences of valid rows over
+    all of it. `before` is None where there is one model only; `names` tells the quantity.
+    """
+    simulated = [(after, AFTER)] if before is None else [(before, BEFORE), (after, AFTER)]
+    window = _largest_window(t, np.where(valid, simulated[0][0] - measured, 0.0))
+    joints = len(names.joints)
+    with rc_context(_STYLE):
+        figure = Figure((WIDTH, 0.6 + 1.5 * joints), layout='constrained')
+        axes = figure.subplots(joints, 2, squeeze=False, gridspec_kw={'width_ratios': (1.4, 1.0)})
+        for joint, label in enumerate(names.joints):
+            over, beside = axes[joint]
+            _line(over, t[window], measured[window, joint], MEASURED, 2.4)
+            for values, colour in simulated:
+                _line(over, t[window], values[window, joint], colour, 1.0)
+                _envelope(beside, t, np.where(valid[:, joint], values[:, joint]
+                                              - measured[:, joint], np.nan), colour, 0.9)
+            over.set_title(label)
+            over.set_ylabel(f'{names.torque},\n{names.torque_unit}')
+            beside.set_ylabel(f'difference,\n{names.torque_unit}')
+            for axis, rows in ((over, window), (beside, slice(None))):
+                axis.set_xlim(t[rows][0], t[rows][-1])
+                axis.yaxis.set_major_locator(MaxNLocator(4))
+                axis.tick_params(labelbottom=joint == joints - 1)
+        for axis in axes[-1]:
+            axis.set_xlabel('time, s')
+        figure.align_ylabels(axes)
+        entries = [('simulated', AFTER)] if before is None else [
+            ('simulated, old model', BEFORE), ('simulated, extended model', AFTER)]
+        _legend(figure, (('measured', MEASURED), *entries))
+        return _image(figure)
+
+
 def signature(abscissa: Sequence[np.ndarray], label: str, before: Sequence[np.ndarray],
               alone: Sequence[np.ndarray], curve: Sequence[np.ndarray], titles: Sequence[str],
               names: Names) -> str:
@@ -351,6 +387,28 @@ def measured_motion(t: np.ndarray, speed: np.ndarray, torque: np.ndarray, names:
             axes[joint, 1].set_ylabel(f'{names.torque}, {names.torque_unit}')
         for axis in axes[-1]:
             axis.set_xlabel('time, s')
+        return _image(figure)
+
+
+def proposed_motion(t: np.ndarray, displacement: np.ndarray, speed: np.ndarray, names: Names
+                    ) -> str:
+    """Return a motion over time: D and theta from where it begins (m, 4), joint speeds (m, J)."""
+    colours = (MEASURED, CALCULATED, INK, BEFORE)
+    with rc_context(_STYLE):
+        figure = Figure((WIDTH, 2.6), layout='constrained')
+        axes = figure.subplots(1, 3)
+        for axis, columns, labels, title in zip(
+                axes, (1e3 * displacement[:, :3], np.degrees(displacement[:, 3:]), speed),
+                (('x', 'y', 'z'), ('',), names.joints),
+                ('D, mm', 'theta, degrees', f'joint speed, {names.speed_unit}'), strict=True):
+            for column, label, colour in zip(columns.T, labels, colours, strict=False):
+                axis.plot(t, column, color=colour, linewidth=0.9, label=label)
+            axis.set_title(title)
+            axis.set_xlabel('time, s')
+            axis.set_xlim(t[0], t[-1])
+            if len(labels) > 1:
+                axis.margins(y=0.3)  # room for the legend
+                axis.legend(loc='upper right', ncols=len(labels))
         return _image(figure)
 
 

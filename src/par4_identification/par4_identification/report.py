@@ -16,6 +16,8 @@ from markupsafe import Markup, escape
 
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
+from par4_identification.confrontation import Confrontation, Unsimulated
+from par4_identification.confrontation_report import confrontation_cells
 from par4_identification.diagnosis.diagnosis import Cause, Diagnosis
 from par4_identification.diagnosis.next_experiment import NextExperiment
 from par4_identification.drive_gain import DriveGains
@@ -144,7 +146,8 @@ def report_of_validation(validation: Validation, outcome: Outcome, runs: Sequenc
 
 def report_of_diagnosis(diagnosis: Diagnosis, outcome: Outcome, machine: Robot | Axis,
                         logs: Sequence[Log], provenance: dict[str, Any],
-                        experiment: NextExperiment | None = None) -> str:
+                        experiment: NextExperiment | None = None,
+                        confrontation: Confrontation | Unsimulated | None = None) -> str:
     """Return the report of a diagnosis.
 
     Args:
@@ -154,13 +157,15 @@ def report_of_diagnosis(diagnosis: Diagnosis, outcome: Outcome, machine: Robot |
         logs: the data, those held out last.
         provenance: as in the extended model.
         experiment: that would tell twins apart.
+        confrontation: with the simulation.
     """
     names = _names(machine)
     title = f'Diagnosis of {machine.name}: {in_words(diagnosis.verdict)}'
     content: dict[str, Any] = {
         'causes': [], 'motion': '', 'over_time': '', 'statistics': '', 'per_joint': [],
         'swallowed': [], 'bars': '', 'rejected': diagnosis.rejected, 'remains': '',
-        'over_motion': '', 'experiment': _experiment_cells(experiment, names)}
+        'over_motion': '', 'experiment': _experiment_cells(experiment, names),
+        'simulation': confrontation_cells(confrontation, names)}
     if diagnosis.holdout is None:
         runs = diagnosis.fit_runs
         content['motion'] = measured_motion(
@@ -422,13 +427,15 @@ def _signature_of_cause(diagnosis: Diagnosis, index: int, machine: Robot | Axis,
                         ) -> tuple[str, str]:
     """Return the signature plot of a cause and the label of its abscissa."""
     cause, holdout = diagnosis.causes[index], diagnosis.holdout
-    added = build_model(machine, diagnosis.extended_model).effects[-len(diagnosis.causes):]
+    model = build_model(machine, diagnosis.extended_model)
+    added = model.effects[-len(diagnosis.causes):]
     places, own, label = [], [], ''
     for run in holdout.runs:
-        view = cause.effect.signature(run.state)
+        state = replace(run.state, nominal=model.nominal(run.state))
+        view = cause.effect.signature(state)
         label = view.label
         places.append(run.rows(np.ascontiguousarray(view.abscissa)))
-        own.append(run.rows(added[index].torque(run.state)))
+        own.append(run.rows(added[index].torque(state)))
     quantity, _, unit = label.rpartition(', ')
     unit = typeset(unit_on(machine, unit))
     label = f'{quantity}, {unit}'
@@ -469,8 +476,8 @@ def _experiment_cells(experiment: NextExperiment | None, names: Names) -> dict[s
                   'most': number(item.most, 2)} for item in experiment.separations],
         'picture': motion and proposed_motion(motion.t, motion.x - motion.x[0], motion.qd, names),
         'motion': motion and f'{motion.name}, {number(motion.duration)} s',
-        'advice': advice({name for item in experiment.separations for name in item.names},
-                         experiment)}
+        'advice': [advice(cause, experiment) for cause in
+                   dict.fromkeys(item.names[0] for item in experiment.separations)]}
 
 
 def _swallowed_cells(name: str, diagnosis: Diagnosis, machine: Robot | Axis) -> dict[str, str]:

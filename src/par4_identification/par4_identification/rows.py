@@ -121,7 +121,7 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
     tau = low_pass(torque, conditioning.torque_cutoff_hz, period)
 
     geometry = machine.geometry if isinstance(machine, Robot) else None
-    state = replace(state_of_joints(geometry, log.t[segment], q, qd, qdd), recorded=torque)
+    state = state_of_joints(geometry, log.t[segment], q, qd, qdd)
     every = max(1, round(1.0 / (conditioning.row_rate_hz * period)))
 
     reach = int(np.ceil(conditioning.reach / period))

@@ -64,6 +64,7 @@ def _refuse_the_impossible(machine: Machine) -> None:
             ('mass of half plate 1, kg', bodies.platform_mass_1, 1e-9, None),
             ('mass of half plate 2, kg', bodies.platform_mass_2, 1e-9, None),
             ('rod mass, kg', bodies.rod_mass, 0.0, None),
+            ('bar mass, kg', bodies.bar_mass, 0.0, None),
             ('theta inertia, kg m2', bodies.theta_inertia, 0.0, None),
             ('viscous friction of theta or pivots',
              (platform.theta_viscous, platform.pivot_viscous), 0.0, None),
@@ -179,7 +180,8 @@ def _with_bodies(machine: Machine, **added: np.ndarray | float) -> Machine:
 
 
 def _distributed_rods(machine: Machine, active: ActiveEffect) -> Machine:
-    return _with_bodies(machine, rod_mass=_whole(active, 'rod_mass'))
+    return _with_bodies(machine, rod_mass=_whole(active, 'rod_mass'),
+                        bar_mass=_whole(active, 'bar_mass'))
 
 
 def _payload(machine: Machine, active: ActiveEffect) -> Machine:

@@ -9,7 +9,7 @@ import numpy as np
 from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
 from par4_dynamics.state import GRAVITY
 
-STEEPEST = math.radians(10.0)
+STEEPEST = math.radians(5.0)
 
 
 class BaseTilt(Effect):

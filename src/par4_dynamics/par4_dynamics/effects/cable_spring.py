@@ -6,7 +6,7 @@ import numpy as np
 
 from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
 
-STIFFEST = 500.0
+SOFTEST, STIFFEST = 2.0, 500.0
 """N/m, ten times a stiff hose."""
 FARTHEST = 5.0
 """m from the origin of `base`: from farther away the pull would not change with the pose."""
@@ -41,6 +41,9 @@ class CableSpring(Effect):
         distance = float(np.linalg.norm(values['anchor']))
         if not stiffness > 0:
             return f'a cable pulls back, found a stiffness of {stiffness:.3g} N/m'
+        if stiffness < SOFTEST:
+            return (f'a stiffness of {stiffness:.3g} N/m is that of no cable, expected at least '
+                    f'{SOFTEST:g} N/m')
         if stiffness > STIFFEST:
             return f'a stiffness of {stiffness:.3g} N/m is ten times that of a stiff hose'
         if distance > FARTHEST:

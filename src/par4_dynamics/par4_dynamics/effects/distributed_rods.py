@@ -1,22 +1,31 @@
-"""The mass of the forearm rods spread along them, where (20) has two point masses."""
+"""The mass of rods and bars spread along them, where (20) has point masses at their ends."""
 
 from __future__ import annotations
 
 from par4_dynamics.base_terms import UNMODELLED, unmodelled_columns
 from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
 
+BY_CHANCE = 0.5
+"""Of the rod's mass: a bar whose mass is zero in truth is estimated a little below it."""
+
 
 class DistributedRods(Effect):
-    """tau += m_5 (torque of one kg of distributed rods minus that of their end masses)."""
+    """tau += m_5, m_3 (torque of a distributed kg of rods, bars minus that of their end masses).
+
+    The bars between the half plates are next to the rods what theta inertia of the wrong sign is;
+    a machine that has the one has the other.
+    """
 
     name = 'distributed_rods'
-    phrase = 'mass distributed along the forearm rods'
-    parameters = (EffectParameter('rod_mass', 'kg', 'machine'),)
+    phrase = 'mass distributed along rods and bars'
+    parameters = (EffectParameter('rod_mass', 'kg', 'machine'),
+                  EffectParameter('bar_mass', 'kg', 'machine', default=0.0))
     shared = True
     needs_platform = True
 
     def columns(self, state, shape):  # noqa: ARG002
-        return unmodelled_columns(state)[..., [UNMODELLED.index('rod_mass')]]
+        return unmodelled_columns(state)[..., [UNMODELLED.index('rod_mass'),
+                                               UNMODELLED.index('bar_mass')]]
 
     def implausible(self, values, base):
         mass = float(values['rod_mass'][0])
@@ -27,6 +36,9 @@ class DistributedRods(Effect):
         if mass > ceiling:
             return (f'two rods of {mass:.3g} kg are more than the half plate they belong to '
                     f'weighs ({2 * ceiling:.3g} kg)')
+        bar = float(values['bar_mass'][0])
+        if bar < -BY_CHANCE * mass or bar > 2.0 * ceiling:
+            return f'a bar of {bar:.3g} kg beside rods of {mass:.3g} kg is none of this machine'
         return None
 
     def signature(self, state):

@@ -57,6 +57,8 @@ class Effect(ABC):
         needs_nominal: True where its columns need `State.nominal`.
         fixed_coefficients: True where the coefficients are 1 and only the shape is free; a fit
             of another size is evidence against the effect.
+        expanded: True where the columns are a series around the one coefficient, which the shape
+            `expanded_at` holds: a search goes to where both agree.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
     """
 
@@ -66,6 +68,7 @@ class Effect(ABC):
     needs_platform: ClassVar[bool] = False
     needs_nominal: ClassVar[bool] = False
     fixed_coefficients: ClassVar[bool] = False
+    expanded: ClassVar[bool] = False
     phrase: ClassVar[str]
 
     def shapes(self, state: State) -> tuple[Shape, ...]:  # noqa: ARG002

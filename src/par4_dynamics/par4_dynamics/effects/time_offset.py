@@ -7,8 +7,6 @@ import numpy as np
 from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
 from par4_dynamics.effects.time_rate import time_rate
 
-SPACING = 2e-3
-"""s, of the expansion points: the torque of a motion is a parabola over so little time."""
 LONGEST = 0.05
 
 
@@ -16,30 +14,23 @@ class TimeOffset(Effect):
     """tau += tau(t - d) - tau(t): positive where torque was stamped late.
 
     The column is that change divided by the delay it is `expanded_at`, exact where the
-    coefficient d equals it and the slope -dtau/dt at 0. Of a record, the torque is taken as it was
-    recorded, which is known better: the column is the record less what it is d later.
+    coefficient d equals it and the slope -dtau/dt at 0.
     """
 
     name = 'time_offset'
     phrase = 'torque recorded out of time with the positions'
     parameters = (EffectParameter('delay', 's', 'machine'),)
     shared = True
+    expanded = True
     needs_nominal = True
 
     def shapes(self, state):  # noqa: ARG002
-        return tuple({'expanded_at': SPACING * step} for step in range(-4, 5))
-
-    def refined(self, shape, step):
-        return tuple({'expanded_at': shape['expanded_at'] + share * step * SPACING}
-                     for share in (-0.5, 0.0, 0.5))
+        return ({'expanded_at': 0.0},)
 
     def columns(self, state, shape):
-        delay = shape['expanded_at']
-        torque = state.nominal.torque if state.recorded is None else state.recorded
+        torque, delay = state.nominal.delivered, shape['expanded_at']
         if delay == 0.0 or len(state.t) < 2:
             return -time_rate(state, torque)[..., None]
-        if state.recorded is not None:
-            return ((torque - _earlier(state.t, torque, -delay)) / delay)[..., None]
         return ((_earlier(state.t, torque, delay) - torque) / delay)[..., None]
 
     def shape_of(self, values):
@@ -53,7 +44,7 @@ class TimeOffset(Effect):
         return None
 
     def signature(self, state):
-        return Signature(time_rate(state, state.nominal.torque), 'rate of the torque, N m/s')
+        return Signature(time_rate(state, state.nominal.delivered), 'rate of the torque, N m/s')
 
 
 def _earlier(t: np.ndarray, values: np.ndarray, delay: float) -> np.ndarray:

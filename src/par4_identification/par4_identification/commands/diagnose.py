@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -10,15 +11,23 @@ from rich.console import Console
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import read_model_file
 from par4_identification.commands.identify import distinct_bags
+from par4_identification.confrontation import confront_diagnosis, model_after
 from par4_identification.diagnosis.diagnosis import diagnose
+from par4_identification.diagnosis.next_experiment import next_experiment
 from par4_identification.log import read_log
+from par4_identification.outcome.confrontation import (
+    remarks_of_confrontation,
+    simulation_json,
+)
 from par4_identification.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
+from par4_identification.outcome.next_experiment import MOTION_FILE
 from par4_identification.outcome.results import (
     model_in_units,
     provenance,
     refuse_unwritable,
     write_results,
 )
+from par4_kinematics.motion_file import write_motion
 from par4_kinematics.robot import read_machine
 from par4_sim.commands.entry import run
 
@@ -48,10 +57,13 @@ class GreedyHoldout(click.Command):
 @click.option('--model', default=None,
               help='model.yaml or built-in name whose rigid body and effects are taken as known')
 @click.option('--output', required=True, type=click.Path(path_type=Path),
-              help='folder for diagnosis.json, extended_model.yaml and report.html')
+              help='folder for diagnosis.json, extended_model.yaml, report.html and, where names '
+                   'could not be told apart, motion.yaml')
 @click.option('--namespace', default=None, help='that the topics sit under')
+@click.option('--simulate/--no-simulate', default=True, show_default=True,
+              help='run the motion held out through the pybullet plant, the model before and after')
 def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, model: str | None,
-                  output: Path, namespace: str | None) -> None:
+                  output: Path, namespace: str | None, simulate: bool) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
     machine = read_machine(robot)
     baseline = None if model is None else read_model_file(model)
@@ -65,18 +77,32 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, m
             logs.append(read_log(bag, machine, namespace))
         diagnosis = diagnose(logs[:len(bags)], machine, baseline, logs[len(bags):],
                              progress=status.update)
-        outcome = outcome_of_diagnosis(diagnosis, machine)
+        status.update('looking for the motion that would tell twins apart')
+        experiment = next_experiment(diagnosis, machine)
+        confrontation = confront_diagnosis(
+            diagnosis, machine, logs, progress=status.update) if simulate else None
+        outcome = outcome_of_diagnosis(diagnosis, machine, experiment)
+        outcome = replace(outcome, remarks=(*outcome.remarks,
+                                            *remarks_of_confrontation(confrontation)))
         origin = provenance('par4_diagnose', machine, (*bags, *holdout),
                             {'holdout': holdout, 'model': model, 'namespace': namespace})
-        extended = diagnosis.extended_model
+        extended = diagnosis.extended_model and model_after(diagnosis)
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
         from par4_identification.report import report_of_diagnosis
+        motion = experiment and experiment.motion
+        if motion is not None:  # before what names it
+            write_motion(output / MOTION_FILE, motion, 'platform')
         write_results(output, {
-            'diagnosis.json': diagnosis_json(diagnosis, machine),
+            'diagnosis.json': {**diagnosis_json(diagnosis, machine, experiment),
+                               'simulation': simulation_json(confrontation)},
             'extended_model.yaml': extended and model_in_units(
                 extended.model_copy(update={'provenance': origin}), machine),
-            'report.html': report_of_diagnosis(diagnosis, outcome, machine, logs, origin)})
+            'report.html': report_of_diagnosis(diagnosis, outcome, machine, logs, origin,
+                                               experiment, confrontation)})
+    if motion is None:
+        for left in (output / MOTION_FILE, (output / MOTION_FILE).with_suffix('.csv')):
+            left.unlink(missing_ok=True)
     console = Console(highlight=False)
     console.print(f'{diagnosis.verdict}: {outcome.sentence}',
                   soft_wrap=not console.is_terminal, markup=False)

@@ -110,9 +110,12 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
             'report.html': page})
     console = Console(highlight=False)
     console.print(terminal_table(rows))
-    for remark in (*estimator_remarks(identification, machine), *found):
-        console.print(remark.text, soft_wrap=not console.is_terminal, markup=False)
-    console.print(outcome.sentence, soft_wrap=not console.is_terminal, markup=False)
+    findings = [remark.text for remark in (*estimator_remarks(identification, machine), *found)
+                if remark.good]
+    reservations = [f'- {remark.text} {remark.advice}'.rstrip() for remark in outcome.remarks
+                    if not remark.good]
+    for line in (*findings, outcome.sentence, *reservations):
+        console.print(line, soft_wrap=not console.is_terminal, markup=False)
     console.print(f'results{" and report" if report else ""}: {output}', soft_wrap=True,
                   markup=False)
 

@@ -321,7 +321,7 @@ def _verdict(found: Sequence[Found], remaining: Remaining, explained_share: floa
         return 'unknown', (f'the names found explain {explained_share:.0%} of what a nameless '
                            f'function of {remaining.looks_like} and they explain together; a '
                            f'cause that is not in the library is more likely')
-    if remaining.floor_excess > rules.floor_excess and closed < rules.closed_share:
+    if remaining.floor_excess > rules.far_excess and closed < rules.closed_share:
         return 'unknown', (f'the names found close {closed:.0%} of the error above the noise '
                            f'floor; a cause that is not in the library is more likely')
     return ('partly_explained' if wrong else 'explained'), ''

@@ -12,6 +12,9 @@ from par4_dynamics.effects.effect import Effect, Shape
 from par4_identification.diagnosis.observations import Observations, lasting
 from par4_identification.noise import ArNoise, fit_noise
 
+SURE = 3.0
+"""Times its expectation that the square of a difference must be to be no chance."""
+
 
 @dataclass(frozen=True)
 class Hypothesis:
@@ -175,7 +178,18 @@ class Projection:
     residual: np.ndarray
 
     def gain(self, hypothesis: Hypothesis) -> float:
-        """Return twice the gain in log-likelihood by adding a hypothesis.
+        """Return twice the gain in log-likelihood by adding a hypothesis."""
+        gram, moment, size = self._normal_equations(hypothesis)
+        return quadratic(gram, moment, size)
+
+    def estimate(self, hypothesis: Hypothesis) -> np.ndarray:
+        """Return the coefficients of an added hypothesis, in the order of its stacked columns."""
+        gram, moment, _ = self._normal_equations(hypothesis)
+        return np.linalg.lstsq(gram, moment, rcond=1e-9)[0]
+
+    def _normal_equations(self, hypothesis: Hypothesis
+                          ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return gram matrix and moments of what the design leaves of the columns, and their size.
 
         Linear algebra of small matrices, joint by joint: what a joint's columns do to the others
         goes through the basis alone.
@@ -191,7 +205,7 @@ class Projection:
             inside, moment, gram = sum(insides), sum(moments), own.sum(axis=0)
         else:
             inside, moment, gram = np.hstack(insides), np.concatenate(moments), block_diag(*own)
-        return quadratic(gram - inside.T @ inside, moment, np.diag(gram))
+        return gram - inside.T @ inside, moment, np.diag(gram)
 
     def left_share(self, columns: np.ndarray, coefficients: np.ndarray) -> float:
         """Return the share (rms) of columns @ coefficients that the design does not swallow."""
@@ -269,3 +283,25 @@ def residuals(observations: Observations, hypotheses: Sequence[Hypothesis], fit:
             left = left - np.einsum('mjk,kj->mj', rows, coefficients)
         results.append(left)
     return tuple(results)
+
+
+def transfer_error(evidence: Evidence, other: Evidence, hypotheses: Sequence[Hypothesis]) -> float:
+    """Return how far the last hypothesis's estimate misses the torque that it has on other data.
+
+    The estimate from `evidence` against the one from `other`: what their difference in torque
+    leaves on the rows of `other` after everything else in the model, over the torque itself, less
+    what noise makes of that; zero where noise may have made all of it.
+    """
+    here, there = solve(evidence, hypotheses), solve(other, hypotheses)
+    basis = project(other, hypotheses[:-1]).basis
+    columns = other.columns(hypotheses[-1])
+    columns = columns - basis @ (basis.T @ columns)
+    gram = columns.T @ columns
+    own = hypotheses[-1].stacked(here.coefficients[-1])
+    change = own - hypotheses[-1].stacked(there.coefficients[-1])
+    span = here.slices[-1]
+    by_noise = np.trace(gram @ (here.covariance[span, span] + there.covariance[span, span]))
+    difference = float(change @ gram @ change)
+    if difference < SURE * by_noise:
+        return 0.0
+    return float(np.sqrt((difference - by_noise) / max(float(own @ gram @ own), 1e-30)))

@@ -49,21 +49,24 @@ EXCITATION = 12.0
 
 
 def motion_library(robot: Robot, model: Model, seed: int = 0) -> list[Motion]:
-    """Return the motions of the library that keep the limits of a robot, each from rest at home.
+    """Return the motions of the library that keep the limits of a robot, from home and back.
 
     Args:
         robot: the machine.
         model: its torque, which must stay within the drives'.
         seed: of the random excitations.
 
-    Raises:
-        InputError: drives that do not even hold the platform, or a workspace out of reach.
+    Returns:
+        None at all for drives that do not even hold the platform or a workspace out of reach.
     """
-    limits = limits_of(robot, model)
-    motions = []
+    try:
+        limits = limits_of(robot, model)
+    except Par4Error:
+        return []
+    motions, at_home = [], _at_home(robot)
     for name, make in _makers(robot, limits, seed):
         try:
-            motion = joined([make()], name, robot)
+            motion = joined([make(), at_home], name, robot)
             check_limits(motion, robot)
         except Par4Error:  # this one is not for this robot
             continue
@@ -78,8 +81,15 @@ def _share_of_limits(limits: MotionLimits, motion: Motion, robot: Robot, model: 
     return max(loads[kind] for kind in ('joint speed', 'acceleration', 'torque'))
 
 
+def _at_home(robot: Robot) -> Motion:
+    """Return two samples of rest at home."""
+    still = np.zeros((2, 4))
+    return motion_of_platform('home', robot.geometry, sample_times(1e-3, 1e-3),
+                              still + home_pose(robot), still, still)
+
+
 def joined(parts: Sequence[Motion], name: str, robot: Robot) -> Motion:
-    """Return motions one after the other, from rest at home, with an approach before each.
+    """Return motions one after the other, from rest at home, with an approach to each.
 
     Raises:
         UnreachableError: the mechanism does not close on the way between two.

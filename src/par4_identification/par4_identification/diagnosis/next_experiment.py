@@ -9,14 +9,17 @@ true. The same with A and B exchanged; the smaller counts, since nobody knows wh
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
+from par4_dynamics.effects.catalogue import effect_named
 from par4_dynamics.effects.effect import Effect, Shape
-from par4_dynamics.model import Model
+from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.state import State
+from par4_identification.diagnosis.diagnosis import Diagnosis
 from par4_identification.diagnosis.evidence import (
     Evidence,
     Hypothesis,
@@ -26,11 +29,11 @@ from par4_identification.diagnosis.evidence import (
     solve,
 )
 from par4_identification.diagnosis.motion_library import joined, motion_library
-from par4_identification.diagnosis.observations import observe
+from par4_identification.diagnosis.observations import observe, with_nominal
 from par4_identification.log import Log
-from par4_identification.rows import Run, runs_of_log
+from par4_identification.rows import runs_of_log
 from par4_kinematics.motion import Motion
-from par4_kinematics.robot import Robot
+from par4_kinematics.robot import Axis, Robot
 
 WANTED = 30.0
 """Expected separation at which a motion decides: chance moves it by about sqrt(2 separation), so
@@ -105,41 +108,42 @@ class NextExperiment:
         return min(item.expected for item in self.separations if item.separated)
 
 
-def next_experiment(evidence: Evidence, hypotheses: Sequence[Hypothesis],
-                    twins: Sequence[Sequence[Effect]], robot: Robot, model_file: ModelFile,
-                    seed: int = 0) -> NextExperiment | None:
-    """Return the motion that separates the causes from their twins, None without twins.
+def next_experiment(diagnosis: Diagnosis, machine: Robot | Axis, seed: int = 0
+                    ) -> NextExperiment | None:
+    """Return the motion that separates the causes from their twins.
 
     Args:
-        evidence: whitened rows of the data at hand.
-        hypotheses: the causes.
-        twins: of each cause.
-        robot: the machine.
-        model_file: the extended model, for the torque that a motion takes.
+        diagnosis: the answer with its evidence.
+        machine: that was measured.
         seed: of the random motions.
 
-    Raises:
-        InputError: drives that do not even hold the platform, or a workspace out of reach.
+    Returns:
+        None without twins, for a single axis, and for a robot that can do no motion of the
+        library.
     """
-    pairs = [rivals(evidence, hypotheses, cause, twin)
-             for cause, names in enumerate(twins) for twin in names]
-    if not pairs:
+    if not isinstance(machine, Robot) or not any(cause.twins for cause in diagnosis.causes):
         return None
-    prospect = Prospect(evidence, robot, model_file)
+    evidence = diagnosis.evidence
+    pairs = [rivals(evidence, diagnosis.hypotheses, number, effect_named(twin))
+             for number, cause in enumerate(diagnosis.causes) for twin in cause.twins]
+    prospect = Prospect(evidence, machine, diagnosis.extended_model)
     trials = [Trial(prospect, pair) for pair in pairs]
-    motions = motion_library(robot, prospect.model, seed)
+    motions = motion_library(machine, prospect.model, seed)
+    if not motions:
+        return None
     best = [_choose([trial], [(motion,) for motion in motions]) for trial in trials]
     programmes = [(motion,) for motion in motions] + list({
         tuple(sorted(motion.name for motion in couple)): couple
         for couple in (first + second for first in best for second in best if first != second)
     }.values()) if len(trials) > 1 else best
     chosen = _choose(trials, programmes)
-    motion = joined(chosen * _times(chosen, trials), ' and '.join(part.name for part in chosen),
-                    robot)
+    times = _times(chosen, trials)
+    name = ' and '.join(part.name for part in chosen)
+    motion = joined(chosen * times, name if times == 1 else f'{times} times {name}', machine)
     found = []
     for trial, own in zip(trials, best, strict=True):
         expected = trial.exact((motion,))
-        found.append(Separation(trial.pair.names, trial.present, expected,
+        found.append(Separation(trial.pair.names, difference(evidence, trial.pair), expected,
                                 trial.exact(own, _most_times(own)), expected >= WANTED))
     separated = any(item.separated for item in found)
     return NextExperiment(motion if separated else None, tuple(found))
@@ -157,6 +161,14 @@ def rivals(evidence: Evidence, hypotheses: Sequence[Hypothesis], cause: int, twi
 
     shape, _ = least(twin, shapes_of(evidence, twin), left)
     return Rivals(hypotheses[cause], _everywhere(evidence, twin, shape), others)
+
+
+def difference(evidence: Evidence, pair: Rivals) -> float:
+    """Return the difference of log-likelihood on the data, first name over second."""
+    first, second = (squared_rest(moments(evidence.design([*pair.others, hypothesis]),
+                                          evidence.target))
+                     for hypothesis in (pair.first, pair.second))
+    return 0.5 * (second - first)
 
 
 def _everywhere(evidence: Evidence, effect: Effect, shape: Shape) -> Hypothesis:
@@ -217,26 +229,26 @@ class Prospect:
 
     @cached_property
     def model(self) -> Model:
-        """The model without effects that gave the data their nominal torque."""
-        nominal = self.evidence.observations.runs[0].state.nominal
-        return Model(self.model_file.rigid_body, dict(nominal.values), self.robot.bodies,
-                     torque_limit=self.model_file.torque_limit)
+        """The extended model."""
+        return build_model(self.robot, self.model_file)
 
     def of_motion(self, motion: Motion) -> Evidence:
-        """Return the whitened rows of a motion, its torque zero; computed once."""
+        """Return the whitened rows of a motion; computed once."""
         if motion.name not in self._kept:
-            runs = [replace(run, state=replace(run.state, nominal=self.model.nominal(run.state)))
-                    for run in self._runs(motion)]
+            runs = runs_of_log(self._record(motion), self.robot,
+                               self.evidence.observations.runs[0].conditioning)
             whitener = Whitener(self.evidence.whitener.noise, tuple(run.valid for run in runs))
-            self._kept[motion.name] = gather(
-                observe(runs, self.robot, self.model_file.rigid_body, None), whitener)
+            observations = observe(runs, self.robot, self.model_file.rigid_body, None)
+            self._kept[motion.name] = gather(with_nominal(observations, self.model), whitener)
         return self._kept[motion.name]
 
-    def _runs(self, motion: Motion) -> list[Run]:
-        log = Log(name=motion.name, joint_names=self.robot.joint_names, start_stamp=0,
-                  period=motion.period, t=motion.t, q=motion.q, tau=np.zeros_like(motion.q),
-                  segments=(slice(0, len(motion.t)),), reference=None, accounts=None)
-        return runs_of_log(log, self.robot, self.evidence.observations.runs[0].conditioning)
+    def _record(self, motion: Motion) -> Log:
+        """Return what would be recorded of a motion, without noise."""
+        state = State(motion.t, motion.q, motion.qd, motion.qdd, self.robot.geometry, motion.x,
+                      motion.xd, motion.xdd)
+        return Log(name=motion.name, joint_names=self.robot.joint_names, start_stamp=0,
+                   period=motion.period, t=motion.t, q=motion.q, tau=self.model.torque(state),
+                   segments=(slice(0, len(motion.t)),), reference=None, accounts=None)
 
 
 @dataclass(frozen=True)
@@ -251,15 +263,6 @@ class Trial:
     prospect: Prospect
     pair: Rivals
     _kept: dict = field(default_factory=dict)
-
-    @cached_property
-    def present(self) -> float:
-        """Difference of log-likelihood on the data at hand, first over second."""
-        evidence, rest = self.prospect.evidence, []
-        for hypothesis in (self.pair.first, self.pair.second):
-            design = evidence.design([*self.pair.others, hypothesis])
-            rest.append(squared_rest(moments(design, evidence.target)))
-        return 0.5 * (rest[1] - rest[0])
 
     def bound(self, motions: Programme, times: int = 1) -> float:
         """Return at least the expected separation: the rival's shape is that of the old data."""

@@ -67,11 +67,7 @@ def observe(runs: list[Run], machine: Robot | Axis, rigid_body: str, baseline: M
 
 
 def with_nominal(observations: Observations, model: Model) -> Observations:
-    """Return the observations with the torque of `model` as nominal torque.
-
-    It is that of its base terms and bodies: with that of its effects in it, an effect which scales
-    with the torque could stand in for them.
-    """
+    """Return the observations with the torque of `model` as nominal torque."""
     return replace(observations, _kept=lasting(observations._kept), runs=tuple(
         replace(run, state=replace(run.state, nominal=model.nominal(run.state)))
         for run in observations.runs))

@@ -8,19 +8,23 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import chdtrc
 
-from par4_dynamics.effects.effect import Effect
+from par4_dynamics.effects.effect import Effect, Shape
 from par4_identification.diagnosis.evidence import (
     Evidence,
     Fit,
     Hypothesis,
     Projection,
+    gather,
     project,
     residuals,
     solve,
+    transfer_error,
 )
 from par4_identification.diagnosis.holdout import Blocks, Gain
 from par4_identification.diagnosis.observations import Observations
 
+EXPANSIONS = 4
+"""Times that a series is expanded around what came of it."""
 HALF_BLOCK = 100
 """Rows after which the two halves alternate, so that both see slow and fast motion."""
 
@@ -36,6 +40,8 @@ class Rules:
             that of the measured torque, on some joint; sampling and filters do not reproduce the
             torque of fast motion any better.
         agreement: least cosine between its estimates from two interleaved halves of the fit rows.
+        transfer: largest distance between the torques of its estimates from fit and from held-out
+            rows, over the torque: a cause keeps its parameters when the motion changes.
         joint_p_value: below which a joint keeps an effect that others have.
         joint_share: least share of the effect's likelihood ratio that a joint must carry.
         twin_margin: difference of log-likelihood within which another name is as good.
@@ -44,7 +50,8 @@ class Rules:
         fixed_range: of the coefficients of effects whose size is known.
         sufficient_share: least share of what anything explains that the causes must explain.
         closed_share: least share of the error above the noise floor that the causes must close
-            where much is left.
+            where the residual is beyond `far_excess` times that floor.
+        far_excess: further above the floor than noise that wanders by itself.
         remaining_gain: held-out gain of nameless blocks that counts as something left.
         floor_excess: residual over noise floor beyond which something is wrong though no block
             explains it.
@@ -52,16 +59,18 @@ class Rules:
 
     p_value: float = 1e-3
     holdout_gain: float = 0.02
-    least_share: float = 1e-3
+    least_share: float = 5e-4
     agreement: float = 0.6
+    transfer: float = 0.2
     joint_p_value: float = 1e-3
     joint_share: float = 0.0005
     twin_margin: float = 10.0
     equal_margin: float = 2.0
     most: int = 4
     fixed_range: tuple[float, float] = (0.5, 1.5)
-    sufficient_share: float = 0.75
+    sufficient_share: float = 0.95
     closed_share: float = 0.4
+    far_excess: float = 10.0
     remaining_gain: float = 0.04
     floor_excess: float = 1.6
 
@@ -141,6 +150,8 @@ class Selector:
         self._library = library
         self._evidence = evidence
         self._heldout = heldout
+        self._other = gather(heldout, replace(
+            evidence.whitener, valid=tuple(run.valid for run in heldout.runs)))
         self._blocks = blocks
         self._rules = rules
         state = max(evidence.observations.runs, key=lambda run: len(run.t)).state
@@ -159,6 +170,9 @@ class Selector:
 
         ratios = [ratio(shape) for shape in shapes]
         shape, best = shapes[int(np.argmax(ratios))], max(ratios)
+        if effect.expanded:
+            shape = self._self_consistent(effect, shape, projection)
+            best = ratio(shape)
         for step in (1.0, 0.5, 0.25):
             around = effect.refined(shape, step)
             if len(around) < 2:
@@ -168,6 +182,13 @@ class Selector:
                 shape, best = around[int(np.argmax(ratios))], max(ratios)
         hypothesis = Hypothesis(effect, shape, self._joints)
         return Candidate(hypothesis, best, self._freedoms(hypothesis), len(shapes))
+
+    def _self_consistent(self, effect: Effect, shape: Shape, projection: Projection) -> Shape:
+        """Return the shape of a series around the coefficient that it gives."""
+        for _ in range(EXPANSIONS):
+            estimate = projection.estimate(Hypothesis(effect, shape, self._joints))
+            shape = {'expanded_at': float(estimate[0])}
+        return shape
 
     def _freedoms(self, hypothesis: Hypothesis) -> int:
         rows = self._evidence.observations.effect_rows(hypothesis.effect, hypothesis.shape)
@@ -260,6 +281,10 @@ class Selector:
         if agreement < self._rules.agreement:
             return Rejected(hypothesis.label, f'its estimates from the two halves of the data '
                             f'disagree (cosine {agreement:.2f})')
+        error = transfer_error(self._evidence, self._other, together)
+        if error > self._rules.transfer:
+            return Rejected(hypothesis.label, f'its estimates from the data to learn from and from '
+                            f'those held out differ by {error:.0%} of its torque')
         return Found(hypothesis, candidate.likelihood_ratio, candidate.p_value(self._family), gain)
 
     def _torque_share(self, hypothesis: Hypothesis, coefficients: np.ndarray,
@@ -337,7 +362,12 @@ class Selector:
                 if rival is None or own - rival.likelihood_ratio > 2.0 * self._rules.twin_margin:
                     continue
                 fit = solve(self._evidence, [*others, rival.hypothesis])
-                if self._implausible(rival.hypothesis, fit, len(others)) is None:
+                if self._implausible(rival.hypothesis, fit, len(others)) is not None:
+                    continue
+                gain = self._blocks.gain(
+                    residuals(self._heldout, others, solve(self._evidence, others)),
+                    residuals(self._heldout, [*others, rival.hypothesis], fit))
+                if gain.share > 0.5 * item.gain.share:
                     twins.append(name)
             found.append(replace(item, twins=tuple(twins)))
         return replace_found(selection, found)

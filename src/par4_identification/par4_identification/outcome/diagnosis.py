@@ -149,7 +149,7 @@ def _remarks(diagnosis: Diagnosis, experiment: NextExperiment | None) -> tuple[R
             remarks.append(Remark(
                 False, f'On this motion {cause.effect.phrase} cannot be told from '
                 f'{listed([in_words(name) for name in cause.twins])}.',
-                advice({cause.effect.name, *cause.twins}, experiment)
+                advice(cause.effect.name, experiment)
                 or 'To tell such names apart, add a bag of slow wide sweeps and one with a known '
                 'payload.'))
     if diagnosis.verdict == 'clean':

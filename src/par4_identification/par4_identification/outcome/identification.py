@@ -9,12 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from par4_dynamics.base_terms import values_of_bodies
 from par4_dynamics.model import Model
 from par4_dynamics.model_file import read_model_file
 from par4_dynamics.parameters import Parameter
+from par4_identification.estimators.instrumental import InstrumentalEstimate
 from par4_identification.identification import OFFSET, Identification
 from par4_identification.log import Log
+from par4_identification.lumping_bias import Lumping, lumping_of
 from par4_identification.outcome.estimator import (
+    MATERIAL,
     estimator_in_words,
     estimator_json,
     estimator_remarks,
@@ -50,6 +54,13 @@ MEMORY = 0.15
 """Autocorrelation of a residual, behind the filters' own, above which it is not noise."""
 UNEQUAL = 1.5
 """Residual over noise floor of a joint, over that of the median joint, that stands out."""
+SURE = 2.0
+"""Standard deviations by which the residual must tell rods as in the robot file from none."""
+HALF = 0.5
+"""Share between none of them and all."""
+LARGEST_BIASES = 3
+"""How many biased values are named, the worst first."""
+DIAGNOSE = 'Run par4_diagnose on these bags: it looks for the cause.'
 
 _RECORD = {
     'actuator_inertia': 'faster motions',
@@ -130,8 +141,8 @@ def outcome_of_identification(identification: Identification, floor: np.ndarray,
     rms, noise = over_joints(estimate.rms), over_joints(floor)
     condition = identification.excitation
     remarks = (
-        *estimator_remarks(identification, machine), _excitation_remark(condition),
-        _precision_remark(relative, unsure),
+        *estimator_remarks(identification, machine), *_bias_remarks(identification, machine),
+        _excitation_remark(condition), _precision_remark(relative, unsure),
         _sign_remark(identification), floor_remark(rms, noise, unit),
         _memory_remark(identification), *_joints_remark(estimate.rms, floor, machine),
         data_remark(logs))
@@ -155,13 +166,55 @@ def outcome_of_identification(identification: Identification, floor: np.ndarray,
     return Outcome(f'{sentence}: the model can be trusted.', 'good', remarks)
 
 
+def _bias_remarks(identification: Identification, machine: Robot | Axis) -> list[Remark]:
+    """Return what biases the values, or may; nothing for an axis, which has no cause of it."""
+    if not isinstance(machine, Robot):
+        return []
+    remarks = []
+    if identification.rigid_body == 'paper' and any(values_of_bodies(machine.bodies).values()):
+        remarks.append(_lumping_remark(identification, lumping_of(identification, machine)))
+    if not isinstance(identification.estimate, InstrumentalEstimate):
+        remarks.append(Remark(
+            True, 'Whether noise of the positions biases the values was not tested.',
+            'Record the topic reference too and identify once more with --estimator instrumental: '
+            'it tells whether noise of the positions biases least squares.'))
+    return remarks
+
+
+def _lumping_remark(identification: Identification, lumping: Lumping) -> Remark:
+    """Return whether the rods and bars that (20) lumps bias the values."""
+    estimate = identification.estimate
+    size = np.abs(lumping.bias) / np.maximum(estimate.std, 1e-30)
+    if size.max() < MATERIAL:
+        return Remark(True, f'Lumping rods and bars, as equation (20) does, biases no value by '
+                            f'more than {number(size.max(), 2)} of its standard deviations.')
+    margin = SURE * lumping.share_std
+    if lumping.share + margin < HALF:
+        return Remark(True, 'No bias from lumping rods and bars, as equation (20) does: the '
+                            'residual shows that the machine is not as the robot file describes '
+                            'them, distributed.')
+    worst = [index for index in np.argsort(-size)[:LARGEST_BIASES] if size[index] >= MATERIAL]
+    named = listed([f'{in_words(str(label))} by {number(lumping.bias[index], 2)} {label.unit}'
+                    for index in worst for label in (estimate.labels[index],)])
+    amount = f'{named}, up to {number(size.max(), 2)} standard deviations'
+    if lumping.share - margin > HALF:
+        return Remark(False, f'Equation (20) lumps rods and bars; the residual shows that they are '
+                             f'distributed as the robot file says, which biases {amount}.',
+                      'Identify with --rigid-body full.')
+    return Remark(False, f'Equation (20) lumps rods and bars. If they are as the robot file says, '
+                         f'this biases {amount}; the residual does not tell whether they are.',
+                  'Identify with --rigid-body full, or record longer, faster and with less noise: '
+                  'then the residual tells.')
+
+
 def _excitation_remark(condition: float) -> Remark:
     size = (f'the condition number of the regressor is {number(condition)} '
             f'(good below {LARGEST_CONDITION:.0f}).')
     if condition <= LARGEST_CONDITION:
         return Remark(True, f'The motion excites all parameters: {size}')
     return Remark(False, f'The motion excites some parameters weakly: {size}',
-                  'Record a richer motion: slow and fast, all joints, the whole workspace.')
+                  'Record a richer motion: slow and fast, all joints, the whole workspace; '
+                  'par4_excite designs one.')
 
 
 def _precision_remark(relative: dict[str, float], unsure: list[str]) -> Remark:
@@ -169,19 +222,24 @@ def _precision_remark(relative: dict[str, float], unsure: list[str]) -> Remark:
         return Remark(True, f'Every parameter is known to {percent(max(relative.values()))} or '
                             f'better (one standard deviation, for residuals correlated in time).')
     named = listed([f'{in_words(name)} ({percent(relative[name])})' for name in unsure])
-    wanted = listed(list(dict.fromkeys(_RECORD[name] for name in unsure)))
     return Remark(False, f'Not determined: {named}, by relative standard deviation.',
-                  f'Record {wanted}.')
+                  _record(unsure))
+
+
+def _record(names: Sequence[str]) -> str:
+    """Return what to record so that these parameters show."""
+    return f'Record {listed(list(dict.fromkeys(_RECORD[name] for name in names)))}.'
 
 
 def _sign_remark(identification: Identification) -> Remark:
     parameters = identification.parameters
-    doubtful = [in_words(term.name) for term in identification.terms if term.nonnegative
+    doubtful = [term.name for term in identification.terms if term.nonnegative
                 and np.any(np.less(parameters[term.name].value,
                                    2.0 * np.asarray(parameters[term.name].std)))]
     if not doubtful:
         return Remark(True, 'Every inertia, mass and friction is positive beyond doubt.')
-    return Remark(False, f'Cannot be told from zero: {listed(doubtful)}.')
+    named = listed([in_words(name) for name in doubtful])
+    return Remark(False, f'Cannot be told from zero: {named}.', _record(doubtful))
 
 
 def floor_remark(rms: float, noise: float, unit: str) -> Remark:
@@ -193,7 +251,7 @@ def floor_remark(rms: float, noise: float, unit: str) -> Remark:
                       'Validate it on a bag of another motion with par4_validate.')
     return Remark(False, f'{size}: the machine does something that the model lacks, which may bias '
                          f'the parameters by more than their standard deviations.',
-                  'Run par4_diagnose on these bags: it looks for the cause.')
+                  DIAGNOSE)
 
 
 def _memory_remark(identification: Identification) -> Remark:
@@ -204,7 +262,7 @@ def _memory_remark(identification: Identification) -> Remark:
     widening = float(np.max(estimate.std / np.maximum(estimate.textbook_std, 1e-30)))
     return Remark(False, f'The residual remembers itself beyond the filters (autocorrelation '
                          f'{left:.2f}), so it is not noise; standard deviations are up to '
-                         f'{number(widening, 2)} times those for white noise.')
+                         f'{number(widening, 2)} times those for white noise.', DIAGNOSE)
 
 
 def _joints_remark(rms: np.ndarray, floor: np.ndarray, machine: Robot | Axis) -> list[Remark]:

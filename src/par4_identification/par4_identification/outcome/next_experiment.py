@@ -18,41 +18,39 @@ _ANOTHER_WAY = {
     frozenset(('torque_offset', 'coulomb_asymmetry')):
         'both shift the torque of both directions alike, the breakaway torques included; read the '
         'amplifiers with the drives off, where an offset shows and friction does not'}
-_WAY = 'measure one of them by other means, or with a known payload, which changes the load'
+_WAY = ('measure one of them by other means, or record with a known payload, which changes the '
+        'load')
 
 
-def advice(names: set[str], experiment: NextExperiment | None) -> str:
-    """Return what tells a cause from its twins, a sentence each; empty without an experiment.
+def advice(cause: str, experiment: NextExperiment | None) -> str:
+    """Return what tells a cause from its twins; empty where nothing is known of that.
 
     Args:
-        names: of the cause and its twins.
+        cause: name of its effect.
         experiment: the next motion, or why there is none.
     """
-    if experiment is None:
-        return ''
-    mine = [item for item in experiment.separations if names.issuperset(item.names)]
+    mine = [item for item in experiment.separations
+            if item.names[0] == cause] if experiment else []
     sentences = []
-    decided = [item for item in mine if item.separated]
+    decided = [f'{in_words(item.names[1])} by {number(item.expected, 2)}'
+               for item in mine if item.separated]
     if decided:
-        pairs = listed([f'{_pair(item)} by {number(item.expected, 2)}' for item in decided])
+        motion = experiment.motion
         sentences.append(
-            f'Play {MOTION_FILE} ({experiment.motion.name}, {experiment.motion.duration:.0f} s), '
-            f'which is expected to tell apart {pairs} in log-likelihood, and give its bag beside '
-            f'the old ones, of which --holdout names one.')
+            f'Play {MOTION_FILE} ({motion.name}, {motion.duration:.0f} s) and give its bag beside '
+            f'the old ones, one of them as --holdout: it is expected to tell {in_words(cause)} '
+            f'from {listed(decided)} (difference of log-likelihood, of which 10 decide).')
     sentences += [_without_motion(item) for item in mine if not item.separated]
     return ' '.join(sentences)
 
 
-def _pair(item: Separation) -> str:
-    return ' and '.join(map(in_words, item.names))
-
-
 def _without_motion(item: Separation) -> str:
+    first, second = map(in_words, item.names)
     way = _ANOTHER_WAY.get(frozenset(item.names), _WAY)
     if item.most < NONE_AT_ALL:
-        return f'No motion of this machine tells apart {_pair(item)}: {way}.'
-    return (f'Within {LONGEST:.0f} s no motion of the library tells apart {_pair(item)}: '
-            f'{number(item.most, 2)} in log-likelihood is expected at most; {way}.')
+        return f'No motion of this machine tells {first} from {second}: {way}.'
+    return (f'Within {LONGEST:.0f} s no motion of the library tells {first} from {second} '
+            f'({number(item.most, 2)} in log-likelihood is expected at most): {way}.')
 
 
 def next_experiment_json(experiment: NextExperiment | None) -> dict[str, Any] | None:
