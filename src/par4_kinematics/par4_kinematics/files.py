@@ -55,7 +55,8 @@ def parse(content: object, model: type[FileType], source: str) -> FileType:
         return model.model_validate(content)
     except ValidationError as error:
         found = '; '.join(
-            f'{".".join(map(str, item["loc"])) or "file"}: {item["msg"]}'
+            f'{".".join(map(str, item["loc"])) or "file"}: '
+            f'{item["msg"].removeprefix("Value error, ")}'
             + (f' (found {item["input"]!r})' if not isinstance(item['input'], dict) else '')
             for item in error.errors()[:4]
         )
