@@ -16,6 +16,7 @@ from hidden.physics import in_band
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints, state_of_platform
 from par4_identification.log import Log
+from par4_kinematics.approach import with_approach
 from par4_kinematics.motion import Motion
 from par4_kinematics.workspace import home_pose
 from par4_sim.machine import Machine
@@ -129,10 +130,14 @@ def simulation_of(known: Known, machine: Machine, fidelity: str, noise: Noise, s
 def record(known: Known, machine: Machine, motion: Motion, *, fidelity: str, noise: Noise,
            seed: int, feedforward: Model | None, wander: Wander | None, name: str) -> Recording:
     """Return the recording of a motion on a machine; see `Simulation` for what is asked."""
+    simulation = simulation_of(known, machine, fidelity, Noise(), seed)
+    # encoders or dimensions that err see home elsewhere: as into a bag, the drives are led there
+    motion = with_approach(motion, known.robot, simulation.q)
     samples = round((motion.duration + 2.0 * DWELL) / PERIOD)
     if wander:
+        simulation.close()
         machine = loaded(machine, wander, samples)
-    simulation = simulation_of(known, machine, fidelity, Noise(), seed)
+        simulation = simulation_of(known, machine, fidelity, Noise(), seed)
     plant = simulation.plant
     start = simulation.time + DWELL
     simulation.queue_reference(start + motion.t, motion.q, motion.qd, motion.qdd)
