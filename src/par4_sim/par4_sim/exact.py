@@ -25,14 +25,13 @@ from par4_dynamics.mechanism import (
     equations_sample,
     packed_mechanism,
 )
+from par4_kinematics.acceleration import joint_speed
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.leg import (
     arm_direction,
     forearm_vector,
     plate_joint,
-    plate_velocity,
-    tangent,
 )
 from par4_kinematics.linear_solve import factor_in_place, solve_factored, solve_in_place
 from par4_kinematics.position import inverse_kinematics
@@ -179,6 +178,7 @@ def _runge_kutta(constants, friction, harmonics, state, work, scale, tau, span):
 def _joint_state(constants, work):
     """Write Q and QD of the pose and velocity at END; return -1 or an unreachable leg."""
     x, y, z, theta = work[END, 0], work[END, 1], work[END, 2], work[END, 3]
+    xd = (work[END + XD, 0], work[END + XD, 1], work[END + XD, 2], work[END + XD, 3])
     cosine, sine = math.cos(theta), math.sin(theta)
     for leg in range(4):
         along, across, up = plate_joint(constants, x, y, z, cosine, sine, leg)
@@ -186,12 +186,9 @@ def _joint_state(constants, work):
         if not reached:
             return leg
         ab_x, ab_y, ab_z = forearm_vector(constants, along, across, up, cos_q, sin_q, leg)
-        t_x, t_y, t_z = tangent(constants, cos_q, sin_q, leg)
-        v_x, v_y = plate_velocity(constants, work[END + XD, 0], work[END + XD, 1],
-                                  work[END + XD, 3], cosine, sine, leg)
         work[END + Q, leg] = math.atan2(sin_q, cos_q)
-        work[END + QD, leg] = (ab_x * v_x + ab_y * v_y + ab_z * work[END + XD, 2]) / (
-            ab_x * t_x + ab_y * t_y + ab_z * t_z)
+        work[END + QD, leg] = joint_speed(constants, (ab_x, ab_y, ab_z, cos_q, sin_q), xd, cosine,
+                                          sine, leg)
     return -1
 
 
