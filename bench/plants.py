@@ -12,9 +12,9 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
+from comparison import package_to_compare
 from numpy.typing import ArrayLike
 from rich.console import Console
 from rich.table import Table
@@ -74,20 +74,6 @@ CLOSING_STEPS = 2.0
 RIGIDITY = '0.9999 0.9999 0.001 0.5 2'
 """Impedance of the constraints; MuJoCo accepts no more."""
 MUJOCO_JOINTS = {'continuous': 'hinge', 'spherical': 'ball'}
-
-
-def import_mujoco() -> ModuleType:
-    """Return the package mujoco.
-
-    Raises:
-        InputError: it is not installed.
-    """
-    try:
-        import mujoco
-    except ImportError as error:
-        raise InputError('comparison with MuJoCo asked, package mujoco not found; run: '
-                         'pip install mujoco') from error
-    return mujoco
 
 
 def mujoco_xml(machine: Machine, dt: float) -> str:
@@ -152,7 +138,7 @@ class MujocoPlant:
         self.velocity_offset = 0.0
         self.torque_offset = 0.5 * dt
         self._machine = machine
-        self._mujoco = import_mujoco()
+        self._mujoco = package_to_compare('mujoco', 'mujoco')
         self._model = self._mujoco.MjModel.from_xml_string(mujoco_xml(machine, dt))
         self._data = self._mujoco.MjData(self._model)
         arms = [self._model.joint(f'{leg_chain(leg)}/arm') for leg in range(LEGS)]
@@ -399,7 +385,7 @@ def add_plants(robot: Robot, table: Table) -> None:
         return build_plant(machine, fidelity, dt)
 
     try:
-        import_mujoco()
+        package_to_compare('mujoco', 'mujoco')
     except InputError as error:
         table.add_row('mujoco', str(error))
         others = ()

@@ -9,9 +9,9 @@ import platform
 import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
-from types import ModuleType
 
 import numpy as np
+from comparison import package_to_compare
 from rich.console import Console
 from rich.table import Table
 
@@ -56,23 +56,9 @@ def time_of_one(call: Callable[..., object], samples: list[tuple]) -> float:
 PINOCCHIO_CALL = "Pinocchio's rnea, one sample from Python"
 
 
-def import_pinocchio() -> ModuleType:
-    """Return the package pinocchio.
-
-    Raises:
-        InputError: it is not installed.
-    """
-    try:
-        import pinocchio
-    except ImportError as error:
-        raise InputError('comparison with Pinocchio asked, package pinocchio not found; run: '
-                         'pip install pin') from error
-    return pinocchio
-
-
 def open_tree(robot: Robot, model: Model) -> object:
     """Return pinocchio's model of arms, rods, half plates and bars with the loops cut."""
-    pinocchio = import_pinocchio()
+    pinocchio = package_to_compare('pinocchio', 'pin')
     tree = pinocchio.Model()
     mechanism = chains(robot.geometry, model.lumped_bodies(), 'accurate')
     for name, urdf in (mechanism.fixed | mechanism.floating).items():
@@ -109,7 +95,7 @@ def _vector(numbers: str) -> np.ndarray:
 
 def _add_pinocchio(robot: Robot, model: Model, table: Table) -> None:
     try:
-        pinocchio = import_pinocchio()
+        pinocchio = package_to_compare('pinocchio', 'pin')
     except InputError as error:
         table.add_row(PINOCCHIO_CALL, str(error))
         return
