@@ -95,9 +95,11 @@ def gain_of_truth(scenario: Scenario, heldout: Recording, diagnosis: Diagnosis
     """Return how far the held-out error fell and would fall with the true model.
 
     Both over the true noise, in mean squares summed over the joints; what the true model leaves is
-    the true noise itself, on the rows that the diagnosis judged.
+    the true noise itself, on the rows that the diagnosis judged. None for what rattles: the true
+    machine itself would not rattle alike a second time.
     """
-    if diagnosis.holdout is None or not scenario.hidden:
+    if (diagnosis.holdout is None or not scenario.hidden
+            or any(name in CHAOTIC for name, _ in scenario.hidden)):
         return None
     noise = true_noise(heldout, scenario.known)
     before = after = left = 0.0

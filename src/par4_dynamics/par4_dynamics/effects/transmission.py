@@ -11,7 +11,7 @@ import numpy as np
 
 from par4_dynamics.effects.shifted import shift_derivative
 from par4_dynamics.effects.time_rate import time_rate
-from par4_dynamics.state import State
+from par4_dynamics.state import State, state_of_joints
 
 MOTOR_SHARE = 0.5
 """Of the actuator inertia that turns with the encoder, before the transmission: assumed."""
@@ -40,6 +40,24 @@ def transmission_columns(state: State, shift: np.ndarray) -> np.ndarray:
         curvature = time_rate(state, time_rate(state, alone))
         columns[..., joint] = shift_derivative(state, alone) - _motor_side(state, curvature)
     return columns
+
+
+def load_inertia(state: State, t: np.ndarray) -> np.ndarray:
+    """Return the inertia (m, J, J), kg m2, behind the transmissions at the times t (m,), s.
+
+    Column j: what the load side takes to accelerate joint j alone, from rest.
+    """
+    q = np.stack([np.interp(t, state.t, joint) for joint in state.q.T], axis=1)
+    still, unit = np.zeros_like(q), np.eye(state.joints)
+
+    def torque(qdd: np.ndarray) -> np.ndarray:
+        """Return the load side's torque of accelerations (J,) from rest."""
+        qdd = np.broadcast_to(qdd, q.shape)
+        return (state.nominal.rigid_torque(state_of_joints(state.geometry, t, q, still, qdd))
+                - _motor_side(state, qdd))
+
+    rest = torque(np.zeros(state.joints))
+    return np.stack([torque(unit[joint]) - rest for joint in range(state.joints)], axis=-1)
 
 
 def one_a_joint(values: np.ndarray) -> np.ndarray:

@@ -90,16 +90,17 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, m
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
         from par4_identification.report import report_of_diagnosis
-        motion = experiment and experiment.motion
-        if motion is not None:  # before what names it
-            write_motion(output / MOTION_FILE, motion, 'platform')
-        write_results(output, {
+        results = {
             'diagnosis.json': {**diagnosis_json(diagnosis, machine, experiment),
                                'simulation': simulation_json(confrontation)},
             'extended_model.yaml': extended and model_in_units(
                 extended.model_copy(update={'provenance': origin}), machine),
             'report.html': report_of_diagnosis(diagnosis, outcome, machine, logs, origin,
-                                               experiment, confrontation)})
+                                               experiment, confrontation)}
+        motion = experiment and experiment.motion
+        if motion is not None:  # before what names it
+            write_motion(output / MOTION_FILE, motion, 'platform')
+        write_results(output, results)
     if motion is None:
         for left in (output / MOTION_FILE, (output / MOTION_FILE).with_suffix('.csv')):
             left.unlink(missing_ok=True)

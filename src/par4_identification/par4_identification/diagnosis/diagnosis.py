@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from par4_dynamics.base_terms import BaseTerm
+from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE, effect_named
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model import build_model
@@ -31,6 +32,7 @@ from par4_identification.diagnosis.gate import unusable
 from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
 from par4_identification.diagnosis.nameless import available_blocks, fit_block, ranges_of
 from par4_identification.diagnosis.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.selection import Found, Rejected, Rules, Selector
 from par4_identification.identification import identify_runs
 from par4_identification.log import Log
@@ -61,6 +63,7 @@ class Cause:
         visible_fraction: rms left of it after refitting the base parameters, over its full rms.
         p_value: family-wise.
         gain: on held-out rows.
+        predictable: whether the model can say its torque at each instant.
     """
 
     effect: Effect
@@ -70,6 +73,7 @@ class Cause:
     visible_fraction: float
     p_value: float
     gain: Gain
+    predictable: bool = True
 
 
 @dataclass(frozen=True)
@@ -259,7 +263,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         holdout = _holdout(holdout_runs, blocks, before, before, floor)
         extended = _extended_model(baseline, rigid_body, evidence, [], base_only)
         selection.found.clear()
-    return Diagnosis(
+    diagnosis = Diagnosis(
         verdict=verdict,
         causes=tuple(_cause(item, evidence, full_fit, index)
                      for index, item in enumerate(selection.found)),
@@ -271,6 +275,27 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         base_after=_base_parameters(evidence, full_fit),
         extended_model=extended, fit_runs=tuple(fit_runs), evidence=evidence,
         hypotheses=tuple(selection.hypotheses))
+    named = {cause.effect.name for cause in diagnosis.causes}
+    if Backlash.name in applicable and Backlash.name not in named:
+        left = residuals(evidence.observations, diagnosis.hypotheses, full_fit)
+        found = rattle([(evidence.observations, left), (heldout, diagnosis.holdout.extended)])
+        if found is not None and found.p_value < rules.p_value:
+            return _with_backlash(diagnosis, applicable[Backlash.name], found)
+    return diagnosis
+
+
+def _with_backlash(diagnosis: Diagnosis, effect: Effect, found: Rattle) -> Diagnosis:
+    """Return the diagnosis with loads that rattle as one more cause, which gains nothing."""
+    parameters = {'gap': Parameter(value=tuple(map(float, found.gap)), unit='rad',
+                                   std=tuple(map(float, WIDTH_ERROR * found.gap)))}
+    cause = Cause(effect, found.joints, parameters, (), 1.0, found.p_value, Gain(0.0, 0.0, 0.0),
+                  predictable=False)
+    entry = EffectEntry(effect=effect.name, joints=found.joints, parameters=parameters)
+    extended = diagnosis.extended_model
+    return replace(
+        diagnosis, verdict='partly_explained', causes=(*diagnosis.causes, cause),
+        hypotheses=(*diagnosis.hypotheses, Hypothesis(effect, {}, found.joints)),
+        extended_model=extended.model_copy(update={'effects': (*extended.effects, entry)}))
 
 
 def _unusable(reasons: tuple[str, ...], runs: tuple[Run, ...]) -> Diagnosis:

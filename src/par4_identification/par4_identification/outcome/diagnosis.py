@@ -33,6 +33,8 @@ _LOOKS_LIKE = {
 
 ALL = 0.999
 """Share beyond which an interval says no more."""
+STANDS_OUT = 2.0
+"""Standard deviations within which a sentence leaves a size out beside another that stands out."""
 
 
 def outcome_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis,
@@ -49,22 +51,31 @@ def outcome_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis,
     before, after, noise = (f'{number(over_joints(rms), 2)} {unit}' for rms in (
         holdout.baseline_rms, holdout.extended_rms, holdout.noise_floor_rms))
     remarks = _remarks(diagnosis, experiment)
-    looks_like = looks_like_in_words(diagnosis.remaining.looks_like)
+    looks_like = (looks_like_in_words(diagnosis.remaining.looks_like)
+                  or 'something that follows nothing in the motion')
     if diagnosis.verdict == 'clean':
         return Outcome(
             f'The model describes this machine down to its noise: on data it has not seen it '
             f'leaves {before}, the noise floor being {noise}, and no known cause explains any of '
             f'that.', 'good', remarks)
     if diagnosis.verdict == 'unknown':
-        known = looks_like or 'something that follows nothing in the motion'
         return Outcome(
             f'The model is wrong by {before} on data it has not seen, the noise floor being '
-            f'{noise}, and no cause in the library accounts for it; it looks like {known}.', 'fair',
-            remarks)
+            f'{noise}, and no cause in the library accounts for it; it looks like {looks_like}.',
+            'fair', remarks)
     names = phrase_of_causes(diagnosis.causes, machine)
+    rattling = not all(cause.predictable for cause in diagnosis.causes)
+    if rattling and len(diagnosis.causes) == 1:
+        return Outcome(
+            f'The machine has {names}: its load rattles after the torque has turned over, which no '
+            f'model predicts instant by instant, and with {before} of error on data the model has '
+            f'not seen, the noise floor being {noise}.', 'fair', remarks)
     them = 'it' if len(diagnosis.causes) == 1 else 'them'
     sentence = (f"The machine has {names}; with {them} the model's error on data it has not seen "
                 f'falls from {before} to {after}, the noise floor being {noise}')
+    if rattling:
+        return Outcome(f'{sentence}; loads that rattle remain, which no model predicts instant by '
+                       f'instant.', 'fair', remarks)
     if diagnosis.verdict == 'partly_explained':
         return Outcome(f'{sentence}; {looks_like} remains unexplained.', 'fair', remarks)
     return Outcome(f'{sentence}.', 'good' if all(remark.good for remark in remarks) else 'fair',
@@ -93,13 +104,22 @@ def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
     if any(item.unit == first.unit for item in others):  # parts of one whole, as x, y, z
         parts = ', '.join(f'{in_words(name)} {size}' for name, size in sizes.items())
         return f'{effect.phrase} ({parts})'
+    shown = {item.name for item in effect.parameters
+             if _stands_out(cause.parameters[item.name])} or set(sizes)
     amount = sizes[first.name]
     if first.unit in ('', '1'):
         amount = _size(cause.parameters[first.name], machine, 100.0) + ' %'
     shape = [f'{sizes[item.name].rsplit(" ", 1)[0]} periods a turn' if item.unit == '1/turn' else
              f'{in_words(item.name.removeprefix(f"{effect.name}_"))} {sizes[item.name]}'
-             for item in others if item.name != 'phase']
-    return f'{amount} of {effect.phrase}' + (f' with {listed(shape)}' if shape else '')
+             for item in others if item.name != 'phase' and item.name in shown]
+    whole = f'{amount} of {effect.phrase}' if first.name in shown else effect.phrase
+    return f'{whole} with {listed(shape)}' if shape else whole
+
+
+def _stands_out(parameter: Parameter) -> bool:
+    """Return whether a value, or one of the joints' values, is more than what chance makes."""
+    return parameter.std is None or bool(np.any(
+        np.abs(parameter.value) > STANDS_OUT * np.asarray(parameter.std)))
 
 
 def _phrase_of_joints(cause: Cause, machine: Robot | Axis) -> str:
@@ -135,7 +155,7 @@ def looks_like_in_words(block: str | None) -> str:
 def _remarks(diagnosis: Diagnosis, experiment: NextExperiment | None) -> tuple[Remark, ...]:
     remarks = [Remark(False, f'Names were withheld: {reason}.') for reason in diagnosis.reasons]
     remarks.append(_remaining_remark(diagnosis))
-    if diagnosis.causes:
+    if any(cause.predictable for cause in diagnosis.causes):
         low, high = diagnosis.holdout.interval
         fraction = diagnosis.holdout.explained_fraction
         share = (f'{percent(fraction)} of the gap to the noise floor in mean squares (95 % '
@@ -145,6 +165,11 @@ def _remarks(diagnosis: Diagnosis, experiment: NextExperiment | None) -> tuple[R
             True, f'The extended model closes {share}, on rows that took no part in finding it.',
             'Simulate and feed forward with extended_model.yaml in place of the old model.'))
     for cause in diagnosis.causes:
+        if not cause.predictable:
+            remarks.append(Remark(
+                False, f'{_capital(cause.effect.phrase)} is read off where the residual is large, '
+                f'not off its course; the size is good to a third.',
+                'Preload or adjust the transmission; no feedforward removes it.'))
         if cause.twins:
             remarks.append(Remark(
                 False, f'On this motion {cause.effect.phrase} cannot be told from '

@@ -1,0 +1,100 @@
+"""Backlash is named where loads rattle after their torque turns over, and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hidden.scenario import Task, draw_scenario, record_scenario
+from hidden.study import diagnosis_of
+
+from par4_dynamics.effects.transmission import load_inertia, transmitted_torque
+from par4_dynamics.mechanism import joint_mass_matrix
+from par4_identification.diagnosis.evidence import residuals, solve
+from par4_identification.diagnosis.rattle import rattle
+from par4_identification.outcome.diagnosis import outcome_of_diagnosis
+
+
+@pytest.fixture(scope='module')
+def case():
+    """Return a machine with a gap in one joint and its diagnosis."""
+    scenario = draw_scenario(Task('single', 30035, 'backlash', False))
+    return scenario, diagnosis_of(scenario, *record_scenario(scenario))
+
+
+@pytest.fixture(scope='module')
+def loose(case):
+    """Return the rows of that machine, fitted, and what the base model leaves of them."""
+    observations = case[1].evidence.observations
+    return observations, residuals(observations, [], solve(case[1].evidence, []))
+
+
+def test_backlash_is_named_on_its_joint_with_its_size(case):
+    scenario, diagnosis = case
+    gap = scenario.hidden[0][1]['gap']
+    assert [cause.effect.name for cause in diagnosis.causes] == ['backlash']
+    cause = diagnosis.causes[0]
+    assert cause.joints == tuple(np.flatnonzero(gap))
+    value, std = (np.array(part) for part in (cause.parameters['gap'].value,
+                                              cause.parameters['gap'].std))
+    assert np.all(np.abs(value - gap[gap > 0.0]) < 2.0 * std)
+    assert np.all(std < value)
+    assert not cause.predictable
+    assert diagnosis.verdict == 'partly_explained'
+    assert diagnosis.extended_model.effects[-1].effect == 'backlash'
+    outcome = outcome_of_diagnosis(diagnosis, scenario.known.robot)
+    assert 'backlash' in outcome.sentence
+    assert 'rattles' in outcome.sentence
+
+
+def test_without_it_in_the_library_the_machine_stays_unknown(case):
+    scenario, _ = case
+    diagnosis = diagnosis_of(scenario, *record_scenario(scenario), ('backlash',))
+    assert (diagnosis.verdict, diagnosis.causes) == ('unknown', ())
+
+
+def test_every_part_of_the_data_must_rattle(loose):
+    observations, left = loose
+    assert rattle([(observations, left)]) is not None
+    noise = np.random.default_rng(1)
+    still = [noise.normal(0.0, 0.5, part.shape) for part in left]
+    assert rattle([(observations, left), (observations, still)]) is None
+
+
+@pytest.mark.parametrize('shape', [
+    lambda _run, load: np.ones_like(load),                  # noise
+    lambda _run, load: np.abs(load),                        # noise that grows with the load
+    lambda run, _load: np.exp(-(run.speed / 0.2) ** 2),      # noise where joints turn round
+], ids=['everywhere', 'under load', 'at low speed'])
+@pytest.mark.parametrize('seed', [1, 2, 3])
+def test_other_noise_is_no_rattle(loose, shape, seed):
+    observations, left = loose
+    random = np.random.default_rng(seed)
+    noises = []
+    for run, part in zip(observations.runs, left):
+        load = np.stack([np.interp(run.t, run.state.t, joint)
+                         for joint in transmitted_torque(run.state).T], axis=1)
+        noises.append(shape(run, load) * random.normal(0.0, 1.0, part.shape))
+    assert rattle([(observations, noises)]) is None
+
+
+def test_the_load_has_the_inertia_of_the_mechanism_less_that_of_the_motors(loose, case):
+    observations, _ = loose
+    run = observations.runs[0]
+    times = run.t[[10, 400, 900]]
+    inertia = load_inertia(run.state, times)
+    geometry = run.state.geometry
+    known = case[0].known.model
+    values = run.state.nominal.values
+    for time, found in zip(times, inertia):
+        x = np.array([np.interp(time, run.state.t, axis) for axis in run.state.x.T])
+        bodies = replace(
+            known.lumped_bodies(), actuator_inertia=values['actuator_inertia'],
+            platform_mass_1=float(values['platform_mass_1'][0]),
+            platform_mass_2=float(values['platform_mass_2'][0]))
+        whole = joint_mass_matrix(geometry, bodies, x)
+        np.testing.assert_allclose(
+            found, whole - 0.5 * np.diag(values['actuator_inertia']), atol=1e-9)
+        np.testing.assert_allclose(found, found.T, atol=1e-9)
+        assert np.all(np.linalg.eigvalsh(found) > 0.0)
