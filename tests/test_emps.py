@@ -1,28 +1,38 @@
-"""One measured axis: the published digits, a synthetic twin, and the way through a bag.
+"""One measured axis: the published digits, its diagnosis, a synthetic twin, and a bag.
 
 The measured data stand outside the repository: PAR4_EMPS_DATA gives the path of DATA_EMPS.mat.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from axis_scales import diagnosis_of_axis
+from diagnosed import claims, error_as_diagnosed, steps
 from example import (
     PUBLISHED,
     PUBLISHED_BY_DIRECTION,
     PUBLISHED_FIT,
     PUBLISHED_FIT_BY_DIRECTION,
+    delay_of,
     through_a_bag,
 )
+from remainder import low_speed_friction, strongest_periods
 
 from axis_simulation import simulated, synthetic_recording
 from own_recipe import own_estimates, values_by_name
+from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.log import read_log
 from par4_kinematics.errors import InputError
 from published_recipe import BY_DIRECTION, COLUMNS, published_estimate
 from recording import VARIABLE, data_path, read_recording, write_bag
 
 TRUE = {'M': 80.0, 'Fv': 150.0, 'Fc': 18.0, 'offset': -2.0}
+HIDDEN = -25.0
+"""Half the difference of the slopes Fv forward and backward, N s/m."""
+HALF_A_SAMPLE = 0.5e-3
 
 
 @pytest.fixture(scope='module')
@@ -90,6 +100,100 @@ def test_measured_data_through_a_bag(measured, tmp_path):
     log = read_log(tmp_path / 'bag', measured.axis)
     np.testing.assert_allclose(log.q[:, 0], measured.position, rtol=0.0, atol=1e-15)
     np.testing.assert_allclose(log.tau[:, 0], measured.force, rtol=1e-12)
+
+
+@pytest.fixture(scope='module')
+def diagnosis(measured):
+    """Return the diagnosis of the measured axis."""
+    return diagnosis_of_axis(measured)
+
+
+def test_friction_by_direction_is_found_without_a_hint(measured, diagnosis):
+    """The published recipe with the causes named: 4.08 % falls to less than 3.1 %."""
+    found = {claim.name: claim for claim in claims(diagnosis)}
+    assert set(found) == {'viscous_asymmetry', 'time_offset', 'cogging'}
+    for claim in found.values():
+        assert claim.likelihood_ratio > 500.0
+        assert claim.p_value < 1e-100
+        assert claim.gain.low > 0.0
+    slope = found['viscous_asymmetry'].parameters['asymmetry']
+    published = 0.5 * (float(PUBLISHED_BY_DIRECTION['Fv+']) - float(PUBLISHED_BY_DIRECTION['Fv-']))
+    assert abs(slope.value[0] - published) < 3.0 * slope.std[0]
+    # the voltage is held for a sample and no drive is ahead of it
+    assert found['time_offset'].parameters['delay'].value < -HALF_A_SAMPLE
+
+    ladder = steps(measured, diagnosis)
+    errors = [step.estimate.relative_error for step in ladder]
+    assert errors[0] == pytest.approx(float(PUBLISHED_FIT[0]) / 100.0, abs=5e-7)
+    assert errors[-1] < 0.031
+    assert np.all(np.diff(errors) < 0.0)
+    assert np.all(np.diff([step.moving.relative_error for step in ladder]) < 0.0)
+    assert error_as_diagnosed(measured, diagnosis)[1] < 1.1 * ladder[-1].moving.relative_error
+
+
+def test_friction_by_direction_is_found_with_the_scales_of_joints(measured):
+    diagnosis = diagnose([measured.log], measured.axis)
+    assert {'viscous_asymmetry', 'time_offset'} <= {cause.effect.name for cause in diagnosis.causes}
+    assert steps(measured, diagnosis)[-1].estimate.relative_error < 0.031
+
+
+def test_what_repeats_with_the_place_does_so_in_every_part(measured, diagnosis):
+    """Same period and amplitude in either direction and half; same place in either half."""
+    delay = delay_of(diagnosis)
+    forward_1, forward_2, backward_1, backward_2 = parts = strongest_periods(measured, delay)
+    periods = np.array([part.period for part in parts])
+    np.testing.assert_allclose(periods, periods.mean(), rtol=2e-3)
+    amplitudes = np.array([part.amplitude for part in parts])
+    np.testing.assert_allclose(amplitudes, amplitudes.mean(), rtol=0.2)
+    for one, other in ((forward_1, forward_2), (backward_1, backward_2)):
+        assert abs(one.place - other.place) < 0.05 * periods.mean()
+    named = next(cause for cause in diagnosis.causes if cause.effect.name == 'cogging')
+    assert 2.0 * np.pi / named.parameters['periods'].value == pytest.approx(periods.mean(),
+                                                                            rel=2e-3)
+
+
+def test_delay_and_friction_at_low_speed_show_only_together(measured, diagnosis):
+    """sign v hides the delay in the published recipe: each alone makes it worse."""
+    delay = delay_of(diagnosis)
+    found = {(item.delay, item.width): item for item in low_speed_friction(
+        measured, diagnosis, (0.0, delay), (0.0, 2e-3))}
+    errors = {key: item.heldout for key, item in found.items()}
+    assert min(errors, key=errors.get) == (delay, 2e-3)
+    assert errors[delay, 2e-3] < 0.8 * errors[0.0, 0.0] < 0.8 * min(errors[delay, 0.0],
+                                                                   errors[0.0, 2e-3])
+
+
+def test_a_held_voltage_is_half_a_sample_early(measured):
+    """The same reference, simulated: what the stamp of a held voltage does to the diagnosis."""
+    values, random = (95.0, 193.0, 21.6, 0.0), np.random.default_rng(0)
+    delays = []
+    for as_stamped in (False, True):
+        axis = simulated(measured, values, as_stamped=as_stamped)
+        axis = replace(axis, voltage=axis.voltage + 0.01 * random.standard_normal(
+            len(axis.voltage)))
+        found = {claim.name: claim for claim in claims(diagnosis_of_axis(axis))}
+        assert 'viscous_asymmetry' not in found
+        delays.append(found['time_offset'].parameters['delay'].value
+                      if 'time_offset' in found else 0.0)
+    assert delays[0] == 0.0
+    assert delays[1] == pytest.approx(-HALF_A_SAMPLE, abs=2e-5)
+
+
+def test_hidden_friction_by_direction_is_found_on_a_synthetic_axis(synthetic):
+    """With it found without a hint, without it not named; sign v is the friction of this axis."""
+    hidden = synthetic_recording(np.array(list(TRUE.values())), asymmetry=HIDDEN)
+    diagnosis = diagnosis_of_axis(hidden)
+    found = {claim.name: claim for claim in claims(diagnosis)}
+    assert set(found) == {'viscous_asymmetry', 'torque_offset'}
+    slope = found['viscous_asymmetry'].parameters['asymmetry']
+    assert slope.value[0] == pytest.approx(HIDDEN, abs=4.0 * slope.std[0])
+    ladder = steps(hidden, diagnosis)
+    assert ladder[-1].moving.relative_error < 0.5 * ladder[0].moving.relative_error
+    sharp, smooth = low_speed_friction(hidden, diagnosis, (0.0,), (0.0, 2e-3))
+    assert sharp.heldout < smooth.heldout
+
+    without = {claim.name for claim in claims(diagnosis_of_axis(synthetic))}
+    assert without == {'torque_offset'}
 
 
 def test_axis_without_noise_obeys_its_equation(synthetic):

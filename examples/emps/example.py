@@ -1,4 +1,4 @@
-"""A measured axis: the published identification, the project's own, and the way through a bag.
+"""A measured axis: the published identification, the project's own, its diagnosis, and a bag.
 
 Run it with the path of DATA_EMPS.mat as argument or in PAR4_EMPS_DATA; see README.md.
 """
@@ -12,11 +12,15 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from axis_scales import diagnosis_of_axis
+from diagnosed import claims, error_as_diagnosed, steps
+from remainder import low_speed_friction, strongest_periods
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
 from own_recipe import own_estimates, values_by_name
+from par4_identification.diagnosis.diagnosis import Diagnosis
 from par4_identification.estimators.estimate import Estimate
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.files import write_yaml
@@ -32,6 +36,11 @@ PUBLISHED_FIT = ('4.0834', '25.9883')
 PUBLISHED_BY_DIRECTION = {'M': '95.1540', 'Fv+': '166.7061', 'Fc+': '20.1440', 'Fv-': '240.4236',
                           'Fc-': '20.6277'}
 PUBLISHED_FIT_BY_DIRECTION = '3.1117'
+PUBLISHED_VALUES = {'viscous_asymmetry': '-36.86 N s/m'}
+"""Of the causes, where the publication has them: half of Fv+ - Fv-."""
+UNITS_OF_AXIS = {'N m s/rad': 'N s/m', 'N m': 'N', '1/turn': '/ 2 pi m'}
+WIDTHS = (0.0, 1e-3, 2e-3, 4e-3)
+"""Speeds at which friction may have reached half its level, m/s."""
 BIN = Path(sys.executable).parent
 
 
@@ -67,6 +76,68 @@ def own_table(estimates: dict[str, Estimate]) -> Table:
         table.add_row(name, *(f'{values[key]:.2f} ± {spread[key]:.2f}' for key in PUBLISHED),
                       f'{100.0 * estimate.relative_error:.2f} %')
     return table
+
+
+def claims_table(diagnosis: Diagnosis) -> Table:
+    """Return each cause with its evidence."""
+    table = Table('cause (twins)', 'estimate', 'published', 'lik. ratio', 'p', 'held-out gain',
+                  box=SIMPLE_HEAD, title=f'Diagnosis: {diagnosis.verdict}')
+    for claim in claims(diagnosis):
+        values = '\n'.join(
+            f'{name} {np.atleast_1d(entry.value)[0]:.4g} ± {np.atleast_1d(entry.std)[0]:.1g} '
+            f'{UNITS_OF_AXIS.get(entry.unit, entry.unit)}'
+            for name, entry in claim.parameters.items())
+        table.add_row(
+            '\n'.join((claim.name, *(f'({twin})' for twin in claim.twins))), values,
+            PUBLISHED_VALUES.get(claim.name, '-'), f'{claim.likelihood_ratio:.0f}',
+            f'{claim.p_value:.0e}' if claim.p_value > 1e-300 else '< 1e-300',
+            f'{claim.gain.share:.0%}\n{claim.gain.low:.0%} to {claim.gain.high:.0%}')
+    return table
+
+
+def steps_table(recording: Recording, diagnosis: Diagnosis) -> Table:
+    """Return the relative error of the published recipe with one more cause at a time."""
+    table = Table('published recipe', 'relative error', 'where it moves', box=SIMPLE_HEAD,
+                  title='The causes in the published recipe')
+    for step in steps(recording, diagnosis):
+        table.add_row(f'+ {step.names[-1]}' if step.names else 'as published',
+                      f'{100.0 * step.estimate.relative_error:.3f} %',
+                      f'{100.0 * step.moving.relative_error:.3f} %')
+    table.add_section()
+    table.add_row('all as diagnosed, nothing refitted', *(
+        f'{100.0 * error:.3f} %' for error in error_as_diagnosed(recording, diagnosis)))
+    return table
+
+
+def low_speed_table(recording: Recording, diagnosis: Diagnosis) -> Table:
+    """Return what friction Fc v / (|v| + w) explains, with and without the delay diagnosed."""
+    table = Table('force moved by', *(f'w = {1e3 * width:g} mm/s' for width in WIDTHS),
+                  box=SIMPLE_HEAD,
+                  title='Friction Fc v / (|v| + w): relative error, all rows (held-out half)')
+    delays = (0.0, delay_of(diagnosis))
+    found = low_speed_friction(recording, diagnosis, delays, WIDTHS)
+    for delay in delays:
+        table.add_row(f'{1e3 * delay:.2f} ms', *(
+            f'{100.0 * item.estimate.relative_error:.2f} % ({100.0 * item.heldout:.2f} %)'
+            for item in found if item.delay == delay))
+    return table
+
+
+def periods_table(recording: Recording, diagnosis: Diagnosis) -> Table:
+    """Return the strongest periodic force of each direction and half of the record."""
+    table = Table('direction', 'half', 'period', 'amplitude', 'rises through 0 at', 'gain',
+                  box=SIMPLE_HEAD, title='What repeats with the place, of all periods from 1 mm')
+    for item in strongest_periods(recording, delay_of(diagnosis)):
+        table.add_row('forward' if item.forward else 'backward', str(item.half + 1),
+                      f'{1e3 * item.period:.3f} mm', f'{item.amplitude:.2f} N',
+                      f'{1e3 * item.place:.2f} mm', f'{item.gain:.0%}')
+    return table
+
+
+def delay_of(diagnosis: Diagnosis) -> float:
+    """Return the delay of the cause `time_offset`, zero without it, s."""
+    return sum(cause.parameters['delay'].value for cause in diagnosis.causes
+               if cause.effect.name == 'time_offset')
 
 
 def through_a_bag(recording: Recording, folder: Path) -> tuple[dict, dict]:
@@ -107,7 +178,11 @@ def main() -> int:
         bias = estimates['instrumental'].bias
         console.print('Is least squares biased? largest difference '
                       f'{np.abs(bias.difference / estimates["weighted"].std).max():.2f} of its '
-                      f'standard deviations, p = {bias.p_value:.2g}')
+                      f'standard deviations, p = {bias.p_value:.2g}\n')
+        diagnosis = diagnosis_of_axis(recording)
+        console.print(claims_table(diagnosis))
+        for table in (steps_table, low_speed_table, periods_table):
+            console.print(table(recording, diagnosis))
         with tempfile.TemporaryDirectory() as folder:
             identification, validation = through_a_bag(recording, Path(folder))
     except Par4Error as error:

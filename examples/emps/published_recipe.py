@@ -6,7 +6,7 @@ force and columns, ordinary least squares.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.signal import butter, cheby1, filtfilt
@@ -38,14 +38,43 @@ def published_problem(position: np.ndarray, force: np.ndarray, period: float,
         period: s.
         names: of the parameters.
     """
+    return problem_of_columns(recipe_columns(position, period, names), force)
+
+
+def recipe_motion(position: np.ndarray, period: float
+                  ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return position, speed and acceleration (n,) as the recipe filters them."""
     smooth = filtfilt(*butter(ORDER, 2.0 * CUTOFF_HZ * period), position, padlen=3 * ORDER)
     speed = _difference(smooth, period)
-    acceleration = _difference(speed, period)
-    columns = _columns(speed, acceleration)
-    rows = np.stack([columns[name] for name in names], axis=1)
-    rows, target = _decimated(rows[DROPPED:]), _decimated(force[DROPPED:, None])
-    series = Series(target, rows[:, None], np.ones(target.shape, dtype=bool))
-    return problem_of([series], names, [UNITS[name] for name in names])
+    return smooth, speed, _difference(speed, period)
+
+
+def recipe_columns(position: np.ndarray, period: float, names: Sequence[str]
+                   ) -> dict[str, np.ndarray]:
+    """Return what a unit of each parameter adds to the force, (n,)."""
+    _, speed, acceleration = recipe_motion(position, period)
+    forward, backward = speed > 0.0, speed < 0.0
+    columns = {'M': acceleration, 'Fv': speed, 'Fc': np.sign(speed), 'offset': np.ones_like(speed),
+               'Fv+': speed * forward, 'Fc+': 1.0 * forward, 'Fv-': speed * backward,
+               'Fc-': -1.0 * backward}
+    return {name: columns[name] for name in names}
+
+
+def problem_of_columns(columns: Mapping[str, np.ndarray], force: np.ndarray,
+                       counts: np.ndarray | None = None) -> Problem:
+    """Return the rows of the recipe of any columns.
+
+    Args:
+        columns: what a unit of each parameter adds to the force, (n,).
+        force: (n,), N.
+        counts: samples whose rows count, (n,); all by default.
+    """
+    rows = _decimated(np.stack(list(columns.values()), axis=1)[DROPPED:])
+    target = _decimated(force[DROPPED:, None])
+    valid = (np.ones(target.shape, dtype=bool) if counts is None
+             else _kept(counts[DROPPED:, None]))
+    return problem_of([Series(target, rows[:, None], valid)], list(columns),
+                      [UNITS.get(name, '') for name in columns])
 
 
 def published_relative_std(problem: Problem, estimate: Estimate) -> np.ndarray:
@@ -62,14 +91,6 @@ def published_estimate(position: np.ndarray, force: np.ndarray, period: float,
     return estimate, published_relative_std(problem, estimate)
 
 
-def _columns(speed: np.ndarray, acceleration: np.ndarray) -> dict[str, np.ndarray]:
-    """Return what a unit of each parameter adds to the force, (n,)."""
-    forward, backward = speed > 0.0, speed < 0.0
-    return {'M': acceleration, 'Fv': speed, 'Fc': np.sign(speed), 'offset': np.ones_like(speed),
-            'Fv+': speed * forward, 'Fc+': 1.0 * forward, 'Fv-': speed * backward,
-            'Fc-': -1.0 * backward}
-
-
 def _difference(values: np.ndarray, period: float) -> np.ndarray:
     """Return the second order central difference of (n,), one-sided at the ends."""
     return np.gradient(values, period)
@@ -77,5 +98,8 @@ def _difference(values: np.ndarray, period: float) -> np.ndarray:
 
 def _decimated(values: np.ndarray) -> np.ndarray:
     """Return every tenth row of (n, k), low-passed; the last row is kept, as MATLAB keeps it."""
-    smooth = filtfilt(*cheby1(8, 0.05, 0.8 / FACTOR), values, axis=0, padlen=3 * 8)
-    return smooth[(len(values) - 1) % FACTOR::FACTOR]
+    return _kept(filtfilt(*cheby1(8, 0.05, 0.8 / FACTOR), values, axis=0, padlen=3 * 8))
+
+
+def _kept(values: np.ndarray) -> np.ndarray:
+    return values[(len(values) - 1) % FACTOR::FACTOR]
