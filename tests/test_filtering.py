@@ -31,6 +31,26 @@ def test_low_pass_returns_the_rows_asked_for(part):
                                   low_pass(values, 40.0, PERIOD)[part])
 
 
+@pytest.mark.parametrize('shape', [(), (1,), (4,), (4, 3)])
+def test_low_pass_filters_each_column_on_its_own(shape):
+    """Whatever stands beside a column and however it lies in memory, to the last bit."""
+    values = np.random.default_rng(len(shape)).normal(size=(200, *shape))
+    filtered = low_pass(values, 40.0, PERIOD)
+    for column in np.ndindex(shape):
+        np.testing.assert_array_equal(low_pass(values[(slice(None), *column)], 40.0, PERIOD),
+                                      filtered[(slice(None), *column)])
+    np.testing.assert_array_equal(low_pass(np.asfortranarray(values), 40.0, PERIOD), filtered)
+
+
+def test_low_pass_leaves_its_input_alone():
+    values = np.random.default_rng(2).normal(size=(300, 4))
+    before = values.copy()
+    filtered = low_pass(values, 40.0, PERIOD)
+    np.testing.assert_array_equal(values, before)
+    assert filtered.flags.c_contiguous
+    assert not np.shares_memory(filtered, values)
+
+
 @pytest.mark.parametrize('reach', [0, 1, 23, 400])
 def test_within_widens_a_mask_to_both_sides(reach):
     random = np.random.default_rng(reach)

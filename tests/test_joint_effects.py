@@ -445,6 +445,24 @@ def test_torque_ripple_modulates_the_torque(case):
     np.testing.assert_allclose(ratio, expected, atol=1e-9)
 
 
+@pytest.mark.parametrize('periods', [0.0, 1.0, 4.0, 22.0, 127.0, 160.0, 161.0, 22.5, -3.0])
+@pytest.mark.parametrize('name', ['cogging', 'torque_ripple'])
+def test_a_torque_is_periodic_in_the_angle_by_any_number(case, name, periods):
+    """Whole numbers within the library are powers of exp(i q), others are not."""
+    _, _, state = case
+    effect, size, phase = CATALOGUE[name], np.array((0.6, 0.1, 0.0, 0.3)), np.arange(4.0)
+    values = {effect.parameters[0].name: size, 'periods': np.full(4, periods), 'phase': phase}
+    for here in (state, replace(state, q=np.asfortranarray(state.q - 3.0))):
+        carried = here.nominal.torque if name == 'torque_ripple' else 1.0
+        expected = size * carried * np.sin(periods * here.q + phase)
+        columns = effect.columns(here, {'periods': periods})
+        close = 1e-12 * np.max(np.abs(carried))
+        np.testing.assert_allclose(np.einsum('njk,kj->nj', columns, effect.coefficients(values)),
+                                   expected, rtol=0.0, atol=close)
+        np.testing.assert_allclose(effect.torque(here, values, (0, 1, 2, 3)), expected, rtol=0.0,
+                                   atol=close)
+
+
 def test_a_lagging_drive_delivers_what_the_motion_needs(case):
     """The command of the model with lag, through a first-order drive, is the needed torque."""
     _, model, state = case

@@ -20,7 +20,7 @@ def low_pass(values: np.ndarray, cutoff_hz: float, period: float, order: int = 4
         cutoff_hz: of the filter.
         period: of the values, s.
         order: of either pass, even.
-        rows: which to return; the others are not stored.
+        rows: which to return; the others are not kept.
 
     Raises:
         InputError: fewer samples than the filter needs, or a cut-off beyond the Nyquist frequency.
@@ -32,11 +32,14 @@ def low_pass(values: np.ndarray, cutoff_hz: float, period: float, order: int = 4
     if len(values) < 3 * order:
         raise InputError(f'low-pass: {len(values)} samples are too few, {3 * order} needed')
     padding = int(min(3 * len(values) // 4, 3.0 / (cutoff_hz * period)))
-    first, stop, step = rows.indices(len(values))
-    columns = np.ascontiguousarray(values, dtype=float).reshape(len(values), -1)
-    filtered = _forward_backward(columns, _butterworth(cutoff_hz * period, order), padding, first,
-                                 step, len(range(first, stop, step)))
-    return filtered.reshape(-1, *values.shape[1:])
+    columns = np.asarray(values, dtype=float).reshape(len(values), -1)
+    lines = np.empty((len(columns) + 2 * padding, columns.shape[1]))
+    inner = lines[padding:padding + len(columns)]
+    inner[:] = columns
+    lines[:padding] = 2.0 * columns[0] - columns[padding:0:-1]
+    lines[len(lines) - padding:] = 2.0 * columns[-1] - columns[-2:-2 - padding:-1]
+    _forward_backward(lines, _butterworth(cutoff_hz * period, order))
+    return inner[rows].reshape(-1, *values.shape[1:]).copy()
 
 
 def _butterworth(cutoff: float, order: int) -> np.ndarray:
@@ -53,36 +56,30 @@ def _butterworth(cutoff: float, order: int) -> np.ndarray:
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _forward_backward(values, sections, padding, first, step, count):
-    """Return rows first, first + step, ... of columns (n, k) filtered both ways, (count, k)."""
-    n, width = values.shape
-    line = np.empty(n + 2 * padding)
-    filtered = np.empty((count, width))
-    for column in range(width):
-        for row in range(n):
-            line[padding + row] = values[row, column]
-        for row in range(padding):
-            line[row] = 2.0 * values[0, column] - values[padding - row, column]
-            line[padding + n + row] = 2.0 * values[n - 1, column] - values[n - 2 - row, column]
-        for direction in (1, -1):
-            for section in range(len(sections)):
-                _pass(line[::direction], sections[section])
-        for row in range(count):
-            filtered[row, column] = line[padding + first + row * step]
-    return filtered
+def _forward_backward(lines, sections):
+    """Filter columns (n, k) in place, forward by every section, then backward."""
+    for direction in (1, -1):
+        for section in range(len(sections)):
+            _pass(lines, sections[section], direction)
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _pass(line, section):
-    """Filter a line in place by one section (direct form II transposed), at rest on its start."""
+def _pass(lines, section, direction):
+    """Filter columns in place by one section (direct form II transposed), at rest on its start.
+
+    A row waits for the row before it, a column for no other: columns are the inner loop.
+    """
     gain, a1, a2 = section
-    near, far = (1.0 - gain) * line[0], (gain - a2) * line[0]
-    for row in range(len(line)):
-        value = gain * line[row]
-        out = value + near
-        near = (2.0 * value + far) - a1 * out
-        far = value - a2 * out
-        line[row] = out
+    start = 0 if direction == 1 else len(lines) - 1
+    near, far = (1.0 - gain) * lines[start], (gain - a2) * lines[start]
+    for step in range(len(lines)):
+        row = start + direction * step
+        for column in range(lines.shape[1]):
+            value = gain * lines[row, column]
+            out = value + near[column]
+            near[column] = (2.0 * value + far[column]) - a1 * out
+            far[column] = value - a2 * out
+            lines[row, column] = out
 
 
 def central_difference(values: np.ndarray, period: float) -> np.ndarray:

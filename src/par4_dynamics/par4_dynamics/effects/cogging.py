@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
 from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
 
 LOWEST_PERIODS, HIGHEST_PERIODS = 4, 160
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _power_rows(phasor, exponent, columns):
+    """Write sine and cosine (n, J, 2) of a whole multiple of the angles of exp(i q) (n, J)."""
+    for row in range(phasor.shape[0]):
+        for joint in range(phasor.shape[1]):
+            power, square, left = 1.0 + 0.0j, phasor[row, joint], exponent
+            while left:  # the binary digits of the exponent
+                if left & 1:
+                    power *= square
+                square *= square
+                left >>= 1
+            columns[row, joint, 0], columns[row, joint, 1] = power.imag, power.real
 
 
 class Cogging(Effect):
@@ -27,8 +42,12 @@ class Cogging(Effect):
                      for periods in range(lowest, HIGHEST_PERIODS + 1))
 
     def columns(self, state, shape):
-        angle = shape['periods'] * state.q
-        return np.stack((np.sin(angle), np.cos(angle)), axis=-1)
+        periods = shape['periods']
+        if periods not in range(HIGHEST_PERIODS + 1):  # a model file may have any number
+            return np.stack((np.sin(periods * state.q), np.cos(periods * state.q)), axis=-1)
+        columns = np.empty((*state.q.shape, 2))
+        _power_rows(state.phasor, int(periods), columns)
+        return columns
 
     def coefficients(self, values):
         return values['amplitude'] * np.stack((np.cos(values['phase']), np.sin(values['phase'])))

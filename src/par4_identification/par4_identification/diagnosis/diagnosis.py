@@ -276,7 +276,8 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         extended_model=extended, fit_runs=tuple(fit_runs), evidence=evidence,
         hypotheses=tuple(selection.hypotheses))
     named = {cause.effect.name for cause in diagnosis.causes}
-    if Backlash.name in applicable and Backlash.name not in named:
+    if (Backlash.name in applicable and Backlash.name not in named
+            and not remaining.significant):
         left = residuals(evidence.observations, diagnosis.hypotheses, full_fit)
         found = rattle([(evidence.observations, left), (heldout, diagnosis.holdout.extended)])
         if found is not None and found.p_value < rules.p_value:

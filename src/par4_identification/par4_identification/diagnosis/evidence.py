@@ -138,6 +138,12 @@ class Evidence:
         """Return base columns and those of the hypotheses, (N, c)."""
         return np.hstack([self.base, *(self.columns(item) for item in hypotheses)])
 
+    def left(self, hypotheses: Sequence[Hypothesis], fit: Fit) -> np.ndarray:
+        """Return what a fit, perhaps of other rows, leaves of the target, (N,)."""
+        values = [fit.base, *(item.stacked(coefficients) for item, coefficients in zip(
+            hypotheses, fit.coefficients))]
+        return self.target - self.design(hypotheses) @ np.concatenate(values)
+
     @property
     def rows(self) -> int:
         """Number of rows that count."""

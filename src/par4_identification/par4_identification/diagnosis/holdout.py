@@ -59,7 +59,21 @@ class Blocks:
 
     def gain(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray]) -> Gain:
         """Return the gain from residuals (m, J) `before` to `after`."""
-        old, new = self.sums(before), self.sums(after)
+        return self._gain(self.sums(before), self.sums(after))
+
+    def whitened_gain(self, before: np.ndarray, after: np.ndarray) -> Gain:
+        """Return the gain from whitened rows (N,), joint after joint, `before` to `after`.
+
+        Noise that wanders fills the squares of plain residuals and hides what a model removes;
+        independent rows count what each of them tells.
+        """
+        labels = np.tile(np.concatenate(self.labels), self.valid[0].shape[1])
+        count = self.draws.shape[1]
+        return self._gain(np.bincount(labels, before ** 2, count),
+                          np.bincount(labels, after ** 2, count))
+
+    def _gain(self, old: np.ndarray, new: np.ndarray) -> Gain:
+        """Return the gain from sums of squares (blocks,) `old` to `new`."""
         drawn = 1.0 - (self.draws @ new) / np.maximum(self.draws @ old, 1e-30)
         low, high = np.quantile(drawn, (0.025, 0.975))
         return Gain(float(1.0 - new.sum() / max(old.sum(), 1e-30)), float(low), float(high))

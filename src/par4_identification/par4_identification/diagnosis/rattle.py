@@ -20,9 +20,9 @@ from par4_identification.rows import Run
 FRESH, LEANING = 0.05, 0.15
 """s around and after a change of sides in which a load rattles, and after which it has settled."""
 LEAST_ROWS = 40
-CONTRAST = 4.0
-"""Least ratio of the slip's rms near changes of sides to that of leaning loads. Noise gives 1, a
-neighbour that rattles up to 3."""
+CONTRAST = 10.0
+"""Least ratio of the slip's rms near changes of sides to that of leaning loads. Noise gives 1, lags
+and friction that the model lacks up to 9, gaps of some mrad 14 and more."""
 SLOWEST_HZ = 6.0
 """Slips are summed up to positions above this frequency; bounces in a gap are faster."""
 APART = 5

@@ -16,7 +16,6 @@ from par4_identification.diagnosis.evidence import (
     Projection,
     gather,
     project,
-    residuals,
     solve,
     transfer_error,
 )
@@ -35,7 +34,7 @@ class Rules:
 
     Attributes:
         p_value: family-wise, over all effects and shapes tried.
-        holdout_gain: least share of the held-out squared error that it removes.
+        holdout_gain: least share of the held-out squares, whitened, that it removes.
         least_share: least rms of what of its torque the rest of the model cannot follow, over
             that of the measured torque, on some joint; sampling and filters do not reproduce the
             torque of fast motion any better.
@@ -58,7 +57,7 @@ class Rules:
     """
 
     p_value: float = 1e-3
-    holdout_gain: float = 0.02
+    holdout_gain: float = 0.01
     least_share: float = 5e-4
     agreement: float = 0.6
     transfer: float = 0.2
@@ -265,8 +264,8 @@ class Selector:
         hypothesis = candidate.hypothesis
         together = [*others, hypothesis]
         fit = solve(self._evidence, together)
-        before = residuals(self._heldout, others, solve(self._evidence, others))
-        gain = self._blocks.gain(before, residuals(self._heldout, together, fit))
+        before = self._other.left(others, solve(self._evidence, others))
+        gain = self._blocks.whitened_gain(before, self._other.left(together, fit))
         if gain.share < self._rules.holdout_gain or gain.low <= 0.0:
             return Rejected(hypothesis.label, f'removes {gain.share:.1%} of the held-out squared '
                             f'error (95 % interval {gain.low:.1%} to {gain.high:.1%})')
@@ -307,7 +306,10 @@ class Selector:
         base = {term.name: np.full(len(acting), value)
                 for term, value in zip(self._evidence.observations.terms, fit.base)}
         if effect.fixed_coefficients:
-            found = fit.coefficients[index][:, acting]
+            # their columns have the nominal friction; what they must reach is the refitted one
+            nominal = self._evidence.observations.runs[0].state.nominal
+            level = base['coulomb_friction'] / nominal.values['coulomb_friction'][acting]
+            found = fit.coefficients[index][:, acting] / level
             low, high = self._rules.fixed_range
             if found.min() < low or found.max() > high:
                 return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '
@@ -364,9 +366,9 @@ class Selector:
                 fit = solve(self._evidence, [*others, rival.hypothesis])
                 if self._implausible(rival.hypothesis, fit, len(others)) is not None:
                     continue
-                gain = self._blocks.gain(
-                    residuals(self._heldout, others, solve(self._evidence, others)),
-                    residuals(self._heldout, [*others, rival.hypothesis], fit))
+                gain = self._blocks.whitened_gain(
+                    self._other.left(others, solve(self._evidence, others)),
+                    self._other.left([*others, rival.hypothesis], fit))
                 if gain.share > 0.5 * item.gain.share:
                     twins.append(name)
             found.append(replace(item, twins=tuple(twins)))
