@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.effects.transmission import MOTOR_SHARE
+from par4_dynamics.effects.transmission import DAMPING_RATIO, MOTOR_SHARE
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file
 from par4_dynamics.state import GRAVITY, State, state_of_joints, state_of_platform
@@ -136,8 +136,9 @@ def test_torque_is_columns_times_coefficients(case, name):
     _, _, state = case
     effect, values = CATALOGUE[name], arrays(EXAMPLES[name])
     coefficients = effect.coefficients(values)
-    columns = effect.columns(state, effect.shape_of(
-        {key: value[0] for key, value in values.items()}))
+    shape = (effect.expansion(coefficients[:, 0]) if name == 'elastic_transmission' else
+             effect.shape_of({key: value[0] for key, value in values.items()}))
+    columns = effect.columns(state, shape)
     assert columns.shape == (*state.q.shape, len(coefficients))
     torque = effect.torque(state, values, (0, 1, 2, 3))
     np.testing.assert_allclose(torque, np.einsum('njk,kj->nj', columns, coefficients), atol=1e-9)
@@ -520,6 +521,29 @@ def test_time_offset_of_no_delay_is_the_limit_of_small_ones(case):
     np.testing.assert_allclose(none, small, atol=1e-3 * rms(none))
 
 
+def test_lag_and_delay_are_exact_in_the_band_of_the_rows(case):
+    """Columns of a 40 Hz torque at 1 kHz against calculus: a lag and a delay are almost alike."""
+    robot, model, _ = case
+    state = waves(robot)
+    omega, phase = 2.0 * np.pi * 40.0, np.arange(4)
+
+    def torque(t):
+        return np.sin(omega * t[:, None] + phase)
+
+    t = np.arange(1000) * 1e-3
+    still = np.zeros((len(t), 4))
+    nominal = replace(frictionless(model).nominal(state), torque=torque(t), added=0.0)
+    state = replace(state, t=t, q=still, qd=still, qdd=still, nominal=nominal)
+    inner = slice(20, -20)
+    rate = CATALOGUE['actuator_lag'].columns(state, {})[inner, :, 0]
+    expected = omega * np.cos(omega * t[:, None] + phase)[inner]
+    assert rms(rate - expected) < 3e-4 * rms(expected)
+    for delay in (2e-4, -3.5e-4, 2.5e-3):
+        column = CATALOGUE['time_offset'].columns(state, {'expanded_at': delay})[inner, :, 0]
+        change = (torque(t - delay) - torque(t))[inner]
+        assert rms(column * delay - change) < 3e-4 * rms(change)
+
+
 def test_saturation_delivers_no_more_than_the_limit(case):
     _, model, state = case
     needed = model.torque(state)
@@ -613,6 +637,24 @@ def test_elastic_axis_is_two_masses_and_a_spring(axis_case):
     found = (elastic.torque(state) - model.torque(state))[10:-10]
     expected = -j_l * w ** 2 * (1.0 - lead) * wave[10:-10]
     np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize('speed', [0.5, 0.95, 1.5])
+def test_a_soft_axis_swings_as_a_damped_oscillator(axis_case, speed):
+    """q_l / q_m = (1 + 2 i d r) / (1 - r^2 + 2 i d r), r the frequency over the resonance."""
+    model, _ = axis_case
+    t = np.arange(0.0, 4.0, 5e-4)
+    stiffness, j_l = 500.0, 0.1
+    r = speed
+    w = r * np.sqrt(stiffness / j_l)
+    wave = np.exp(1j * w * t)[:, None]
+    state = State(t, wave.real, (1j * w * wave).real, (-w ** 2 * wave).real)
+    elastic = build_model(AXIS, axis_file(entry('elastic_transmission', {'stiffness': stiffness})))
+    found = (elastic.torque(state) - model.torque(state))[4000:-10]
+    loss = 2j * DAMPING_RATIO * r
+    expected = (-j_l * w ** 2 * wave * ((1.0 + loss) / (1.0 - r ** 2 + loss) - 1.0)).real
+    expected = expected[4000:-10]
+    np.testing.assert_allclose(found, expected, atol=0.03 * np.abs(expected).max())
 
 
 def test_backlash_leaves_the_load_half_a_gap_behind(case):

@@ -50,7 +50,7 @@ def outcome_of(task: Task) -> dict:
     scenario = draw_scenario(task)
     fit, heldout = record_scenario(scenario)
     recorded = time.perf_counter()
-    truth = truth_of(scenario, fit)
+    truth = truth_of(scenario, fit) if scenario.hidden else None
     hidden = []
     for name, values in scenario.hidden:
         strength = truth.strength(name)

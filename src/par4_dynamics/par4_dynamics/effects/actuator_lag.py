@@ -15,6 +15,7 @@ class ActuatorLag(Effect):
     phrase = 'first-order lag of the actuators'
     parameters = (EffectParameter('time_constant', 's', 'machine'),)
     shared = True
+    retimes = True
     needs_nominal = True
 
     def columns(self, state, shape):  # noqa: ARG002

@@ -59,6 +59,7 @@ class Effect(ABC):
             of another size is evidence against the effect.
         expanded: True where the columns are a series around the one coefficient, which the shape
             `expanded_at` holds: a search goes to where both agree.
+        retimes: True where it is the torque of the motion at another time, to first order.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
     """
 
@@ -69,6 +70,7 @@ class Effect(ABC):
     needs_nominal: ClassVar[bool] = False
     fixed_coefficients: ClassVar[bool] = False
     expanded: ClassVar[bool] = False
+    retimes: ClassVar[bool] = False
     phrase: ClassVar[str]
 
     def shapes(self, state: State) -> tuple[Shape, ...]:  # noqa: ARG002

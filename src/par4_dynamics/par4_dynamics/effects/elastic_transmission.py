@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Shape, Signature
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.effects.transmission import (
+    Springs,
     one_a_joint,
     transmission_columns,
     transmitted_torque,
@@ -20,8 +21,10 @@ WRONG_SHARE = 0.3
 class ElasticTransmission(Effect):
     """tau += change of the load's torque at q_load = q - tau_load / k, encoders on the motors.
 
-    To first order in the compliances 1/k: wrong by the square of the motion's frequency over the
-    resonance. A joint without elasticity has the stiffness 0 in its place.
+    The load swings on its transmissions against motors that move as measured, lightly damped: the
+    torque that twists them is integrated with the compliances 1/k that the shape holds, one
+    `expanded_at_<joint>` each, and is the nominal one without them. Columns are exact where the
+    coefficients equal those. A joint without elasticity has the stiffness 0 in its place.
     """
 
     name = 'elastic_transmission'
@@ -30,14 +33,23 @@ class ElasticTransmission(Effect):
     shared = True
     needs_nominal = True
 
-    def columns(self, state, shape):  # noqa: ARG002
-        return transmission_columns(state, -transmitted_torque(state))
+    def columns(self, state, shape):
+        compliance = np.array([shape.get(name, 0.0) for name in _names(state.joints)])
+        return transmission_columns(state, -Springs(state).torque(compliance)[0])
 
     def coefficients(self, values):
         return one_a_joint(_inverse(values['stiffness']))
 
     def values(self, coefficients, shape):  # noqa: ARG002
         return {'stiffness': _inverse(np.diagonal(coefficients))}
+
+    def expansion(self, coefficients: np.ndarray) -> Shape:
+        """Return the shape that is exact at the coefficients (J,)."""
+        return dict(zip(_names(len(coefficients)), map(float, coefficients)))
+
+    def torque(self, state, values, joints):  # noqa: ARG002
+        compliance = self.coefficients(values)[:, 0]
+        return self.columns(state, self.expansion(compliance)) @ compliance
 
     def implausible(self, values, base):  # noqa: ARG002
         compliance = _inverse(values['stiffness'])
@@ -54,6 +66,10 @@ class ElasticTransmission(Effect):
     def signature(self, state):
         twist = time_rate(state, time_rate(state, transmitted_torque(state)))
         return Signature(twist, 'curvature of the load torque in time, N m/s2')
+
+
+def _names(joints: int) -> list[str]:
+    return [f'expanded_at_{joint}' for joint in range(joints)]
 
 
 def _inverse(values: np.ndarray) -> np.ndarray:

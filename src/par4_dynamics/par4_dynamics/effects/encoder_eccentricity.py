@@ -11,7 +11,7 @@ from par4_dynamics.state import state_of_joints
 
 STEP = 1e-5
 """rad of amplitude; small against any pose, large against the rounding of (20)."""
-LARGEST = math.radians(1.0)
+LARGEST = math.radians(0.25)
 
 
 class EncoderEccentricity(Effect):
@@ -59,7 +59,7 @@ class EncoderEccentricity(Effect):
     def implausible(self, values, base):  # noqa: ARG002
         amplitude = float(np.max(np.abs(values['amplitude'])))
         if amplitude > LARGEST:
-            return (f'an eccentricity of {math.degrees(amplitude):.3g} degrees is ten times what '
+            return (f'an eccentricity of {math.degrees(amplitude):.3g} degrees is more than '
                     f'a badly mounted encoder has')
         return None
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
 from par4_dynamics.effects.time_rate import time_rate
+from par4_dynamics.state import State
 
 LONGEST = 0.05
 
@@ -22,6 +23,7 @@ class TimeOffset(Effect):
     parameters = (EffectParameter('delay', 's', 'machine'),)
     shared = True
     expanded = True
+    retimes = True
     needs_nominal = True
 
     def shapes(self, state):  # noqa: ARG002
@@ -31,7 +33,7 @@ class TimeOffset(Effect):
         torque, delay = state.nominal.delivered, shape['expanded_at']
         if delay == 0.0 or len(state.t) < 2:
             return -time_rate(state, torque)[..., None]
-        return ((_earlier(state.t, torque, delay) - torque) / delay)[..., None]
+        return ((_earlier(state, torque, delay) - torque) / delay)[..., None]
 
     def shape_of(self, values):
         return {'expanded_at': float(values['delay'])}
@@ -47,16 +49,17 @@ class TimeOffset(Effect):
         return Signature(time_rate(state, state.nominal.delivered), 'rate of the torque, N m/s')
 
 
-def _earlier(t: np.ndarray, values: np.ndarray, delay: float) -> np.ndarray:
+def _earlier(state: State, values: np.ndarray, delay: float) -> np.ndarray:
     """Return `values` (n, J) at t - delay; the first and last hold beyond the ends.
 
     Cubic through four samples: a straight line between two would low-pass fast torque.
     """
+    t = state.t
     asked = np.clip(t - delay, t[0], t[-1])
     left = np.clip(np.searchsorted(t, asked, side='right') - 1, 0, len(t) - 2)
     span = t[left + 1] - t[left]
     share = ((asked - t[left]) / span)[:, None]
-    slope = np.gradient(values, t, axis=0)
+    slope = time_rate(state, values)
     start, end = values[left], values[left + 1]
     bend = span[:, None] * slope[left], span[:, None] * slope[left + 1]
     return (start + share * (bend[0] + share * (

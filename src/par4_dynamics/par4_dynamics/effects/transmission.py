@@ -7,14 +7,24 @@ joint moves the platform and with it the torque of all.
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
 from par4_dynamics.effects.shifted import shift_derivative
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State, state_of_joints
+from par4_kinematics.linear_solve import solve_in_place
 
 MOTOR_SHARE = 0.5
 """Of the actuator inertia that turns with the encoder, before the transmission: assumed."""
+DAMPING_RATIO = 0.05
+"""Of a load that swings on its transmission against a motor at rest: assumed. With much less the
+noise of the encoders would swing it."""
+RUN_IN, RUN_IN_DAMPING = 1.0, 25.0
+"""s before the motion, and times more damping at its start: the swing in which the integration
+starts dies away there. It fades to nothing without a kink, which would start another."""
+INERTIA_PERIOD = 0.05
+"""s between the poses whose inertia is computed."""
 
 
 def _motor_side(state: State, qdd: np.ndarray) -> np.ndarray:
@@ -58,6 +68,96 @@ def load_inertia(state: State, t: np.ndarray) -> np.ndarray:
 
     rest = torque(np.zeros(state.joints))
     return np.stack([torque(unit[joint]) - rest for joint in range(state.joints)], axis=-1)
+
+
+class Springs:
+    """Loads that swing on their transmissions while the motors move as measured.
+
+    With the twist s of the joints, M(q) sdd = T_0 - T, T = s / c + d sd: T_0 is what rigid ones
+    would carry, M the inertia behind the transmissions. The motors move as measured whatever the
+    twist, so that the load swings against motors at rest: at sqrt(1 / c M), which a light machine
+    may have far within the band of its torque. Terms of the velocities are left out, of the size
+    of the twist in rad.
+
+    Args:
+        state: the motion with its nominal torque.
+    """
+
+    def __init__(self, state: State) -> None:
+        self._rigid = transmitted_torque(state)
+        self._still = len(state.t) < 2
+        if self._still:
+            return
+        self._period = (state.t[-1] - state.t[0]) / (len(state.t) - 1)
+        nodes = np.linspace(state.t[0], state.t[-1],
+                            2 + int((state.t[-1] - state.t[0]) / INERTIA_PERIOD))
+        self._inertia = load_inertia(state, nodes)
+        before = self._before = min(len(self._rigid) - 1, round(RUN_IN / self._period))
+        self._load = np.concatenate((2.0 * self._rigid[0] - self._rigid[before:0:-1], self._rigid))
+        self._place = np.concatenate((
+            np.zeros(before), np.interp(state.t, nodes, np.arange(len(nodes)))))
+        fade = np.concatenate((np.linspace(1.0, 0.0, before), np.zeros(len(self._rigid))))
+        self._more = 1.0 + RUN_IN_DAMPING * fade ** 2
+
+    def torque(self, compliance: np.ndarray, damping_ratio: float = DAMPING_RATIO, every: int = 1
+               ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the torque s / c of springs that twist by s, and the change -M sdd of the load's.
+
+        Args:
+            compliance: c, (J,), rad/(N m); at most zero is rigid.
+            damping_ratio: of each joint's swing by itself.
+            every: samples from step to step of the integration; more than one is quick and coarse.
+
+        Returns:
+            Two (n, J), N m; the nominal torque and zero where nothing twists.
+        """
+        if self._still or not np.any(compliance > 0.0):
+            return self._rigid, np.zeros_like(self._rigid)
+        soft = np.maximum(compliance, 0.0)
+        own = np.einsum('njj->j', self._inertia) / len(self._inertia)
+        lag = 2.0 * damping_ratio * np.sqrt(soft * own)  # c d of each joint, s
+        steps = slice(None, None, every)
+        load = np.ascontiguousarray(self._load[steps])
+        spring, change = np.empty_like(load), np.empty_like(load)
+        _swing(load, self._place[steps], self._inertia, soft, lag, self._more[steps],
+               every * self._period, spring, change)
+        if every == 1:
+            return spring[self._before:], change[self._before:]
+        told = every * np.arange(len(load))
+        wanted = self._before + np.arange(len(self._rigid))
+        return tuple(np.stack([np.interp(wanted, told, joint) for joint in part.T], axis=1)
+                     for part in (spring, change))
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _swing(load, place, inertia, compliance, lag, more, h, spring, change):
+    """Integrate c M sdd + c d sd + s = c T_0 by the trapezoidal rule, stable however stiff."""
+    joints = load.shape[1]
+    twist, speed, rate = compliance * load[0], np.zeros(joints), np.zeros(joints)
+    here = np.empty((joints, joints))
+    matrix, right = np.empty((joints, joints)), np.empty((joints, 1))
+    for row in range(len(load)):
+        node = min(int(place[row]), len(inertia) - 2)
+        share = place[row] - node
+        twist += h * speed + 0.25 * h * h * rate
+        speed += 0.5 * h * rate
+        for i in range(joints):
+            slow = more[row] * lag[i]
+            right[i, 0] = compliance[i] * load[row, i] - slow * speed[i] - twist[i]
+            for j in range(joints):
+                here[i, j] = (1.0 - share) * inertia[node, i, j] + share * inertia[node + 1, i, j]
+                matrix[i, j] = compliance[i] * here[i, j]
+            matrix[i, i] += 0.5 * h * slow + 0.25 * h * h
+        solve_in_place(matrix, right)
+        rate = right[:, 0].copy()
+        twist += 0.25 * h * h * rate
+        speed += 0.5 * h * rate
+        for i in range(joints):
+            change[row, i] = 0.0
+            for j in range(joints):
+                change[row, i] -= here[i, j] * rate[j]
+            spring[row, i] = (twist[i] / compliance[i] if compliance[i] > 0.0
+                              else load[row, i] + change[row, i])
 
 
 def one_a_joint(values: np.ndarray) -> np.ndarray:

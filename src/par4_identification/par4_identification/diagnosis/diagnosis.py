@@ -12,7 +12,7 @@ from par4_dynamics.base_terms import BaseTerm
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE, effect_named
 from par4_dynamics.effects.effect import Effect
-from par4_dynamics.model import build_model
+from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.estimates import effect_parameters
@@ -30,10 +30,18 @@ from par4_identification.diagnosis.evidence import (
 from par4_identification.diagnosis.floor import noise_floor
 from par4_identification.diagnosis.gate import unusable
 from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
+from par4_identification.diagnosis.law import dithered
 from par4_identification.diagnosis.nameless import available_blocks, fit_block, ranges_of
 from par4_identification.diagnosis.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
-from par4_identification.diagnosis.selection import Found, Rejected, Rules, Selector
+from par4_identification.diagnosis.selection import (
+    EXPANSIONS,
+    Candidate,
+    Found,
+    Rejected,
+    Rules,
+    Selector,
+)
 from par4_identification.identification import identify_runs
 from par4_identification.log import Log
 from par4_identification.rows import Conditioning, Run, runs_of_log
@@ -45,6 +53,11 @@ CONDITIONING = Conditioning(low_speed=0.02)
 LIBRARY = {name: effect for name, effect in CATALOGUE.items()
            if name not in ('quantization', 'torque_saturation')}
 """Effects that may be named: all but those that add no torque to a motion."""
+
+AGREED = 4
+"""Times that base parameters and a time of the torque are fitted in turn."""
+RETIMED = 0.5
+"""Least share of the base model's squared error that a nominal torque of another time leaves."""
 
 Verdict = Literal['clean', 'explained', 'partly_explained', 'unknown', 'unusable_data']
 Progress = Callable[[str], None]
@@ -203,7 +216,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         identification = identify_runs(fit_runs, observations.target, observations.base, rigid_body)
     except InputError as error:
         return _unusable((str(error),), tuple(fit_runs))
-    reasons = unusable(fit_runs, identification)
+    reasons = unusable(observations, identification)
     if not any(run.valid.any() for run in holdout_runs):
         reasons.append('no joint moves in the held-out data; give a bag of another motion')
     if reasons:
@@ -212,21 +225,25 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     searched = LIBRARY if library is None else library
     base_model = build_model(machine, _baseline_with(
         baseline, rigid_body, identification.parameters, identification.terms, ()))
+    sigma = identification.estimate.rms
+    base_model = _beside_retimed(base_model, observations, machine, baseline, rigid_body,
+                                 sigma, searched)
     observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
+    moved = dithered(observations, machine)
     applicable = {name: effect for name, effect in searched.items()
                   if isinstance(machine, Robot) or not effect.needs_platform}
-    sigma = identification.estimate.rms
     blocks = blocks_of_runs([run.t for run in holdout_runs], [run.valid for run in holdout_runs],
                             sigma)
     progress('searching the library for the noise model')
     flat = gather(observations, flat_whitener(observations, sigma))
-    richest = Selector(applicable, flat, heldout, blocks, rules).richest()
+    richest = Selector(applicable, flat, heldout, blocks, rules, moved).richest()
     left = residuals(observations, richest, solve(flat, richest))
     whitener = whitener_of_residuals(observations, left, len(identification.terms) + len(richest))
     evidence = gather(observations, whitener)
 
     progress('searching the library for causes')
-    selector = Selector(applicable, evidence, heldout, blocks, rules)
+    selector = Selector(applicable, evidence, heldout, blocks, rules,
+                        moved.with_nominal(base_model))
     selection = selector.run()
     if selection.found:
         # effects that scale with the torque were searched with that of a model without causes
@@ -236,7 +253,8 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
             solve(evidence, selection.hypotheses)))
         observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
         evidence = gather(observations, whitener, evidence)
-        selector = Selector(applicable, evidence, heldout, blocks, rules)
+        selector = Selector(applicable, evidence, heldout, blocks, rules,
+                            moved.with_nominal(better))
         selection = selector.run()
     progress('looking for twins')
     selection = selector.with_twins(selection)
@@ -251,11 +269,11 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     simple = extended.model_copy(update={'effects': tuple(
         entry for entry in extended.effects if not effect_named(entry.effect).needs_nominal)})
     floor = noise_floor(holdout_runs, machine, build_model(machine, simple))
-    remaining, explained_share = _remaining(evidence, heldout, hypotheses, blocks, before, after,
-                                            floor, rules)
+    remaining, explained_share = _remaining(selector, hypotheses, before, after, floor)
     holdout = _holdout(holdout_runs, blocks, before, after, floor)
-    verdict, withheld = _verdict(selection.found, remaining, explained_share,
-                                 holdout.explained_fraction, rules)
+    verdict, withheld = _verdict(
+        selection.found, remaining, explained_share, selector.left_over(selection),
+        selector.own_share(selection), holdout.explained_fraction, rules)
     rejected = list(selection.rejected)
     if withheld:
         rejected += [Rejected(item.hypothesis.label, withheld) for item in selection.found]
@@ -277,7 +295,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         hypotheses=tuple(selection.hypotheses))
     named = {cause.effect.name for cause in diagnosis.causes}
     if (Backlash.name in applicable and Backlash.name not in named
-            and not remaining.significant):
+            and not withheld and not remaining.significant):
         left = residuals(evidence.observations, diagnosis.hypotheses, full_fit)
         found = rattle([(evidence.observations, left), (heldout, diagnosis.holdout.extended)])
         if found is not None and found.p_value < rules.p_value:
@@ -299,54 +317,102 @@ def _with_backlash(diagnosis: Diagnosis, effect: Effect, found: Rattle) -> Diagn
         extended_model=extended.model_copy(update={'effects': (*extended.effects, entry)}))
 
 
+def _beside_retimed(base_model: Model, observations: Observations, machine: Robot | Axis,
+                    baseline: ModelFile | None, rigid_body: str,
+                    sigma: np.ndarray, library: Mapping[str, Effect]) -> Model:
+    """Return the model fitted beside a torque read at another time, where that explains most.
+
+    Such an effect is bilinear: its column is the rate of the torque of the base parameters, which
+    without it come out wrong in first order. Both are fitted in turn until they agree.
+    """
+    everywhere = tuple(range(observations.joints))
+    whitener = flat_whitener(observations, sigma)
+    best = base_model
+    before = project(gather(observations, whitener), []).residual
+    least = RETIMED * float(before @ before)
+    for effect in library.values():
+        if not effect.retimes:
+            continue
+        time = effect.parameters[0].name
+        model, hypothesis = base_model, Hypothesis(effect, effect.shape_of({time: 0.0}), everywhere)
+        for _ in range(AGREED):
+            evidence = gather(with_nominal(observations, model), whitener)
+            for _ in range(EXPANSIONS if effect.expanded else 1):
+                fit = solve(evidence, [hypothesis])
+                hypothesis = replace(hypothesis, shape=effect.shape_of(
+                    {time: fit.coefficients[0][0, 0]}))
+            fit = solve(evidence, [hypothesis])
+            model = build_model(machine, _extended_model(
+                baseline, rigid_body, evidence, [hypothesis], fit))
+        left = project(evidence, [hypothesis]).residual
+        if left @ left < least:
+            best, least = model, left @ left
+    return best
+
+
 def _unusable(reasons: tuple[str, ...], runs: tuple[Run, ...]) -> Diagnosis:
     return Diagnosis('unusable_data', (), reasons, (), None, None, {}, {}, None, runs)
 
 
-def _remaining(evidence: Evidence, heldout: Observations, hypotheses: Sequence[Hypothesis],
-               blocks: Blocks, before: Sequence[np.ndarray], after: Sequence[np.ndarray],
-               floor: np.ndarray, rules: Rules) -> tuple[Remaining, float]:
+def _remaining(selector: Selector, hypotheses: Sequence[Hypothesis], before: Sequence[np.ndarray],
+               after: Sequence[np.ndarray], floor: np.ndarray) -> tuple[Remaining, float]:
     """Return what remains and the share of all that anything explains that the causes explain."""
+    evidence, heldout, blocks, rules = (selector.evidence, selector.heldout, selector.blocks,
+                                        selector.rules)
     left = residuals(evidence.observations, hypotheses, solve(evidence, hypotheses))
     ranges = ranges_of(evidence.observations, left)
-    fits = [fit_block(block, evidence, heldout, hypotheses, ranges)
+    fits = [fit_block(block, evidence, heldout.observations, hypotheses, ranges)
             for block in available_blocks(evidence.observations)]
-    gains = [blocks.gain(after, fit.heldout) for fit in fits]
+    old, new, *with_block = (heldout.whitened(part)
+                             for part in (before, after, *(fit.heldout for fit in fits)))
+    gains = [blocks.whitened_gain(new, part) for part in with_block]
     strongest = int(np.argmax([gain.low for gain in gains]))
     gain = gains[strongest]
     valid_rows = blocks.counts().sum(axis=0)
     mean_square = blocks.sums(after, weighted=False).sum(axis=0) / np.maximum(valid_rows, 1)
     excess = float(np.sqrt(mean_square.sum() / max((floor ** 2).sum(), 1e-30)))
-    torque = sum(np.sum(np.where(run.valid, run.tau, 0.0) ** 2) for run in heldout.runs)
+    torque = sum(np.sum(np.where(run.valid, run.tau, 0.0) ** 2)
+                 for run in heldout.observations.runs)
     explained = (blocks.sums(after, weighted=False).sum()
                  - blocks.sums(fits[strongest].heldout, weighted=False).sum())
     significant = (gain.share > rules.remaining_gain and gain.low > 0.0
                    and explained > rules.least_share ** 2 * torque)
     looks_like = fits[strongest].block if significant else None
-    old, new = blocks.sums(before).sum(), blocks.sums(after).sum()
-    best = min(new, blocks.sums(fits[strongest].heldout).sum()) if significant else new
-    share = float((old - new) / max(old - best, 1e-30)) if hypotheses else 0.0
+    squares = [float(part @ part) for part in (old, new, with_block[strongest])]
+    best = min(squares[1:]) if significant else squares[1]
+    share = (squares[0] - squares[1]) / max(squares[0] - best, 1e-30) if hypotheses else 0.0
     return Remaining(significant, looks_like, gain, excess), share
 
 
 def _verdict(found: Sequence[Found], remaining: Remaining, explained_share: float,
-             closed: float, rules: Rules) -> tuple[Verdict, str]:
+             left_over: Candidate | None, own_share: float, closed: float, rules: Rules
+             ) -> tuple[Verdict, str]:
     """Return the verdict and, where names are withheld, why.
 
     Args:
         found: the causes.
         remaining: what nameless blocks still find.
         explained_share: of the causes, of what they and the best block explain together.
+        left_over: what of the library still explains something without being a cause.
+        own_share: of the causes, see `Selector.own_share`.
         closed: share of the error above the noise floor that the causes close.
         rules: thresholds.
     """
-    wrong = remaining.significant or remaining.floor_excess > rules.floor_excess
+    wrong = (remaining.significant or left_over is not None
+             or remaining.floor_excess > rules.floor_excess)
     if not found:
         return ('unknown' if wrong else 'clean'), ''
+    if len(found) > 2 and own_share < rules.own_share:
+        return 'unknown', (f'the {len(found)} names found explain only together what is wrong; a '
+                           f'cause that is not in the library is more likely')
     if remaining.significant and explained_share < rules.sufficient_share:
         return 'unknown', (f'the names found explain {explained_share:.0%} of what a nameless '
                            f'function of {remaining.looks_like} and they explain together; a '
                            f'cause that is not in the library is more likely')
+    if left_over is not None:
+        return 'unknown', (f'what the names found leave still looks like '
+                           f'{left_over.hypothesis.label}, which is no cause either; a cause that '
+                           f'is not in the library is more likely')
     if remaining.floor_excess > rules.far_excess and closed < rules.closed_share:
         return 'unknown', (f'the names found close {closed:.0%} of the error above the noise '
                            f'floor; a cause that is not in the library is more likely')

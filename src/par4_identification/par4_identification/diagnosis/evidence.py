@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from par4_dynamics.effects.effect import Effect, Shape
+from par4_dynamics.state import State
 from par4_identification.diagnosis.observations import Observations, lasting
 from par4_identification.noise import ArNoise, fit_noise
 
@@ -129,6 +130,18 @@ class Evidence:
             self._kept[key] = Block(columns, np.stack([part.T @ part for part in columns]))
         return self._kept[key]
 
+    def torque(self, key: tuple, torque: Callable[[State], np.ndarray]) -> np.ndarray:
+        """Return the whitened, stacked rows (N,) of a torque; computed once for a key.
+
+        Args:
+            key: an effect's name and whatever tells its torques apart.
+            torque: of a motion, (n, J), N m.
+        """
+        if key not in self._kept:
+            self._kept[key] = self.whitened([run.rows(torque(run.state))
+                                             for run in self.observations.runs])
+        return self._kept[key]
+
     def columns(self, hypothesis: Hypothesis) -> np.ndarray:
         """Return the whitened, stacked columns of a hypothesis."""
         block = self.block(hypothesis.effect, hypothesis.shape)
@@ -143,6 +156,10 @@ class Evidence:
         values = [fit.base, *(item.stacked(coefficients) for item, coefficients in zip(
             hypotheses, fit.coefficients))]
         return self.target - self.design(hypotheses) @ np.concatenate(values)
+
+    def whitened(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
+        """Return residuals (m, J) of each run, N m, whitened and stacked, (N,)."""
+        return np.concatenate(self.whitener.whiten([part[..., None] for part in residuals]))[:, 0]
 
     @property
     def rows(self) -> int:

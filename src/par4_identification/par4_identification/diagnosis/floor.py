@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from par4_dynamics.model import Model
-from par4_dynamics.state import state_of_joints
-from par4_identification.filtering import central_difference, low_pass, second_difference
+from par4_identification.diagnosis.law import dithered_state
 from par4_identification.rows import Run
 from par4_kinematics.robot import Axis, Robot
 
@@ -56,14 +55,8 @@ def encoder_noise(runs: Sequence[Run], machine: Robot | Axis, model: Model, seed
     random = np.random.default_rng(seed)
     squares, rows = np.zeros(joints), np.zeros(joints)
     for run in runs:
-        state, period = run.state.part(slice(0, LONGEST)), float(run.state.t[1] - run.state.t[0])
-        step = 2.0 * np.pi / counts
-        dither = low_pass(random.uniform(-0.5, 0.5, state.q.shape) * step,
-                          run.conditioning.position_cutoff_hz, period)
-        moved = state_of_joints(
-            state.geometry, state.t, state.q + dither,
-            state.qd + central_difference(dither, period),
-            state.qdd + second_difference(dither, period))
+        state = run.state.part(slice(0, LONGEST))
+        moved = dithered_state(run, state, counts, random)
         # friction's sign is the same: rows near its change are not used
         change = run.rows(model.torque(moved) - model.torque(state))
         valid = run.valid[:len(change)]

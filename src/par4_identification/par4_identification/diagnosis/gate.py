@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from itertools import combinations_with_replacement
 
 import numpy as np
 
+from par4_identification.diagnosis.observations import Observations
 from par4_identification.identification import Identification
 from par4_identification.rows import Run
 
@@ -14,9 +15,9 @@ WORST_ERROR = 0.6
 WORST_STD = 0.3
 
 
-def unusable(runs: Sequence[Run], identification: Identification) -> list[str]:
+def unusable(observations: Observations, identification: Identification) -> list[str]:
     """Return why the data cannot carry a diagnosis, each with what to do; empty if they can."""
-    reasons = []
+    reasons, runs = [], observations.runs
     rows = sum(run.valid.sum(axis=0) for run in runs)
     for joint in np.flatnonzero(rows < LEAST_ROWS):
         reasons.append(f'joint {joint} moves in only {rows[joint]} rows, {LEAST_ROWS} are needed; '
@@ -28,7 +29,7 @@ def unusable(runs: Sequence[Run], identification: Identification) -> list[str]:
     if friction < 0:
         reasons.append('friction comes out driving the joints instead of braking them; check the '
                        'sign of torque and position')
-    if estimate.relative_error > WORST_ERROR:
+    if estimate.relative_error > WORST_ERROR and _error_in_motion(observations) > WORST_ERROR:
         reasons.append(f'the rigid bodies explain only {1 - estimate.relative_error:.0%} of the '
                        f'torque; check order, sign and zero of the joints, the gains and the '
                        f'robot file')
@@ -43,3 +44,34 @@ def unusable(runs: Sequence[Run], identification: Identification) -> list[str]:
             reasons.append(f'the motion does not excite {term.name} (standard deviation '
                            f'{std / max(abs(value), 1e-12):.0%}); record faster motions')
     return reasons
+
+
+def _error_in_motion(observations: Observations) -> float:
+    """Return the relative error of the base terms where no load of the pose alone counts.
+
+    What a quadratic function of the joint positions explains is taken out of torque and columns: a
+    strong spring is a cause to be named, not a reason to doubt the bodies.
+    """
+    target, base = [], []
+    for joint in range(observations.joints):
+        valid = [run.valid[:, joint] for run in observations.runs]
+        static = np.concatenate([_quadratic(run)[rows]
+                                 for run, rows in zip(observations.runs, valid)])
+        both = np.concatenate([
+            np.column_stack((tau[rows, joint], columns[rows, joint]))
+            for tau, columns, rows in zip(observations.target, observations.base, valid)])
+        basis = np.linalg.qr(static)[0]
+        both = both - basis @ (basis.T @ both)
+        target.append(both[:, 0])
+        base.append(both[:, 1:])
+    tau, columns = np.concatenate(target), np.concatenate(base)
+    left = tau - columns @ np.linalg.lstsq(columns, tau, rcond=None)[0]
+    return float(np.linalg.norm(left) / max(np.linalg.norm(tau), 1e-30))
+
+
+def _quadratic(run: Run) -> np.ndarray:
+    """Return 1, the joint positions and their products at the rows, (m, k)."""
+    q = np.stack([np.interp(run.t, run.state.t, joint) for joint in run.state.q.T], axis=1)
+    products = [q[:, one] * q[:, two]
+                for one, two in combinations_with_replacement(range(q.shape[1]), 2)]
+    return np.column_stack((np.ones(len(q)), q, *products))

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from par4_dynamics.effects.effect import Effect, Shape
+from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_identification.diagnosis.evidence import (
     Evidence,
     Fit,
@@ -20,8 +21,14 @@ from par4_identification.diagnosis.evidence import (
     transfer_error,
 )
 from par4_identification.diagnosis.holdout import Blocks, Gain
+from par4_identification.diagnosis.law import Dithered
 from par4_identification.diagnosis.observations import Observations
+from par4_identification.diagnosis.swing import GRID, compliances
 
+LIKE_FILTERS = ('presliding', 'stribeck', 'actuator_lag', 'time_offset', 'elastic_transmission',
+                'backlash')
+"""Effects that a little of is left by every sampled and filtered record: at low speed, in time, and
+of the encoders' noise."""
 EXPANSIONS = 4
 """Times that a series is expanded around what came of it."""
 HALF_BLOCK = 100
@@ -34,6 +41,8 @@ class Rules:
 
     Attributes:
         p_value: family-wise, over all effects and shapes tried.
+        least_gain: least gain in log-likelihood beside the other causes; hardly less than the 50 at
+            which an effect is called visible.
         holdout_gain: least share of the held-out squares, whitened, that it removes.
         least_share: least rms of what of its torque the rest of the model cannot follow, over
             that of the measured torque, on some joint; sampling and filters do not reproduce the
@@ -45,20 +54,29 @@ class Rules:
         joint_share: least share of the effect's likelihood ratio that a joint must carry.
         twin_margin: difference of log-likelihood within which another name is as good.
         equal_margin: difference of score within which the simpler of two names goes first.
-        most: number of causes.
+        most: number of causes at which a search ends; so many fit anything.
+        least_evidence: least share of what all causes explain that each must add: the torque of a
+            strong cause is right to some percent (rms).
+        least_alone: least share (rms) of a cause's visible torque that no other cause has.
         fixed_range: of the coefficients of effects whose size is known.
         sufficient_share: least share of what anything explains that the causes must explain.
         closed_share: least share of the error above the noise floor that the causes must close
             where the residual is beyond `far_excess` times that floor.
         far_excess: further above the floor than noise that wanders by itself.
+        left_score: least score of an effect of the library that is no cause and yet counts as
+            something left.
+        distortion: least ratio of what it explains alone to what it explains beside the causes.
+        own_share: least share, of what three causes and more explain together, that is lost if each
+            is taken away by itself.
         remaining_gain: held-out gain of nameless blocks that counts as something left.
         floor_excess: residual over noise floor beyond which something is wrong though no block
             explains it.
     """
 
     p_value: float = 1e-3
+    least_gain: float = 40.0
     holdout_gain: float = 0.01
-    least_share: float = 5e-4
+    least_share: float = 3e-4
     agreement: float = 0.6
     transfer: float = 0.2
     joint_p_value: float = 1e-3
@@ -66,11 +84,16 @@ class Rules:
     twin_margin: float = 10.0
     equal_margin: float = 2.0
     most: int = 4
+    least_evidence: float = 1.25e-3
+    least_alone: float = 0.1
     fixed_range: tuple[float, float] = (0.5, 1.5)
-    sufficient_share: float = 0.95
+    sufficient_share: float = 0.97
     closed_share: float = 0.4
     far_excess: float = 10.0
-    remaining_gain: float = 0.04
+    left_score: float = 30.0
+    distortion: float = 1.25
+    own_share: float = 0.5
+    remaining_gain: float = 0.004
     floor_excess: float = 1.6
 
 
@@ -142,17 +165,18 @@ class Selector:
         heldout: rows that take no part in any fit.
         blocks: of the held-out rows.
         rules: what a cause must show.
+        dithered: what encoder counts may have made of the motion.
     """
 
     def __init__(self, library: Mapping[str, Effect], evidence: Evidence, heldout: Observations,
-                 blocks: Blocks, rules: Rules) -> None:
+                 blocks: Blocks, rules: Rules, dithered: Dithered) -> None:
         self._library = library
-        self._evidence = evidence
-        self._heldout = heldout
-        self._other = gather(heldout, replace(
+        self.evidence = evidence
+        self.heldout = gather(heldout, replace(
             evidence.whitener, valid=tuple(run.valid for run in heldout.runs)))
-        self._blocks = blocks
-        self._rules = rules
+        self.blocks = blocks
+        self.rules = rules
+        self._dithered = dithered
         state = max(evidence.observations.runs, key=lambda run: len(run.t)).state
         self._shapes = {name: effect.shapes(state) for name, effect in library.items()}
         self._family = sum(len(shapes) for shapes in self._shapes.values())
@@ -160,6 +184,8 @@ class Selector:
 
     def best(self, effect: Effect, projection: Projection) -> Candidate | None:
         """Return the best shape of an effect on all joints given a projection."""
+        if isinstance(effect, ElasticTransmission):
+            return self._twisting(effect, projection)
         shapes = self._shapes[effect.name]
         if not shapes:
             return None
@@ -182,6 +208,20 @@ class Selector:
         hypothesis = Hypothesis(effect, shape, self._joints)
         return Candidate(hypothesis, best, self._freedoms(hypothesis), len(shapes))
 
+    def _twisting(self, effect: ElasticTransmission, projection: Projection) -> Candidate | None:
+        """Return the transmissions that twist most like the residual, if any do.
+
+        Looked for only where the first order of a twist explains something.
+        """
+        if projection.gain(Hypothesis(effect, {}, self._joints)) < 2.0 * self.rules.least_gain:
+            return None
+        found = compliances(projection)
+        if found is None:
+            return None
+        compliance, ratio = found
+        hypothesis = Hypothesis(effect, effect.expansion(compliance), self._joints)
+        return Candidate(hypothesis, ratio, len(compliance), len(GRID) * len(compliance))
+
     def _self_consistent(self, effect: Effect, shape: Shape, projection: Projection) -> Shape:
         """Return the shape of a series around the coefficient that it gives."""
         for _ in range(EXPANSIONS):
@@ -190,7 +230,7 @@ class Selector:
         return shape
 
     def _freedoms(self, hypothesis: Hypothesis) -> int:
-        rows = self._evidence.observations.effect_rows(hypothesis.effect, hypothesis.shape)
+        rows = self.evidence.observations.effect_rows(hypothesis.effect, hypothesis.shape)
         width = rows[0].shape[2]
         return (width if hypothesis.effect.shared else width * len(hypothesis.joints)) + len(
             hypothesis.shape)
@@ -200,14 +240,13 @@ class Selector:
         selection = Selection()
         refused: set[str] = set()
         visited: set[frozenset[str]] = set()
-        while len(selection.found) < self._rules.most:
-            projection = project(self._evidence, selection.hypotheses)
+        while len(selection.found) < self.rules.most:
+            projection = project(self.evidence, selection.hypotheses)
             named = {item.effect.name for item in selection.hypotheses}
             candidates = [self.best(effect, projection) for name, effect in self._library.items()
                           if name not in named | refused]
             candidates = [item for item in candidates if item is not None
-                          and item.p_value(self._family) < self._rules.p_value
-                          and item.score(self._evidence.rows) > 0.0]
+                          and self._is_evident(item)]
             if not candidates:
                 break
             candidate = self._simplest_of_the_best(candidates)
@@ -226,14 +265,22 @@ class Selector:
                 continue
             visited.add(state)
             selection = trial
+            refused.clear()  # beside another cause they may look better
+        self._prune(selection)
         selection.found.sort(key=lambda item: -item.likelihood_ratio)
         return selection
 
+    def _is_evident(self, candidate: Candidate) -> bool:
+        """Return whether a candidate is no chance and worth its parameters."""
+        return (candidate.p_value(self._family) < self.rules.p_value
+                and candidate.likelihood_ratio > 2.0 * self.rules.least_gain
+                and candidate.score(self.evidence.rows) > 0.0)
+
     def _simplest_of_the_best(self, candidates: list[Candidate]) -> Candidate:
         """Return the best candidate; of equals, the first of the library, which is the simplest."""
-        scores = [item.score(self._evidence.rows) for item in candidates]
+        scores = [item.score(self.evidence.rows) for item in candidates]
         return next(item for item, score in zip(candidates, scores)
-                    if score > max(scores) - self._rules.equal_margin)
+                    if score > max(scores) - self.rules.equal_margin)
 
     def _keep_acting_joints(self, candidate: Candidate, projection: Projection) -> Candidate:
         """Return the candidate without the joints that do not need it beside the others.
@@ -254,8 +301,8 @@ class Selector:
                 trials.append((projection.gain(rest), rest))
             left, rest = max(trials, key=lambda trial: trial[0])
             lost = ratio - left
-            needed = chdtrc(width, lost) * len(self._joints) < self._rules.joint_p_value
-            if needed and lost > self._rules.joint_share * ratio:
+            needed = chdtrc(width, lost) * len(self._joints) < self.rules.joint_p_value
+            if needed and lost > self.rules.joint_share * ratio:
                 break
             hypothesis, ratio = rest, left
         return Candidate(hypothesis, ratio, self._freedoms(hypothesis), candidate.tried)
@@ -263,25 +310,28 @@ class Selector:
     def _confirm(self, candidate: Candidate, others: Sequence[Hypothesis]) -> Found | Rejected:
         hypothesis = candidate.hypothesis
         together = [*others, hypothesis]
-        fit = solve(self._evidence, together)
-        before = self._other.left(others, solve(self._evidence, others))
-        gain = self._blocks.whitened_gain(before, self._other.left(together, fit))
-        if gain.share < self._rules.holdout_gain or gain.low <= 0.0:
+        fit = solve(self.evidence, together)
+        before = self.heldout.left(others, solve(self.evidence, others))
+        gain = self.blocks.whitened_gain(before, self.heldout.left(together, fit))
+        if gain.share < self.rules.holdout_gain or gain.low <= 0.0:
             return Rejected(hypothesis.label, f'removes {gain.share:.1%} of the held-out squared '
                             f'error (95 % interval {gain.low:.1%} to {gain.high:.1%})')
         share = self._torque_share(hypothesis, fit.coefficients[-1], others)
-        if share < self._rules.least_share:
+        if share < self.rules.least_share:
             return Rejected(hypothesis.label, f'what shows of its torque is {share:.2%} of the '
                             f'measured one, less than sampling and filters resolve')
         reason = self._implausible(hypothesis, fit, len(together) - 1)
         if reason:
             return Rejected(hypothesis.label, reason)
+        if not self._obeys(hypothesis, others, fit):
+            return Rejected(hypothesis.label, 'the torque is read at another time, but in second '
+                            'order of that time it does not follow this law')
         agreement = self._agreement(together)
-        if agreement < self._rules.agreement:
+        if agreement < self.rules.agreement:
             return Rejected(hypothesis.label, f'its estimates from the two halves of the data '
                             f'disagree (cosine {agreement:.2f})')
-        error = transfer_error(self._evidence, self._other, together)
-        if error > self._rules.transfer:
+        error = transfer_error(self.evidence, self.heldout, together)
+        if error > self.rules.transfer:
             return Rejected(hypothesis.label, f'its estimates from the data to learn from and from '
                             f'those held out differ by {error:.0%} of its torque')
         return Found(hypothesis, candidate.likelihood_ratio, candidate.p_value(self._family), gain)
@@ -289,14 +339,14 @@ class Selector:
     def _torque_share(self, hypothesis: Hypothesis, coefficients: np.ndarray,
                       others: Sequence[Hypothesis]) -> float:
         """Return the visible rms torque of an effect over the measured one, at most of a joint."""
-        effect_rows = self._heldout.effect_rows(hypothesis.effect, hypothesis.shape)
+        effect_rows = self.heldout.observations.effect_rows(hypothesis.effect, hypothesis.shape)
         effect, torque = np.zeros(len(self._joints)), np.zeros(len(self._joints))
-        for run, rows in zip(self._heldout.runs, effect_rows):
+        for run, rows in zip(self.heldout.observations.runs, effect_rows):
             own = np.einsum('mjk,kj->mj', rows, coefficients)
             effect += np.sum(np.where(run.valid, own, 0.0) ** 2, axis=0)
             torque += np.sum(np.where(run.valid, run.tau, 0.0) ** 2, axis=0)
-        visible = project(self._evidence, others).left_share(
-            self._evidence.columns(hypothesis), hypothesis.stacked(coefficients))
+        visible = project(self.evidence, others).left_share(
+            self.evidence.columns(hypothesis), hypothesis.stacked(coefficients))
         return float(visible * np.max(np.sqrt(effect / np.maximum(torque, 1e-30))))
 
     def _implausible(self, hypothesis: Hypothesis, fit: Fit, index: int) -> str | None:
@@ -304,42 +354,51 @@ class Selector:
         acting = list(hypothesis.joints)
         values = effect.values(fit.coefficients[index][:, acting], hypothesis.shape)
         base = {term.name: np.full(len(acting), value)
-                for term, value in zip(self._evidence.observations.terms, fit.base)}
+                for term, value in zip(self.evidence.observations.terms, fit.base)}
         if effect.fixed_coefficients:
             # their columns have the nominal friction; what they must reach is the refitted one
-            nominal = self._evidence.observations.runs[0].state.nominal
+            nominal = self.evidence.observations.runs[0].state.nominal
             level = base['coulomb_friction'] / nominal.values['coulomb_friction'][acting]
             found = fit.coefficients[index][:, acting] / level
-            low, high = self._rules.fixed_range
+            low, high = self.rules.fixed_range
             if found.min() < low or found.max() > high:
                 return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '
                         f'it must be')
         return effect.implausible(values, base)
 
+    def _obeys(self, hypothesis: Hypothesis, others: Sequence[Hypothesis], fit: Fit) -> bool:
+        if not hypothesis.effect.retimes:
+            return True
+        time = float(fit.coefficients[len(others)][0, 0])
+        return self._dithered.obeys(project(self.evidence, others), hypothesis, time)
+
     def _agreement(self, hypotheses: Sequence[Hypothesis]) -> float:
-        """Return the cosine between the last effect's torque as the two halves estimate it."""
-        columns = self._evidence.columns(hypotheses[-1])
-        rest = self._evidence.design(hypotheses[:-1])
+        """Return the cosine between the last effect's visible torque as two halves estimate it."""
+        columns = self.evidence.columns(hypotheses[-1])
+        rest = self.evidence.design(hypotheses[:-1])
         estimates = []
-        joints = self._evidence.observations.joints
+        joints = self.evidence.observations.joints
         half = np.tile(np.arange(len(columns) // joints) // HALF_BLOCK % 2 == 0, joints)
         for rows in (half, ~half):
             design = np.hstack([rest[rows], columns[rows]])
             scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
-            values = np.linalg.lstsq(design / scale, self._evidence.target[rows], rcond=1e-9)[0]
+            values = np.linalg.lstsq(design / scale, self.evidence.target[rows], rcond=1e-9)[0]
             estimates.append((values / scale)[rest.shape[1]:])
-        first, second = (columns @ estimate for estimate in estimates)
+        # of its torque what the rest of the model cannot follow: the other part is anybody's
+        basis = project(self.evidence, hypotheses[:-1]).basis
+        visible = columns - basis @ (basis.T @ columns)
+        first, second = (visible @ estimate for estimate in estimates)
         return float(first @ second / max(np.linalg.norm(first) * np.linalg.norm(second), 1e-30))
 
     def _retest(self, selection: Selection) -> None:
         """Look at every cause but the newest again, beside the others: shape, joints, need."""
         for item in list(selection.found[:-1]):
             others = [other.hypothesis for other in selection.found if other is not item]
-            projection = project(self._evidence, others)
+            projection = project(self.evidence, others)
             candidate = self.best(item.hypothesis.effect, projection)
             verdict: Found | Rejected = Rejected(item.hypothesis.label,
                                                  'explained by another cause')
-            if candidate and candidate.p_value(self._family) < self._rules.p_value:
+            if candidate and self._is_evident(candidate):
                 verdict = self._confirm(self._keep_acting_joints(candidate, projection), others)
             position = selection.found.index(item)
             if isinstance(verdict, Rejected):
@@ -348,27 +407,95 @@ class Selector:
             else:
                 selection.found[position] = verdict
 
+    def left_over(self, selection: Selection) -> Candidate | None:
+        """Return what of the library still explains most, if much, without being a cause.
+
+        Beside the right causes nothing does, but what sampling, filters and standstill leave.
+        Beside causes it counts only where it is what they get wrong of their own torque: alone it
+        would explain more. Another small effect, as every machine has, is not held against them.
+        """
+        projection, base = (project(self.evidence, part) for part in (selection.hypotheses, ()))
+        named = {item.effect.name for item in selection.hypotheses}
+        found = []
+        for name, effect in self._library.items():
+            candidate = None if name in (*named, *LIKE_FILTERS) else self.best(effect, projection)
+            if candidate is None or candidate.score(self.evidence.rows) < self.rules.left_score:
+                continue
+            if named and (base.gain(candidate.hypothesis)
+                          < self.rules.distortion * candidate.likelihood_ratio):
+                continue
+            found.append(candidate)
+        return max(found, key=lambda item: item.score(self.evidence.rows), default=None)
+
+    def own_share(self, selection: Selection) -> float:
+        """Return how much of what all causes explain is lost if each is taken away by itself.
+
+        1 for causes that have nothing to do with each other, little for names that fit only
+        together.
+        """
+        whole = self._evidence_of(selection.hypotheses)
+        own = sum(whole - self._evidence_of([other for other in selection.hypotheses
+                                             if other is not item])
+                  for item in selection.hypotheses)
+        return own / max(whole, 1e-30)
+
+    def _prune(self, selection: Selection) -> None:
+        """Take away causes that are little more than what the others get wrong of their torque."""
+        while len(selection.found) > 1:
+            whole = self._evidence_of(selection.hypotheses)
+            weakest, reason = None, ''
+            for item in selection.found:
+                others = [other for other in selection.hypotheses if other is not item.hypothesis]
+                own = whole - self._evidence_of(others)
+                if weakest is not None and own >= weakest[0]:
+                    continue
+                if own < self.rules.least_evidence * whole:
+                    weakest, reason = (own, item), (
+                        f'what it explains is {own / whole:.2%} of what all causes explain, no '
+                        f'more than they may get wrong of each other')
+                elif self._alone(item.hypothesis, others) < self.rules.least_alone:
+                    weakest, reason = (own, item), 'its torque is that of another cause'
+            if weakest is None:
+                return
+            selection.rejected.append(Rejected(weakest[1].hypothesis.label, reason))
+            selection.found.remove(weakest[1])
+
+    def _evidence_of(self, hypotheses: Sequence[Hypothesis]) -> float:
+        """Return how much less hypotheses leave of the whitened target than the base, squared."""
+        left = [project(self.evidence, part).residual for part in ((), hypotheses)]
+        return float(left[0] @ left[0] - left[1] @ left[1])
+
+    def _alone(self, hypothesis: Hypothesis, others: Sequence[Hypothesis]) -> float:
+        """Return the share (rms) of an effect's visible torque that the others do not have."""
+        fit = solve(self.evidence, [*others, hypothesis])
+        columns = self.evidence.columns(hypothesis)
+        coefficients = hypothesis.stacked(fit.coefficients[-1])
+        beside, visible = (project(self.evidence, part).left_share(columns, coefficients)
+                           for part in (others, ()))
+        return beside / max(visible, 1e-30)
+
     def with_twins(self, selection: Selection) -> Selection:
         """Return the selection with the names that could stand in for each cause."""
         found = []
         for item in selection.found:
             others = [other for other in selection.hypotheses if other is not item.hypothesis]
             named = {other.effect.name for other in others} | {item.hypothesis.effect.name}
-            projection = project(self._evidence, others)
+            projection = project(self.evidence, others)
             own = projection.gain(item.hypothesis)
             twins = []
             for name, effect in self._library.items():
                 if name in named:
                     continue
                 rival = self.best(effect, projection)
-                if rival is None or own - rival.likelihood_ratio > 2.0 * self._rules.twin_margin:
+                if rival is None or own - rival.likelihood_ratio > 2.0 * self.rules.twin_margin:
                     continue
-                fit = solve(self._evidence, [*others, rival.hypothesis])
-                if self._implausible(rival.hypothesis, fit, len(others)) is not None:
+                fit = solve(self.evidence, [*others, rival.hypothesis])
+                if (self._implausible(rival.hypothesis, fit, len(others)) is not None
+                        or not self._obeys(rival.hypothesis, others, fit)):
                     continue
-                gain = self._blocks.whitened_gain(
-                    self._other.left(others, solve(self._evidence, others)),
-                    self._other.left([*others, rival.hypothesis], fit))
+                gain = self.blocks.whitened_gain(
+                    self.heldout.left(others, solve(self.evidence, others)),
+                    self.heldout.left([*others, rival.hypothesis], fit))
                 if gain.share > 0.5 * item.gain.share:
                     twins.append(name)
             found.append(replace(item, twins=tuple(twins)))
@@ -376,7 +503,7 @@ class Selector:
 
     def richest(self) -> list[Hypothesis]:
         """Return every effect at its best shape: what the noise model must not swallow."""
-        projection = project(self._evidence, [])
+        projection = project(self.evidence, [])
         candidates = (self.best(effect, projection) for effect in self._library.values())
         return [item.hypothesis for item in candidates if item is not None]
 
