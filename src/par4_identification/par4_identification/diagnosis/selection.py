@@ -90,7 +90,7 @@ class Rules:
     sufficient_share: float = 0.97
     closed_share: float = 0.4
     far_excess: float = 10.0
-    left_score: float = 30.0
+    left_score: float = 40.0
     distortion: float = 1.25
     own_share: float = 0.5
     remaining_gain: float = 0.004
