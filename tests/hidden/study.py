@@ -15,7 +15,7 @@ from hidden.scenario import Scenario, Task, draw_scenario, record_scenario, trut
 from hidden.truth import CHAOTIC, VISIBLE, true_noise
 from par4_identification.diagnosis.diagnosis import LIBRARY, Diagnosis, diagnose
 
-COUNTS = {'single': 420, 'pair': 115, 'removed': 110, 'clean': 400, 'below': 50, 'rods': 55}
+COUNTS = {'single': 384, 'pair': 115, 'removed': 108, 'clean': 400, 'below': 15, 'rods': 45}
 """At scale 1: somewhat more than asked where some will not be visible; rods are 5 % of all."""
 EVERY_BULLET, EVERY_BAG = 20, 20
 """One single in so many runs in pybullet, another through bags."""
@@ -24,11 +24,15 @@ STRIDE = 100_000
 
 
 def tasks_of_study(scale: float, first_seed: int) -> list[Task]:
-    """Return the tasks of a study, effects in turn; the same for the same arguments."""
+    """Return the tasks of a study, effects in turn; the same for the same arguments.
+
+    The kinds are mixed, so that what is done of a study is a sample of the whole.
+    """
     names = list(HIDERS)
     tasks = []
     for row, (kind, count) in enumerate(COUNTS.items()):
-        for index in range(max(1, round(scale * count))):
+        wanted = max(1, round(scale * count))
+        for index in range(wanted):
             seed = first_seed + STRIDE * row + index
             effect = None
             if kind == 'rods':
@@ -37,11 +41,11 @@ def tasks_of_study(scale: float, first_seed: int) -> list[Task]:
                 usable = [name for name in names if kind in ('single', 'removed')
                           or name not in CHAOTIC]
                 effect = usable[(index * 7 + row) % len(usable)]
-            tasks.append(Task(
+            tasks.append((index / wanted, Task(
                 kind, seed, effect, coloured=index % 2 == 1,
                 fidelity='fast' if kind == 'single' and index % EVERY_BULLET == 3 else 'exact',
-                through_bag=kind == 'single' and index % EVERY_BAG == 13))
-    return tasks
+                through_bag=kind == 'single' and index % EVERY_BAG == 13)))
+    return [task for _, task in sorted(tasks, key=lambda item: item[0])]
 
 
 def outcome_of(task: Task) -> dict:
