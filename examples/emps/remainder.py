@@ -21,6 +21,10 @@ from published_recipe import COLUMNS, problem_of_columns, recipe_columns, recipe
 from recording import Recording
 
 
+STOOD_FOR = ('time_offset', 'nonlinear_viscous')
+"""Names in whose place a delay of the force and friction of low speed are tried."""
+
+
 @dataclass(frozen=True)
 class LowSpeed:
     """The recipe with friction Fc v / (|v| + width) in place of Fc sign v.
@@ -65,13 +69,14 @@ def low_speed_friction(recording: Recording, diagnosis: Diagnosis, delays: Seque
 
     Args:
         recording: the data.
-        diagnosis: its causes count but `time_offset`: the force is moved by `delays` instead.
+        diagnosis: its causes count but those that this stands for: the force is moved by `delays`
+            and friction builds up with the speed instead.
         delays: s.
         widths: m/s.
     """
     own = recipe_columns(recording.position, recording.period, COLUMNS)
     causes = {label: column for label, column in columns_of_causes(recording, diagnosis).items()
-              if label != 'time_offset'}
+              if not label.startswith(STOOD_FOR)}
     first = np.arange(len(recording.position)) < len(recording.position) // 2
     found = []
     for delay in delays:
