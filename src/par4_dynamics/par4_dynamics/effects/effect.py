@@ -60,6 +60,8 @@ class Effect(ABC):
         expanded: True where the columns are a series around the one coefficient, which the shape
             `expanded_at` holds: a search goes to where both agree.
         retimes: True where it is the torque of the motion at another time, to first order.
+        tolerance: by which its torque may change more than that of others from data to data: what
+            its columns leave out goes with the motion.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
     """
 
@@ -71,6 +73,7 @@ class Effect(ABC):
     fixed_coefficients: ClassVar[bool] = False
     expanded: ClassVar[bool] = False
     retimes: ClassVar[bool] = False
+    tolerance: ClassVar[float] = 1.0
     phrase: ClassVar[str]
 
     def shapes(self, state: State) -> tuple[Shape, ...]:  # noqa: ARG002

@@ -32,6 +32,7 @@ class ElasticTransmission(Effect):
     parameters = (EffectParameter('stiffness', 'N m/rad', 'joint'),)
     shared = True
     needs_nominal = True
+    tolerance = 2.0
 
     def columns(self, state, shape):
         compliance = np.array([shape.get(name, 0.0) for name in _names(state.joints)])

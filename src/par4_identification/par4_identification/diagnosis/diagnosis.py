@@ -12,6 +12,7 @@ from par4_dynamics.base_terms import BaseTerm
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE, effect_named
 from par4_dynamics.effects.effect import Effect
+from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
@@ -294,8 +295,9 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         extended_model=extended, fit_runs=tuple(fit_runs), evidence=evidence,
         hypotheses=tuple(selection.hypotheses))
     named = {cause.effect.name for cause in diagnosis.causes}
-    if (Backlash.name in applicable and Backlash.name not in named
-            and not withheld and not remaining.significant):
+    smooth = remaining.significant and remaining.gain.share > rules.rattling_gain
+    if (Backlash.name in applicable and not named & {Backlash.name, ElasticTransmission.name}
+            and not withheld and not smooth and not selector.rings(selection)):
         left = residuals(evidence.observations, diagnosis.hypotheses, full_fit)
         found = rattle([(evidence.observations, left), (heldout, diagnosis.holdout.extended)])
         if found is not None and found.p_value < rules.p_value:

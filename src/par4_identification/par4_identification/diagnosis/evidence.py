@@ -36,6 +36,11 @@ class Hypothesis:
         shape = ', '.join(f'{name} {value:.4g}' for name, value in self.shape.items())
         return f'{self.effect.name} ({shape})' if shape else self.effect.name
 
+    @property
+    def key(self) -> tuple:
+        """What tells it from any other."""
+        return self.effect.name, tuple(sorted(self.shape.items())), self.joints
+
 
 @dataclass(frozen=True)
 class Whitener:
@@ -192,11 +197,13 @@ class Projection:
 
     Attributes:
         evidence: whose target.
+        hypotheses: in the design, beside the base columns.
         basis: (N, c).
         residual: (N,).
     """
 
     evidence: Evidence
+    hypotheses: tuple[Hypothesis, ...]
     basis: np.ndarray
     residual: np.ndarray
 
@@ -250,7 +257,8 @@ def project(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Projection:
     """Return the projection of the target out of base columns and hypotheses."""
     design = evidence.design(hypotheses)
     basis, _ = np.linalg.qr(design / np.maximum(np.linalg.norm(design, axis=0), 1e-30))
-    return Projection(evidence, basis, evidence.target - basis @ (basis.T @ evidence.target))
+    residual = evidence.target - basis @ (basis.T @ evidence.target)
+    return Projection(evidence, tuple(hypotheses), basis, residual)
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,8 @@ DRAWS = 4
 """Of the noise of counts, whose squares are then known to a few percent."""
 WRONG = 0.5
 """Share of T^2 / 2, by which a lag T and a delay T differ, from which on the law is another."""
+TOLD = 0.5
+"""Least share of the second order's squares that must not be noise of counts, to be judged."""
 SURE = 10.0
 """Log-likelihood of a second order that is no chance."""
 
@@ -56,10 +58,13 @@ class Dithered:
                                       for run in evidence.observations.runs])
         columns = columns - projection.basis @ (projection.basis.T @ columns)
         gram, moment = columns.T @ columns, columns.T @ projection.residual
+        told = gram[1, 1]
         for torque, orders in zip(self._noise(evidence, _delivered),
                                   self._noise(evidence, _orders(hypothesis))):
             gram = gram - orders.T @ orders / len(self.draws)
             moment = moment + orders.T @ torque[:, 0] / len(self.draws)
+        if gram[1, 1] < TOLD * told:
+            return True
         both = np.linalg.solve(gram, moment)
         gain = 0.5 * float(both @ moment - moment[0] ** 2 / gram[0, 0])
         return gain < SURE or abs(both[1]) < WRONG * 0.5 * time ** 2

@@ -64,11 +64,15 @@ class Rules:
             where the residual is beyond `far_excess` times that floor.
         far_excess: further above the floor than noise that wanders by itself.
         left_score: least score of an effect of the library that is no cause and yet counts as
-            something left.
+            something left,
+        left_share: and least share of it of what the causes explain.
         distortion: least ratio of what it explains alone to what it explains beside the causes.
         own_share: least share, of what three causes and more explain together, that is lost if each
             is taken away by itself.
         remaining_gain: held-out gain of nameless blocks that counts as something left.
+        ringing: share of the squares left beyond which twisting transmissions, though no cause, are
+            nearer than a gap.
+        rattling_gain: held-out gain of nameless blocks beyond which what is left does not rattle.
         floor_excess: residual over noise floor beyond which something is wrong though no block
             explains it.
     """
@@ -91,9 +95,12 @@ class Rules:
     closed_share: float = 0.4
     far_excess: float = 10.0
     left_score: float = 40.0
+    left_share: float = 2e-4
     distortion: float = 1.25
     own_share: float = 0.5
     remaining_gain: float = 0.004
+    ringing: float = 0.3
+    rattling_gain: float = 0.1
     floor_excess: float = 1.6
 
 
@@ -126,10 +133,17 @@ class Rejected:
 
 @dataclass
 class Selection:
-    """Causes found and candidates rejected, in the order in which it happened."""
+    """Causes found and candidates rejected, in the order in which it happened.
+
+    Attributes:
+        found: the causes.
+        rejected: whatever was looked at closely.
+        shadows: names that were taken away as what the causes get wrong of each other.
+    """
 
     found: list[Found] = field(default_factory=list)
     rejected: list[Rejected] = field(default_factory=list)
+    shadows: set[str] = field(default_factory=set)
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
@@ -177,13 +191,20 @@ class Selector:
         self.blocks = blocks
         self.rules = rules
         self._dithered = dithered
+        self._searched: dict[tuple, Candidate | None] = {}
         state = max(evidence.observations.runs, key=lambda run: len(run.t)).state
         self._shapes = {name: effect.shapes(state) for name, effect in library.items()}
         self._family = sum(len(shapes) for shapes in self._shapes.values())
         self._joints = tuple(range(evidence.observations.joints))
 
     def best(self, effect: Effect, projection: Projection) -> Candidate | None:
-        """Return the best shape of an effect on all joints given a projection."""
+        """Return the best shape of an effect on all joints given a projection; searched once."""
+        key = (effect.name, frozenset(item.key for item in projection.hypotheses))
+        if key not in self._searched:
+            self._searched[key] = self._search(effect, projection)
+        return self._searched[key]
+
+    def _search(self, effect: Effect, projection: Projection) -> Candidate | None:
         if isinstance(effect, ElasticTransmission):
             return self._twisting(effect, projection)
         shapes = self._shapes[effect.name]
@@ -331,7 +352,7 @@ class Selector:
             return Rejected(hypothesis.label, f'its estimates from the two halves of the data '
                             f'disagree (cosine {agreement:.2f})')
         error = transfer_error(self.evidence, self.heldout, together)
-        if error > self.rules.transfer:
+        if error > self.rules.transfer * hypothesis.effect.tolerance:
             return Rejected(hypothesis.label, f'its estimates from the data to learn from and from '
                             f'those held out differ by {error:.0%} of its torque')
         return Found(hypothesis, candidate.likelihood_ratio, candidate.p_value(self._family), gain)
@@ -416,16 +437,31 @@ class Selector:
         """
         projection, base = (project(self.evidence, part) for part in (selection.hypotheses, ()))
         named = {item.effect.name for item in selection.hypotheses}
+        if ElasticTransmission.name in named:
+            return None  # whose resonances are right to some percent only
+        twins = {name for item in selection.found for name in item.twins}
+        spared = {*named, *twins, *selection.shadows, *LIKE_FILTERS}
+        least = max(self.rules.left_score,
+                    self.rules.left_share * self._evidence_of(selection.hypotheses))
         found = []
         for name, effect in self._library.items():
-            candidate = None if name in (*named, *LIKE_FILTERS) else self.best(effect, projection)
-            if candidate is None or candidate.score(self.evidence.rows) < self.rules.left_score:
+            candidate = None if name in spared else self.best(effect, projection)
+            if candidate is None or candidate.score(self.evidence.rows) < least:
                 continue
             if named and (base.gain(candidate.hypothesis)
                           < self.rules.distortion * candidate.likelihood_ratio):
                 continue
             found.append(candidate)
         return max(found, key=lambda item: item.score(self.evidence.rows), default=None)
+
+    def rings(self, selection: Selection) -> bool:
+        """Return whether transmissions that twist, no cause though, explain much of what is left.
+        """
+        effect = self._library.get(ElasticTransmission.name)
+        projection = project(self.evidence, selection.hypotheses)
+        candidate = None if effect is None else self.best(effect, projection)
+        return candidate is not None and candidate.likelihood_ratio > self.rules.ringing * float(
+            projection.residual @ projection.residual)
 
     def own_share(self, selection: Selection) -> float:
         """Return how much of what all causes explain is lost if each is taken away by itself.
@@ -459,6 +495,7 @@ class Selector:
                 return
             selection.rejected.append(Rejected(weakest[1].hypothesis.label, reason))
             selection.found.remove(weakest[1])
+            selection.shadows.add(weakest[1].hypothesis.effect.name)
 
     def _evidence_of(self, hypotheses: Sequence[Hypothesis]) -> float:
         """Return how much less hypotheses leave of the whitened target than the base, squared."""
@@ -510,4 +547,4 @@ class Selector:
 
 def replace_found(selection: Selection, found: list[Found]) -> Selection:
     """Return a selection with other causes and the same rejections."""
-    return Selection(list(found), list(selection.rejected))
+    return Selection(list(found), list(selection.rejected), set(selection.shadows))

@@ -9,11 +9,11 @@ import numpy as np
 from par4_dynamics.effects.transmission import DAMPING_RATIO, Springs
 from par4_identification.diagnosis.evidence import Projection
 
-GRID = np.geomspace(1e-5, 1e-3, 13)
+GRID = np.geomspace(1e-5, 1e-2, 19)
 """rad/(N m): a resonance apart at the coarse damping."""
 COARSE_DAMPING = 0.1
 """Of the first search: wide resonances overlap, and so do the basins of the fit."""
-COARSE_STEP = 3
+COARSE_STEP = 2
 """Samples from step to step of the integration in the first search."""
 STIFFEST, SOFTEST = 1e-6, 1e-2
 SWEEPS, STEPS, TRIALS = 2, 12, 5
