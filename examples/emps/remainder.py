@@ -20,7 +20,6 @@ from par4_identification.estimators.problem import Series
 from published_recipe import COLUMNS, problem_of_columns, recipe_columns, recipe_motion
 from recording import Recording
 
-
 STOOD_FOR = ('time_offset', 'nonlinear_viscous')
 """Names in whose place a delay of the force and friction of low speed are tried."""
 
