@@ -40,7 +40,7 @@ class Rattle:
     Attributes:
         joints: which.
         gap: about how wide their gaps are, (k,) rad.
-        p_value: of the weakest of them, over all joints.
+        p_value: that none does, family-wise over all joints.
     """
 
     joints: tuple[int, ...]
@@ -96,7 +96,7 @@ def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle
                 for joint in joints]
     return Rattle(joints, np.array([np.mean([slip[joint].gap for slip in slips])
                                     for joint in joints]),
-                  float(min(max(p_values) * len(slips[0]), 1.0)))
+                  float(min(min(p_values) * len(slips[0]), 1.0)))
 
 
 def _slips(observations: Observations, left: Sequence[np.ndarray]) -> list[_Slip]:

@@ -95,7 +95,7 @@ class Rules:
     closed_share: float = 0.4
     far_excess: float = 10.0
     left_score: float = 40.0
-    left_share: float = 2e-4
+    left_share: float = 5e-4
     distortion: float = 1.25
     own_share: float = 0.5
     remaining_gain: float = 0.004
