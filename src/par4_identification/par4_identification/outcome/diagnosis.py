@@ -67,15 +67,15 @@ def outcome_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis,
     rattling = not all(cause.predictable for cause in diagnosis.causes)
     if rattling and len(diagnosis.causes) == 1:
         return Outcome(
-            f'The machine has {names}: its load rattles after the torque has turned over, which no '
-            f'model predicts instant by instant, and with {before} of error on data the model has '
-            f'not seen, the noise floor being {noise}.', 'fair', remarks)
+            f'The machine has {names}: its load rattles after the torque has turned over, by '
+            f'{before} on data the model has not seen, the noise floor being {noise}, '
+            f'which no function of the recorded motion gives.', 'fair', remarks)
     them = 'it' if len(diagnosis.causes) == 1 else 'them'
     sentence = (f"The machine has {names}; with {them} the model's error on data it has not seen "
                 f'falls from {before} to {after}, the noise floor being {noise}')
     if rattling:
-        return Outcome(f'{sentence}; loads that rattle remain, which no model predicts instant by '
-                       f'instant.', 'fair', remarks)
+        return Outcome(f'{sentence}; loads that rattle remain, which no function of the recorded '
+                       f'motion gives.', 'fair', remarks)
     if diagnosis.verdict == 'partly_explained':
         return Outcome(f'{sentence}; {looks_like} remains unexplained.', 'fair', remarks)
     return Outcome(f'{sentence}.', 'good' if all(remark.good for remark in remarks) else 'fair',
@@ -169,7 +169,7 @@ def _remarks(diagnosis: Diagnosis, experiment: NextExperiment | None) -> tuple[R
             remarks.append(Remark(
                 False, f'{_capital(cause.effect.phrase)} is read off where the residual is large, '
                 f'not off its course; the size is good to a third.',
-                'Preload or adjust the transmission; no feedforward removes it.'))
+                'Preload or adjust the transmission; feedforward alone does not remove it.'))
         if cause.twins:
             remarks.append(Remark(
                 False, f'On this motion {cause.effect.phrase} cannot be told from '
