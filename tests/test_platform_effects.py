@@ -420,7 +420,7 @@ def test_typical_values_are_believed_and_the_signature_fits_the_motion(name):
     ('platform_drag', {'viscous': -0.4, 'quadratic': 0.0}, 'must dissipate'),
     ('platform_drag', {'viscous': 40.0}, 'ten times'),
     ('encoder_offset', {'offset': (0.0, 0.0, -0.2, 0.0)}, 'not believed'),
-    ('encoder_eccentricity', {'amplitude': (0.0, 0.03, 0.0, 0.0)}, 'ten times'),
+    ('encoder_eccentricity', {'amplitude': (0.0, 0.005, 0.0, 0.0)}, 'badly mounted'),
     ('geometry_error', {'base_radius': -0.05}, 'in base_radius'),
 ])
 def test_implausible_values_are_refused(name, wrong, reason):
