@@ -39,7 +39,7 @@ from hidden.truth import TWIN, VISIBLE
 from rich.progress import Progress
 from scipy.stats import binomtest
 
-from par4_identification.diagnosis.selection import Rules
+from par4_identification.diagnosis.rules import Rules
 
 ROOT = Path(__file__).parents[1]
 SCORING_SEED = 1_000_000

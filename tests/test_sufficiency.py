@@ -24,7 +24,9 @@ from par4_identification.diagnosis.gate import WORST_ERROR, unusable
 from par4_identification.diagnosis.holdout import Gain, blocks_of_runs
 from par4_identification.diagnosis.law import Dithered
 from par4_identification.diagnosis.observations import observe
-from par4_identification.diagnosis.selection import Found, Rejected, Rules, Selection, Selector
+from par4_identification.diagnosis.rules import Rules
+from par4_identification.diagnosis.selection import Found, Rejected, Selection, Selector
+from par4_identification.diagnosis.sufficiency import left_over, own_share
 from par4_identification.identification import identify_runs
 from par4_identification.noise import ArNoise
 from par4_identification.rows import runs_of_log
@@ -81,25 +83,25 @@ def test_what_a_relative_leaves_of_the_true_effect_is_left_over():
     """A tilted base called a torque offset: what the offset lacks looks like the tilt."""
     selector = selector_of(('base_tilt', TILT), library=('torque_offset', 'base_tilt'))
     wrong, right = (selected(('torque_offset', {}, EVERY)), selected(('base_tilt', {}, EVERY)))
-    assert selector.left_over(wrong).hypothesis.effect.name == 'base_tilt'
-    assert selector.left_over(right) is None
+    assert left_over(selector, wrong).hypothesis.effect.name == 'base_tilt'
+    assert left_over(selector, right) is None
 
 
 def test_another_small_effect_is_held_against_nobody_but_a_clean_verdict():
     """An offset and friction under load: of a motion to and fro they have nothing in common."""
     selector = selector_of(('torque_offset', {'offset': OFFSET}), LOADED,
                            library=('torque_offset', 'load_dependent_friction'))
-    causes, loaded = (selected((name, {}, EVERY)) for name in selector._library)
+    causes, loaded = (selected((name, {}, EVERY)) for name in selector.library)
     beside = project(selector.evidence, causes.hypotheses).gain(loaded.hypotheses[0])
     assert beside > 4.0 * Rules().left_score  # it is there
-    assert selector.left_over(causes) is None
+    assert left_over(selector, causes) is None
     # without any cause, what explains something is left over
-    assert selector.left_over(selected()) is not None
+    assert left_over(selector, selected()) is not None
 
 
 def test_noise_alone_is_not_left_over():
     selector = selector_of(library=('torque_offset', 'base_tilt', 'cogging', 'coulomb_asymmetry'))
-    assert selector.left_over(selected()) is None
+    assert left_over(selector, selected()) is None
 
 
 # ---------------------------------------------------------------------------- what is one's own
@@ -109,16 +111,16 @@ def test_causes_that_have_nothing_in_common_own_all_they_explain():
     offset, loaded = ('torque_offset', {}, EVERY), ('load_dependent_friction', {}, EVERY)
     selector = selector_of(('torque_offset', {'offset': OFFSET}),
                            (LOADED[0], {'coefficient': 0.02}))
-    assert selector.own_share(selected(offset, loaded)) == pytest.approx(1.0, abs=0.05)
+    assert own_share(selector, selected(offset, loaded)) == pytest.approx(1.0, abs=0.05)
     for alone in (offset, loaded):
-        assert selector.own_share(selected(alone)) == pytest.approx(1.0, abs=1e-9)
+        assert own_share(selector, selected(alone)) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_causes_with_one_torque_own_nothing():
     """While a joint moves, an offset and an asymmetry of Coulomb friction are one law."""
     selector = selector_of(('torque_offset', {'offset': OFFSET}))
     twins = selected(('torque_offset', {}, EVERY), ('coulomb_asymmetry', {}, EVERY))
-    assert selector.own_share(twins) < 0.02
+    assert own_share(selector, twins) < 0.02
 
 
 # --------------------------------------------------------------------------------------- shadows

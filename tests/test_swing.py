@@ -14,7 +14,7 @@ from par4_dynamics.effects.transmission import DAMPING_RATIO, MOTOR_SHARE
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.evidence import project
-from par4_identification.diagnosis.selection import Rules
+from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.swing import compliances
 from par4_kinematics.robot import Axis
 

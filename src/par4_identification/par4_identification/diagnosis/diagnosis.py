@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -32,16 +31,23 @@ from par4_identification.diagnosis.floor import noise_floor
 from par4_identification.diagnosis.gate import unusable
 from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
 from par4_identification.diagnosis.law import dithered
-from par4_identification.diagnosis.nameless import available_blocks, fit_block, ranges_of
 from par4_identification.diagnosis.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.selection import (
     EXPANSIONS,
-    Candidate,
     Found,
     Rejected,
     Rules,
     Selector,
+)
+from par4_identification.diagnosis.sufficiency import (
+    Remaining,
+    Verdict,
+    left_over,
+    own_share,
+    remaining_of,
+    rings,
+    verdict_of,
 )
 from par4_identification.identification import identify_runs
 from par4_identification.log import Log
@@ -60,7 +66,6 @@ AGREED = 4
 RETIMED = 0.5
 """Least share of the base model's squared error that a nominal torque of another time leaves."""
 
-Verdict = Literal['clean', 'explained', 'partly_explained', 'unknown', 'unusable_data']
 Progress = Callable[[str], None]
 
 
@@ -88,16 +93,6 @@ class Cause:
     p_value: float
     gain: Gain
     predictable: bool = True
-
-
-@dataclass(frozen=True)
-class Remaining:
-    """What nameless blocks still explain on held-out rows."""
-
-    significant: bool
-    looks_like: str | None
-    gain: Gain
-    floor_excess: float
 
 
 @dataclass(frozen=True)
@@ -270,11 +265,11 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     simple = extended.model_copy(update={'effects': tuple(
         entry for entry in extended.effects if not effect_named(entry.effect).needs_nominal)})
     floor = noise_floor(holdout_runs, machine, build_model(machine, simple))
-    remaining, explained_share = _remaining(selector, hypotheses, before, after, floor)
+    remaining, explained_share = remaining_of(selector, hypotheses, before, after, floor)
     holdout = _holdout(holdout_runs, blocks, before, after, floor)
-    verdict, withheld = _verdict(
-        selection.found, remaining, explained_share, selector.left_over(selection),
-        selector.own_share(selection), holdout.explained_fraction, rules)
+    verdict, withheld = verdict_of(
+        selection.found, remaining, explained_share, left_over(selector, selection),
+        own_share(selector, selection), holdout.explained_fraction, rules)
     rejected = list(selection.rejected)
     if withheld:
         rejected += [Rejected(item.hypothesis.label, withheld) for item in selection.found]
@@ -297,7 +292,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     named = {cause.effect.name for cause in diagnosis.causes}
     smooth = remaining.significant and remaining.gain.share > rules.rattling_gain
     if (Backlash.name in applicable and not named & {Backlash.name, ElasticTransmission.name}
-            and not withheld and not smooth and not selector.rings(selection)):
+            and not withheld and not smooth and not rings(selector, selection)):
         left = residuals(evidence.observations, diagnosis.hypotheses, full_fit)
         found = rattle([(evidence.observations, left), (heldout, diagnosis.holdout.extended)])
         if found is not None and found.p_value < rules.p_value:
@@ -354,71 +349,6 @@ def _beside_retimed(base_model: Model, observations: Observations, machine: Robo
 
 def _unusable(reasons: tuple[str, ...], runs: tuple[Run, ...]) -> Diagnosis:
     return Diagnosis('unusable_data', (), reasons, (), None, None, {}, {}, None, runs)
-
-
-def _remaining(selector: Selector, hypotheses: Sequence[Hypothesis], before: Sequence[np.ndarray],
-               after: Sequence[np.ndarray], floor: np.ndarray) -> tuple[Remaining, float]:
-    """Return what remains and the share of all that anything explains that the causes explain."""
-    evidence, heldout, blocks, rules = (selector.evidence, selector.heldout, selector.blocks,
-                                        selector.rules)
-    left = residuals(evidence.observations, hypotheses, solve(evidence, hypotheses))
-    ranges = ranges_of(evidence.observations, left)
-    fits = [fit_block(block, evidence, heldout.observations, hypotheses, ranges)
-            for block in available_blocks(evidence.observations)]
-    old, new, *with_block = (heldout.whitened(part)
-                             for part in (before, after, *(fit.heldout for fit in fits)))
-    gains = [blocks.whitened_gain(new, part) for part in with_block]
-    strongest = int(np.argmax([gain.low for gain in gains]))
-    gain = gains[strongest]
-    valid_rows = blocks.counts().sum(axis=0)
-    mean_square = blocks.sums(after, weighted=False).sum(axis=0) / np.maximum(valid_rows, 1)
-    excess = float(np.sqrt(mean_square.sum() / max((floor ** 2).sum(), 1e-30)))
-    torque = sum(np.sum(np.where(run.valid, run.tau, 0.0) ** 2)
-                 for run in heldout.observations.runs)
-    explained = (blocks.sums(after, weighted=False).sum()
-                 - blocks.sums(fits[strongest].heldout, weighted=False).sum())
-    significant = (gain.share > rules.remaining_gain and gain.low > 0.0
-                   and explained > rules.least_share ** 2 * torque)
-    looks_like = fits[strongest].block if significant else None
-    squares = [float(part @ part) for part in (old, new, with_block[strongest])]
-    best = min(squares[1:]) if significant else squares[1]
-    share = (squares[0] - squares[1]) / max(squares[0] - best, 1e-30) if hypotheses else 0.0
-    return Remaining(significant, looks_like, gain, excess), share
-
-
-def _verdict(found: Sequence[Found], remaining: Remaining, explained_share: float,
-             left_over: Candidate | None, own_share: float, closed: float, rules: Rules
-             ) -> tuple[Verdict, str]:
-    """Return the verdict and, where names are withheld, why.
-
-    Args:
-        found: the causes.
-        remaining: what nameless blocks still find.
-        explained_share: of the causes, of what they and the best block explain together.
-        left_over: what of the library still explains something without being a cause.
-        own_share: of the causes, see `Selector.own_share`.
-        closed: share of the error above the noise floor that the causes close.
-        rules: thresholds.
-    """
-    wrong = (remaining.significant or left_over is not None
-             or remaining.floor_excess > rules.floor_excess)
-    if not found:
-        return ('unknown' if wrong else 'clean'), ''
-    if len(found) > 2 and own_share < rules.own_share:
-        return 'unknown', (f'the {len(found)} names found explain only together what is wrong; a '
-                           f'cause that is not in the library is more likely')
-    if remaining.significant and explained_share < rules.sufficient_share:
-        return 'unknown', (f'the names found explain {explained_share:.0%} of what a nameless '
-                           f'function of {remaining.looks_like} and they explain together; a '
-                           f'cause that is not in the library is more likely')
-    if left_over is not None:
-        return 'unknown', (f'what the names found leave still looks like '
-                           f'{left_over.hypothesis.label}, which is no cause either; a cause that '
-                           f'is not in the library is more likely')
-    if remaining.floor_excess > rules.far_excess and closed < rules.closed_share:
-        return 'unknown', (f'the names found close {closed:.0%} of the error above the noise '
-                           f'floor; a cause that is not in the library is more likely')
-    return ('partly_explained' if wrong else 'explained'), ''
 
 
 def _holdout(runs: Sequence[Run], blocks: Blocks, before: Sequence[np.ndarray],

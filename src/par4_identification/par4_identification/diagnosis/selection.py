@@ -23,85 +23,13 @@ from par4_identification.diagnosis.evidence import (
 from par4_identification.diagnosis.holdout import Blocks, Gain
 from par4_identification.diagnosis.law import Dithered
 from par4_identification.diagnosis.observations import Observations
+from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.swing import GRID, compliances
 
-LIKE_FILTERS = ('presliding', 'stribeck', 'actuator_lag', 'time_offset', 'elastic_transmission',
-                'backlash')
-"""Effects that a little of is left by every sampled and filtered record: at low speed, in time, and
-of the encoders' noise."""
 EXPANSIONS = 4
 """Times that a series is expanded around what came of it."""
 HALF_BLOCK = 100
 """Rows after which the two halves alternate, so that both see slow and fast motion."""
-
-
-@dataclass(frozen=True)
-class Rules:
-    """What a cause must show; fixed before any scored run.
-
-    Attributes:
-        p_value: family-wise, over all effects and shapes tried.
-        least_gain: least gain in log-likelihood beside the other causes; hardly less than the 50 at
-            which an effect is called visible.
-        holdout_gain: least share of the held-out squares, whitened, that it removes.
-        least_share: least rms of what of its torque the rest of the model cannot follow, over
-            that of the measured torque, on some joint; sampling and filters do not reproduce the
-            torque of fast motion any better.
-        agreement: least cosine between its estimates from two interleaved halves of the fit rows.
-        transfer: largest distance between the torques of its estimates from fit and from held-out
-            rows, over the torque: a cause keeps its parameters when the motion changes.
-        joint_p_value: below which a joint keeps an effect that others have.
-        joint_share: least share of the effect's likelihood ratio that a joint must carry.
-        twin_margin: difference of log-likelihood within which another name is as good.
-        equal_margin: difference of score within which the simpler of two names goes first.
-        most: number of causes at which a search ends; so many fit anything.
-        least_evidence: least share of what all causes explain that each must add: the torque of a
-            strong cause is right to some percent (rms).
-        least_alone: least share (rms) of a cause's visible torque that no other cause has.
-        fixed_range: of the coefficients of effects whose size is known.
-        sufficient_share: least share of what anything explains that the causes must explain.
-        closed_share: least share of the error above the noise floor that the causes must close
-            where the residual is beyond `far_excess` times that floor.
-        far_excess: further above the floor than noise that wanders by itself.
-        left_score: least score of an effect of the library that is no cause and yet counts as
-            something left,
-        left_share: and least share of it of what the causes explain.
-        distortion: least ratio of what it explains alone to what it explains beside the causes.
-        own_share: least share, of what three causes and more explain together, that is lost if each
-            is taken away by itself.
-        remaining_gain: held-out gain of nameless blocks that counts as something left.
-        ringing: share of the squares left beyond which twisting transmissions, though no cause, are
-            nearer than a gap.
-        rattling_gain: held-out gain of nameless blocks beyond which what is left does not rattle.
-        floor_excess: residual over noise floor beyond which something is wrong though no block
-            explains it.
-    """
-
-    p_value: float = 1e-3
-    least_gain: float = 40.0
-    holdout_gain: float = 0.01
-    least_share: float = 3e-4
-    agreement: float = 0.6
-    transfer: float = 0.2
-    joint_p_value: float = 1e-3
-    joint_share: float = 0.0005
-    twin_margin: float = 10.0
-    equal_margin: float = 2.0
-    most: int = 4
-    least_evidence: float = 1.25e-3
-    least_alone: float = 0.1
-    fixed_range: tuple[float, float] = (0.5, 1.5)
-    sufficient_share: float = 0.97
-    closed_share: float = 0.4
-    far_excess: float = 10.0
-    left_score: float = 40.0
-    left_share: float = 5e-4
-    distortion: float = 1.25
-    own_share: float = 0.5
-    remaining_gain: float = 0.004
-    ringing: float = 0.3
-    rattling_gain: float = 0.1
-    floor_excess: float = 1.6
 
 
 @dataclass(frozen=True)
@@ -184,7 +112,7 @@ class Selector:
 
     def __init__(self, library: Mapping[str, Effect], evidence: Evidence, heldout: Observations,
                  blocks: Blocks, rules: Rules, dithered: Dithered) -> None:
-        self._library = library
+        self.library = library
         self.evidence = evidence
         self.heldout = gather(heldout, replace(
             evidence.whitener, valid=tuple(run.valid for run in heldout.runs)))
@@ -264,7 +192,7 @@ class Selector:
         while len(selection.found) < self.rules.most:
             projection = project(self.evidence, selection.hypotheses)
             named = {item.effect.name for item in selection.hypotheses}
-            candidates = [self.best(effect, projection) for name, effect in self._library.items()
+            candidates = [self.best(effect, projection) for name, effect in self.library.items()
                           if name not in named | refused]
             candidates = [item for item in candidates if item is not None
                           and self._is_evident(item)]
@@ -428,61 +356,14 @@ class Selector:
             else:
                 selection.found[position] = verdict
 
-    def left_over(self, selection: Selection) -> Candidate | None:
-        """Return what of the library still explains most, if much, without being a cause.
-
-        Beside the right causes nothing does, but what sampling, filters and standstill leave.
-        Beside causes it counts only where it is what they get wrong of their own torque: alone it
-        would explain more. Another small effect, as every machine has, is not held against them.
-        """
-        projection, base = (project(self.evidence, part) for part in (selection.hypotheses, ()))
-        named = {item.effect.name for item in selection.hypotheses}
-        if ElasticTransmission.name in named:
-            return None  # whose resonances are right to some percent only
-        twins = {name for item in selection.found for name in item.twins}
-        spared = {*named, *twins, *selection.shadows, *LIKE_FILTERS}
-        least = max(self.rules.left_score,
-                    self.rules.left_share * self._evidence_of(selection.hypotheses))
-        found = []
-        for name, effect in self._library.items():
-            candidate = None if name in spared else self.best(effect, projection)
-            if candidate is None or candidate.score(self.evidence.rows) < least:
-                continue
-            if named and (base.gain(candidate.hypothesis)
-                          < self.rules.distortion * candidate.likelihood_ratio):
-                continue
-            found.append(candidate)
-        return max(found, key=lambda item: item.score(self.evidence.rows), default=None)
-
-    def rings(self, selection: Selection) -> bool:
-        """Return whether transmissions that twist, no cause though, explain much of what is left.
-        """
-        effect = self._library.get(ElasticTransmission.name)
-        projection = project(self.evidence, selection.hypotheses)
-        candidate = None if effect is None else self.best(effect, projection)
-        return candidate is not None and candidate.likelihood_ratio > self.rules.ringing * float(
-            projection.residual @ projection.residual)
-
-    def own_share(self, selection: Selection) -> float:
-        """Return how much of what all causes explain is lost if each is taken away by itself.
-
-        1 for causes that have nothing to do with each other, little for names that fit only
-        together.
-        """
-        whole = self._evidence_of(selection.hypotheses)
-        own = sum(whole - self._evidence_of([other for other in selection.hypotheses
-                                             if other is not item])
-                  for item in selection.hypotheses)
-        return own / max(whole, 1e-30)
-
     def _prune(self, selection: Selection) -> None:
         """Take away causes that are little more than what the others get wrong of their torque."""
         while len(selection.found) > 1:
-            whole = self._evidence_of(selection.hypotheses)
+            whole = self.evidence_of(selection.hypotheses)
             weakest, reason = None, ''
             for item in selection.found:
                 others = [other for other in selection.hypotheses if other is not item.hypothesis]
-                own = whole - self._evidence_of(others)
+                own = whole - self.evidence_of(others)
                 if weakest is not None and own >= weakest[0]:
                     continue
                 if own < self.rules.least_evidence * whole:
@@ -497,7 +378,7 @@ class Selector:
             selection.found.remove(weakest[1])
             selection.shadows.add(weakest[1].hypothesis.effect.name)
 
-    def _evidence_of(self, hypotheses: Sequence[Hypothesis]) -> float:
+    def evidence_of(self, hypotheses: Sequence[Hypothesis]) -> float:
         """Return how much less hypotheses leave of the whitened target than the base, squared."""
         left = [project(self.evidence, part).residual for part in ((), hypotheses)]
         return float(left[0] @ left[0] - left[1] @ left[1])
@@ -520,7 +401,7 @@ class Selector:
             projection = project(self.evidence, others)
             own = projection.gain(item.hypothesis)
             twins = []
-            for name, effect in self._library.items():
+            for name, effect in self.library.items():
                 if name in named:
                     continue
                 rival = self.best(effect, projection)
@@ -541,7 +422,7 @@ class Selector:
     def richest(self) -> list[Hypothesis]:
         """Return every effect at its best shape: what the noise model must not swallow."""
         projection = project(self.evidence, [])
-        candidates = (self.best(effect, projection) for effect in self._library.values())
+        candidates = (self.best(effect, projection) for effect in self.library.values())
         return [item.hypothesis for item in candidates if item is not None]
 
 

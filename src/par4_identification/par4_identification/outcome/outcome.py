@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from par4_identification.diagnosis.selection import Rules
+from par4_identification.diagnosis.rules import Rules
 from par4_identification.log import Log
 
 FLOOR_EXCESS = Rules().floor_excess

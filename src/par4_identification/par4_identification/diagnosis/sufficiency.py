@@ -1,0 +1,147 @@
+"""Sufficiency: do the names explain what is wrong, or do they stand in for something else?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from par4_dynamics.effects.elastic_transmission import ElasticTransmission
+from par4_identification.diagnosis.evidence import Hypothesis, project, residuals, solve
+from par4_identification.diagnosis.holdout import Gain
+from par4_identification.diagnosis.nameless import available_blocks, fit_block, ranges_of
+from par4_identification.diagnosis.rules import Rules
+from par4_identification.diagnosis.selection import Candidate, Found, Selection, Selector
+
+LIKE_FILTERS = ('presliding', 'stribeck', 'actuator_lag', 'time_offset', 'elastic_transmission',
+                'backlash')
+"""Effects that a little of is left by every sampled and filtered record: at low speed, in time, and
+of the encoders' noise."""
+Verdict = Literal['clean', 'explained', 'partly_explained', 'unknown', 'unusable_data']
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """What nameless blocks still explain on held-out rows."""
+
+    significant: bool
+    looks_like: str | None
+    gain: Gain
+    floor_excess: float
+
+
+def remaining_of(selector: Selector, hypotheses: Sequence[Hypothesis],
+                 before: Sequence[np.ndarray], after: Sequence[np.ndarray], floor: np.ndarray
+                 ) -> tuple[Remaining, float]:
+    """Return what remains and the share of all that anything explains that the causes explain."""
+    evidence, heldout, blocks, rules = (selector.evidence, selector.heldout, selector.blocks,
+                                        selector.rules)
+    left = residuals(evidence.observations, hypotheses, solve(evidence, hypotheses))
+    ranges = ranges_of(evidence.observations, left)
+    fits = [fit_block(block, evidence, heldout.observations, hypotheses, ranges)
+            for block in available_blocks(evidence.observations)]
+    old, new, *with_block = (heldout.whitened(part)
+                             for part in (before, after, *(fit.heldout for fit in fits)))
+    gains = [blocks.whitened_gain(new, part) for part in with_block]
+    strongest = int(np.argmax([gain.low for gain in gains]))
+    gain = gains[strongest]
+    valid_rows = blocks.counts().sum(axis=0)
+    mean_square = blocks.sums(after, weighted=False).sum(axis=0) / np.maximum(valid_rows, 1)
+    excess = float(np.sqrt(mean_square.sum() / max((floor ** 2).sum(), 1e-30)))
+    torque = sum(np.sum(np.where(run.valid, run.tau, 0.0) ** 2)
+                 for run in heldout.observations.runs)
+    explained = (blocks.sums(after, weighted=False).sum()
+                 - blocks.sums(fits[strongest].heldout, weighted=False).sum())
+    significant = (gain.share > rules.remaining_gain and gain.low > 0.0
+                   and explained > rules.least_share ** 2 * torque)
+    looks_like = fits[strongest].block if significant else None
+    squares = [float(part @ part) for part in (old, new, with_block[strongest])]
+    best = min(squares[1:]) if significant else squares[1]
+    share = (squares[0] - squares[1]) / max(squares[0] - best, 1e-30) if hypotheses else 0.0
+    return Remaining(significant, looks_like, gain, excess), share
+
+
+def left_over(selector: Selector, selection: Selection) -> Candidate | None:
+    """Return what of the library still explains most, if much, without being a cause.
+
+    Beside the right causes nothing does, but what sampling, filters and standstill leave.
+    Beside causes it counts only where it is what they get wrong of their own torque: alone it
+    would explain more. Another small effect, as every machine has, is not held against them.
+    """
+    projection, base = (project(selector.evidence, part) for part in (selection.hypotheses, ()))
+    named = {item.effect.name for item in selection.hypotheses}
+    if ElasticTransmission.name in named:
+        return None  # whose resonances are right to some percent only
+    twins = {name for item in selection.found for name in item.twins}
+    spared = {*named, *twins, *selection.shadows, *LIKE_FILTERS}
+    least = max(selector.rules.left_score,
+                selector.rules.left_share * selector.evidence_of(selection.hypotheses))
+    found = []
+    for name, effect in selector.library.items():
+        candidate = None if name in spared else selector.best(effect, projection)
+        if candidate is None or candidate.score(selector.evidence.rows) < least:
+            continue
+        if named and (base.gain(candidate.hypothesis)
+                      < selector.rules.distortion * candidate.likelihood_ratio):
+            continue
+        found.append(candidate)
+    return max(found, key=lambda item: item.score(selector.evidence.rows), default=None)
+
+
+def own_share(selector: Selector, selection: Selection) -> float:
+    """Return how much of what all causes explain is lost if each is taken away by itself.
+
+    1 for causes that have nothing to do with each other, little for names that fit only
+    together.
+    """
+    hypotheses = selection.hypotheses
+    whole = selector.evidence_of(hypotheses)
+    own = sum(whole - selector.evidence_of([other for other in hypotheses if other is not item])
+              for item in hypotheses)
+    return own / max(whole, 1e-30)
+
+
+def rings(selector: Selector, selection: Selection) -> bool:
+    """Return whether transmissions that twist, no cause though, explain much of what is left."""
+    effect = selector.library.get(ElasticTransmission.name)
+    projection = project(selector.evidence, selection.hypotheses)
+    candidate = None if effect is None else selector.best(effect, projection)
+    return candidate is not None and candidate.likelihood_ratio > selector.rules.ringing * float(
+        projection.residual @ projection.residual)
+
+
+def verdict_of(found: Sequence[Found], remaining: Remaining, explained_share: float,
+               left_over: Candidate | None, own_share: float, closed: float, rules: Rules
+               ) -> tuple[Verdict, str]:
+    """Return the verdict and, where names are withheld, why.
+
+    Args:
+        found: the causes.
+        remaining: what nameless blocks still find.
+        explained_share: of the causes, of what they and the best block explain together.
+        left_over: what of the library still explains something without being a cause.
+        own_share: of the causes, see the function of that name.
+        closed: share of the error above the noise floor that the causes close.
+        rules: thresholds.
+    """
+    wrong = (remaining.significant or left_over is not None
+             or remaining.floor_excess > rules.floor_excess)
+    if not found:
+        return ('unknown' if wrong else 'clean'), ''
+    if len(found) > 2 and own_share < rules.own_share:
+        return 'unknown', (f'the {len(found)} names found explain only together what is wrong; a '
+                           f'cause that is not in the library is more likely')
+    if remaining.significant and explained_share < rules.sufficient_share:
+        return 'unknown', (f'the names found explain {explained_share:.0%} of what a nameless '
+                           f'function of {remaining.looks_like} and they explain together; a '
+                           f'cause that is not in the library is more likely')
+    if left_over is not None:
+        return 'unknown', (f'what the names found leave still looks like '
+                           f'{left_over.hypothesis.label}, which is no cause either; a cause that '
+                           f'is not in the library is more likely')
+    if remaining.floor_excess > rules.far_excess and closed < rules.closed_share:
+        return 'unknown', (f'the names found close {closed:.0%} of the error above the noise '
+                           f'floor; a cause that is not in the library is more likely')
+    return ('partly_explained' if wrong else 'explained'), ''
