@@ -9,8 +9,8 @@ installed and `PYTHONPATH=tests`.
     python bench/blind_study.py                      the whole study, scoring seeds
     python bench/blind_study.py --scale 0.1 --first-seed 1000 --output /tmp/study.md    developing
 
-Outcomes are appended to a JSON-lines file as they come; `--resume` goes on with an interrupted one
-if the rules are still the same.
+Outcomes are appended to a JSON-lines file as they come; Ctrl-C ends a study early with a report of
+what is done, and `--resume` goes on with it if the rules are still the same.
 """
 
 from __future__ import annotations
@@ -290,8 +290,8 @@ def commit() -> str:
     return (git('rev-parse', '--short', 'HEAD') or 'no commit') + changed
 
 
-def report(outcomes: Sequence[Outcome], header: dict) -> str:
-    """Return docs/blind_study.md."""
+def report(outcomes: Sequence[Outcome], header: dict, planned: int) -> str:
+    """Return docs/blind_study.md of what is done of the planned scenarios."""
     failed = sum('error' in outcome for outcome in outcomes)
     outcomes = sorted((outcome for outcome in outcomes if 'error' not in outcome),
                       key=lambda outcome: outcome['seed'])
@@ -312,7 +312,7 @@ Written by `make blind` (`bench/blind_study.py`), good or bad. {header['date']};
 The generator (`tests/hidden`) builds machines from physical parts, shares no formula with the
 diagnosis and computes from the truth what is visible (log-likelihood ratio above {VISIBLE:g} on the
 fit data, at the true noise, base parameters free) and what a twin is (another effect within
-{TWIN:g} of it). {len(outcomes)} scenarios: {made}. Visible, and counted: {visible[0]} single
+{TWIN:g} of it). {len(outcomes)} of {planned} scenarios, whose kinds are mixed: {made}. Visible, and counted: {visible[0]} single
 effects (rods included), {visible[1]} pairs, {visible[2]} taken out of the library. {bullet} ran in
 pybullet, {bags} through bags; {failed} failed. {each:.1f} s a scenario on one core,
 {diagnosing:.1f} s of it the diagnosis of 26 s of log.
@@ -374,12 +374,15 @@ def main() -> None:
     tasks = tasks_of_study(arguments.scale, arguments.first_seed)
     wanted = {(task.kind, task.seed) for task in tasks}
     done = {(item['kind'], item['seed']) for item in kept[1:] if 'error' not in item}
-    run([task for task in tasks if (task.kind, task.seed) not in done], arguments.scheduler,
-        arguments.results)
+    try:
+        run([task for task in tasks if (task.kind, task.seed) not in done], arguments.scheduler,
+            arguments.results)
+    except KeyboardInterrupt:
+        print('stopped: the report is of what is done, --resume goes on')
     latest = {(item['kind'], item['seed']): item
               for item in read_outcomes(arguments.results)[1:]}
     outcomes = [latest[key] for key in latest if key in wanted]
-    arguments.output.write_text(report(outcomes, header), encoding='utf-8')
+    arguments.output.write_text(report(outcomes, header, len(tasks)), encoding='utf-8')
     print(f'{arguments.output}: {len(outcomes)} scenarios')
 
 
