@@ -312,10 +312,11 @@ Written by `make blind` (`bench/blind_study.py`), good or bad. {header['date']};
 The generator (`tests/hidden`) builds machines from physical parts, shares no formula with the
 diagnosis and computes from the truth what is visible (log-likelihood ratio above {VISIBLE:g} on the
 fit data, at the true noise, base parameters free) and what a twin is (another effect within
-{TWIN:g} of it). {len(outcomes)} of {planned} scenarios, whose kinds are mixed: {made}. Visible, and counted: {visible[0]} single
-effects (rods included), {visible[1]} pairs, {visible[2]} taken out of the library. {bullet} ran in
-pybullet, {bags} through bags; {failed} failed. {each:.1f} s a scenario on one core,
-{diagnosing:.1f} s of it the diagnosis of 26 s of log.
+{TWIN:g} of it). {len(outcomes)} of {planned} scenarios, whose kinds are mixed: {made}.
+Visible, and counted: {visible[0]} single effects (rods included), {visible[1]} pairs,
+{visible[2]} taken out of the library. {bullet} ran in pybullet, {bags} through bags;
+{failed} failed. {each:.1f} s a scenario on one core, {diagnosing:.1f} s of it the diagnosis of
+26 s of log.
 
 Rules: {header['rules']}.
 
