@@ -24,7 +24,7 @@ class Rules:
         joint_share: least share of the effect's likelihood ratio that a joint must carry.
         twin_margin: difference of log-likelihood within which another name is as good.
         equal_margin: difference of score within which the simpler of two names goes first.
-        most: number of causes at which a search ends; so many fit anything.
+        most: number of causes at which a search ends.
         least_evidence: least share of what all causes explain that each must add: the torque of a
             strong cause is right to some percent (rms).
         least_alone: least share (rms) of a cause's visible torque that no other cause has.
