@@ -15,7 +15,7 @@ from hidden.scenario import Scenario, Task, draw_scenario, record_scenario, trut
 from hidden.truth import CHAOTIC, VISIBLE, true_noise
 from par4_identification.diagnosis.diagnosis import LIBRARY, Diagnosis, diagnose
 
-COUNTS = {'single': 384, 'pair': 115, 'removed': 108, 'clean': 400, 'below': 15, 'rods': 45}
+COUNTS = {'single': 420, 'pair': 115, 'removed': 110, 'clean': 400, 'below': 50, 'rods': 55}
 """At scale 1: somewhat more than asked where some will not be visible; rods are 5 % of all."""
 EVERY_BULLET, EVERY_BAG = 20, 20
 """One single in so many runs in pybullet, another through bags."""
