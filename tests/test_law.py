@@ -14,7 +14,10 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_platform
 from par4_identification.diagnosis.evidence import Hypothesis, project
+from par4_identification.diagnosis.holdout import blocks_of_runs
 from par4_identification.diagnosis.law import DRAWS, Dithered, dithered
+from par4_identification.diagnosis.rules import Rules
+from par4_identification.diagnosis.selection import Found, Selection, Selector
 from par4_kinematics.workspace import home_pose
 from robots import OTHER, REFERENCE, other_model
 
@@ -121,6 +124,24 @@ def test_what_noise_hides_is_held_against_nobody(law, seed):
     case = Case('reference', law, 0.25e-3, noise=0.5, seed=seed)
     assert case.obeys(law)
     assert case.obeys(OTHER_LAW[law])
+
+
+@pytest.mark.parametrize(('counts', 'twins'), [(20_000, ('actuator_lag',)), (None, ())])
+def test_laws_that_counts_hide_are_twins_whatever_the_first_order_prefers(counts, twins):
+    """The noise that counts give a lag's column is held against it by hundreds or thousands."""
+    case, heldout = (Case('reference', 'time_offset', -1.5e-3, counts, seed=seed)
+                     for seed in (3, 4))
+    names = ('actuator_lag', 'time_offset')
+    gains = [case.projection.gain(case.hypothesis(name)[0]) for name in names]
+    assert gains[1] - gains[0] > 50.0 * Rules().twin_margin
+    rows = heldout.projection.evidence.observations
+    blocks = blocks_of_runs([run.t for run in rows.runs], [run.valid for run in rows.runs],
+                            np.full(4, 0.05))
+    selector = Selector({name: CATALOGUE[name] for name in names}, case.projection.evidence, rows,
+                        blocks, Rules(), case.dithered)
+    offset = case.hypothesis('time_offset')[0]
+    found = Found(offset, gains[1], 0.0, selector.heldout_gain(offset, []))
+    assert selector.with_twins(Selection([found])).found[0].twins == twins
 
 
 def test_nothing_is_held_against_anybody_where_counts_are_not_known():

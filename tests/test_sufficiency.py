@@ -26,7 +26,13 @@ from par4_identification.diagnosis.law import Dithered
 from par4_identification.diagnosis.observations import observe
 from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.selection import Found, Rejected, Selection, Selector
-from par4_identification.diagnosis.sufficiency import left_over, own_share
+from par4_identification.diagnosis.sufficiency import (
+    Remaining,
+    left_over,
+    own_share,
+    remaining_of,
+    verdict_of,
+)
 from par4_identification.identification import identify_runs
 from par4_identification.noise import ArNoise
 from par4_identification.rows import runs_of_log
@@ -99,6 +105,17 @@ def test_another_small_effect_is_held_against_nobody_but_a_clean_verdict():
     assert left_over(selector, selected()) is not None
 
 
+def test_what_the_held_out_rows_do_not_know_is_not_left_over():
+    """An offset's name stays where what looks like a tilt is an accident of the rows to fit."""
+    tilted = evidence_of(log_with(('base_tilt', TILT)), REFERENCE, MODEL)
+    wrong = selected(('torque_offset', {}, EVERY))
+    for effect, kept in ((('base_tilt', TILT), False),
+                         (('torque_offset', {'offset': OFFSET}), True)):
+        rows = evidence_of(log_with(effect, seed=2, duration=8.0), REFERENCE, MODEL).observations
+        selector = selector_on(tilted, rows, ('torque_offset', 'base_tilt'))
+        assert (left_over(selector, wrong) is None) == kept
+
+
 def test_noise_alone_is_not_left_over():
     selector = selector_of(library=('torque_offset', 'base_tilt', 'cogging', 'coulomb_asymmetry'))
     assert left_over(selector, selected()) is None
@@ -121,6 +138,31 @@ def test_causes_with_one_torque_own_nothing():
     selector = selector_of(('torque_offset', {'offset': OFFSET}))
     twins = selected(('torque_offset', {}, EVERY), ('coulomb_asymmetry', {}, EVERY))
     assert own_share(selector, twins) < 0.02
+
+
+@pytest.mark.parametrize(('causes', 'share', 'verdict'), [
+    (1, 0.0, 'explained'), (2, 0.1, 'unknown'), (2, 0.2, 'explained'), (2, 1.5, 'unknown'),
+    (3, 0.4, 'unknown'), (3, 0.6, 'explained'), (3, 1.5, 'unknown')])
+def test_the_more_names_it_takes_the_more_each_must_own(causes, share, verdict):
+    found = selected(*[('torque_offset', {}, EVERY)] * causes).found
+    nothing = Remaining(False, None, Gain(0.0, 0.0, 0.0), 1.0)
+    assert verdict_of(found, nothing, 1.0, None, share, 1.0, Rules())[0] == verdict
+
+
+# --------------------------------------------------------------------- what nameless functions see
+
+
+@pytest.mark.parametrize(('effect', 'values', 'block'), [
+    ('torque_ripple', {'relative': 0.04, 'periods': 23.0, 'phase': (0.0, 1.0, 2.0, 3.0)}, 'torque'),
+    ('time_offset', {'delay': 0.002}, 'torque'),
+    ('actuator_lag', {'time_constant': 0.002}, 'torque'),
+    ('cogging', {**COGGING, 'amplitude': 0.3}, 'periodic')])
+def test_what_no_name_of_the_library_explains_is_seen_by_a_nameless_function(effect, values, block):
+    selector = selector_of((effect, values))
+    before = residuals(selector.heldout.observations, [], solve(selector.evidence, []))
+    remaining, _ = remaining_of(selector, [], before, before, np.full(4, NOISE))
+    assert remaining.significant
+    assert remaining.looks_like == block
 
 
 # --------------------------------------------------------------------------------------- shadows

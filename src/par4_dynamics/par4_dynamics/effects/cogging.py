@@ -34,9 +34,9 @@ class Cogging(Effect):
                   EffectParameter('phase', 'rad', 'joint'))
 
     def shapes(self, state):
-        # Periods a turn are whole: the torque returns after one turn. Below four of them in the
-        # range of q they cannot be told from gravity.
-        span = float(np.min(np.ptp(state.q, axis=0)))
+        # Periods a turn are whole: the torque returns after one turn. Less than one and a half of
+        # them in the range of the joint that moves most cannot be told from gravity.
+        span = float(np.max(np.ptp(state.q, axis=0)))
         lowest = max(LOWEST_PERIODS, int(np.ceil(1.5 * 2.0 * np.pi / max(span, 1e-3))))
         return tuple({'periods': float(periods)}
                      for periods in range(lowest, HIGHEST_PERIODS + 1))

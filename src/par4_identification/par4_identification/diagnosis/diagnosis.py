@@ -276,6 +276,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         full_fit = base_only
         holdout = _holdout(holdout_runs, blocks, before, before, floor)
         extended = _extended_model(baseline, rigid_body, evidence, [], base_only)
+        remaining, _ = remaining_of(selector, [], before, before, floor)
         selection.found.clear()
     diagnosis = Diagnosis(
         verdict=verdict,
@@ -290,9 +291,9 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         extended_model=extended, fit_runs=tuple(fit_runs), evidence=evidence,
         hypotheses=tuple(selection.hypotheses))
     named = {cause.effect.name for cause in diagnosis.causes}
-    smooth = remaining.significant and remaining.gain.share > rules.rattling_gain
+    smooth = remaining.gain.share > rules.rattling_gain
     if (Backlash.name in applicable and not named & {Backlash.name, ElasticTransmission.name}
-            and not withheld and not smooth and not rings(selector, selection)):
+            and not smooth and not rings(selector, selection)):
         left = residuals(evidence.observations, diagnosis.hypotheses, full_fit)
         found = rattle([(evidence.observations, left), (heldout, diagnosis.holdout.extended)])
         if found is not None and found.p_value < rules.p_value:
@@ -309,7 +310,7 @@ def _with_backlash(diagnosis: Diagnosis, effect: Effect, found: Rattle) -> Diagn
     entry = EffectEntry(effect=effect.name, joints=found.joints, parameters=parameters)
     extended = diagnosis.extended_model
     return replace(
-        diagnosis, verdict='partly_explained', causes=(*diagnosis.causes, cause),
+        diagnosis, verdict='partly_explained', reasons=(), causes=(*diagnosis.causes, cause),
         hypotheses=(*diagnosis.hypotheses, Hypothesis(effect, {}, found.joints)),
         extended_model=extended.model_copy(update={'effects': (*extended.effects, entry)}))
 

@@ -6,8 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
 from scipy.interpolate import BSpline
 
+from par4_dynamics.effects.shifted import shift_derivative
+from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence import Evidence, Hypothesis, spread
 from par4_identification.diagnosis.observations import Observations
@@ -15,6 +18,8 @@ from par4_identification.diagnosis.observations import Observations
 RIDGE = 3.0
 """Prior weight of a standardised nameless coefficient, in rows."""
 PERIODS = np.arange(4, 161)
+READING_DEGREE = 3
+"""Of the polynomial of a joint's position by which its reading may be wrong."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +34,7 @@ class Ranges:
     xd: np.ndarray | None
     xdd: np.ndarray | None
     periods: tuple[tuple[int, ...], ...]
+    torque_periods: tuple[tuple[int, ...], ...]
 
 
 def splines(values: np.ndarray, low: np.ndarray, high: np.ndarray, count: int) -> np.ndarray:
@@ -74,14 +80,37 @@ def _platform(state: State, ranges: Ranges) -> np.ndarray:
     return np.broadcast_to(features[:, None, :], (*state.q.shape, features.shape[1]))
 
 
-def _periodic(state: State, ranges: Ranges) -> np.ndarray:
-    periods = np.array(ranges.periods, dtype=float)  # (J, k)
-    angle = periods * state.q[..., None]
+def _waves(state: State, periods: tuple[tuple[int, ...], ...]) -> np.ndarray:
+    angle = np.array(periods, dtype=float) * state.q[..., None]  # (n, J, k)
     return np.concatenate((np.sin(angle), np.cos(angle)), axis=-1)
 
 
+def _periodic(state: State, ranges: Ranges) -> np.ndarray:
+    return _waves(state, ranges.periods)
+
+
+def _torque(state: State, ranges: Ranges) -> np.ndarray:
+    torque = state.nominal.delivered[..., None]
+    rate = time_rate(state, torque)
+    return np.concatenate((rate, time_rate(state, rate),
+                           torque * _waves(state, ranges.torque_periods)), axis=-1)
+
+
+def _reading(state: State, ranges: Ranges) -> np.ndarray:
+    low, high = ranges.q
+    unit = 2.0 * (state.q - low) / np.maximum(high - low, 1e-12) - 1.0
+    errors = legvander(unit, READING_DEGREE)  # (n, J, k) of each joint's own position
+    return np.stack([shift_derivative(state, joint * errors[..., degree])
+                     for joint in np.eye(state.joints)
+                     for degree in range(READING_DEGREE + 1)], axis=-1)
+
+
 BLOCKS = {'position': _position, 'speed': _speed, 'time': _time, 'acceleration': _acceleration,
-          'platform': _platform, 'periodic': _periodic}
+          'platform': _platform, 'periodic': _periodic, 'torque': _torque, 'reading': _reading}
+SHARED = ('reading',)
+"""Blocks whose columns act on all joints with one coefficient."""
+OF_PLATFORM = ('platform', 'reading')
+"""Blocks of machines with a platform."""
 
 
 def ranges_of(observations: Observations, left: Sequence[np.ndarray]) -> Ranges:
@@ -102,7 +131,10 @@ def ranges_of(observations: Observations, left: Sequence[np.ndarray]) -> Ranges:
         span('q'), largest('qd'), largest('qdd'), float(max(state.t[-1] for state in states)),
         span('x') if platform else None, largest('xd') if platform else None,
         largest('xdd') if platform else None,
-        _strongest_periods(observations, left, high - low))
+        _strongest_periods(observations, left, high - low),
+        _strongest_periods(observations, [
+            run.rows(run.state.nominal.delivered) * residual
+            for run, residual in zip(observations.runs, left)], high - low))
 
 
 def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], span: np.ndarray
@@ -126,10 +158,9 @@ def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], s
 
 @dataclass(frozen=True)
 class NamelessFit:
-    """Residuals on fit and held-out rows after hypotheses and one nameless block."""
+    """Residuals on held-out rows after hypotheses and one nameless block."""
 
     block: str
-    fitted: tuple[np.ndarray, ...]
     heldout: tuple[np.ndarray, ...]
 
 
@@ -140,7 +171,8 @@ def fit_block(block: str, evidence: Evidence, heldout: Observations,
     joints = tuple(range(heldout.joints))
     fit_rows = tuple(run.rows(np.ascontiguousarray(function(run.state, ranges)))
                      for run in evidence.observations.runs)
-    columns = spread(evidence.whitener.whiten(fit_rows), joints, shared=False)
+    shared = block in SHARED
+    columns = spread(evidence.whitener.whiten(fit_rows), joints, shared=shared)
     design = evidence.design(hypotheses)
     known = design.shape[1]
     stacked = np.hstack([design, columns])
@@ -149,12 +181,12 @@ def fit_block(block: str, evidence: Evidence, heldout: Observations,
     gram[np.arange(known), np.arange(known)] += 1e-9 * len(stacked)
     gram[np.arange(known, len(gram)), np.arange(known, len(gram))] += RIDGE
     values = np.linalg.solve(gram, (stacked / scale).T @ evidence.target) / scale
-    nameless = values[known:].reshape(len(joints), -1)
-    return NamelessFit(
-        block, _left(evidence.observations, hypotheses, values, fit_rows, nameless),
-        _left(heldout, hypotheses, values,
-              tuple(run.rows(np.ascontiguousarray(function(run.state, ranges)))
-                    for run in heldout.runs), nameless))
+    nameless = np.broadcast_to(values[known:].reshape(1 if shared else len(joints), -1),
+                               (len(joints), fit_rows[0].shape[2]))
+    return NamelessFit(block, _left(
+        heldout, hypotheses, values,
+        tuple(run.rows(np.ascontiguousarray(function(run.state, ranges)))
+              for run in heldout.runs), nameless))
 
 
 def _left(observations: Observations, hypotheses: Sequence[Hypothesis], values: np.ndarray,
@@ -181,4 +213,4 @@ def _left(observations: Observations, hypotheses: Sequence[Hypothesis], values: 
 def available_blocks(observations: Observations) -> tuple[str, ...]:
     """Return the blocks that apply to this machine."""
     platform = observations.runs[0].state.x is not None
-    return tuple(name for name in BLOCKS if platform or name != 'platform')
+    return tuple(name for name in BLOCKS if platform or name not in OF_PLATFORM)

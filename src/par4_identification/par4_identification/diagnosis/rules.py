@@ -37,8 +37,10 @@ class Rules:
             something left,
         left_share: and least share of it of what the causes explain.
         distortion: least ratio of what it explains alone to what it explains beside the causes.
-        own_share: least share, of what three causes and more explain together, that is lost if each
-            is taken away by itself.
+        own_share: least share, of what two causes explain together, that is lost if each is taken
+            away by itself,
+        more_share: least share of three causes and more,
+        most_share: and most of any number: beyond it they explain much together and little alone.
         remaining_gain: held-out gain of nameless blocks that counts as something left.
         ringing: share of the squares left beyond which twisting transmissions, though no cause, are
             nearer than a gap.
@@ -61,14 +63,16 @@ class Rules:
     least_evidence: float = 1.25e-3
     least_alone: float = 0.1
     fixed_range: tuple[float, float] = (0.5, 1.5)
-    sufficient_share: float = 0.97
+    sufficient_share: float = 0.95
     closed_share: float = 0.4
     far_excess: float = 10.0
     left_score: float = 40.0
     left_share: float = 5e-4
     distortion: float = 1.25
-    own_share: float = 0.5
+    own_share: float = 0.15
+    more_share: float = 0.5
+    most_share: float = 1.25
     remaining_gain: float = 0.004
     ringing: float = 0.3
-    rattling_gain: float = 0.1
+    rattling_gain: float = 0.5
     floor_excess: float = 1.6

@@ -260,8 +260,7 @@ class Selector:
         hypothesis = candidate.hypothesis
         together = [*others, hypothesis]
         fit = solve(self.evidence, together)
-        before = self.heldout.left(others, solve(self.evidence, others))
-        gain = self.blocks.whitened_gain(before, self.heldout.left(together, fit))
+        gain = self.heldout_gain(hypothesis, others)
         if gain.share < self.rules.holdout_gain or gain.low <= 0.0:
             return Rejected(hypothesis.label, f'removes {gain.share:.1%} of the held-out squared '
                             f'error (95 % interval {gain.low:.1%} to {gain.high:.1%})')
@@ -284,6 +283,12 @@ class Selector:
             return Rejected(hypothesis.label, f'its estimates from the data to learn from and from '
                             f'those held out differ by {error:.0%} of its torque')
         return Found(hypothesis, candidate.likelihood_ratio, candidate.p_value(self._family), gain)
+
+    def heldout_gain(self, hypothesis: Hypothesis, others: Sequence[Hypothesis]) -> Gain:
+        """Return what a hypothesis fitted beside others removes of the held-out rows."""
+        before, after = (self.heldout.left(part, solve(self.evidence, part))
+                         for part in (others, [*others, hypothesis]))
+        return self.blocks.whitened_gain(before, after)
 
     def _torque_share(self, hypothesis: Hypothesis, coefficients: np.ndarray,
                       others: Sequence[Hypothesis]) -> float:
@@ -405,15 +410,16 @@ class Selector:
                 if name in named:
                     continue
                 rival = self.best(effect, projection)
-                if rival is None or own - rival.likelihood_ratio > 2.0 * self.rules.twin_margin:
+                # which of two times it is only the law tells: counts weigh on a lag's column
+                one_time = effect.retimes and item.hypothesis.effect.retimes
+                if rival is None or (own - rival.likelihood_ratio > 2.0 * self.rules.twin_margin
+                                     and not one_time):
                     continue
                 fit = solve(self.evidence, [*others, rival.hypothesis])
                 if (self._implausible(rival.hypothesis, fit, len(others)) is not None
                         or not self._obeys(rival.hypothesis, others, fit)):
                     continue
-                gain = self.blocks.whitened_gain(
-                    self.heldout.left(others, solve(self.evidence, others)),
-                    self.heldout.left([*others, rival.hypothesis], fit))
+                gain = self.heldout_gain(rival.hypothesis, others)
                 if gain.share > 0.5 * item.gain.share:
                     twins.append(name)
             found.append(replace(item, twins=tuple(twins)))

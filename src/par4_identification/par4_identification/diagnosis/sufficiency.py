@@ -68,7 +68,8 @@ def left_over(selector: Selector, selection: Selection) -> Candidate | None:
 
     Beside the right causes nothing does, but what sampling, filters and standstill leave.
     Beside causes it counts only where it is what they get wrong of their own torque: alone it
-    would explain more. Another small effect, as every machine has, is not held against them.
+    would explain more. Another small effect, as every machine has, is not held against them, nor
+    what explains nothing of the held-out rows.
     """
     projection, base = (project(selector.evidence, part) for part in (selection.hypotheses, ()))
     named = {item.effect.name for item in selection.hypotheses}
@@ -86,6 +87,8 @@ def left_over(selector: Selector, selection: Selection) -> Candidate | None:
         if named and (base.gain(candidate.hypothesis)
                       < selector.rules.distortion * candidate.likelihood_ratio):
             continue
+        if selector.heldout_gain(candidate.hypothesis, selection.hypotheses).share <= 0.0:
+            continue
         found.append(candidate)
     return max(found, key=lambda item: item.score(selector.evidence.rows), default=None)
 
@@ -93,8 +96,8 @@ def left_over(selector: Selector, selection: Selection) -> Candidate | None:
 def own_share(selector: Selector, selection: Selection) -> float:
     """Return how much of what all causes explain is lost if each is taken away by itself.
 
-    1 for causes that have nothing to do with each other, little for names that fit only
-    together.
+    1 for causes that have nothing to do with each other, little for names that share what they
+    explain, more for names that explain it only together.
     """
     hypotheses = selection.hypotheses
     whole = selector.evidence_of(hypotheses)
@@ -130,7 +133,8 @@ def verdict_of(found: Sequence[Found], remaining: Remaining, explained_share: fl
              or remaining.floor_excess > rules.floor_excess)
     if not found:
         return ('unknown' if wrong else 'clean'), ''
-    if len(found) > 2 and own_share < rules.own_share:
+    least = rules.own_share if len(found) == 2 else rules.more_share
+    if len(found) > 1 and not least <= own_share <= rules.most_share:
         return 'unknown', (f'the {len(found)} names found explain only together what is wrong; a '
                            f'cause that is not in the library is more likely')
     if remaining.significant and explained_share < rules.sufficient_share:

@@ -29,7 +29,9 @@ _LOOKS_LIKE = {
     'time': 'a drift over time',
     'acceleration': 'a function of joint acceleration',
     'platform': 'a function of the pose and motion of the platform',
-    'periodic': 'a periodic function of joint position'}
+    'periodic': 'a periodic function of joint position',
+    'torque': 'a function of the torque itself, its rates and the joint position',
+    'reading': 'an error of the joint positions as they are read'}
 
 ALL = 0.999
 """Share beyond which an interval says no more."""
