@@ -464,6 +464,17 @@ def test_a_torque_is_periodic_in_the_angle_by_any_number(case, name, periods):
                                    atol=close)
 
 
+@pytest.mark.parametrize('name', ['cogging', 'torque_ripple'])
+def test_periods_are_tried_from_what_the_joint_that_moves_most_can_tell(case, name):
+    _, _, state = case
+    angles = state.q[0] + np.array((0.3, 1.0, 0.5, 0.4)) * (state.q - state.q[0])
+    widest = np.ptp(angles, axis=0).max()
+    shapes = CATALOGUE[name].shapes(replace(state, q=angles))
+    turns = widest / (2.0 * np.pi) * np.array([shape['periods'] for shape in shapes])
+    assert turns[0] >= 1.5
+    assert turns[0] - np.diff(turns)[0] < 1.5
+
+
 def test_a_lagging_drive_delivers_what_the_motion_needs(case):
     """The command of the model with lag, through a first-order drive, is the needed torque."""
     _, model, state = case

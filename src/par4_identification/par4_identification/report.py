@@ -529,10 +529,10 @@ def _remains(diagnosis: Diagnosis) -> str:
         return f'{block[0].upper()}{block[1:]}, without a name, removes another {gain}. {floor}'
     if remaining.gain.share <= 0.0:
         return (f'Nothing that follows the motion: no nameless function of position, speed, time, '
-                f'acceleration or pose removes anything on held-out rows. {floor}')
+                f'acceleration, pose or torque removes anything on held-out rows. {floor}')
     return (f'Nothing that follows the motion: the best nameless function of position, speed, '
-            f'time, acceleration or pose removes {gain} on held-out rows, too little to '
-            f'mean anything. {floor}')
+            f'time, acceleration, pose or torque removes {gain} on held-out rows, too little '
+            f'to mean anything. {floor}')
 
 
 # simplification

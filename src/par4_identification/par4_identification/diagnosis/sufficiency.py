@@ -138,9 +138,9 @@ def verdict_of(found: Sequence[Found], remaining: Remaining, explained_share: fl
         return 'unknown', (f'the {len(found)} names found explain only together what is wrong; a '
                            f'cause that is not in the library is more likely')
     if remaining.significant and explained_share < rules.sufficient_share:
-        return 'unknown', (f'the names found explain {explained_share:.0%} of what a nameless '
-                           f'function of {remaining.looks_like} and they explain together; a '
-                           f'cause that is not in the library is more likely')
+        return 'unknown', (f'the names found explain {explained_share:.0%} of what they and a '
+                           f'nameless {remaining.looks_like} function explain together; a cause '
+                           f'that is not in the library is more likely')
     if left_over is not None:
         return 'unknown', (f'what the names found leave still looks like '
                            f'{left_over.hypothesis.label}, which is no cause either; a cause that '
