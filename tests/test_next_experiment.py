@@ -32,7 +32,7 @@ from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.workspace import home_pose
 from par4_sim.machine_effects import machine_of_model
 from par4_sim.platform_forces import PlatformForces
-from robots import OTHER, REFERENCE, other_model
+from robots import OTHER, REFERENCE, model_with, other_model
 
 NOISE = 0.3
 MODEL = read_model('table1', REFERENCE)
@@ -103,6 +103,11 @@ def with_platform(**fields):
     return replace(CLEAN, platform=PlatformForces(**fields))
 
 
+def with_lag(time_constant):
+    return machine_of_model(REFERENCE, model_with(MODEL, 'actuator_lag',
+                                                  time_constant=time_constant))
+
+
 def with_rods(mass):
     return replace(CLEAN, bodies=replace(CLEAN.bodies, rod_mass=mass))
 
@@ -117,6 +122,7 @@ PAIRS = [
     ('base_tilt', 'torque_offset', NARROW, tilted(0.01)),
     ('theta_friction', 'passive_joint_friction', NARROW, with_platform(theta_viscous=0.05)),
     ('passive_joint_friction', 'theta_friction', NARROW, with_platform(pivot_viscous=0.01)),
+    ('actuator_lag', 'time_offset', NARROW, with_lag(0.6e-3)),
 ]
 
 
@@ -127,6 +133,17 @@ def names(diagnosis):
 def diagnosis_of(logs, heldout, effects):
     return diagnose(logs, REFERENCE, holdout_logs=[heldout],
                     library={name: LIBRARY[name] for name in effects})
+
+
+@pytest.mark.parametrize('noise', [NOISE, NOISE / 6.0])
+@pytest.mark.parametrize(('delay', 'verdict'), [(0.0, 'clean'), (-1.5e-3, 'explained')])
+def test_noise_of_encoder_counts_is_no_rate_of_the_torque(delay, verdict, noise):
+    """In gentle motion counts are most of the noise, in the torque's model as in its rates."""
+    machine = machine_of_model(REFERENCE, model_with(MODEL, 'time_offset', delay=delay))
+    old, heldout = (log_of_motion(machine, motion, seed, noise)
+                    for seed, motion in enumerate(GENTLE))
+    diagnosis = diagnosis_of([old], heldout, ('actuator_lag', 'time_offset'))
+    assert diagnosis.verdict == verdict
 
 
 @pytest.mark.parametrize(('truth', 'twin', 'motions', 'machine'), PAIRS,

@@ -154,8 +154,8 @@ def test_the_more_names_it_takes_the_more_each_must_own(causes, share, verdict):
 
 @pytest.mark.parametrize(('effect', 'values', 'block'), [
     ('torque_ripple', {'relative': 0.04, 'periods': 23.0, 'phase': (0.0, 1.0, 2.0, 3.0)}, 'torque'),
-    ('time_offset', {'delay': 0.002}, 'torque'),
-    ('actuator_lag', {'time_constant': 0.002}, 'torque'),
+    ('time_offset', {'delay': 0.002}, 'rate'),
+    ('actuator_lag', {'time_constant': 0.002}, 'rate'),
     ('cogging', {**COGGING, 'amplitude': 0.3}, 'periodic')])
 def test_what_no_name_of_the_library_explains_is_seen_by_a_nameless_function(effect, values, block):
     selector = selector_of((effect, values))

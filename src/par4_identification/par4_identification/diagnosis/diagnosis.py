@@ -17,6 +17,7 @@ from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.estimates import effect_parameters
 from par4_identification.diagnosis.evidence import (
+    EXPANSIONS,
     Evidence,
     Fit,
     Hypothesis,
@@ -33,13 +34,8 @@ from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
 from par4_identification.diagnosis.law import dithered
 from par4_identification.diagnosis.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
-from par4_identification.diagnosis.selection import (
-    EXPANSIONS,
-    Found,
-    Rejected,
-    Rules,
-    Selector,
-)
+from par4_identification.diagnosis.rules import Rules
+from par4_identification.diagnosis.selection import Found, Rejected, Selector
 from par4_identification.diagnosis.sufficiency import (
     Remaining,
     Verdict,
@@ -291,7 +287,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         extended_model=extended, fit_runs=tuple(fit_runs), evidence=evidence,
         hypotheses=tuple(selection.hypotheses))
     named = {cause.effect.name for cause in diagnosis.causes}
-    smooth = remaining.gain.share > rules.rattling_gain
+    smooth = remaining.gain.share > rules.most_of_rest
     if (Backlash.name in applicable and not named & {Backlash.name, ElasticTransmission.name}
             and not smooth and not rings(selector, selection)):
         left = residuals(evidence.observations, diagnosis.hypotheses, full_fit)

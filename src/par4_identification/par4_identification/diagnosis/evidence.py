@@ -13,6 +13,8 @@ from par4_dynamics.state import State
 from par4_identification.diagnosis.observations import Observations, lasting
 from par4_identification.noise import ArNoise, fit_noise
 
+EXPANSIONS = 4
+"""Times that a series is expanded around what came of it."""
 SURE = 3.0
 """Times its expectation that the square of a difference must be to be no chance."""
 
@@ -242,6 +244,15 @@ class Projection:
         signal = columns @ coefficients
         left = signal - self.basis @ (self.basis.T @ signal)
         return float(np.linalg.norm(left) / max(np.linalg.norm(signal), 1e-30))
+
+
+def self_consistent(projection: Projection, effect: Effect, shape: Shape) -> Shape:
+    """Return the shape of a series around the coefficient that it gives beside a projection."""
+    joints = tuple(range(projection.evidence.observations.joints))
+    for _ in range(EXPANSIONS):
+        estimate = projection.estimate(Hypothesis(effect, shape, joints))
+        shape = {'expanded_at': float(estimate[0])}
+    return shape
 
 
 def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> float:

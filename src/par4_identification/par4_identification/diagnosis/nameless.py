@@ -90,10 +90,12 @@ def _periodic(state: State, ranges: Ranges) -> np.ndarray:
 
 
 def _torque(state: State, ranges: Ranges) -> np.ndarray:
-    torque = state.nominal.delivered[..., None]
-    rate = time_rate(state, torque)
-    return np.concatenate((rate, time_rate(state, rate),
-                           torque * _waves(state, ranges.torque_periods)), axis=-1)
+    return state.nominal.delivered[..., None] * _waves(state, ranges.torque_periods)
+
+
+def _rate(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    # The second rate would do, too, but the noise of encoder counts in it is that of the torque.
+    return time_rate(state, state.nominal.delivered)[..., None]
 
 
 def _reading(state: State, ranges: Ranges) -> np.ndarray:
@@ -106,7 +108,8 @@ def _reading(state: State, ranges: Ranges) -> np.ndarray:
 
 
 BLOCKS = {'position': _position, 'speed': _speed, 'time': _time, 'acceleration': _acceleration,
-          'platform': _platform, 'periodic': _periodic, 'torque': _torque, 'reading': _reading}
+          'platform': _platform, 'periodic': _periodic, 'torque': _torque, 'rate': _rate,
+          'reading': _reading}
 SHARED = ('reading',)
 """Blocks whose columns act on all joints with one coefficient."""
 OF_PLATFORM = ('platform', 'reading')
@@ -210,7 +213,13 @@ def _left(observations: Observations, hypotheses: Sequence[Hypothesis], values: 
     return tuple(results)
 
 
-def available_blocks(observations: Observations) -> tuple[str, ...]:
-    """Return the blocks that apply to this machine."""
+def available_blocks(observations: Observations, hypotheses: Sequence[Hypothesis]
+                     ) -> tuple[str, ...]:
+    """Return the blocks that apply to this machine beside hypotheses.
+
+    Beside an effect that reads the torque at another time its rate would be a second rate.
+    """
     platform = observations.runs[0].state.x is not None
-    return tuple(name for name in BLOCKS if platform or name not in OF_PLATFORM)
+    retimed = any(item.effect.retimes for item in hypotheses)
+    return tuple(name for name in BLOCKS if (platform or name not in OF_PLATFORM)
+                 and not (retimed and name == 'rate'))

@@ -25,7 +25,9 @@ from par4_identification.diagnosis.evidence import (
     Hypothesis,
     Whitener,
     gather,
+    project,
     quadratic,
+    self_consistent,
     solve,
 )
 from par4_identification.diagnosis.motion_library import joined, motion_library
@@ -160,6 +162,8 @@ def rivals(evidence: Evidence, hypotheses: Sequence[Hypothesis], cause: int, twi
         return squared_rest(moments(design, target))
 
     shape, _ = least(twin, shapes_of(evidence, twin), left)
+    if twin.expanded:
+        shape = self_consistent(project(evidence, others), twin, shape)
     return Rivals(hypotheses[cause], _everywhere(evidence, twin, shape), others)
 
 
@@ -279,7 +283,9 @@ class Trial:
 
     def _least_rest(self, number: int, motions: Programme, times: int) -> float:
         rival = self._sides[1 - number]
-        shapes = (rival.shape, *shapes_of(self.prospect.evidence, rival.effect))
+        # a series holds around the size that the data give, elsewhere it would be another law
+        shapes = (rival.shape,) if rival.effect.expanded else (
+            rival.shape, *shapes_of(self.prospect.evidence, rival.effect))
         _, rest = least(rival.effect, shapes,
                         lambda shape: self._rest(number, shape, motions, times))
         return 0.5 * rest

@@ -44,7 +44,8 @@ class Rules:
         remaining_gain: held-out gain of nameless blocks that counts as something left.
         ringing: share of the squares left beyond which twisting transmissions, though no cause, are
             nearer than a gap.
-        rattling_gain: held-out gain of nameless blocks beyond which what is left does not rattle.
+        most_of_rest: held-out gain of nameless blocks beyond which what is left does not rattle, or
+            is more of the torque's rate than sampling leaves.
         floor_excess: residual over noise floor beyond which something is wrong though no block
             explains it.
     """
@@ -74,5 +75,5 @@ class Rules:
     most_share: float = 1.25
     remaining_gain: float = 0.004
     ringing: float = 0.3
-    rattling_gain: float = 0.5
+    most_of_rest: float = 0.5
     floor_excess: float = 1.6

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import chdtrc
 
-from par4_dynamics.effects.effect import Effect, Shape
+from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_identification.diagnosis.evidence import (
     Evidence,
@@ -17,6 +17,7 @@ from par4_identification.diagnosis.evidence import (
     Projection,
     gather,
     project,
+    self_consistent,
     solve,
     transfer_error,
 )
@@ -26,8 +27,6 @@ from par4_identification.diagnosis.observations import Observations
 from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.swing import GRID, compliances
 
-EXPANSIONS = 4
-"""Times that a series is expanded around what came of it."""
 HALF_BLOCK = 100
 """Rows after which the two halves alternate, so that both see slow and fast motion."""
 
@@ -145,7 +144,7 @@ class Selector:
         ratios = [ratio(shape) for shape in shapes]
         shape, best = shapes[int(np.argmax(ratios))], max(ratios)
         if effect.expanded:
-            shape = self._self_consistent(effect, shape, projection)
+            shape = self_consistent(projection, effect, shape)
             best = ratio(shape)
         for step in (1.0, 0.5, 0.25):
             around = effect.refined(shape, step)
@@ -170,13 +169,6 @@ class Selector:
         compliance, ratio = found
         hypothesis = Hypothesis(effect, effect.expansion(compliance), self._joints)
         return Candidate(hypothesis, ratio, len(compliance), len(GRID) * len(compliance))
-
-    def _self_consistent(self, effect: Effect, shape: Shape, projection: Projection) -> Shape:
-        """Return the shape of a series around the coefficient that it gives."""
-        for _ in range(EXPANSIONS):
-            estimate = projection.estimate(Hypothesis(effect, shape, self._joints))
-            shape = {'expanded_at': float(estimate[0])}
-        return shape
 
     def _freedoms(self, hypothesis: Hypothesis) -> int:
         rows = self.evidence.observations.effect_rows(hypothesis.effect, hypothesis.shape)

@@ -19,6 +19,8 @@ LIKE_FILTERS = ('presliding', 'stribeck', 'actuator_lag', 'time_offset', 'elasti
                 'backlash')
 """Effects that a little of is left by every sampled and filtered record: at low speed, in time, and
 of the encoders' noise."""
+BLOCKS_LIKE_FILTERS = ('rate',)
+"""Nameless blocks of which the same holds: they count where they explain most of what is left."""
 Verdict = Literal['clean', 'explained', 'partly_explained', 'unknown', 'unusable_data']
 
 
@@ -41,10 +43,14 @@ def remaining_of(selector: Selector, hypotheses: Sequence[Hypothesis],
     left = residuals(evidence.observations, hypotheses, solve(evidence, hypotheses))
     ranges = ranges_of(evidence.observations, left)
     fits = [fit_block(block, evidence, heldout.observations, hypotheses, ranges)
-            for block in available_blocks(evidence.observations)]
+            for block in available_blocks(evidence.observations, hypotheses)]
     old, new, *with_block = (heldout.whitened(part)
                              for part in (before, after, *(fit.heldout for fit in fits)))
     gains = [blocks.whitened_gain(new, part) for part in with_block]
+    counted = [index for index, (fit, gain) in enumerate(zip(fits, gains))
+               if fit.block not in BLOCKS_LIKE_FILTERS or gain.share > rules.most_of_rest]
+    fits, with_block, gains = ([items[index] for index in counted]
+                               for items in (fits, with_block, gains))
     strongest = int(np.argmax([gain.low for gain in gains]))
     gain = gains[strongest]
     valid_rows = blocks.counts().sum(axis=0)
@@ -135,8 +141,9 @@ def verdict_of(found: Sequence[Found], remaining: Remaining, explained_share: fl
         return ('unknown' if wrong else 'clean'), ''
     least = rules.own_share if len(found) == 2 else rules.more_share
     if len(found) > 1 and not least <= own_share <= rules.most_share:
-        return 'unknown', (f'the {len(found)} names found explain only together what is wrong; a '
-                           f'cause that is not in the library is more likely')
+        how = 'much the same' if own_share < least else 'only together what is wrong'
+        return 'unknown', (f'the {len(found)} names found explain {how}; a cause that is not in '
+                           f'the library is more likely')
     if remaining.significant and explained_share < rules.sufficient_share:
         return 'unknown', (f'the names found explain {explained_share:.0%} of what they and a '
                            f'nameless {remaining.looks_like} function explain together; a cause '

@@ -30,7 +30,8 @@ _LOOKS_LIKE = {
     'acceleration': 'a function of joint acceleration',
     'platform': 'a function of the pose and motion of the platform',
     'periodic': 'a periodic function of joint position',
-    'torque': 'a function of the torque itself, its rates and the joint position',
+    'torque': 'the torque itself times a periodic function of joint position',
+    'rate': 'the rate of the torque, as of one read at another time',
     'reading': 'an error of the joint positions as they are read'}
 
 ALL = 0.999
