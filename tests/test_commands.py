@@ -599,8 +599,10 @@ def cause(name: str, joints=(0, 1, 2, 3), twins=(), **parameters) -> Cause:
                  Gain(0.5, 0.4, 0.6))
 
 
-def diagnosis(verdict: str, causes=(), looks_like=None, reasons=(), excess=1.1) -> Diagnosis:
-    remaining = Remaining(looks_like is not None, looks_like, Gain(0.2, 0.1, 0.3), excess)
+def diagnosis(verdict: str, causes=(), looks_like=None, reasons=(), excess=1.1,
+              nearest=None) -> Diagnosis:
+    remaining = Remaining(looks_like is not None, looks_like, Gain(0.2, 0.1, 0.3), excess,
+                          nearest and CATALOGUE[nearest])
     holdout = Holdout((), (), (), np.full(4, 0.52), np.full(4, 0.11), np.full(4, 0.1), 0.99,
                       (0.98, 0.995))
     return Diagnosis(verdict, tuple(causes), tuple(reasons), (), holdout, remaining, {}, {}, None,
@@ -624,6 +626,8 @@ COGS = cause('cogging', amplitude=(0.61, 0.61, 0.6, 0.62), periods=22.0, phase=(
         'on all joints and 1.2 N m', 'with them', 'a function of joint speed remains')),
     (diagnosis('unknown', looks_like='time'), 'fair', ('no cause in the library', 'a drift')),
     (diagnosis('unknown', excess=2.5), 'fair', ('follows nothing in the motion',)),
+    (diagnosis('unknown', nearest='stribeck'), 'fair', (
+        'looks like Stribeck friction, which does not pass as a cause.',)),
 ])
 def test_each_verdict_has_its_sentence(given, standing, parts):
     outcome = outcome_of_diagnosis(given, REFERENCE)

@@ -141,11 +141,11 @@ def test_a_single_log_is_cut_and_its_last_third_held_out():
 def test_bootstrap_interval_covers_the_gain():
     random = np.random.default_rng(3)
     t, valid = np.arange(4000) * 0.01, np.ones((4000, 2), bool)
-    blocks = blocks_of_runs([t], [valid], np.ones(2))
+    blocks = blocks_of_runs([t], [valid])
     after = random.standard_normal((4000, 2))
     before = after + random.standard_normal((4000, 2))
-    gain = blocks.gain([before], [after])
+    gain = blocks.whitened_gain(before.T.ravel(), after.T.ravel())
     assert gain.low < 0.5 < gain.high
     assert gain.high - gain.low < 0.1
-    nothing = blocks.gain([after], [random.permutation(after)])
+    nothing = blocks.whitened_gain(after.T.ravel(), random.permutation(after).T.ravel())
     assert nothing.low < 0.0 < nothing.high

@@ -135,8 +135,7 @@ def test_laws_that_counts_hide_are_twins_whatever_the_first_order_prefers(counts
     gains = [case.projection.gain(case.hypothesis(name)[0]) for name in names]
     assert gains[1] - gains[0] > 50.0 * Rules().twin_margin
     rows = heldout.projection.evidence.observations
-    blocks = blocks_of_runs([run.t for run in rows.runs], [run.valid for run in rows.runs],
-                            np.full(4, 0.05))
+    blocks = blocks_of_runs([run.t for run in rows.runs], [run.valid for run in rows.runs])
     selector = Selector({name: CATALOGUE[name] for name in names}, case.projection.evidence, rows,
                         blocks, Rules(), case.dithered)
     offset = case.hypothesis('time_offset')[0]

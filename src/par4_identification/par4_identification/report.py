@@ -528,9 +528,9 @@ def _remains(diagnosis: Diagnosis) -> str:
         block = looks_like_in_words(remaining.looks_like)
         return f'{block[0].upper()}{block[1:]}, without a name, removes another {gain}. {floor}'
     if remaining.gain.share <= 0.0:
-        return (f'Nothing that follows the motion: no nameless function of position, speed, time, '
+        return (f'Nothing nameless that follows the motion: no function of position, speed, time, '
                 f'acceleration, pose or torque removes anything on held-out rows. {floor}')
-    return (f'Nothing that follows the motion: the best nameless function of position, speed, '
+    return (f'Nothing nameless that follows the motion: the best function of position, speed, '
             f'time, acceleration, pose or torque removes {gain} on held-out rows, too little '
             f'to mean anything. {floor}')
 

@@ -46,7 +46,7 @@ class Signature:
 class Effect(ABC):
     """One effect of the catalogue.
 
-    Its torque is linear in coefficients c, given at most two shape parameters:
+    Its torque is linear in coefficients c, given its shape parameters:
     torque_j = sum_k columns[:, j, k] c_k (shared by the joints) or c_kj (one a joint).
 
     Attributes:

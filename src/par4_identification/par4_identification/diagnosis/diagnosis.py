@@ -60,7 +60,8 @@ LIBRARY = {name: effect for name, effect in CATALOGUE.items()
 AGREED = 4
 """Times that base parameters and a time of the torque are fitted in turn."""
 RETIMED = 0.5
-"""Least share of the base model's squared error that a nominal torque of another time leaves."""
+"""Most of the base model's squared error that a torque of another time may leave, to be taken as
+the nominal one."""
 
 Progress = Callable[[str], None]
 
@@ -153,8 +154,8 @@ def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Ro
                conditioning: Conditioning) -> tuple[list[Run], list[Run]]:
     """Return the rows to fit and those held out.
 
-    Without held-out logs the last log is held out; of a single log the last third, cut at a
-    standstill where there is one in its middle third.
+    Without held-out logs the last log is held out; of a single log the last stretch without gaps
+    or, where there is one only, its last third, cut at a standstill within a sixth of the rows.
     """
     fit_runs = [run for log in fit_logs for run in runs_of_log(log, machine, conditioning)]
     if holdout_logs:
@@ -224,8 +225,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     moved = dithered(observations, machine)
     applicable = {name: effect for name, effect in searched.items()
                   if isinstance(machine, Robot) or not effect.needs_platform}
-    blocks = blocks_of_runs([run.t for run in holdout_runs], [run.valid for run in holdout_runs],
-                            sigma)
+    blocks = blocks_of_runs([run.t for run in holdout_runs], [run.valid for run in holdout_runs])
     progress('searching the library for the noise model')
     flat = gather(observations, flat_whitener(observations, sigma))
     richest = Selector(applicable, flat, heldout, blocks, rules, moved).richest()
@@ -257,15 +257,18 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     before = residuals(heldout, [], base_only)
     after = residuals(heldout, hypotheses, full_fit)
     extended = _extended_model(baseline, rigid_body, evidence, hypotheses, full_fit)
-    # effects that refer to the torque as a whole are read off the record, not off the encoders
+    # of effects with a nominal torque the noise of counts is left out of the floor
     simple = extended.model_copy(update={'effects': tuple(
         entry for entry in extended.effects if not effect_named(entry.effect).needs_nominal)})
     floor = noise_floor(holdout_runs, machine, build_model(machine, simple))
     remaining, explained_share = remaining_of(selector, hypotheses, before, after, floor)
     holdout = _holdout(holdout_runs, blocks, before, after, floor)
+    nearest = left_over(selector, selection)
     verdict, withheld = verdict_of(
-        selection.found, remaining, explained_share, left_over(selector, selection),
-        own_share(selector, selection), holdout.explained_fraction, rules)
+        selection.found, remaining, explained_share, nearest, own_share(selector, selection),
+        holdout.explained_fraction, rules)
+    if nearest is not None and not selection.found:
+        remaining = replace(remaining, nearest=nearest.hypothesis.effect)
     rejected = list(selection.rejected)
     if withheld:
         rejected += [Rejected(item.hypothesis.label, withheld) for item in selection.found]
@@ -352,7 +355,7 @@ def _holdout(runs: Sequence[Run], blocks: Blocks, before: Sequence[np.ndarray],
              after: Sequence[np.ndarray], floor: np.ndarray) -> Holdout:
     counts = blocks.counts()
     rows = np.maximum(counts.sum(axis=0), 1)
-    old, new = blocks.sums(before, weighted=False), blocks.sums(after, weighted=False)
+    old, new = blocks.sums(before), blocks.sums(after)
 
     def fraction(weights: np.ndarray) -> float:
         # each joint counts with the inverse of its noise, so that none drowns the others

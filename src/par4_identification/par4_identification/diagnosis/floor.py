@@ -21,10 +21,10 @@ LONGEST = 60_000
 def torque_noise(runs: Sequence[Run]) -> np.ndarray:
     """Return the standard deviation (J,), N m, of the torque noise in the rows.
 
-    From dwells, where little but noise moves the torque, or, without enough of them, from the
-    level above the pass band, which motion with jumps of acceleration raises. A resting drive
-    creeps and now and then breaks loose: slow parts are taken out of each window and the median
-    window counts.
+    The level above the pass band, which motion with jumps of acceleration raises, or, where there
+    are enough dwells and they show more, that of dwells, where little but noise moves the torque. A
+    resting drive creeps and now and then breaks loose: slow parts are taken out of each window and
+    the median window counts.
     """
     floor = np.sqrt(np.mean([run.noise_floor ** 2 for run in runs], axis=0))
     time = np.arange(WINDOW)
@@ -42,8 +42,7 @@ def torque_noise(runs: Sequence[Run]) -> np.ndarray:
     return floor
 
 
-def encoder_noise(runs: Sequence[Run], machine: Robot | Axis, model: Model, seed: int = 0
-                  ) -> np.ndarray:
+def encoder_noise(runs: Sequence[Run], machine: Robot | Axis, model: Model) -> np.ndarray:
     """Return the standard deviation (J,), N m, that the encoder's counts cause in the torque.
 
     The model's torque is calculated again from positions dithered by one count.
@@ -52,7 +51,7 @@ def encoder_noise(runs: Sequence[Run], machine: Robot | Axis, model: Model, seed
     counts = machine.drives.encoder_counts if isinstance(machine, Robot) else 0
     if counts == 0:
         return np.zeros(joints)
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     squares, rows = np.zeros(joints), np.zeros(joints)
     for run in runs:
         state = run.state.part(slice(0, LONGEST))

@@ -14,7 +14,7 @@ DRAWS = 400
 
 @dataclass(frozen=True)
 class Gain:
-    """Share of the weighted squared error that a model removes on held-out rows.
+    """Share of the whitened squared error that a model removes on held-out rows.
 
     Attributes:
         share: 1 - after / before.
@@ -33,33 +33,27 @@ class Blocks:
     Attributes:
         labels: block number of each row of each run, (m,).
         valid: (m, J) of each run.
-        sigma: weight of each joint, (J,).
         draws: how often each block is drawn in each bootstrap sample, (DRAWS, blocks).
     """
 
     labels: tuple[np.ndarray, ...]
     valid: tuple[np.ndarray, ...]
-    sigma: np.ndarray
     draws: np.ndarray
 
-    def sums(self, residuals: Sequence[np.ndarray], weighted: bool = True) -> np.ndarray:
-        """Return the sum of squares in each block, (blocks,) or, unweighted, (blocks, J)."""
+    def sums(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the sum of squares of residuals (m, J) in each block, (blocks, J)."""
         total = np.zeros((self.draws.shape[1], residuals[0].shape[1]))
         for residual, label, valid in zip(residuals, self.labels, self.valid):
             square = np.where(valid, residual, 0.0) ** 2
             np.add.at(total, label, square)
-        return (total / self.sigma ** 2).sum(axis=1) if weighted else total
+        return total
 
     def counts(self) -> np.ndarray:
         """Return the number of valid rows in each block, (blocks, J)."""
-        total = np.zeros((self.draws.shape[1], len(self.sigma)))
+        total = np.zeros((self.draws.shape[1], self.valid[0].shape[1]))
         for label, valid in zip(self.labels, self.valid):
             np.add.at(total, label, valid.astype(float))
         return total
-
-    def gain(self, before: Sequence[np.ndarray], after: Sequence[np.ndarray]) -> Gain:
-        """Return the gain from residuals (m, J) `before` to `after`."""
-        return self._gain(self.sums(before), self.sums(after))
 
     def whitened_gain(self, before: np.ndarray, after: np.ndarray) -> Gain:
         """Return the gain from whitened rows (N,), joint after joint, `before` to `after`.
@@ -68,25 +62,20 @@ class Blocks:
         independent rows count what each of them tells.
         """
         labels = np.tile(np.concatenate(self.labels), self.valid[0].shape[1])
-        count = self.draws.shape[1]
-        return self._gain(np.bincount(labels, before ** 2, count),
-                          np.bincount(labels, after ** 2, count))
-
-    def _gain(self, old: np.ndarray, new: np.ndarray) -> Gain:
-        """Return the gain from sums of squares (blocks,) `old` to `new`."""
+        old, new = (np.bincount(labels, rows ** 2, self.draws.shape[1])
+                    for rows in (before, after))
         drawn = 1.0 - (self.draws @ new) / np.maximum(self.draws @ old, 1e-30)
         low, high = np.quantile(drawn, (0.025, 0.975))
         return Gain(float(1.0 - new.sum() / max(old.sum(), 1e-30)), float(low), float(high))
 
 
-def blocks_of_runs(times: Sequence[np.ndarray], valid: Sequence[np.ndarray], sigma: np.ndarray,
-                   seed: int = 0) -> Blocks:
+def blocks_of_runs(times: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> Blocks:
     """Return blocks of `BLOCK` seconds over runs with row times (m,), with seeded draws."""
     labels, first = [], 0
     for time in times:
         label = ((time - time[0]) / BLOCK).astype(int) + first
         first = int(label[-1]) + 1
         labels.append(label)
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     draws = random.multinomial(first, np.full(first, 1.0 / first), size=DRAWS).astype(float)
-    return Blocks(tuple(labels), tuple(valid), np.asarray(sigma), draws)
+    return Blocks(tuple(labels), tuple(valid), draws)

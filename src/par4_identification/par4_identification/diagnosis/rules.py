@@ -17,7 +17,8 @@ class Rules:
         least_share: least rms of what of its torque the rest of the model cannot follow, over
             that of the measured torque, on some joint; sampling and filters do not reproduce the
             torque of fast motion any better.
-        agreement: least cosine between its estimates from two interleaved halves of the fit rows.
+        agreement: least cosine between its visible torques as two interleaved halves of the fit
+            rows estimate them.
         transfer: largest distance between the torques of its estimates from fit and from held-out
             rows, over the torque: a cause keeps its parameters when the motion changes.
         joint_p_value: below which a joint keeps an effect that others have.

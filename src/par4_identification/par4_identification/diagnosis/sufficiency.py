@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_identification.diagnosis.evidence import Hypothesis, project, residuals, solve
 from par4_identification.diagnosis.holdout import Gain
@@ -26,12 +27,21 @@ Verdict = Literal['clean', 'explained', 'partly_explained', 'unknown', 'unusable
 
 @dataclass(frozen=True)
 class Remaining:
-    """What nameless blocks still explain on held-out rows."""
+    """What the causes leave.
+
+    Attributes:
+        significant: whether a nameless block explains some of it on held-out rows.
+        looks_like: that block.
+        gain: of the best block.
+        floor_excess: rms over the noise floor.
+        nearest: where nothing is named, the effect that explains most without passing as a cause.
+    """
 
     significant: bool
     looks_like: str | None
     gain: Gain
     floor_excess: float
+    nearest: Effect | None = None
 
 
 def remaining_of(selector: Selector, hypotheses: Sequence[Hypothesis],
@@ -54,12 +64,12 @@ def remaining_of(selector: Selector, hypotheses: Sequence[Hypothesis],
     strongest = int(np.argmax([gain.low for gain in gains]))
     gain = gains[strongest]
     valid_rows = blocks.counts().sum(axis=0)
-    mean_square = blocks.sums(after, weighted=False).sum(axis=0) / np.maximum(valid_rows, 1)
+    mean_square = blocks.sums(after).sum(axis=0) / np.maximum(valid_rows, 1)
     excess = float(np.sqrt(mean_square.sum() / max((floor ** 2).sum(), 1e-30)))
     torque = sum(np.sum(np.where(run.valid, run.tau, 0.0) ** 2)
                  for run in heldout.observations.runs)
-    explained = (blocks.sums(after, weighted=False).sum()
-                 - blocks.sums(fits[strongest].heldout, weighted=False).sum())
+    explained = (blocks.sums(after).sum()
+                 - blocks.sums(fits[strongest].heldout).sum())
     significant = (gain.share > rules.remaining_gain and gain.low > 0.0
                    and explained > rules.least_share ** 2 * torque)
     looks_like = fits[strongest].block if significant else None

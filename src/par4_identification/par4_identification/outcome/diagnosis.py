@@ -54,7 +54,9 @@ def outcome_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis,
     before, after, noise = (f'{number(over_joints(rms), 2)} {unit}' for rms in (
         holdout.baseline_rms, holdout.extended_rms, holdout.noise_floor_rms))
     remarks = _remarks(diagnosis, experiment)
+    nearest = diagnosis.remaining.nearest
     looks_like = (looks_like_in_words(diagnosis.remaining.looks_like)
+                  or (nearest and f'{nearest.phrase}, which does not pass as a cause')
                   or 'something that follows nothing in the motion')
     if diagnosis.verdict == 'clean':
         return Outcome(
@@ -195,6 +197,11 @@ def _remaining_remark(diagnosis: Diagnosis) -> Remark:
             f'{percent(remaining.gain.share)} of the squared error left on held-out rows (95 % '
             f'interval {percent(remaining.gain.low)} to {percent(remaining.gain.high)}).',
             f'Look for a cause outside the library that acts as {block}.')
+    if remaining.nearest is not None:
+        return Remark(
+            False, f'{_capital(remaining.nearest.phrase)} would explain some of it, on held-out '
+            f'rows as well, but does not pass as a cause.',
+            'See among the rejected names why; more data or a motion of another kind may decide.')
     size = (f'Nothing that follows the motion remains; the residual is '
             f'{number(remaining.floor_excess, 2)} times the noise floor')
     if remaining.floor_excess <= FLOOR_EXCESS:
