@@ -34,7 +34,7 @@ from rich.table import Table
 
 from par4_dynamics.model import read_model
 from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
-from par4_identification.diagnosis.next_experiment import shapes_of
+from par4_identification.diagnosis.shapes import shapes_of
 from par4_identification.log import Log, read_log
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.motion import Motion
@@ -118,7 +118,7 @@ def timing(log: Log, robot: Robot, effects: int, runs: int) -> Timing:
         float(np.median(totals)), max(totals) - min(totals),
         {step: spent / sum(totals) for step, spent in steps.items()},
         resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-        sum(len(shapes_of(found.evidence, effect)) for effect in library.values()),
+        sum(len(shapes_of(found.evidence.observations, effect)) for effect in library.values()),
         ', '.join([found.verdict, *(cause.effect.name for cause in found.causes)]))
 
 

@@ -8,6 +8,8 @@ import numpy as np
 from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
 
 LOWEST_PERIODS, HIGHEST_PERIODS = 4, 160
+LEAST_TURNS = 1.5
+"""Periods in the range of a joint below which they cannot be told from gravity."""
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -34,10 +36,9 @@ class Cogging(Effect):
                   EffectParameter('phase', 'rad', 'joint'))
 
     def shapes(self, state):
-        # Periods a turn are whole: the torque returns after one turn. Less than one and a half of
-        # them in the range of the joint that moves most cannot be told from gravity.
-        span = float(np.max(np.ptp(state.q, axis=0)))
-        lowest = max(LOWEST_PERIODS, int(np.ceil(1.5 * 2.0 * np.pi / max(span, 1e-3))))
+        # periods a turn are whole: the torque returns after one turn
+        span = float(np.max(np.ptp(state.q, axis=0)))  # of the joint that moves most
+        lowest = max(LOWEST_PERIODS, int(np.ceil(LEAST_TURNS * 2.0 * np.pi / max(span, 1e-3))))
         return tuple({'periods': float(periods)}
                      for periods in range(lowest, HIGHEST_PERIODS + 1))
 

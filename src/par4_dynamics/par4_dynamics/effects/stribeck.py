@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.grid import around
 
 SPEEDS = np.geomspace(0.01, 1.0, 13)
 
@@ -23,10 +24,8 @@ class Stribeck(Effect):
                      if speed < 0.5 * fastest)
 
     def refined(self, shape, step):
-        spacing = (SPEEDS[1] / SPEEDS[0]) ** step
-        centre = shape['stribeck_velocity']
-        return tuple({'stribeck_velocity': centre * spacing ** power}
-                     for power in (-0.5, 0.0, 0.5))
+        return around('stribeck_velocity', shape['stribeck_velocity'],
+                      (SPEEDS[1] / SPEEDS[0]) ** step)
 
     def columns(self, state, shape):
         ratio = state.qd / shape['stribeck_velocity']

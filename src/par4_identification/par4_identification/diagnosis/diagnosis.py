@@ -17,7 +17,6 @@ from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.estimates import effect_parameters
 from par4_identification.diagnosis.evidence import (
-    EXPANSIONS,
     Evidence,
     Fit,
     Hypothesis,
@@ -36,6 +35,7 @@ from par4_identification.diagnosis.observations import Observations, observe, wi
 from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.selection import Found, Rejected, Selector
+from par4_identification.diagnosis.shapes import EXPANSIONS
 from par4_identification.diagnosis.sufficiency import (
     Remaining,
     Verdict,

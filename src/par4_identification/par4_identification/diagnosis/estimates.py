@@ -63,6 +63,5 @@ def _shape_std(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
         moved = Hypothesis(hypothesis.effect, {**hypothesis.shape, name: value + step},
                            hypothesis.joints)
         slope = (evidence.columns(moved) - evidence.columns(hypothesis)) @ flat / step
-        left = slope - projection.basis @ (projection.basis.T @ slope)
-        result[name] = float(1.0 / max(np.linalg.norm(left), 1e-30))
+        result[name] = float(1.0 / max(np.linalg.norm(projection.rest(slope)), 1e-30))
     return result

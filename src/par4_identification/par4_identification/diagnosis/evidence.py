@@ -13,8 +13,6 @@ from par4_dynamics.state import State
 from par4_identification.diagnosis.observations import Observations, lasting
 from par4_identification.noise import ArNoise, fit_noise
 
-EXPANSIONS = 4
-"""Times that a series is expanded around what came of it."""
 SURE = 3.0
 """Times its expectation that the square of a difference must be to be no chance."""
 
@@ -239,20 +237,14 @@ class Projection:
             inside, moment, gram = np.hstack(insides), np.concatenate(moments), block_diag(*own)
         return gram - inside.T @ inside, moment, np.diag(gram)
 
+    def rest(self, columns: np.ndarray) -> np.ndarray:
+        """Return what the design cannot follow of columns (N, ...)."""
+        return columns - self.basis @ (self.basis.T @ columns)
+
     def left_share(self, columns: np.ndarray, coefficients: np.ndarray) -> float:
         """Return the share (rms) of columns @ coefficients that the design does not swallow."""
         signal = columns @ coefficients
-        left = signal - self.basis @ (self.basis.T @ signal)
-        return float(np.linalg.norm(left) / max(np.linalg.norm(signal), 1e-30))
-
-
-def self_consistent(projection: Projection, effect: Effect, shape: Shape) -> Shape:
-    """Return the shape of a series around the coefficient that it gives beside a projection."""
-    joints = tuple(range(projection.evidence.observations.joints))
-    for _ in range(EXPANSIONS):
-        estimate = projection.estimate(Hypothesis(effect, shape, joints))
-        shape = {'expanded_at': float(estimate[0])}
-    return shape
+        return float(np.linalg.norm(self.rest(signal)) / max(np.linalg.norm(signal), 1e-30))
 
 
 def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> float:
@@ -335,9 +327,7 @@ def transfer_error(evidence: Evidence, other: Evidence, hypotheses: Sequence[Hyp
     what noise makes of that; zero where noise may have made all of it.
     """
     here, there = solve(evidence, hypotheses), solve(other, hypotheses)
-    basis = project(other, hypotheses[:-1]).basis
-    columns = other.columns(hypotheses[-1])
-    columns = columns - basis @ (basis.T @ columns)
+    columns = project(other, hypotheses[:-1]).rest(other.columns(hypotheses[-1]))
     gram = columns.T @ columns
     own = hypotheses[-1].stacked(here.coefficients[-1])
     change = own - hypotheses[-1].stacked(there.coefficients[-1])

@@ -56,7 +56,7 @@ class Dithered:
         evidence = projection.evidence
         columns = _stacked(evidence, [run.rows(_orders(hypothesis)(run.state))
                                       for run in evidence.observations.runs])
-        columns = columns - projection.basis @ (projection.basis.T @ columns)
+        columns = projection.rest(columns)
         gram, moment = columns.T @ columns, columns.T @ projection.residual
         told = gram[1, 1]
         for torque, orders in zip(self._noise(evidence, _delivered),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.interpolate import BSpline
 
+from par4_dynamics.effects.cogging import HIGHEST_PERIODS, LEAST_TURNS, LOWEST_PERIODS
 from par4_dynamics.effects.shifted import shift_derivative
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State
@@ -17,7 +18,7 @@ from par4_identification.diagnosis.observations import Observations
 
 RIDGE = 3.0
 """Prior weight of a standardised nameless coefficient, in rows."""
-PERIODS = np.arange(4, 161)
+PERIODS = np.arange(LOWEST_PERIODS, HIGHEST_PERIODS + 1)
 READING_DEGREE = 3
 """Of the polynomial of a joint's position by which its reading may be wrong."""
 
@@ -146,7 +147,7 @@ def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], s
     for joint in range(observations.joints):
         power = np.zeros(len(PERIODS))
         for index, period in enumerate(PERIODS):
-            if period * span[joint] < 1.5 * 2.0 * np.pi:
+            if period * span[joint] < LEAST_TURNS * 2.0 * np.pi:
                 continue
             total = 0.0 + 0.0j
             for run, residual in zip(observations.runs, left):

@@ -8,7 +8,7 @@ true. The same with A and B exchanged; the smaller counts, since nobody knows wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -27,11 +27,11 @@ from par4_identification.diagnosis.evidence import (
     gather,
     project,
     quadratic,
-    self_consistent,
     solve,
 )
 from par4_identification.diagnosis.motion_library import joined, motion_library
 from par4_identification.diagnosis.observations import observe, with_nominal
+from par4_identification.diagnosis.shapes import best_shape, self_consistent, shapes_of
 from par4_identification.log import Log
 from par4_identification.rows import runs_of_log
 from par4_kinematics.motion import Motion
@@ -157,11 +157,11 @@ def rivals(evidence: Evidence, hypotheses: Sequence[Hypothesis], cause: int, twi
     others = tuple(item for number, item in enumerate(hypotheses) if number != cause)
     target = evidence.target
 
-    def left(shape: Shape) -> float:
+    def worth(shape: Shape) -> float:
         design = evidence.design([*others, _everywhere(evidence, twin, shape)])
-        return squared_rest(moments(design, target))
+        return -squared_rest(moments(design, target))
 
-    shape, _ = least(twin, shapes_of(evidence, twin), left)
+    shape, _ = best_shape(twin, shapes_of(evidence.observations, twin), worth)
     if twin.expanded:
         shape = self_consistent(project(evidence, others), twin, shape)
     return Rivals(hypotheses[cause], _everywhere(evidence, twin, shape), others)
@@ -177,28 +177,6 @@ def difference(evidence: Evidence, pair: Rivals) -> float:
 
 def _everywhere(evidence: Evidence, effect: Effect, shape: Shape) -> Hypothesis:
     return Hypothesis(effect, shape, tuple(range(evidence.observations.joints)))
-
-
-def shapes_of(evidence: Evidence, effect: Effect) -> tuple[Shape, ...]:
-    """Return the shapes of an effect worth trying on the longest run of the data."""
-    return effect.shapes(max(evidence.observations.runs, key=lambda run: len(run.t)).state)
-
-
-def least(effect: Effect, shapes: Sequence[Shape], cost: Callable[[Shape], float]
-          ) -> tuple[Shape, float]:
-    """Return the shape of least cost, sought around the best of `shapes`, and its cost."""
-    costs = [cost(shape) for shape in shapes]
-    best = int(np.argmin(costs))
-    shape, lowest = shapes[best], costs[best]
-    for step in (1.0, 0.5, 0.25):
-        around = effect.refined(shape, step)
-        if len(around) < 2:
-            break
-        costs = [cost(item) for item in around]
-        best = int(np.argmin(costs))
-        if costs[best] < lowest:
-            shape, lowest = around[best], costs[best]
-    return shape, lowest
 
 
 def moments(design: np.ndarray, signal: np.ndarray) -> np.ndarray:
@@ -285,10 +263,10 @@ class Trial:
         rival = self._sides[1 - number]
         # a series holds around the size that the data give, elsewhere it would be another law
         shapes = (rival.shape,) if rival.effect.expanded else (
-            rival.shape, *shapes_of(self.prospect.evidence, rival.effect))
-        _, rest = least(rival.effect, shapes,
-                        lambda shape: self._rest(number, shape, motions, times))
-        return 0.5 * rest
+            rival.shape, *shapes_of(self.prospect.evidence.observations, rival.effect))
+        _, worth = best_shape(rival.effect, shapes,
+                              lambda shape: -self._rest(number, shape, motions, times))
+        return -0.5 * worth
 
     def _rest(self, number: int, shape: Shape, motions: Programme, times: int) -> float:
         """Return the squared residual if name `number` is true and its rival has a shape."""

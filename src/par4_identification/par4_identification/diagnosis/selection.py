@@ -17,7 +17,6 @@ from par4_identification.diagnosis.evidence import (
     Projection,
     gather,
     project,
-    self_consistent,
     solve,
     transfer_error,
 )
@@ -25,6 +24,7 @@ from par4_identification.diagnosis.holdout import Blocks, Gain
 from par4_identification.diagnosis.law import Dithered
 from par4_identification.diagnosis.observations import Observations
 from par4_identification.diagnosis.rules import Rules
+from par4_identification.diagnosis.shapes import best_shape, self_consistent, shapes_of
 from par4_identification.diagnosis.swing import GRID, compliances
 
 HALF_BLOCK = 100
@@ -119,8 +119,8 @@ class Selector:
         self.rules = rules
         self._dithered = dithered
         self._searched: dict[tuple, Candidate | None] = {}
-        state = max(evidence.observations.runs, key=lambda run: len(run.t)).state
-        self._shapes = {name: effect.shapes(state) for name, effect in library.items()}
+        self._shapes = {name: shapes_of(evidence.observations, effect)
+                        for name, effect in library.items()}
         self._family = sum(len(shapes) for shapes in self._shapes.values())
         self._joints = tuple(range(evidence.observations.joints))
 
@@ -141,18 +141,10 @@ class Selector:
         def ratio(shape):
             return projection.gain(Hypothesis(effect, shape, self._joints))
 
-        ratios = [ratio(shape) for shape in shapes]
-        shape, best = shapes[int(np.argmax(ratios))], max(ratios)
+        shape, best = best_shape(effect, shapes, ratio)
         if effect.expanded:
             shape = self_consistent(projection, effect, shape)
             best = ratio(shape)
-        for step in (1.0, 0.5, 0.25):
-            around = effect.refined(shape, step)
-            if len(around) < 2:
-                break
-            ratios = [ratio(item) for item in around]
-            if max(ratios) > best:
-                shape, best = around[int(np.argmax(ratios))], max(ratios)
         hypothesis = Hypothesis(effect, shape, self._joints)
         return Candidate(hypothesis, best, self._freedoms(hypothesis), len(shapes))
 
@@ -331,8 +323,7 @@ class Selector:
             values = np.linalg.lstsq(design / scale, self.evidence.target[rows], rcond=1e-9)[0]
             estimates.append((values / scale)[rest.shape[1]:])
         # of its torque what the rest of the model cannot follow: the other part is anybody's
-        basis = project(self.evidence, hypotheses[:-1]).basis
-        visible = columns - basis @ (basis.T @ columns)
+        visible = project(self.evidence, hypotheses[:-1]).rest(columns)
         first, second = (visible @ estimate for estimate in estimates)
         return float(first @ second / max(np.linalg.norm(first) * np.linalg.norm(second), 1e-30))
 

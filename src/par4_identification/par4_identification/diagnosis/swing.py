@@ -30,7 +30,7 @@ def compliances(projection: Projection) -> tuple[np.ndarray, float] | None:
     it, so that noise in the columns cannot pass as a twist of another size or sign. None where no
     compliance explains anything.
     """
-    evidence, basis, target = projection.evidence, projection.basis, projection.residual
+    evidence, target = projection.evidence, projection.residual
     springs = {id(run.state): Springs(run.state) for run in evidence.observations.runs}
 
     def left(log_compliance: np.ndarray, damping: float) -> np.ndarray:
@@ -39,7 +39,7 @@ def compliances(projection: Projection) -> tuple[np.ndarray, float] | None:
             lambda state: springs[id(state)].torque(
                 np.exp(log_compliance), damping,
                 COARSE_STEP if damping == COARSE_DAMPING else 1)[1])
-        return target - (torque - basis @ (basis.T @ torque))
+        return target - projection.rest(torque)
 
     found = np.full(evidence.observations.joints, np.log(STIFFEST))
     best = before = _square(target)

@@ -1,0 +1,43 @@
+"""Which shape of an effect suits best: over a grid, around the best of it, around its own size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, Shape
+from par4_identification.diagnosis.evidence import Hypothesis, Projection
+from par4_identification.diagnosis.observations import Observations
+
+EXPANSIONS = 4
+"""Times that a series is expanded around what came of it."""
+
+
+def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
+    """Return the shapes of an effect worth trying on the longest run of the data."""
+    return effect.shapes(max(observations.runs, key=lambda run: len(run.t)).state)
+
+
+def best_shape(effect: Effect, shapes: Sequence[Shape], worth: Callable[[Shape], float]
+               ) -> tuple[Shape, float]:
+    """Return the shape of most worth, sought around the best of `shapes`, and its worth."""
+    worths = [worth(shape) for shape in shapes]
+    shape, most = shapes[int(np.argmax(worths))], max(worths)
+    for step in (1.0, 0.5, 0.25):
+        around = effect.refined(shape, step)
+        if len(around) < 2:
+            break
+        worths = [worth(item) for item in around]
+        if max(worths) > most:
+            shape, most = around[int(np.argmax(worths))], max(worths)
+    return shape, most
+
+
+def self_consistent(projection: Projection, effect: Effect, shape: Shape) -> Shape:
+    """Return the shape of a series around the coefficient that it gives beside a projection."""
+    joints = tuple(range(projection.evidence.observations.joints))
+    for _ in range(EXPANSIONS):
+        estimate = projection.estimate(Hypothesis(effect, shape, joints))
+        shape = {'expanded_at': float(estimate[0])}
+    return shape
