@@ -145,18 +145,13 @@ def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], s
                        ) -> tuple[tuple[int, ...], ...]:
     chosen = []
     for joint in range(observations.joints):
-        power = np.zeros(len(PERIODS))
-        for index, period in enumerate(PERIODS):
-            if period * span[joint] < LEAST_TURNS * 2.0 * np.pi:
-                continue
-            total = 0.0 + 0.0j
-            for run, residual in zip(observations.runs, left):
-                q = np.interp(run.t, run.state.t, run.state.q[:, joint])
-                total += np.sum(np.where(run.valid[:, joint], residual[:, joint], 0.0)
-                                * np.exp(1j * period * q))
-            power[index] = abs(total)
-        order = np.argsort(-power)[:4]
-        chosen.append(tuple(int(PERIODS[index]) for index in order))
+        q = np.concatenate([np.interp(run.t, run.state.t, run.state.q[:, joint])
+                            for run in observations.runs])
+        residual = np.concatenate([np.where(run.valid[:, joint], part[:, joint], 0.0)
+                                   for run, part in zip(observations.runs, left)])
+        power = np.array([abs(residual @ np.exp(1j * period * q)) for period in PERIODS])
+        power[PERIODS * span[joint] < LEAST_TURNS * 2.0 * np.pi] = 0.0
+        chosen.append(tuple(int(period) for period in PERIODS[np.argsort(-power)[:4]]))
     return tuple(chosen)
 
 
