@@ -16,6 +16,8 @@ from par4_kinematics.velocity import jacobian_parts
 
 GRAVITY = 9.81
 """m/s2, along -z of `base`."""
+SMALL_ANGLE = 1e-5
+"""rad: step of a central difference; small against any pose, large against the rounding of (20)."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,30 @@ class State:
     def phasor(self) -> np.ndarray:
         """exp(i q), (n, J), contiguous: kept, as its powers cost less than sine and cosine."""
         return np.exp(1j * self.q, order='C')
+
+    @cached_property
+    def torque_by_q(self) -> np.ndarray:
+        """Stiffness: d/dq_j of the bodies' torque of joint i, (n, J, J) N m/rad, [:, i, j]."""
+        return self._central_difference('q', SMALL_ANGLE)
+
+    @cached_property
+    def torque_by_qd(self) -> np.ndarray:
+        """The same by qd_j, N m s/rad: the torque being a square of speeds, this is exact."""
+        return self._central_difference('qd', 1.0)
+
+    @cached_property
+    def torque_by_qdd(self) -> np.ndarray:
+        """The same by qdd_j, kg m2: the inertia matrix, exact."""
+        return self._central_difference('qdd', 1.0)
+
+    def _central_difference(self, name: str, step: float) -> np.ndarray:
+        def torque(change: np.ndarray) -> np.ndarray:
+            motion = {part: getattr(self, part) for part in ('q', 'qd', 'qdd')}
+            motion[name] = motion[name] + change
+            return self.nominal.rigid_torque(state_of_joints(self.geometry, self.t, **motion))
+
+        return np.stack([(torque(step * joint) - torque(-step * joint)) / (2.0 * step)
+                         for joint in np.eye(self.joints)], axis=-1)
 
     def part(self, rows: slice) -> State:
         """Return the motion of some of the samples, without its nominal torque."""

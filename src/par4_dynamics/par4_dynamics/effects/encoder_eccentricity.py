@@ -7,10 +7,8 @@ import math
 import numpy as np
 
 from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
-from par4_dynamics.state import state_of_joints
+from par4_dynamics.effects.shifted import shift_columns
 
-STEP = 1e-5
-"""rad of amplitude; small against any pose, large against the rounding of (20)."""
 LARGEST = math.radians(0.25)
 
 
@@ -31,21 +29,14 @@ class EncoderEccentricity(Effect):
 
     def columns(self, state, shape):  # noqa: ARG002
         sine, cosine = np.sin(state.q), np.cos(state.q)
+        viscous = state.nominal.values['viscous_friction'] * np.eye(state.joints)
         columns = []
-        for joint in np.eye(state.joints):
-            for wave, slope in ((sine, cosine), (cosine, -sine)):
-                # the second derivative of either wave is its opposite
-                columns.append(self._torque(
-                    state, joint * wave, joint * slope * state.qd,
-                    joint * (slope * state.qdd - wave * state.qd ** 2)))
-        return np.stack(columns, axis=-1)
-
-    def _torque(self, state, error, error_d, error_dd):
-        """Return the torque (n, J) per unit of an error (n, J) of the reading and its rates."""
-        late, early = (state.nominal.rigid_torque(state_of_joints(
-            state.geometry, state.t, state.q + step * error, state.qd + step * error_d,
-            state.qdd + step * error_dd)) for step in (-STEP, STEP))
-        return (late - early) / (2.0 * STEP) - state.nominal.values['viscous_friction'] * error_d
+        for wave, slope in ((sine, cosine), (cosine, -sine)):
+            rate = slope * state.qd
+            # the second derivative of either wave is its opposite
+            change = shift_columns(state, wave, rate, slope * state.qdd - wave * state.qd ** 2)
+            columns.append(-change - viscous * rate[:, None, :])
+        return np.stack(columns, axis=-1).reshape(*state.q.shape, 2 * state.joints)
 
     def coefficients(self, values):
         amplitude, phase = values['amplitude'], values['phase']

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
-from par4_dynamics.effects.shifted import shift_derivative
 
 LARGEST = math.radians(5.0)
 
@@ -27,8 +26,7 @@ class EncoderOffset(Effect):
     needs_nominal = True
 
     def columns(self, state, shape):  # noqa: ARG002
-        return np.stack([-shift_derivative(state, np.broadcast_to(unit, state.q.shape))
-                         for unit in np.eye(state.joints)], axis=-1)
+        return -state.torque_by_q
 
     def coefficients(self, values):
         offset = values['offset']

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from par4_dynamics.effects.shifted import shift_derivative
+from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State, state_of_joints
 from par4_kinematics.linear_solve import solve_in_place
@@ -43,13 +43,9 @@ def transmission_columns(state: State, shift: np.ndarray) -> np.ndarray:
         state: the motion with its nominal torque.
         shift: of the load of each joint against its motor, (n, J), rad per unit of c.
     """
-    columns = np.empty((*state.q.shape, state.joints))
-    for joint in range(state.joints):
-        alone = np.zeros_like(shift)
-        alone[:, joint] = shift[:, joint]
-        curvature = time_rate(state, time_rate(state, alone))
-        columns[..., joint] = shift_derivative(state, alone) - _motor_side(state, curvature)
-    return columns
+    curvature = time_rate(state, time_rate(state, shift))
+    return (shift_columns(state, shift)
+            - _motor_side(state, curvature)[:, None, :] * np.eye(state.joints))
 
 
 def load_inertia(state: State, t: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from numpy.polynomial.legendre import legvander
 from scipy.interpolate import BSpline
 
 from par4_dynamics.effects.cogging import HIGHEST_PERIODS, LEAST_TURNS, LOWEST_PERIODS
-from par4_dynamics.effects.shifted import shift_derivative
+from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence import Evidence, Hypothesis, spread
@@ -103,9 +103,8 @@ def _reading(state: State, ranges: Ranges) -> np.ndarray:
     low, high = ranges.q
     unit = 2.0 * (state.q - low) / np.maximum(high - low, 1e-12) - 1.0
     errors = legvander(unit, READING_DEGREE)  # (n, J, k) of each joint's own position
-    return np.stack([shift_derivative(state, joint * errors[..., degree])
-                     for joint in np.eye(state.joints)
-                     for degree in range(READING_DEGREE + 1)], axis=-1)
+    return np.concatenate([shift_columns(state, errors[..., degree])
+                           for degree in range(READING_DEGREE + 1)], axis=-1)
 
 
 BLOCKS = {'position': _position, 'speed': _speed, 'time': _time, 'acceleration': _acceleration,
