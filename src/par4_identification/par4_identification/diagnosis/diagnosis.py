@@ -230,7 +230,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     flat = gather(observations, flat_whitener(observations, sigma))
     richest = Selector(applicable, flat, heldout, blocks, rules, moved).richest()
     left = residuals(observations, richest, solve(flat, richest))
-    whitener = whitener_of_residuals(observations, left, len(identification.terms) + len(richest))
+    whitener = whitener_of_residuals(observations, left, flat.design(richest).shape[1])
     evidence = gather(observations, whitener)
 
     progress('searching the library for causes')

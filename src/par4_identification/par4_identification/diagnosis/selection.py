@@ -345,7 +345,10 @@ class Selector:
                 selection.found[position] = verdict
 
     def _prune(self, selection: Selection) -> None:
-        """Take away causes that are little more than what the others get wrong of their torque."""
+        """Take away causes that are little more than what the others get wrong of their torque.
+
+        What the others gain is counted anew.
+        """
         while len(selection.found) > 1:
             whole = self.evidence_of(selection.hypotheses)
             weakest, reason = None, ''
@@ -361,10 +364,15 @@ class Selector:
                 elif self._alone(item.hypothesis, others) < self.rules.least_alone:
                     weakest, reason = (own, item), 'its torque is that of another cause'
             if weakest is None:
-                return
+                break
             selection.rejected.append(Rejected(weakest[1].hypothesis.label, reason))
             selection.found.remove(weakest[1])
             selection.shadows.add(weakest[1].hypothesis.effect.name)
+        for index, item in enumerate(selection.found):
+            others = [other for other in selection.hypotheses if other is not item.hypothesis]
+            selection.found[index] = replace(
+                item, gain=self.heldout_gain(item.hypothesis, others),
+                likelihood_ratio=project(self.evidence, others).gain(item.hypothesis))
 
     def evidence_of(self, hypotheses: Sequence[Hypothesis]) -> float:
         """Return how much less hypotheses leave of the whitened target than the base, squared."""
