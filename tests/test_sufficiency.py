@@ -44,6 +44,9 @@ EVERY = (0, 1, 2, 3)
 OFFSET = (0.3, -0.2, 0.25, 0.15)
 TILT = {'about_x': 0.02, 'about_y': -0.015}
 LOADED = ('load_dependent_friction', {'coefficient': 0.004})
+DRIFT = {'drop': 0.5, 'time_constant': 4.0}
+GAIN = {'relative': (0.05, -0.03, 0.02, -0.04)}
+BELT = {'coulomb': 0.3, 'viscous': 0.05}
 COGGING = {'amplitude': 0.03, 'periods': 31.0, 'phase': (0.0, 1.0, 2.0, 3.0)}
 COGGING_SHAPE = {'periods': 31.0}
 
@@ -146,7 +149,7 @@ def test_causes_with_one_torque_own_nothing():
 def test_the_more_names_it_takes_the_more_each_must_own(causes, share, verdict):
     found = selected(*[('torque_offset', {}, EVERY)] * causes).found
     nothing = Remaining(False, None, Gain(0.0, 0.0, 0.0), 1.0)
-    assert verdict_of(found, nothing, 1.0, None, share, 1.0, Rules())[0] == verdict
+    assert verdict_of(found, nothing, None, share, Rules())[0] == verdict
 
 
 # --------------------------------------------------------------------- what nameless functions see
@@ -156,13 +159,36 @@ def test_the_more_names_it_takes_the_more_each_must_own(causes, share, verdict):
     ('torque_ripple', {'relative': 0.04, 'periods': 23.0, 'phase': (0.0, 1.0, 2.0, 3.0)}, 'torque'),
     ('time_offset', {'delay': 0.002}, 'rate'),
     ('actuator_lag', {'time_constant': 0.002}, 'rate'),
-    ('cogging', {**COGGING, 'amplitude': 0.3}, 'periodic')])
+    ('cogging', {**COGGING, 'amplitude': 0.3}, 'periodic'),
+    ('drive_gain_error', GAIN, 'load'),
+    ('theta_friction', BELT, 'wrench'),
+    ('friction_drift', DRIFT, 'drift')])
 def test_what_no_name_of_the_library_explains_is_seen_by_a_nameless_function(effect, values, block):
     selector = selector_of((effect, values))
     before = residuals(selector.heldout.observations, [], solve(selector.evidence, []))
-    remaining, _ = remaining_of(selector, [], before, before, np.full(4, NOISE))
+    remaining = remaining_of(selector, [], before, before, np.full(4, NOISE))
     assert remaining.significant
     assert remaining.looks_like == block
+
+
+@pytest.mark.parametrize(('effect', 'values', 'relative', 'block'), [
+    ('theta_friction', BELT, 'passive_joint_friction', 'wrench'),
+    ('drive_gain_error', GAIN, 'joint_inertia_difference', 'load'),
+    ('friction_drift', DRIFT, 'joint_friction_difference', 'drift'),
+    ('encoder_offset', {'offset': (0.004, -0.003, 0.002, 0.003)}, 'torque_offset', 'reading')])
+def test_a_nameless_function_explains_more_than_a_relative_but_not_more_than_the_cause(
+        effect, values, relative, block):
+    selector = selector_of((effect, values))
+    for name, instead in ((relative, block), (effect, None)):
+        shape = CATALOGUE[name].shape_of(values) if name == effect else {}
+        causes = selected((name, shape, EVERY))
+        before, after = (
+            residuals(selector.heldout.observations, part, solve(selector.evidence, part))
+            for part in ([], causes.hypotheses))
+        remaining = remaining_of(selector, causes.found, before, after, np.full(4, NOISE))
+        assert remaining.instead == instead
+        verdict, reason = verdict_of(causes.found, remaining, None, 1.0, Rules())
+        assert (verdict == 'unknown') == (instead is not None), reason
 
 
 def test_what_explains_most_without_passing_is_told():

@@ -261,12 +261,11 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     simple = extended.model_copy(update={'effects': tuple(
         entry for entry in extended.effects if not effect_named(entry.effect).needs_nominal)})
     floor = noise_floor(holdout_runs, machine, build_model(machine, simple))
-    remaining, explained_share = remaining_of(selector, hypotheses, before, after, floor)
+    remaining = remaining_of(selector, selection.found, before, after, floor)
     holdout = _holdout(holdout_runs, blocks, before, after, floor)
     nearest = left_over(selector, selection)
-    verdict, withheld = verdict_of(
-        selection.found, remaining, explained_share, nearest, own_share(selector, selection),
-        holdout.explained_fraction, rules)
+    verdict, withheld = verdict_of(selection.found, remaining, nearest,
+                                   own_share(selector, selection), rules)
     if nearest is not None and not selection.found:
         remaining = replace(remaining, nearest=nearest.hypothesis.effect)
     rejected = list(selection.rejected)
@@ -275,7 +274,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         full_fit = base_only
         holdout = _holdout(holdout_runs, blocks, before, before, floor)
         extended = _extended_model(baseline, rigid_body, evidence, [], base_only)
-        remaining, _ = remaining_of(selector, [], before, before, floor)
+        remaining = remaining_of(selector, [], before, before, floor)
         selection.found.clear()
     diagnosis = Diagnosis(
         verdict=verdict,

@@ -286,7 +286,12 @@ def solve(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Fit:
     scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
     inverse = np.linalg.pinv((design / scale).T @ (design / scale), rcond=1e-12, hermitian=True)
     values = inverse @ ((design / scale).T @ evidence.target) / scale
-    covariance = inverse / np.outer(scale, scale)
+    return fit_of(evidence, hypotheses, values, inverse / np.outer(scale, scale))
+
+
+def fit_of(evidence: Evidence, hypotheses: Sequence[Hypothesis], values: np.ndarray,
+           covariance: np.ndarray) -> Fit:
+    """Return the fit whose values are (c,), in the order of the design."""
     parameters = evidence.base.shape[1]
     joints = evidence.observations.joints
     coefficients, slices, first = [], [], parameters

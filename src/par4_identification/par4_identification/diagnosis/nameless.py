@@ -13,7 +13,13 @@ from par4_dynamics.effects.cogging import HIGHEST_PERIODS, LEAST_TURNS, LOWEST_P
 from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State
-from par4_identification.diagnosis.evidence import Evidence, Hypothesis, spread
+from par4_identification.diagnosis.evidence import (
+    Evidence,
+    Hypothesis,
+    fit_of,
+    residuals,
+    spread,
+)
 from par4_identification.diagnosis.observations import Observations
 
 RIDGE = 3.0
@@ -107,12 +113,30 @@ def _reading(state: State, ranges: Ranges) -> np.ndarray:
                            for degree in range(READING_DEGREE + 1)], axis=-1)
 
 
+def _load(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    delivered = state.nominal.delivered
+    return np.stack((delivered, np.abs(delivered) * np.sign(state.qd)), axis=-1)
+
+
+def _wrench(state: State, ranges: Ranges) -> np.ndarray:
+    low, high = ranges.x
+    place = 2.0 * (state.x - low) / np.maximum(high - low, 1e-12) - 1.0
+    speed = state.xd / ranges.xd
+    forces = np.stack((np.ones_like(place), place, np.sign(speed), speed, np.abs(speed) * speed))
+    return np.stack([state.torque_of_force(axis * force)
+                     for axis in np.eye(4) for force in forces], axis=-1)
+
+
+def _drift(state: State, ranges: Ranges) -> np.ndarray:
+    return _time(state, ranges) * np.sign(state.qd)[..., None]
+
+
 BLOCKS = {'position': _position, 'speed': _speed, 'time': _time, 'acceleration': _acceleration,
           'platform': _platform, 'periodic': _periodic, 'torque': _torque, 'rate': _rate,
-          'reading': _reading}
-SHARED = ('reading',)
+          'reading': _reading, 'load': _load, 'wrench': _wrench, 'drift': _drift}
+SHARED = ('reading', 'wrench')
 """Blocks whose columns act on all joints with one coefficient."""
-OF_PLATFORM = ('platform', 'reading')
+OF_PLATFORM = ('platform', 'reading', 'wrench')
 """Blocks of machines with a platform."""
 
 
@@ -156,56 +180,50 @@ def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], s
 
 @dataclass(frozen=True)
 class NamelessFit:
-    """Residuals on held-out rows after hypotheses and one nameless block."""
+    """Residuals (m, J) on held-out runs after one nameless block and base terms.
+
+    Attributes:
+        block: its name.
+        beside: with the hypotheses, too.
+        instead: without them.
+    """
 
     block: str
-    heldout: tuple[np.ndarray, ...]
+    beside: tuple[np.ndarray, ...]
+    instead: tuple[np.ndarray, ...]
 
 
 def fit_block(block: str, evidence: Evidence, heldout: Observations,
               hypotheses: Sequence[Hypothesis], ranges: Ranges) -> NamelessFit:
-    """Return what is left with a nameless block beside base terms and hypotheses."""
+    """Return what a nameless block leaves of held-out rows, beside hypotheses and instead."""
     function = BLOCKS[block]
     joints = tuple(range(heldout.joints))
-    fit_rows = tuple(run.rows(np.ascontiguousarray(function(run.state, ranges)))
-                     for run in evidence.observations.runs)
     shared = block in SHARED
-    columns = spread(evidence.whitener.whiten(fit_rows), joints, shared=shared)
+    fit_rows, heldout_rows = (
+        tuple(run.rows(np.ascontiguousarray(function(run.state, ranges))) for run in part.runs)
+        for part in (evidence.observations, heldout))
     design = evidence.design(hypotheses)
-    known = design.shape[1]
-    stacked = np.hstack([design, columns])
+    known, base = design.shape[1], evidence.base.shape[1]
+    stacked = np.hstack([design, spread(evidence.whitener.whiten(fit_rows), joints, shared=shared)])
     scale = np.maximum(np.linalg.norm(stacked, axis=0), 1e-30) / np.sqrt(len(stacked))
-    gram = (stacked / scale).T @ (stacked / scale)
-    gram[np.arange(known), np.arange(known)] += 1e-9 * len(stacked)
-    gram[np.arange(known, len(gram)), np.arange(known, len(gram))] += RIDGE
-    values = np.linalg.solve(gram, (stacked / scale).T @ evidence.target) / scale
-    nameless = np.broadcast_to(values[known:].reshape(1 if shared else len(joints), -1),
-                               (len(joints), fit_rows[0].shape[2]))
-    return NamelessFit(block, _left(
-        heldout, hypotheses, values,
-        tuple(run.rows(np.ascontiguousarray(function(run.state, ranges)))
-              for run in heldout.runs), nameless))
+    stacked /= scale
+    gram, moment = stacked.T @ stacked, stacked.T @ evidence.target
+    index = np.arange(len(gram))
+    gram[index, index] += np.where(index < known, 1e-9 * len(stacked), RIDGE)
 
+    def left(kept: np.ndarray, beside: Sequence[Hypothesis]) -> tuple[np.ndarray, ...]:
+        """Return what the kept columns leave: base terms, those of hypotheses and of the block."""
+        values = np.linalg.solve(gram[np.ix_(kept, kept)], moment[kept]) / scale[kept]
+        first = int(np.sum(kept < known))
+        fit = fit_of(evidence, beside, values[:first], np.zeros((first, first)))
+        nameless = np.broadcast_to(values[first:].reshape(1 if shared else len(joints), -1),
+                                   (len(joints), fit_rows[0].shape[2]))
+        return tuple(part - np.einsum('mjk,jk->mj', rows, nameless) for part, rows in zip(
+            residuals(heldout, beside, fit), heldout_rows))
 
-def _left(observations: Observations, hypotheses: Sequence[Hypothesis], values: np.ndarray,
-          rows: Sequence[np.ndarray], nameless: np.ndarray) -> tuple[np.ndarray, ...]:
-    results = []
-    for index, (target, base) in enumerate(zip(observations.target, observations.base)):
-        parameters = base.shape[2]
-        left = target - base @ values[:parameters]
-        first = parameters
-        for hypothesis in hypotheses:
-            columns = observations.effect_rows(hypothesis.effect, hypothesis.shape)[index]
-            width = columns.shape[2]
-            if hypothesis.effect.shared:
-                left = left - columns @ values[first:first + width]
-                first += width
-            else:
-                for joint in hypothesis.joints:
-                    left[:, joint] -= columns[:, joint] @ values[first:first + width]
-                    first += width
-        results.append(left - np.einsum('mjk,jk->mj', rows[index], nameless))
-    return tuple(results)
+    beside = left(index, hypotheses)
+    instead = left(index[(index < base) | (index >= known)], ()) if hypotheses else beside
+    return NamelessFit(block, beside, instead)
 
 
 def available_blocks(observations: Observations, hypotheses: Sequence[Hypothesis]

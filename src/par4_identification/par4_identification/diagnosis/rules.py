@@ -31,9 +31,6 @@ class Rules:
         least_alone: least share (rms) of a cause's visible torque that no other cause has.
         fixed_range: of the coefficients of effects whose size is known.
         sufficient_share: least share of what anything explains that the causes must explain.
-        closed_share: least share of the error above the noise floor that the causes must close
-            where the residual is beyond `far_excess` times that floor.
-        far_excess: further above the floor than noise that wanders by itself.
         left_score: least score of an effect of the library that is no cause and yet counts as
             something left,
         left_share: and least share of it of what the causes explain.
@@ -42,6 +39,9 @@ class Rules:
             away by itself,
         more_share: least share of three causes and more,
         most_share: and most of any number: beyond it they explain much together and little alone.
+        instead_share: how much more of the held-out squares than the names a nameless function
+            explains by itself, over what they do, if they only stand in for it; at least the
+            margin of twins.
         remaining_gain: held-out gain of nameless blocks that counts as something left.
         ringing: share of the squares left beyond which twisting transmissions, though no cause, are
             nearer than a gap.
@@ -66,14 +66,13 @@ class Rules:
     least_alone: float = 0.1
     fixed_range: tuple[float, float] = (0.5, 1.5)
     sufficient_share: float = 0.95
-    closed_share: float = 0.4
-    far_excess: float = 10.0
     left_score: float = 40.0
     left_share: float = 5e-4
     distortion: float = 1.25
     own_share: float = 0.15
     more_share: float = 0.5
     most_share: float = 1.25
+    instead_share: float = 0.002
     remaining_gain: float = 0.004
     ringing: float = 0.3
     most_of_rest: float = 0.5

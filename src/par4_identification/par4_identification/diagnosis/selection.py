@@ -40,14 +40,19 @@ class Found:
         likelihood_ratio: twice its gain in log-likelihood given the other causes.
         p_value: family-wise.
         gain: on held-out rows, over the model without it.
-        twins: names that explain it as well.
+        rivals: of other names, which explain it as well.
     """
 
     hypothesis: Hypothesis
     likelihood_ratio: float
     p_value: float
     gain: Gain
-    twins: tuple[str, ...] = ()
+    rivals: tuple[Hypothesis, ...] = ()
+
+    @property
+    def twins(self) -> tuple[str, ...]:
+        """The rivals' names."""
+        return tuple(rival.effect.name for rival in self.rivals)
 
 
 @dataclass(frozen=True)
@@ -396,7 +401,7 @@ class Selector:
             named = {other.effect.name for other in others} | {item.hypothesis.effect.name}
             projection = project(self.evidence, others)
             own = projection.gain(item.hypothesis)
-            twins = []
+            rivals = []
             for name, effect in self.library.items():
                 if name in named:
                     continue
@@ -412,8 +417,8 @@ class Selector:
                     continue
                 gain = self.heldout_gain(rival.hypothesis, others)
                 if gain.share > 0.5 * item.gain.share:
-                    twins.append(name)
-            found.append(replace(item, twins=tuple(twins)))
+                    rivals.append(rival.hypothesis)
+            found.append(replace(item, rivals=tuple(rivals)))
         return replace_found(selection, found)
 
     def richest(self) -> list[Hypothesis]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
-from par4_identification.diagnosis.evidence import Hypothesis, project, residuals, solve
+from par4_identification.diagnosis.evidence import project, residuals, solve
 from par4_identification.diagnosis.holdout import Gain
 from par4_identification.diagnosis.nameless import available_blocks, fit_block, ranges_of
 from par4_identification.diagnosis.rules import Rules
@@ -34,6 +34,8 @@ class Remaining:
         looks_like: that block.
         gain: of the best block.
         floor_excess: rms over the noise floor.
+        explained_share: of all that the causes and that block explain, the share of the causes.
+        instead: a nameless block that by itself explains more than the causes do.
         nearest: where nothing is named, the effect that explains most without passing as a cause.
     """
 
@@ -41,42 +43,56 @@ class Remaining:
     looks_like: str | None
     gain: Gain
     floor_excess: float
+    explained_share: float = 1.0
+    instead: str | None = None
     nearest: Effect | None = None
 
 
-def remaining_of(selector: Selector, hypotheses: Sequence[Hypothesis],
-                 before: Sequence[np.ndarray], after: Sequence[np.ndarray], floor: np.ndarray
-                 ) -> tuple[Remaining, float]:
-    """Return what remains and the share of all that anything explains that the causes explain."""
+def remaining_of(selector: Selector, found: Sequence[Found], before: Sequence[np.ndarray],
+                 after: Sequence[np.ndarray], floor: np.ndarray) -> Remaining:
+    """Return what remains of held-out residuals (m, J) `before` and `after` the causes found."""
     evidence, heldout, blocks, rules = (selector.evidence, selector.heldout, selector.blocks,
                                         selector.rules)
+    hypotheses = [item.hypothesis for item in found]
     left = residuals(evidence.observations, hypotheses, solve(evidence, hypotheses))
     ranges = ranges_of(evidence.observations, left)
-    fits = [fit_block(block, evidence, heldout.observations, hypotheses, ranges)
-            for block in available_blocks(evidence.observations, hypotheses)]
-    old, new, *with_block = (heldout.whitened(part)
-                             for part in (before, after, *(fit.heldout for fit in fits)))
-    gains = [blocks.whitened_gain(new, part) for part in with_block]
-    counted = [index for index, (fit, gain) in enumerate(zip(fits, gains))
-               if fit.block not in BLOCKS_LIKE_FILTERS or gain.share > rules.most_of_rest]
-    fits, with_block, gains = ([items[index] for index in counted]
-                               for items in (fits, with_block, gains))
-    strongest = int(np.argmax([gain.low for gain in gains]))
-    gain = gains[strongest]
-    valid_rows = blocks.counts().sum(axis=0)
-    mean_square = blocks.sums(after).sum(axis=0) / np.maximum(valid_rows, 1)
+    old, new = (heldout.whitened(part) for part in (before, after))
+    explained = float(old @ old - new @ new)
+    better = _least_left(selector, found) - max(rules.instead_share * explained,
+                                                2.0 * rules.twin_margin)
+    strongest, instead = None, []
+    for block in available_blocks(evidence.observations, hypotheses):
+        fit = fit_block(block, evidence, heldout.observations, hypotheses, ranges)
+        gain = blocks.whitened_gain(new, heldout.whitened(fit.beside))
+        if block in BLOCKS_LIKE_FILTERS and gain.share <= rules.most_of_rest:
+            continue
+        if strongest is None or gain.low > strongest[1].low:
+            strongest = fit, gain
+        alone = heldout.whitened(fit.instead)
+        if found and gain.share > rules.remaining_gain and alone @ alone < better:
+            instead.append((alone @ alone, block))
+    fit, gain = strongest
+    sums = blocks.sums(after)
+    mean_square = sums.sum(axis=0) / np.maximum(blocks.counts().sum(axis=0), 1)
     excess = float(np.sqrt(mean_square.sum() / max((floor ** 2).sum(), 1e-30)))
     torque = sum(np.sum(np.where(run.valid, run.tau, 0.0) ** 2)
                  for run in heldout.observations.runs)
-    explained = (blocks.sums(after).sum()
-                 - blocks.sums(fits[strongest].heldout).sum())
     significant = (gain.share > rules.remaining_gain and gain.low > 0.0
-                   and explained > rules.least_share ** 2 * torque)
-    looks_like = fits[strongest].block if significant else None
-    squares = [float(part @ part) for part in (old, new, with_block[strongest])]
-    best = min(squares[1:]) if significant else squares[1]
-    share = (squares[0] - squares[1]) / max(squares[0] - best, 1e-30) if hypotheses else 0.0
-    return Remaining(significant, looks_like, gain, excess), share
+                   and sums.sum() - blocks.sums(fit.beside).sum()
+                   > rules.least_share ** 2 * torque)
+    missing = float(new @ new) * gain.share if significant else 0.0
+    share = explained / max(explained + missing, 1e-30) if found else 0.0
+    return Remaining(significant, fit.block if significant else None, gain, excess, share,
+                     min(instead)[1] if instead else None)
+
+
+def _least_left(selector: Selector, found: Sequence[Found]) -> float:
+    """Return the least of what the causes, or a rival in place of one, leave of held-out rows."""
+    hypotheses = [item.hypothesis for item in found]
+    models = [hypotheses, *([*hypotheses[:index], rival, *hypotheses[index + 1:]]
+                            for index, item in enumerate(found) for rival in item.rivals)]
+    left = [selector.heldout.left(model, solve(selector.evidence, model)) for model in models]
+    return min(float(rows @ rows) for rows in left)
 
 
 def left_over(selector: Selector, selection: Selection) -> Candidate | None:
@@ -131,18 +147,15 @@ def rings(selector: Selector, selection: Selection) -> bool:
         projection.residual @ projection.residual)
 
 
-def verdict_of(found: Sequence[Found], remaining: Remaining, explained_share: float,
-               left_over: Candidate | None, own_share: float, closed: float, rules: Rules
-               ) -> tuple[Verdict, str]:
+def verdict_of(found: Sequence[Found], remaining: Remaining, left_over: Candidate | None,
+               own_share: float, rules: Rules) -> tuple[Verdict, str]:
     """Return the verdict and, where names are withheld, why.
 
     Args:
         found: the causes.
         remaining: what nameless blocks still find.
-        explained_share: of the causes, of what they and the best block explain together.
         left_over: what of the library still explains something without being a cause.
         own_share: of the causes, see the function of that name.
-        closed: share of the error above the noise floor that the causes close.
         rules: thresholds.
     """
     wrong = (remaining.significant or left_over is not None
@@ -154,15 +167,15 @@ def verdict_of(found: Sequence[Found], remaining: Remaining, explained_share: fl
         how = 'much the same' if own_share < least else 'only together what is wrong'
         return 'unknown', (f'the {len(found)} names found explain {how}; a cause that is not in '
                            f'the library is more likely')
-    if remaining.significant and explained_share < rules.sufficient_share:
-        return 'unknown', (f'the names found explain {explained_share:.0%} of what they and a '
-                           f'nameless {remaining.looks_like} function explain together; a cause '
-                           f'that is not in the library is more likely')
+    if remaining.significant and remaining.explained_share < rules.sufficient_share:
+        return 'unknown', (f'the names found explain {remaining.explained_share:.0%} of what they '
+                           f'and a nameless {remaining.looks_like} function explain together; a '
+                           f'cause that is not in the library is more likely')
+    if remaining.instead is not None:
+        return 'unknown', (f'a nameless {remaining.instead} function by itself explains more than '
+                           f'the names found; a cause that is not in the library is more likely')
     if left_over is not None:
         return 'unknown', (f'what the names found leave still looks like '
                            f'{left_over.hypothesis.label}, which is no cause either; a cause that '
                            f'is not in the library is more likely')
-    if remaining.floor_excess > rules.far_excess and closed < rules.closed_share:
-        return 'unknown', (f'the names found close {closed:.0%} of the error above the noise '
-                           f'floor; a cause that is not in the library is more likely')
     return ('partly_explained' if wrong else 'explained'), ''

@@ -32,7 +32,10 @@ _LOOKS_LIKE = {
     'periodic': 'a periodic function of joint position',
     'torque': 'the torque itself times a periodic function of joint position',
     'rate': 'the rate of the torque, as of one read at another time',
-    'reading': 'an error of the joint positions as they are read'}
+    'reading': 'an error of the joint positions as they are read',
+    'load': 'a share of the torque itself',
+    'wrench': 'a force on the platform that follows its position and speed',
+    'drift': 'friction that changes with time'}
 
 ALL = 0.999
 """Share beyond which an interval says no more."""
