@@ -22,6 +22,7 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING, Diagnosis
 from par4_identification.diagnosis.floor import noise_floor, torque_noise
 from par4_identification.filtering import central_difference
 from par4_identification.log import Log, Reference
+from par4_identification.progress import Progress, silent
 from par4_identification.realisable import realisable
 from par4_identification.rows import Run, runs_of_log
 from par4_kinematics.approach import with_approach
@@ -54,7 +55,6 @@ LATEST = 1e-3
 """Seconds by which a record of torque and the speeds that drives read may be late."""
 UNEXPLAINED = 'from the reference the drives of the robot file would ask for another torque'
 
-Progress = Callable[[str], None]
 Followed = Literal['reference', 'measured motion']
 
 
@@ -121,13 +121,9 @@ class Unsimulated:
     reason: str
 
 
-def _silent(step: str) -> None:
-    """Report nothing."""
-
-
 def confront_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequence[Log],
                        fidelity: str = 'fast', length: float = LENGTH,
-                       progress: Progress = _silent) -> Confrontation | Unsimulated | None:
+                       progress: Progress = silent) -> Confrontation | Unsimulated | None:
     """Return what the plant says of a diagnosis on data held out; None without plant or model.
 
     Args:
@@ -171,7 +167,7 @@ def model_before(diagnosis: Diagnosis) -> ModelFile:
 
 def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
              within: tuple[float, float] = (-np.inf, np.inf), fidelity: str = 'fast',
-             length: float = LENGTH, progress: Progress = _silent) -> Confrontation:
+             length: float = LENGTH, progress: Progress = silent) -> Confrontation:
     """Return the differences between a log and the plant with the model before and after.
 
     The stretch begins where the machine is slow and is the one in which the torques of the two
@@ -241,7 +237,7 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
 
 
 def tracking(robot: Robot, machine: Model, feedforward: Sequence[Model], path: Reference,
-             t: np.ndarray, progress: Progress = _silent) -> tuple[np.ndarray, ...]:
+             t: np.ndarray, progress: Progress = silent) -> tuple[np.ndarray, ...]:
     """Return the rms deviations (J,), rad, of a machine from a path, with each feedforward.
 
     Args:

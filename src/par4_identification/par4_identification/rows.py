@@ -78,6 +78,11 @@ class Run:
         return low_pass(columns, self.conditioning.torque_cutoff_hz, period,
                         rows=slice(self._first, len(columns) - self._first, self._every))
 
+    @property
+    def q(self) -> np.ndarray:
+        """Joint positions at the rows, (m, J)."""
+        return self.state.q[self._first:len(self.state.t) - self._first:self._every]
+
     def part(self, rows: slice) -> Run:
         """Return the same run with only `rows` of it valid."""
         inside = np.zeros(len(self.t), dtype=bool)

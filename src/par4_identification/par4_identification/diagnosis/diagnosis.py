@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,6 +47,7 @@ from par4_identification.diagnosis.sufficiency import (
 )
 from par4_identification.identification import identify_runs
 from par4_identification.log import Log
+from par4_identification.progress import Progress, silent
 from par4_identification.rows import Conditioning, Run, runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
@@ -63,7 +64,6 @@ RETIMED = 0.5
 """Most of the base model's squared error that a torque of another time may leave, to be taken as
 the nominal one."""
 
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -146,10 +146,6 @@ class Diagnosis:
     hypotheses: tuple[Hypothesis, ...] = ()
 
 
-def _silent(step: str) -> None:
-    """Report nothing."""
-
-
 def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Robot | Axis,
                conditioning: Conditioning) -> tuple[list[Run], list[Run]]:
     """Return the rows to fit and those held out.
@@ -180,7 +176,7 @@ def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Ro
 def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None = None,
              holdout_logs: Sequence[Log] = (), library: Mapping[str, Effect] | None = None,
              rules: Rules | None = None, conditioning: Conditioning = CONDITIONING,
-             progress: Progress = _silent) -> Diagnosis:
+             progress: Progress = silent) -> Diagnosis:
     """Return what the model gets wrong about the machine that made the logs.
 
     Args:
@@ -352,9 +348,7 @@ def _unusable(reasons: tuple[str, ...], runs: tuple[Run, ...]) -> Diagnosis:
 
 def _holdout(runs: Sequence[Run], blocks: Blocks, before: Sequence[np.ndarray],
              after: Sequence[np.ndarray], floor: np.ndarray) -> Holdout:
-    counts = blocks.counts()
-    rows = np.maximum(counts.sum(axis=0), 1)
-    old, new = blocks.sums(before), blocks.sums(after)
+    counts, old, new = blocks.counts(), blocks.sums(before), blocks.sums(after)
 
     def fraction(weights: np.ndarray) -> float:
         # each joint counts with the inverse of its noise, so that none drowns the others
@@ -368,8 +362,8 @@ def _holdout(runs: Sequence[Run], blocks: Blocks, before: Sequence[np.ndarray],
     drawn = [fraction(weights) for weights in blocks.draws]
     low, high = np.quantile(drawn, (0.025, 0.975))
     return Holdout(
-        tuple(runs), tuple(before), tuple(after), np.sqrt(old.sum(axis=0) / rows),
-        np.sqrt(new.sum(axis=0) / rows), floor, fraction(np.ones(len(old))),
+        tuple(runs), tuple(before), tuple(after), np.sqrt(blocks.mean_square(before)),
+        np.sqrt(blocks.mean_square(after)), floor, fraction(np.ones(len(old))),
         (float(low), float(high)))
 
 

@@ -71,7 +71,6 @@ def _error_in_motion(observations: Observations) -> float:
 
 def _quadratic(run: Run) -> np.ndarray:
     """Return 1, the joint positions and their products at the rows, (m, k)."""
-    q = np.stack([np.interp(run.t, run.state.t, joint) for joint in run.state.q.T], axis=1)
-    products = [q[:, one] * q[:, two]
-                for one, two in combinations_with_replacement(range(q.shape[1]), 2)]
-    return np.column_stack((np.ones(len(q)), q, *products))
+    products = [run.q[:, one] * run.q[:, two]
+                for one, two in combinations_with_replacement(range(run.q.shape[1]), 2)]
+    return np.column_stack((np.ones(len(run.q)), run.q, *products))

@@ -55,6 +55,10 @@ class Blocks:
             np.add.at(total, label, valid.astype(float))
         return total
 
+    def mean_square(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the mean square of residuals (m, J) over the valid rows, (J,)."""
+        return self.sums(residuals).sum(axis=0) / np.maximum(self.counts().sum(axis=0), 1)
+
     def whitened_gain(self, before: np.ndarray, after: np.ndarray) -> Gain:
         """Return the gain from whitened rows (N,), joint after joint, `before` to `after`.
 

@@ -168,8 +168,7 @@ def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], s
                        ) -> tuple[tuple[int, ...], ...]:
     chosen = []
     for joint in range(observations.joints):
-        q = np.concatenate([np.interp(run.t, run.state.t, run.state.q[:, joint])
-                            for run in observations.runs])
+        q = np.concatenate([run.q[:, joint] for run in observations.runs])
         residual = np.concatenate([np.where(run.valid[:, joint], part[:, joint], 0.0)
                                    for run, part in zip(observations.runs, left)])
         power = np.array([abs(residual @ np.exp(1j * period * q)) for period in PERIODS])

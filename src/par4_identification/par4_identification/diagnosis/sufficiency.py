@@ -72,13 +72,12 @@ def remaining_of(selector: Selector, found: Sequence[Found], before: Sequence[np
         if found and gain.share > rules.remaining_gain and alone @ alone < better:
             instead.append((alone @ alone, block))
     fit, gain = strongest
-    sums = blocks.sums(after)
-    mean_square = sums.sum(axis=0) / np.maximum(blocks.counts().sum(axis=0), 1)
-    excess = float(np.sqrt(mean_square.sum() / max((floor ** 2).sum(), 1e-30)))
+    mean_square = blocks.mean_square(after).sum()
+    excess = float(np.sqrt(mean_square / max((floor ** 2).sum(), 1e-30)))
     torque = sum(np.sum(np.where(run.valid, run.tau, 0.0) ** 2)
                  for run in heldout.observations.runs)
     significant = (gain.share > rules.remaining_gain and gain.low > 0.0
-                   and sums.sum() - blocks.sums(fit.beside).sum()
+                   and (blocks.sums(after) - blocks.sums(fit.beside)).sum()
                    > rules.least_share ** 2 * torque)
     missing = float(new @ new) * gain.share if significant else 0.0
     share = explained / max(explained + missing, 1e-30) if found else 0.0

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from par4_dynamics.effects.elastic_transmission import STIFFNESSES
 from par4_dynamics.effects.transmission import DAMPING_RATIO, Springs
 from par4_identification.diagnosis.evidence import Projection
 
@@ -15,7 +16,8 @@ COARSE_DAMPING = 0.1
 """Of the first search: wide resonances overlap, and so do the basins of the fit."""
 COARSE_STEP = 2
 """Samples from step to step of the integration in the first search."""
-STIFFEST, SOFTEST = 1e-6, 1e-2
+SOFTEST, STIFFEST = (1.0 / stiffness for stiffness in STIFFNESSES)
+"""rad/(N m): compliances of what is believed."""
 SWEEPS, STEPS, TRIALS = 2, 12, 5
 CHANGE = 1e-3
 """Of log compliance, for its derivative."""
