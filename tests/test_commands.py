@@ -602,7 +602,7 @@ def cause(name: str, joints=(0, 1, 2, 3), twins=(), **parameters) -> Cause:
 def diagnosis(verdict: str, causes=(), looks_like=None, reasons=(), excess=1.1,
               nearest=None) -> Diagnosis:
     remaining = Remaining(looks_like is not None, looks_like, Gain(0.2, 0.1, 0.3), excess,
-                          nearest and CATALOGUE[nearest])
+                          nearest=nearest and CATALOGUE[nearest])
     holdout = Holdout((), (), (), np.full(4, 0.52), np.full(4, 0.11), np.full(4, 0.1), 0.99,
                       (0.98, 0.995))
     return Diagnosis(verdict, tuple(causes), tuple(reasons), (), holdout, remaining, {}, {}, None,

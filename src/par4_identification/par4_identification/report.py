@@ -23,7 +23,7 @@ from par4_identification.diagnosis.next_experiment import NextExperiment
 from par4_identification.drive_gain import DriveGains
 from par4_identification.identification import Identification
 from par4_identification.log import Log
-from par4_identification.outcome.diagnosis import looks_like_in_words, phrase_of_cause
+from par4_identification.outcome.diagnosis import phrase_of_cause
 from par4_identification.outcome.drive_gain import gains_rows
 from par4_identification.outcome.estimator import estimator_in_words
 from par4_identification.outcome.identification import ParameterRow, autocorrelation
@@ -525,8 +525,8 @@ def _remains(diagnosis: Diagnosis) -> str:
     gain = (f'{percent(remaining.gain.share)} of the squared error (95 % interval '
             f'{percent(remaining.gain.low)} to {percent(remaining.gain.high)})')
     if remaining.significant:
-        block = looks_like_in_words(remaining.looks_like)
-        return f'{block[0].upper()}{block[1:]}, without a name, removes another {gain}. {floor}'
+        phrase = remaining.phrase
+        return f'{phrase[0].upper()}{phrase[1:]}, without a name, removes another {gain}. {floor}'
     if remaining.gain.share <= 0.0:
         return (f'Nothing nameless that follows the motion: no function of position, speed, time, '
                 f'acceleration, pose or torque removes anything on held-out rows. {floor}')

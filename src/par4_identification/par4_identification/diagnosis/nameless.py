@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -131,13 +131,43 @@ def _drift(state: State, ranges: Ranges) -> np.ndarray:
     return _time(state, ranges) * np.sign(state.qd)[..., None]
 
 
-BLOCKS = {'position': _position, 'speed': _speed, 'time': _time, 'acceleration': _acceleration,
-          'platform': _platform, 'periodic': _periodic, 'torque': _torque, 'rate': _rate,
-          'reading': _reading, 'load': _load, 'wrench': _wrench, 'drift': _drift}
-SHARED = ('reading', 'wrench')
-"""Blocks whose columns act on all joints with one coefficient."""
-OF_PLATFORM = ('platform', 'reading', 'wrench')
-"""Blocks of machines with a platform."""
+@dataclass(frozen=True)
+class Block:
+    """A nameless function: a sum of columns with free coefficients.
+
+    Attributes:
+        phrase: what it is, in words.
+        columns: of a motion, (n, J, k).
+        shared: whether a column has one coefficient on all joints.
+        needs_platform: whether it is of machines with a platform only.
+        like_filters: whether sampling and filters leave some of it, so that it counts only where it
+            explains most of what is left.
+    """
+
+    phrase: str
+    columns: Callable[[State, Ranges], np.ndarray]
+    shared: bool = False
+    needs_platform: bool = False
+    like_filters: bool = False
+
+
+BLOCKS = {
+    'position': Block('a smooth function of joint position', _position),
+    'speed': Block('a function of joint speed', _speed),
+    'time': Block('a drift over time', _time),
+    'acceleration': Block('a function of joint acceleration', _acceleration),
+    'platform': Block('a function of the pose and motion of the platform', _platform,
+                      needs_platform=True),
+    'periodic': Block('a periodic function of joint position', _periodic),
+    'torque': Block('the torque itself times a periodic function of joint position', _torque),
+    'rate': Block('the rate of the torque, as of one read at another time', _rate,
+                  like_filters=True),
+    'reading': Block('an error of the joint positions as they are read', _reading, shared=True,
+                     needs_platform=True),
+    'load': Block('a share of the torque itself', _load),
+    'wrench': Block('a force on the platform that follows its position and speed', _wrench,
+                    shared=True, needs_platform=True),
+    'drift': Block('friction that changes with time', _drift)}
 
 
 def ranges_of(observations: Observations, left: Sequence[np.ndarray]) -> Ranges:
@@ -182,28 +212,25 @@ class NamelessFit:
     """Residuals (m, J) on held-out runs after one nameless block and base terms.
 
     Attributes:
-        block: its name.
         beside: with the hypotheses, too.
         instead: without them.
     """
 
-    block: str
     beside: tuple[np.ndarray, ...]
     instead: tuple[np.ndarray, ...]
 
 
-def fit_block(block: str, evidence: Evidence, heldout: Observations,
+def fit_block(block: Block, evidence: Evidence, heldout: Observations,
               hypotheses: Sequence[Hypothesis], ranges: Ranges) -> NamelessFit:
     """Return what a nameless block leaves of held-out rows, beside hypotheses and instead."""
-    function = BLOCKS[block]
     joints = tuple(range(heldout.joints))
-    shared = block in SHARED
     fit_rows, heldout_rows = (
-        tuple(run.rows(np.ascontiguousarray(function(run.state, ranges))) for run in part.runs)
+        tuple(run.rows(np.ascontiguousarray(block.columns(run.state, ranges)))
+              for run in part.runs)
         for part in (evidence.observations, heldout))
     design = evidence.design(hypotheses)
     known, base = design.shape[1], evidence.base.shape[1]
-    stacked = np.hstack([design, spread(evidence.whitener.whiten(fit_rows), joints, shared=shared)])
+    stacked = np.hstack([design, spread(evidence.whitener.whiten(fit_rows), joints, block.shared)])
     scale = np.maximum(np.linalg.norm(stacked, axis=0), 1e-30) / np.sqrt(len(stacked))
     stacked /= scale
     gram, moment = stacked.T @ stacked, stacked.T @ evidence.target
@@ -215,14 +242,14 @@ def fit_block(block: str, evidence: Evidence, heldout: Observations,
         values = np.linalg.solve(gram[np.ix_(kept, kept)], moment[kept]) / scale[kept]
         first = int(np.sum(kept < known))
         fit = fit_of(evidence, beside, values[:first], np.zeros((first, first)))
-        nameless = np.broadcast_to(values[first:].reshape(1 if shared else len(joints), -1),
+        nameless = np.broadcast_to(values[first:].reshape(1 if block.shared else len(joints), -1),
                                    (len(joints), fit_rows[0].shape[2]))
         return tuple(part - np.einsum('mjk,jk->mj', rows, nameless) for part, rows in zip(
             residuals(heldout, beside, fit), heldout_rows))
 
     beside = left(index, hypotheses)
     instead = left(index[(index < base) | (index >= known)], ()) if hypotheses else beside
-    return NamelessFit(block, beside, instead)
+    return NamelessFit(beside, instead)
 
 
 def available_blocks(observations: Observations, hypotheses: Sequence[Hypothesis]
@@ -233,5 +260,5 @@ def available_blocks(observations: Observations, hypotheses: Sequence[Hypothesis
     """
     platform = observations.runs[0].state.x is not None
     retimed = any(item.effect.retimes for item in hypotheses)
-    return tuple(name for name in BLOCKS if (platform or name not in OF_PLATFORM)
+    return tuple(name for name, block in BLOCKS.items() if (platform or not block.needs_platform)
                  and not (retimed and name == 'rate'))

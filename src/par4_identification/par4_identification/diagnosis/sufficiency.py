@@ -12,7 +12,7 @@ from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_identification.diagnosis.evidence import project, residuals, solve
 from par4_identification.diagnosis.holdout import Gain
-from par4_identification.diagnosis.nameless import available_blocks, fit_block, ranges_of
+from par4_identification.diagnosis.nameless import BLOCKS, available_blocks, fit_block, ranges_of
 from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.selection import Candidate, Found, Selection, Selector
 
@@ -20,8 +20,6 @@ LIKE_FILTERS = ('presliding', 'stribeck', 'actuator_lag', 'time_offset', 'elasti
                 'backlash')
 """Effects that a little of is left by every sampled and filtered record: at low speed, in time, and
 of the encoders' noise."""
-BLOCKS_LIKE_FILTERS = ('rate',)
-"""Nameless blocks of which the same holds: they count where they explain most of what is left."""
 Verdict = Literal['clean', 'explained', 'partly_explained', 'unknown', 'unusable_data']
 
 
@@ -47,6 +45,11 @@ class Remaining:
     instead: str | None = None
     nearest: Effect | None = None
 
+    @property
+    def phrase(self) -> str:
+        """What it looks like, in words; empty where nothing is significant."""
+        return '' if self.looks_like is None else BLOCKS[self.looks_like].phrase
+
 
 def remaining_of(selector: Selector, found: Sequence[Found], before: Sequence[np.ndarray],
                  after: Sequence[np.ndarray], floor: np.ndarray) -> Remaining:
@@ -61,17 +64,18 @@ def remaining_of(selector: Selector, found: Sequence[Found], before: Sequence[np
     better = _least_left(selector, found) - max(rules.instead_share * explained,
                                                 2.0 * rules.twin_margin)
     strongest, instead = None, []
-    for block in available_blocks(evidence.observations, hypotheses):
+    for name in available_blocks(evidence.observations, hypotheses):
+        block = BLOCKS[name]
         fit = fit_block(block, evidence, heldout.observations, hypotheses, ranges)
         gain = blocks.whitened_gain(new, heldout.whitened(fit.beside))
-        if block in BLOCKS_LIKE_FILTERS and gain.share <= rules.most_of_rest:
+        if block.like_filters and gain.share <= rules.most_of_rest:
             continue
-        if strongest is None or gain.low > strongest[1].low:
-            strongest = fit, gain
+        if strongest is None or gain.low > strongest[2].low:
+            strongest = name, fit, gain
         alone = heldout.whitened(fit.instead)
         if found and gain.share > rules.remaining_gain and alone @ alone < better:
-            instead.append((alone @ alone, block))
-    fit, gain = strongest
+            instead.append((alone @ alone, name))
+    looks_like, fit, gain = strongest
     mean_square = blocks.mean_square(after).sum()
     excess = float(np.sqrt(mean_square / max((floor ** 2).sum(), 1e-30)))
     torque = sum(np.sum(np.where(run.valid, run.tau, 0.0) ** 2)
@@ -81,7 +85,7 @@ def remaining_of(selector: Selector, found: Sequence[Found], before: Sequence[np
                    > rules.least_share ** 2 * torque)
     missing = float(new @ new) * gain.share if significant else 0.0
     share = explained / max(explained + missing, 1e-30) if found else 0.0
-    return Remaining(significant, fit.block if significant else None, gain, excess, share,
+    return Remaining(significant, looks_like if significant else None, gain, excess, share,
                      min(instead)[1] if instead else None)
 
 
@@ -168,11 +172,11 @@ def verdict_of(found: Sequence[Found], remaining: Remaining, left_over: Candidat
                            f'the library is more likely')
     if remaining.significant and remaining.explained_share < rules.sufficient_share:
         return 'unknown', (f'the names found explain {remaining.explained_share:.0%} of what they '
-                           f'and a nameless {remaining.looks_like} function explain together; a '
-                           f'cause that is not in the library is more likely')
+                           f'and {BLOCKS[remaining.looks_like].phrase} explain together; a cause '
+                           f'that is not in the library is more likely')
     if remaining.instead is not None:
-        return 'unknown', (f'a nameless {remaining.instead} function by itself explains more than '
-                           f'the names found; a cause that is not in the library is more likely')
+        return 'unknown', (f'{BLOCKS[remaining.instead].phrase} by itself explains more than the '
+                           f'names found; a cause that is not in the library is more likely')
     if left_over is not None:
         return 'unknown', (f'what the names found leave still looks like '
                            f'{left_over.hypothesis.label}, which is no cause either; a cause that '

@@ -23,20 +23,6 @@ from par4_identification.outcome.words import (
 )
 from par4_kinematics.robot import Axis, Robot
 
-_LOOKS_LIKE = {
-    'position': 'a smooth function of joint position',
-    'speed': 'a function of joint speed',
-    'time': 'a drift over time',
-    'acceleration': 'a function of joint acceleration',
-    'platform': 'a function of the pose and motion of the platform',
-    'periodic': 'a periodic function of joint position',
-    'torque': 'the torque itself times a periodic function of joint position',
-    'rate': 'the rate of the torque, as of one read at another time',
-    'reading': 'an error of the joint positions as they are read',
-    'load': 'a share of the torque itself',
-    'wrench': 'a force on the platform that follows its position and speed',
-    'drift': 'friction that changes with time'}
-
 ALL = 0.999
 """Share beyond which an interval says no more."""
 STANDS_OUT = 2.0
@@ -58,7 +44,7 @@ def outcome_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis,
         holdout.baseline_rms, holdout.extended_rms, holdout.noise_floor_rms))
     remarks = _remarks(diagnosis, experiment)
     nearest = diagnosis.remaining.nearest
-    looks_like = (looks_like_in_words(diagnosis.remaining.looks_like)
+    looks_like = (diagnosis.remaining.phrase
                   or (nearest and f'{nearest.phrase}, which does not pass as a cause')
                   or 'something that follows nothing in the motion')
     if diagnosis.verdict == 'clean':
@@ -155,11 +141,6 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def looks_like_in_words(block: str | None) -> str:
-    """Return what a nameless block is, in words; empty for None."""
-    return '' if block is None else _LOOKS_LIKE.get(block, f'a function of {in_words(block)}')
-
-
 def _remarks(diagnosis: Diagnosis, experiment: NextExperiment | None) -> tuple[Remark, ...]:
     remarks = [Remark(False, f'Names were withheld: {reason}.') for reason in diagnosis.reasons]
     remarks.append(_remaining_remark(diagnosis))
@@ -194,12 +175,11 @@ def _remarks(diagnosis: Diagnosis, experiment: NextExperiment | None) -> tuple[R
 def _remaining_remark(diagnosis: Diagnosis) -> Remark:
     remaining = diagnosis.remaining
     if remaining.significant:
-        block = looks_like_in_words(remaining.looks_like)
         return Remark(
-            False, f'{_capital(block)}, without a name, would remove '
+            False, f'{_capital(remaining.phrase)}, without a name, would remove '
             f'{percent(remaining.gain.share)} of the squared error left on held-out rows (95 % '
             f'interval {percent(remaining.gain.low)} to {percent(remaining.gain.high)}).',
-            f'Look for a cause outside the library that acts as {block}.')
+            f'Look for a cause outside the library that acts as {remaining.phrase}.')
     if remaining.nearest is not None:
         return Remark(
             False, f'{_capital(remaining.nearest.phrase)} would explain some of it, on held-out '
