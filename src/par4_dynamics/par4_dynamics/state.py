@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from par4_kinematics.acceleration import JointMotion, joint_motion, platform_motion
 from par4_kinematics.arrays import as_matching_rows
 from par4_kinematics.geometry import Geometry
-from par4_kinematics.velocity import jacobian_parts
+from par4_kinematics.velocity import jacobian
 
 GRAVITY = 9.81
 """m/s2, along -z of `base`."""
@@ -82,6 +82,11 @@ class State:
         return np.exp(1j * self.q, order='C')
 
     @cached_property
+    def jacobian(self) -> np.ndarray:
+        """J_1 of (2), (n, 4, 4)."""
+        return jacobian(self.geometry, self.x)
+
+    @cached_property
     def torque_by_q(self) -> np.ndarray:
         """Stiffness: d/dq_j of the bodies' torque of joint i, (n, J, J) N m/rad, [:, i, j]."""
         return self._central_difference('q', SMALL_ANGLE)
@@ -117,9 +122,8 @@ class State:
         Args:
             force: (n, 4) or (4,): force on D in `base`, N, and moment about theta, N m.
         """
-        j_x, j_q = jacobian_parts(self.geometry, self.x)
         force = np.broadcast_to(np.asarray(force, dtype=float), self.x.shape)
-        return j_q * np.linalg.solve(np.swapaxes(j_x, -1, -2), force[..., None])[..., 0]
+        return np.einsum('nij,ni->nj', self.jacobian, force)
 
 
 def state_of_joints(geometry: Geometry | None, t: ArrayLike, q: ArrayLike, qd: ArrayLike,
