@@ -51,42 +51,64 @@ class Remaining:
         return '' if self.looks_like is None else BLOCKS[self.looks_like].phrase
 
 
+@dataclass(frozen=True)
+class Compared:
+    """A nameless block against the causes, on held-out rows.
+
+    Attributes:
+        name: of the block.
+        beside: residuals (m, J) of each run after both.
+        gain: of both over the causes.
+        instead: whitened squares that the block leaves without the causes.
+    """
+
+    name: str
+    beside: tuple[np.ndarray, ...]
+    gain: Gain
+    instead: float
+
+
 def remaining_of(selector: Selector, found: Sequence[Found], before: Sequence[np.ndarray],
                  after: Sequence[np.ndarray], floor: np.ndarray) -> Remaining:
     """Return what remains of held-out residuals (m, J) `before` and `after` the causes found."""
-    evidence, heldout, blocks, rules = (selector.evidence, selector.heldout, selector.blocks,
-                                        selector.rules)
-    hypotheses = [item.hypothesis for item in found]
-    left = residuals(evidence.observations, hypotheses, solve(evidence, hypotheses))
-    ranges = ranges_of(evidence.observations, left)
+    heldout, blocks, rules = selector.heldout, selector.blocks, selector.rules
     old, new = (heldout.whitened(part) for part in (before, after))
-    explained = float(old @ old - new @ new)
-    better = _least_left(selector, found) - max(rules.instead_share * explained,
-                                                2.0 * rules.twin_margin)
-    strongest, instead = None, []
-    for name in available_blocks(evidence.observations, hypotheses):
-        block = BLOCKS[name]
-        fit = fit_block(block, evidence, heldout.observations, hypotheses, ranges)
-        gain = blocks.whitened_gain(new, heldout.whitened(fit.beside))
-        if block.like_filters and gain.share <= rules.most_of_rest:
-            continue
-        if strongest is None or gain.low > strongest[2].low:
-            strongest = name, fit, gain
-        alone = heldout.whitened(fit.instead)
-        if found and gain.share > rules.remaining_gain and alone @ alone < better:
-            instead.append((alone @ alone, name))
-    looks_like, fit, gain = strongest
-    mean_square = blocks.mean_square(after).sum()
-    excess = float(np.sqrt(mean_square / max((floor ** 2).sum(), 1e-30)))
+    compared = _compared(selector, found, new)
+    best = max(compared, key=lambda item: item.gain.low)
     torque = sum(np.sum(np.where(run.valid, run.tau, 0.0) ** 2)
                  for run in heldout.observations.runs)
-    significant = (gain.share > rules.remaining_gain and gain.low > 0.0
-                   and (blocks.sums(after) - blocks.sums(fit.beside)).sum()
+    significant = (best.gain.share > rules.remaining_gain and best.gain.low > 0.0
+                   and (blocks.sums(after) - blocks.sums(best.beside)).sum()
                    > rules.least_share ** 2 * torque)
-    missing = float(new @ new) * gain.share if significant else 0.0
-    share = explained / max(explained + missing, 1e-30) if found else 0.0
-    return Remaining(significant, looks_like if significant else None, gain, excess, share,
-                     min(instead)[1] if instead else None)
+    explained = float(old @ old - new @ new)
+    missing = float(new @ new) * best.gain.share if significant else 0.0
+    margin = max(rules.instead_share * explained, 2.0 * rules.twin_margin)
+    better = _least_left(selector, found) - margin if found else 0.0
+    beaten_by = [item for item in compared
+                 if item.gain.share > rules.remaining_gain and item.instead < better]
+    mean_square = blocks.mean_square(after).sum()
+    return Remaining(
+        significant=significant, looks_like=best.name if significant else None, gain=best.gain,
+        floor_excess=float(np.sqrt(mean_square / max((floor ** 2).sum(), 1e-30))),
+        explained_share=explained / max(explained + missing, 1e-30) if found else 0.0,
+        instead=min(beaten_by, key=lambda item: item.instead).name if beaten_by else None)
+
+
+def _compared(selector: Selector, found: Sequence[Found], left: np.ndarray) -> list[Compared]:
+    """Return the nameless blocks that count, `left` (N,) being what the causes leave, whitened."""
+    evidence, heldout = selector.evidence, selector.heldout
+    hypotheses = [item.hypothesis for item in found]
+    ranges = ranges_of(evidence.observations, residuals(
+        evidence.observations, hypotheses, solve(evidence, hypotheses)))
+    compared = []
+    for name in available_blocks(evidence.observations, hypotheses):
+        fit = fit_block(BLOCKS[name], evidence, heldout.observations, hypotheses, ranges)
+        gain = selector.blocks.whitened_gain(left, heldout.whitened(fit.beside))
+        if BLOCKS[name].like_filters and gain.share <= selector.rules.most_of_rest:
+            continue
+        instead = heldout.whitened(fit.instead)
+        compared.append(Compared(name, fit.beside, gain, float(instead @ instead)))
+    return compared
 
 
 def _least_left(selector: Selector, found: Sequence[Found]) -> float:
