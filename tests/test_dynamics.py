@@ -141,6 +141,22 @@ def test_forward_dynamics_inverts_inverse_dynamics(robot, model):
 
 
 @pytest.mark.parametrize(('robot', 'model'), MACHINES, ids=IDS)
+def test_derivatives_of_the_bodies_torque_are_those_of_a_motion_nearby(robot, model):
+    state = moving_state(robot, 50)
+    state = replace(state, nominal=model.nominal(state))
+    mass = joint_mass_matrix(robot.geometry, model.lumped_bodies(), state.x)
+    np.testing.assert_allclose(state.torque_by_qdd, mass, rtol=1e-7, atol=1e-9)
+    random, step = np.random.default_rng(8), 1e-6
+    way = random.normal(size=(3, *state.q.shape))
+    ahead, behind = (model.rigid_torque(state_of_joints(
+        robot.geometry, state.t, *np.stack((state.q, state.qd, state.qdd)) + sign * step * way))
+        for sign in (1.0, -1.0))
+    change = sum(np.einsum('nij,nj->ni', by, part) for by, part in zip(
+        (state.torque_by_q, state.torque_by_qd, state.torque_by_qdd), way))
+    np.testing.assert_allclose((ahead - behind) / (2.0 * step), change, rtol=1e-5, atol=1e-4)
+
+
+@pytest.mark.parametrize(('robot', 'model'), MACHINES, ids=IDS)
 def test_mass_matrix_is_symmetric_positive_definite(robot, model):
     mass = joint_mass_matrix(robot.geometry, model.lumped_bodies(), random_poses(robot, 300, 5))
     np.testing.assert_allclose(mass, np.swapaxes(mass, 1, 2), atol=1e-12)

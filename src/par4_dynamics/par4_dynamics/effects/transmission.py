@@ -7,6 +7,8 @@ joint moves the platform and with it the torque of all.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numba
 import numpy as np
 
@@ -54,16 +56,9 @@ def load_inertia(state: State, t: np.ndarray) -> np.ndarray:
     Column j: what the load side takes to accelerate joint j alone, from rest.
     """
     q = np.stack([np.interp(t, state.t, joint) for joint in state.q.T], axis=1)
-    still, unit = np.zeros_like(q), np.eye(state.joints)
-
-    def torque(qdd: np.ndarray) -> np.ndarray:
-        """Return the load side's torque of accelerations (J,) from rest."""
-        qdd = np.broadcast_to(qdd, q.shape)
-        return (state.nominal.rigid_torque(state_of_joints(state.geometry, t, q, still, qdd))
-                - _motor_side(state, qdd))
-
-    rest = torque(np.zeros(state.joints))
-    return np.stack([torque(unit[joint]) - rest for joint in range(state.joints)], axis=-1)
+    still = np.zeros_like(q)
+    rest = replace(state_of_joints(state.geometry, t, q, still, still), nominal=state.nominal)
+    return rest.torque_by_qdd - _motor_side(state, np.eye(state.joints))
 
 
 class Springs:
