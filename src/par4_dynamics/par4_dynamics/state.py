@@ -98,17 +98,21 @@ class State:
 
     @cached_property
     def torque_by_qdd(self) -> np.ndarray:
-        """The same by qdd_j, kg m2: the inertia matrix, exact."""
-        return self._central_difference('qdd', 1.0)
+        """The same by qdd_j, kg m2: the inertia matrix, exact as the torque is linear in it."""
+        here = self._torque_nearby('qdd', 0.0)
+        return np.stack([self._torque_nearby('qdd', joint) - here
+                         for joint in np.eye(self.joints)], axis=-1)
 
     def _central_difference(self, name: str, step: float) -> np.ndarray:
-        def torque(change: np.ndarray) -> np.ndarray:
-            motion = {part: getattr(self, part) for part in ('q', 'qd', 'qdd')}
-            motion[name] = motion[name] + change
-            return self.nominal.rigid_torque(state_of_joints(self.geometry, self.t, **motion))
-
-        return np.stack([(torque(step * joint) - torque(-step * joint)) / (2.0 * step)
+        return np.stack([(self._torque_nearby(name, step * joint)
+                          - self._torque_nearby(name, -step * joint)) / (2.0 * step)
                          for joint in np.eye(self.joints)], axis=-1)
+
+    def _torque_nearby(self, name: str, change: ArrayLike) -> np.ndarray:
+        """Return the bodies' torque (n, J), N m, with q, qd or qdd changed by (J,)."""
+        motion = {part: getattr(self, part) for part in ('q', 'qd', 'qdd')}
+        motion[name] = motion[name] + change
+        return self.nominal.rigid_torque(state_of_joints(self.geometry, self.t, **motion))
 
     def part(self, rows: slice) -> State:
         """Return the motion of some of the samples, without its nominal torque."""

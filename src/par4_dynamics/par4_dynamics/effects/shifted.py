@@ -22,5 +22,9 @@ def shift_columns(state: State, dq: np.ndarray, dqd: np.ndarray | None = None,
     """
     dqd = time_rate(state, dq) if dqd is None else dqd
     dqdd = time_rate(state, dqd) if dqdd is None else dqdd
-    return sum(sensitivity * part[:, None, :] for sensitivity, part in (
-        (state.torque_by_q, dq), (state.torque_by_qd, dqd), (state.torque_by_qdd, dqdd)))
+    columns = state.torque_by_q * dq[:, None, :]
+    if np.any(dqd):  # a single sample has no rates
+        columns = columns + state.torque_by_qd * dqd[:, None, :]
+    if np.any(dqdd):
+        columns = columns + state.torque_by_qdd * dqdd[:, None, :]
+    return columns
