@@ -191,6 +191,17 @@ def test_a_nameless_function_explains_more_than_a_relative_but_not_more_than_the
         assert (verdict == 'unknown') == (instead is not None), reason
 
 
+def test_no_function_stands_against_a_name_whose_twin_is_the_cause():
+    selector = selector_of(('theta_friction', BELT))
+    relative, belt = (selected((name, {}, EVERY)) for name in (
+        'passive_joint_friction', 'theta_friction'))
+    before, after = (residuals(selector.heldout.observations, part, solve(selector.evidence, part))
+                     for part in ([], relative.hypotheses))
+    for rivals, instead in (((), 'wrench'), (tuple(belt.hypotheses), None)):
+        found = [replace(relative.found[0], rivals=rivals)]
+        assert remaining_of(selector, found, before, after, np.full(4, NOISE)).instead == instead
+
+
 def test_what_explains_most_without_passing_is_told():
     log, heldout = (log_with(('cogging', {**COGGING, 'amplitude': 0.3}), seed=seed)
                     for seed in (1, 2))
