@@ -13,11 +13,13 @@ from planned import evidence_of, log_of
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_platform
+from par4_identification.diagnosis.candidates import Candidates
 from par4_identification.diagnosis.evidence import Hypothesis, project
-from par4_identification.diagnosis.holdout import blocks_of_runs
+from par4_identification.diagnosis.judgement import judge
 from par4_identification.diagnosis.law import DRAWS, Dithered, dithered
+from par4_identification.diagnosis.pool import Pool
 from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.selection import Found, Selection, Selector
+from par4_identification.diagnosis.search import Search
 from par4_kinematics.workspace import home_pose
 from robots import OTHER, REFERENCE, other_model
 
@@ -133,14 +135,12 @@ def test_laws_that_counts_hide_are_twins_whatever_the_first_order_prefers(counts
                      for seed in (3, 4))
     names = ('actuator_lag', 'time_offset')
     gains = [case.projection.gain(case.hypothesis(name)[0]) for name in names]
-    assert gains[1] - gains[0] > 50.0 * Rules().twin_margin
-    rows = heldout.projection.evidence.observations
-    blocks = blocks_of_runs([run.t for run in rows.runs], [run.valid for run in rows.runs])
-    selector = Selector({name: CATALOGUE[name] for name in names}, case.projection.evidence, rows,
-                        blocks, Rules(), case.dithered)
+    assert gains[1] - gains[0] > 50.0 * Rules().twin
+    evidence = case.projection.evidence
+    search = Search(Candidates({name: CATALOGUE[name] for name in names}, evidence, Rules()),
+                    Pool(evidence, heldout.projection.evidence), Rules(), case.dithered)
     offset = case.hypothesis('time_offset')[0]
-    found = Found(offset, gains[1], 0.0, selector.heldout_gain(offset, []))
-    assert selector.with_twins(Selection([found])).found[0].twins == twins
+    assert judge(search, offset, (offset,)).twins == twins
 
 
 def test_nothing_is_held_against_anybody_where_counts_are_not_known():

@@ -18,7 +18,8 @@ from par4_dynamics.base_terms import BASE_TERMS
 from par4_dynamics.model import FRICTION, Model, build_model
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.state import state_of_joints
-from par4_identification.diagnosis.diagnosis import CONDITIONING, Diagnosis
+from par4_identification.diagnosis.answer import Diagnosis
+from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.floor import noise_floor, torque_noise
 from par4_identification.filtering import central_difference
 from par4_identification.log import Log, Reference
@@ -132,7 +133,7 @@ def confront_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequen
         logs: that were diagnosed.
         fidelity, length, progress: see `confront`.
     """
-    if diagnosis.extended_model is None or not isinstance(machine, Robot):
+    if not isinstance(machine, Robot):
         return None
     rows = {run.name: 0 for run in diagnosis.holdout.runs}
     for run in diagnosis.holdout.runs:

@@ -57,29 +57,30 @@ def _butterworth(cutoff: float, order: int) -> np.ndarray:
 
 @numba.njit(cache=True, error_model='numpy')
 def _forward_backward(lines, sections):
-    """Filter columns (n, k) in place, forward by every section, then backward."""
-    for direction in (1, -1):
-        for section in range(len(sections)):
-            _pass(lines, sections[section], direction)
+    """Filter columns (n, k) in place, forward and then backward, all sections in each sweep.
 
-
-@numba.njit(cache=True, error_model='numpy')
-def _pass(lines, section, direction):
-    """Filter columns in place by one section (direct form II transposed), at rest on its start.
-
-    A row waits for the row before it, a column for no other: columns are the inner loop.
+    Direct form II transposed, at rest on the first row. A row waits for the row before it, a column
+    for no other: columns are the inner loop.
     """
-    gain, a1, a2 = section
-    start = 0 if direction == 1 else len(lines) - 1
-    near, far = (1.0 - gain) * lines[start], (gain - a2) * lines[start]
-    for step in range(len(lines)):
-        row = start + direction * step
-        for column in range(lines.shape[1]):
-            value = gain * lines[row, column]
-            out = value + near[column]
-            near[column] = (2.0 * value + far[column]) - a1 * out
-            far[column] = value - a2 * out
-            lines[row, column] = out
+    count, width = len(sections), lines.shape[1]
+    near, far = np.empty((count, width)), np.empty((count, width))
+    for direction in (1, -1):
+        start = 0 if direction == 1 else len(lines) - 1
+        for section in range(count):
+            gain, _, a2 = sections[section]
+            for column in range(width):
+                near[section, column] = (1.0 - gain) * lines[start, column]
+                far[section, column] = (gain - a2) * lines[start, column]
+        for step in range(len(lines)):
+            row = start + direction * step
+            for section in range(count):
+                gain, a1, a2 = sections[section]
+                for column in range(width):
+                    value = gain * lines[row, column]
+                    out = value + near[section, column]
+                    near[section, column] = (2.0 * value + far[section, column]) - a1 * out
+                    far[section, column] = value - a2 * out
+                    lines[row, column] = out
 
 
 def central_difference(values: np.ndarray, period: float) -> np.ndarray:

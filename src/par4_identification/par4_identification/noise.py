@@ -66,34 +66,34 @@ def _whiten(columns, valid, companion, variance, initial):
     n, width = columns.shape
     order = companion.shape[0]
     white = np.zeros((n, width))
-    state, moved = np.zeros((order, width)), np.zeros((order, width))
-    covariance = initial.copy()
-    half = np.empty((order, order))
-    gain = np.empty(order)
+    state = np.zeros((order, width))  # row (newest + i) % order is the value i rows ago
+    innovation, ahead = np.empty(width), np.empty(width)
+    covariance, half = initial.copy(), np.empty((order, order))
+    newest = 0
     for row in range(n):
         if valid[row]:
             spread = covariance[0, 0]
             scale = 1.0 / np.sqrt(spread)
-            for i in range(order):
-                gain[i] = covariance[i, 0] / spread
             for column in range(width):
-                innovation = columns[row, column] - state[0, column]
-                white[row, column] = innovation * scale
-                for i in range(order):
-                    state[i, column] += gain[i] * innovation
+                innovation[column] = columns[row, column] - state[newest, column]
+                white[row, column] = innovation[column] * scale
+            for i in range(order):
+                gain = covariance[i, 0] / spread
+                place = (newest + i) % order
+                for column in range(width):
+                    state[place, column] += gain * innovation[column]
             for i in range(order):
                 for j in range(order):
-                    half[i, j] = covariance[i, j] - gain[i] * covariance[0, j]
+                    half[i, j] = covariance[i, j] - covariance[i, 0] * covariance[0, j] / spread
             covariance[:] = half
-        # predict: the companion shifts and adds the new value in front
-        for column in range(width):
-            total = 0.0
-            for i in range(order):
-                total += companion[0, i] * state[i, column]
-            for i in range(order - 1, 0, -1):
-                moved[i, column] = state[i - 1, column]
-            moved[0, column] = total
-        state[:] = moved
+        # predict: the companion shifts and puts the new value in front, over the oldest one
+        ahead[:] = 0.0
+        for i in range(order):
+            place = (newest + i) % order
+            for column in range(width):
+                ahead[column] += companion[0, i] * state[place, column]
+        newest = (newest + order - 1) % order
+        state[newest, :] = ahead
         for i in range(order):
             for j in range(order):
                 if i > 0:

@@ -18,7 +18,8 @@ from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.confrontation import Confrontation, Unsimulated
 from par4_identification.confrontation_report import confrontation_cells
-from par4_identification.diagnosis.diagnosis import Cause, Diagnosis
+from par4_identification.diagnosis.answer import Cause, Diagnosis, Unusable
+from par4_identification.diagnosis.judgement import UnnamedCause
 from par4_identification.diagnosis.next_experiment import NextExperiment
 from par4_identification.drive_gain import DriveGains
 from par4_identification.identification import Identification
@@ -144,7 +145,7 @@ def report_of_validation(validation: Validation, outcome: Outcome, runs: Sequenc
         statistics=_statistics(runs, residuals, floor, names) if validation.moving.any() else '')
 
 
-def report_of_diagnosis(diagnosis: Diagnosis, outcome: Outcome, machine: Robot | Axis,
+def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machine: Robot | Axis,
                         logs: Sequence[Log], provenance: dict[str, Any],
                         experiment: NextExperiment | None = None,
                         confrontation: Confrontation | Unsimulated | None = None) -> str:
@@ -163,10 +164,10 @@ def report_of_diagnosis(diagnosis: Diagnosis, outcome: Outcome, machine: Robot |
     title = f'Diagnosis of {machine.name}: {in_words(diagnosis.verdict)}'
     content: dict[str, Any] = {
         'causes': [], 'motion': '', 'over_time': '', 'statistics': '', 'per_joint': [],
-        'swallowed': [], 'bars': '', 'rejected': diagnosis.rejected, 'remains': '',
+        'swallowed': [], 'bars': '', 'rejected': (), 'unnamed': [],
         'over_motion': '', 'experiment': _experiment_cells(experiment, names),
         'simulation': confrontation_cells(confrontation, names)}
-    if diagnosis.holdout is None:
+    if isinstance(diagnosis, Unusable):
         runs = diagnosis.fit_runs
         content['motion'] = measured_motion(
             _joined_time(runs), *(np.concatenate([getattr(run, part) for run in runs])
@@ -198,7 +199,8 @@ def _what_was_found(diagnosis: Diagnosis, machine: Robot | Axis, names: Names) -
         'statistics': _statistics(runs, extended, holdout.noise_floor_rms, names),
         'swallowed': [_swallowed_cells(name, diagnosis, machine)
                       for name in diagnosis.base_before],
-        'bars': _bars_of_swallowed(diagnosis), 'remains': _remains(diagnosis),
+        'bars': _bars_of_swallowed(diagnosis), 'rejected': diagnosis.rejected,
+        'unnamed': [_unnamed_cells(item, machine) for item in diagnosis.unnamed],
         'over_motion': _residual_over_motion(diagnosis, machine, names)}
 
 
@@ -403,7 +405,8 @@ def _cause_cells(diagnosis: Diagnosis, index: int, machine: Robot | Axis, names:
         'gain': percent(cause.gain.share),
         'interval': f'{percent(cause.gain.low)} to {percent(cause.gain.high)}',
         'p_value': f'{cause.p_value:.0e}' if cause.p_value > 1e-12 else '< 1e-12',
-        'visible': percent(cause.visible_fraction),
+        'visible': percent(cause.visible_fraction), 'margin': number(cause.margin, 3),
+        'rival': 'no cause' if cause.rival is None else in_words(cause.rival),
         'twins': listed([in_words(name) for name in cause.twins]) if cause.twins else ''}
 
 
@@ -519,20 +522,12 @@ def _residual_over_motion(diagnosis: Diagnosis, machine: Robot | Axis, names: Na
                                 of_joints(holdout.extended), holdout.noise_floor_rms, names)
 
 
-def _remains(diagnosis: Diagnosis) -> str:
-    remaining = diagnosis.remaining
-    floor = f'The residual is {number(remaining.floor_excess)} times the noise floor.'
-    gain = (f'{percent(remaining.gain.share)} of the squared error (95 % interval '
-            f'{percent(remaining.gain.low)} to {percent(remaining.gain.high)})')
-    if remaining.significant:
-        phrase = remaining.phrase
-        return f'{phrase[0].upper()}{phrase[1:]}, without a name, removes another {gain}. {floor}'
-    if remaining.gain.share <= 0.0:
-        return (f'Nothing nameless that follows the motion: no function of position, speed, time, '
-                f'acceleration, pose or torque removes anything on held-out rows. {floor}')
-    return (f'Nothing nameless that follows the motion: the best function of position, speed, '
-            f'time, acceleration, pose or torque removes {gain} on held-out rows, too little '
-            f'to mean anything. {floor}')
+def _unnamed_cells(item: UnnamedCause, machine: Robot | Axis) -> dict[str, str]:
+    joints = len(joint_labels(machine))
+    return {'acts_like': item.phrase,
+            'joints': 'all' if len(item.joints) == joints else listed(list(map(str, item.joints))),
+            'torque': number(item.torque_rms, 2), 'unit': typeset(unit_on(machine, 'N m')),
+            'share': percent(item.share), 'margin': number(item.margin, 3)}
 
 
 # simplification

@@ -14,6 +14,7 @@ class DriveGainError(Effect):
 
     name = 'drive_gain_error'
     phrase = 'error of the drive gain'
+    against_the_others = True
     parameters = (EffectParameter('relative', '1', 'joint'),)
     needs_nominal = True
 

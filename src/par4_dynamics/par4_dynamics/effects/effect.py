@@ -62,6 +62,8 @@ class Effect(ABC):
         retimes: True where it is the torque of the motion at another time, to first order.
         tolerance: by which its torque may change more than that of others from data to data: what
             its columns leave out goes with the motion.
+        against_the_others: whether what all joints have in common is a base parameter, so that
+            only differences between joints show.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
     """
 
@@ -74,6 +76,7 @@ class Effect(ABC):
     expanded: ClassVar[bool] = False
     retimes: ClassVar[bool] = False
     tolerance: ClassVar[float] = 1.0
+    against_the_others: ClassVar[bool] = False
     phrase: ClassVar[str]
 
     def shapes(self, state: State) -> tuple[Shape, ...]:  # noqa: ARG002

@@ -14,6 +14,7 @@ class JointFrictionDifference(Effect):
 
     name = 'joint_friction_difference'
     phrase = 'friction that differs between the joints'
+    against_the_others = True
     parameters = (EffectParameter('coulomb', 'N m', 'joint', default=0.0),
                   EffectParameter('viscous', 'N m s/rad', 'joint', default=0.0))
 

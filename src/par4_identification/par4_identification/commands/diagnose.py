@@ -12,6 +12,7 @@ from par4_dynamics.model import build_model
 from par4_dynamics.model_file import read_model_file
 from par4_identification.commands.identify import distinct_bags
 from par4_identification.confrontation import confront_diagnosis, model_after
+from par4_identification.diagnosis.answer import Diagnosis
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.diagnosis.next_experiment import next_experiment
 from par4_identification.log import read_log
@@ -77,16 +78,19 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, m
             logs.append(read_log(bag, machine, namespace))
         diagnosis = diagnose(logs[:len(bags)], machine, baseline, logs[len(bags):],
                              progress=status.update)
-        status.update('looking for the motion that would tell twins apart')
-        experiment = next_experiment(diagnosis, machine)
-        confrontation = confront_diagnosis(
-            diagnosis, machine, logs, progress=status.update) if simulate else None
+        experiment = confrontation = extended = None
+        if isinstance(diagnosis, Diagnosis):
+            status.update('looking for the motion that would tell twins apart')
+            experiment = next_experiment(diagnosis, machine)
+            extended = model_after(diagnosis)
+            if simulate:
+                confrontation = confront_diagnosis(diagnosis, machine, logs,
+                                                   progress=status.update)
         outcome = outcome_of_diagnosis(diagnosis, machine, experiment)
         outcome = replace(outcome, remarks=(*outcome.remarks,
                                             *remarks_of_confrontation(confrontation)))
         origin = provenance('par4_diagnose', machine, (*bags, *holdout),
                             {'holdout': holdout, 'model': model, 'namespace': namespace})
-        extended = diagnosis.extended_model and model_after(diagnosis)
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
         from par4_identification.report import report_of_diagnosis

@@ -1,25 +1,34 @@
-"""From measured logs to causes: fit, search, confirm, sufficiency, verdict, extended model."""
+"""From measured logs to causes: rows, noise, search, judgement, verdict, extended model."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from par4_dynamics.base_terms import BaseTerm
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE, effect_named
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
-from par4_dynamics.model import Model, build_model
+from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
+from par4_identification.diagnosis.answer import (
+    Cause,
+    Diagnosis,
+    Holdout,
+    Remaining,
+    Unusable,
+    Verdict,
+)
+from par4_identification.diagnosis.candidates import Candidates
 from par4_identification.diagnosis.estimates import effect_parameters
 from par4_identification.diagnosis.evidence import (
     Evidence,
     Fit,
     Hypothesis,
+    Whitener,
     flat_whitener,
     gather,
     project,
@@ -27,24 +36,25 @@ from par4_identification.diagnosis.evidence import (
     solve,
     whitener_of_residuals,
 )
+from par4_identification.diagnosis.extended import base_parameters, baseline_with, extended_model
 from par4_identification.diagnosis.floor import noise_floor
 from par4_identification.diagnosis.gate import unusable
 from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
-from par4_identification.diagnosis.law import dithered
-from par4_identification.diagnosis.observations import Observations, observe, with_nominal
-from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
-from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.selection import Found, Rejected, Selector
-from par4_identification.diagnosis.shapes import EXPANSIONS
-from par4_identification.diagnosis.sufficiency import (
-    Remaining,
-    Verdict,
-    left_over,
-    own_share,
-    remaining_of,
-    rings,
-    verdict_of,
+from par4_identification.diagnosis.judgement import (
+    Judgement,
+    judge,
+    named_of,
+    unnamed_cause,
 )
+from par4_identification.diagnosis.law import Dithered, dithered
+from par4_identification.diagnosis.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.pool import Pool
+from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
+from par4_identification.diagnosis.retimed import beside_retimed
+from par4_identification.diagnosis.rules import Rules
+from par4_identification.diagnosis.search import Model, Search, others_of
+from par4_identification.diagnosis.unnamed import Kind
+from par4_identification.diagnosis.unrelated import Left, unrelated
 from par4_identification.identification import identify_runs
 from par4_identification.log import Log
 from par4_identification.progress import Progress, silent
@@ -57,93 +67,12 @@ CONDITIONING = Conditioning(low_speed=0.02)
 LIBRARY = {name: effect for name, effect in CATALOGUE.items()
            if name not in ('quantization', 'torque_saturation')}
 """Effects that may be named: all but those that add no torque to a motion."""
-
-AGREED = 4
-"""Times that base parameters and a time of the torque are fitted in turn."""
-RETIMED = 0.5
-"""Most of the base model's squared error that a torque of another time may leave, to be taken as
-the nominal one."""
-
-
-
-@dataclass(frozen=True)
-class Cause:
-    """A named cause.
-
-    Attributes:
-        effect: from the catalogue.
-        joints: where it acts.
-        parameters: with standard deviations; one number for the machine or one a joint in
-            `joints`.
-        twins: names that explain the data as well.
-        visible_fraction: rms left of it after refitting the base parameters, over its full rms.
-        p_value: family-wise.
-        gain: on held-out rows.
-        predictable: whether the model can say its torque at each instant.
-    """
-
-    effect: Effect
-    joints: tuple[int, ...]
-    parameters: dict[str, Parameter]
-    twins: tuple[str, ...]
-    visible_fraction: float
-    p_value: float
-    gain: Gain
-    predictable: bool = True
-
-
-@dataclass(frozen=True)
-class Holdout:
-    """Held-out rows before and after, for errors and pictures.
-
-    Attributes:
-        runs: the rows.
-        baseline, extended: residuals (m, J) of each run, N m.
-        baseline_rms, extended_rms, noise_floor_rms: (J,), N m, over valid rows.
-        explained_fraction: (before - after) / (before - floor) in mean squares.
-        interval: 95 %, block bootstrap.
-    """
-
-    runs: tuple[Run, ...]
-    baseline: tuple[np.ndarray, ...]
-    extended: tuple[np.ndarray, ...]
-    baseline_rms: np.ndarray
-    extended_rms: np.ndarray
-    noise_floor_rms: np.ndarray
-    explained_fraction: float
-    interval: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """The answer.
-
-    Attributes:
-        verdict: 'clean', 'explained', 'partly_explained', 'unknown' or 'unusable_data'.
-        causes: strongest first.
-        reasons: why the data are unusable, or why names were withheld.
-        rejected: candidates that were looked at and why they are no causes.
-        holdout: errors before and after; None for unusable data.
-        remaining: what is left; None for unusable data.
-        base_before, base_after: base parameters without and with the causes.
-        extended_model: base parameters and causes as one model; None for unusable data.
-        fit_runs: rows that were fitted.
-        evidence: these rows, whitened; None for unusable data.
-        hypotheses: of the causes, in their order.
-    """
-
-    verdict: Verdict
-    causes: tuple[Cause, ...]
-    reasons: tuple[str, ...]
-    rejected: tuple[Rejected, ...]
-    holdout: Holdout | None
-    remaining: Remaining | None
-    base_before: dict[str, Parameter]
-    base_after: dict[str, Parameter]
-    extended_model: ModelFile | None
-    fit_runs: tuple[Run, ...]
-    evidence: Evidence | None = None
-    hypotheses: tuple[Hypothesis, ...] = ()
+SMOOTH = 0.5
+"""Share of what the names leave beyond which an unnamed cause is the whole of it: no load rattles.
+"""
+RINGING = 0.3
+"""Share of it that twisting transmissions explain, though they are no cause, beyond which they are
+nearer than a load that rattles in a gap."""
 
 
 def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Robot | Axis,
@@ -176,7 +105,7 @@ def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Ro
 def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None = None,
              holdout_logs: Sequence[Log] = (), library: Mapping[str, Effect] | None = None,
              rules: Rules | None = None, conditioning: Conditioning = CONDITIONING,
-             progress: Progress = silent) -> Diagnosis:
+             progress: Progress = silent) -> Diagnosis | Unusable:
     """Return what the model gets wrong about the machine that made the logs.
 
     Args:
@@ -204,146 +133,180 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     try:
         identification = identify_runs(fit_runs, observations.target, observations.base, rigid_body)
     except InputError as error:
-        return _unusable((str(error),), tuple(fit_runs))
+        return Unusable((str(error),), tuple(fit_runs))
     reasons = unusable(observations, identification)
     if not any(run.valid.any() for run in holdout_runs):
         reasons.append('no joint moves in the held-out data; give a bag of another motion')
     if reasons:
-        return _unusable(tuple(reasons), tuple(fit_runs))
+        return Unusable(tuple(reasons), tuple(fit_runs))
 
     searched = LIBRARY if library is None else library
-    base_model = build_model(machine, _baseline_with(
+    applicable = {name: effect for name, effect in searched.items()
+                  if isinstance(machine, Robot) or not effect.needs_platform}
+    base_model = build_model(machine, baseline_with(
         baseline, rigid_body, identification.parameters, identification.terms, ()))
     sigma = identification.estimate.rms
-    base_model = _beside_retimed(base_model, observations, machine, baseline, rigid_body,
+    base_model = beside_retimed(base_model, observations, machine, baseline, rigid_body,
                                  sigma, searched)
     observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
     moved = dithered(observations, machine)
-    applicable = {name: effect for name, effect in searched.items()
-                  if isinstance(machine, Robot) or not effect.needs_platform}
-    blocks = blocks_of_runs([run.t for run in holdout_runs], [run.valid for run in holdout_runs])
     progress('searching the library for the noise model')
-    flat = gather(observations, flat_whitener(observations, sigma))
-    richest = Selector(applicable, flat, heldout, blocks, rules, moved).richest()
-    left = residuals(observations, richest, solve(flat, richest))
-    whitener = whitener_of_residuals(observations, left, flat.design(richest).shape[1])
-    evidence = gather(observations, whitener)
+    whitener = _whitener(observations, sigma, applicable, rules)
 
-    progress('searching the library for causes')
-    selector = Selector(applicable, evidence, heldout, blocks, rules,
-                        moved.with_nominal(base_model))
-    selection = selector.run()
-    if selection.found:
+    progress('searching for causes')
+    search = _search(observations, heldout, whitener, applicable, rules,
+                     moved.with_nominal(base_model))
+    model = search.run()
+    named = named_of(model)
+    if named:
         # effects that scale with the torque were searched with that of a model without causes
         progress('searching again beside the causes found')
-        better = build_model(machine, _extended_model(
-            baseline, rigid_body, evidence, selection.hypotheses,
-            solve(evidence, selection.hypotheses)))
+        better = build_model(machine, extended_model(
+            baseline, rigid_body, search.pool.evidence, named,
+            solve(search.pool.evidence, model)))
         observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
-        evidence = gather(observations, whitener, evidence)
-        selector = Selector(applicable, evidence, heldout, blocks, rules,
-                            moved.with_nominal(better))
-        selection = selector.run()
-    progress('looking for twins')
-    selection = selector.with_twins(selection)
-    hypotheses = selection.hypotheses
-    base_only, full_fit = solve(evidence, []), solve(evidence, hypotheses)
+        search = _search(observations, heldout, whitener, applicable, rules,
+                         moved.with_nominal(better), search.pool.evidence)
+        model = search.run(tuple(item for item in model if not isinstance(item.effect, Kind)))
+    return _answer(search, model, machine, baseline, rigid_body, tuple(fit_runs), progress)
 
+
+def _search(observations: Observations, heldout: Observations, whitener: Whitener,
+            library: Mapping[str, Effect], rules: Rules, moved: Dithered,
+            before: Evidence | None = None) -> Search:
+    """Return a search over whitened rows; `before` is that of the same rows, for its columns."""
+    evidence = gather(observations, whitener, before)
+    kept = gather(heldout, replace(whitener, valid=tuple(run.valid for run in heldout.runs)))
+    return Search(Candidates(library, evidence, rules), Pool(evidence, kept), rules, moved)
+
+
+def _whitener(observations: Observations, sigma: np.ndarray, library: Mapping[str, Effect],
+              rules: Rules) -> Whitener:
+    """Return the noise that is left where every effect is fitted, each at its best shape.
+
+    A poorer model would take what it lacks for noise.
+    """
+    flat = gather(observations, flat_whitener(observations, sigma))
+    found = Candidates(library, flat, rules).all_of(project(flat, []), set())
+    richest = [item.hypothesis for item in found]
+    left = residuals(observations, richest, solve(flat, richest))
+    return whitener_of_residuals(observations, left, flat.design(richest).shape[1])
+
+
+def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: ModelFile | None,
+            rigid_body: str, fit_runs: tuple[Run, ...], progress: Progress) -> Diagnosis:
+    pool, rules = search.pool, search.rules
+    evidence, heldout = pool.evidence, pool.heldout.observations
+    loose = _rattle(search, model)
+    if loose is not None:  # what its bounces look like is no cause of its own
+        model = tuple(named_of(model))
+    named = tuple(sorted(named_of(model), key=lambda item: -search.gains(
+        item, others_of(model, item))[0]))
+    whole, names_only, base_only = (solve(evidence, part) for part in (model, named, ()))
+    progress('comparing each cause with what could stand in its place')
+    blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
+    causes = [_cause(judge(search, item, model), search, named, names_only, blocks, model)
+              for item in named]
+    unnamed = sorted((unnamed_cause(search, item, model) for item in model
+                      if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
     progress('checking what remains')
-    before = residuals(heldout, [], base_only)
-    after = residuals(heldout, hypotheses, full_fit)
-    extended = _extended_model(baseline, rigid_body, evidence, hypotheses, full_fit)
+    before, after, left = (residuals(heldout, part, fit) for part, fit in (
+        ((), base_only), (named, names_only), (model, whole)))
+    extended = extended_model(baseline, rigid_body, evidence, named, names_only)
     # of effects with a nominal torque the noise of counts is left out of the floor
     simple = extended.model_copy(update={'effects': tuple(
         entry for entry in extended.effects if not effect_named(entry.effect).needs_nominal)})
-    floor = noise_floor(holdout_runs, machine, build_model(machine, simple))
-    remaining = remaining_of(selector, selection.found, before, after, floor)
-    holdout = _holdout(holdout_runs, blocks, before, after, floor)
-    nearest = left_over(selector, selection)
-    verdict, withheld = verdict_of(selection.found, remaining, nearest,
-                                   own_share(selector, selection), rules)
-    if nearest is not None and not selection.found:
-        remaining = replace(remaining, nearest=nearest.hypothesis.effect)
-    rejected = list(selection.rejected)
-    if withheld:
-        rejected += [Rejected(item.hypothesis.label, withheld) for item in selection.found]
-        full_fit = base_only
-        holdout = _holdout(holdout_runs, blocks, before, before, floor)
-        extended = _extended_model(baseline, rigid_body, evidence, [], base_only)
-        remaining = remaining_of(selector, [], before, before, floor)
-        selection.found.clear()
-    diagnosis = Diagnosis(
-        verdict=verdict,
-        causes=tuple(_cause(item, evidence, full_fit, index)
-                     for index, item in enumerate(selection.found)),
-        reasons=(withheld,) if withheld else (),
-        rejected=tuple(rejected),
-        holdout=holdout,
-        remaining=remaining,
-        base_before=_base_parameters(evidence, base_only),
-        base_after=_base_parameters(evidence, full_fit),
-        extended_model=extended, fit_runs=tuple(fit_runs), evidence=evidence,
-        hypotheses=tuple(selection.hypotheses))
-    named = {cause.effect.name for cause in diagnosis.causes}
-    smooth = remaining.gain.share > rules.most_of_rest
-    if (Backlash.name in applicable and not named & {Backlash.name, ElasticTransmission.name}
-            and not smooth and not rings(selector, selection)):
-        left = residuals(evidence.observations, diagnosis.hypotheses, full_fit)
-        found = rattle([(evidence.observations, left), (heldout, diagnosis.holdout.extended)])
-        if found is not None and found.p_value < rules.p_value:
-            return _with_backlash(diagnosis, applicable[Backlash.name], found)
-    return diagnosis
+    floor = noise_floor(heldout.runs, machine, build_model(machine, simple))
+    hypotheses = named
+    if loose is not None:
+        cause, entry = _loose(search.candidates.library[Backlash.name], loose)
+        causes.append(cause)
+        hypotheses = (*named, Hypothesis(cause.effect, {}, cause.joints))
+        extended = extended.model_copy(update={'effects': (*extended.effects, entry)})
+    alone = unrelated(*(_left(part.observations, model, base_only, whole)
+                        for part in (evidence, pool.heldout)), floor, rules)
+    remaining = Remaining(
+        float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30))), alone,
+        None if causes else _nearest(search, model))
+    incomplete = bool(unnamed or loose or alone.lines or alone.bursts)
+    return Diagnosis(
+        verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
+        rejected=tuple(search.journal.rejected),
+        holdout=_holdout(heldout.runs, blocks, before, after, floor), remaining=remaining,
+        base_before=base_parameters(evidence, base_only),
+        base_after=base_parameters(evidence, names_only), extended_model=extended,
+        fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses)
 
 
-def _with_backlash(diagnosis: Diagnosis, effect: Effect, found: Rattle) -> Diagnosis:
-    """Return the diagnosis with loads that rattle as one more cause, which gains nothing."""
+def _left(observations: Observations, model: Model, base_only: Fit, whole: Fit) -> list[Left]:
+    """Return of each run what a model leaves, and how far it differs from the base terms."""
+    before, after = (residuals(observations, part, fit)
+                     for part, fit in (((), base_only), (model, whole)))
+    return [(run, left, old - left) for run, old, left in zip(observations.runs, before, after)]
+
+
+def _verdict(named: bool, incomplete: bool) -> Verdict:
+    """Return the verdict by whether there are names and whether anything is beside them."""
+    if named:
+        return 'partly_explained' if incomplete else 'explained'
+    return 'unknown' if incomplete else 'clean'
+
+
+def _nearest(search: Search, model: Model) -> Effect | None:
+    """Return the effect that explains most of the rows to fit, if any explains enough."""
+    found = search.candidates.all_of(project(search.pool.evidence, ()), set())
+    best = max(found, key=lambda item: item.gain, default=None)
+    needed = search.requirement(model).fit
+    return best.hypothesis.effect if best is not None and best.gain > needed else None
+
+
+def _rattle(search: Search, model: Model) -> Rattle | None:
+    """Return the joints whose loads rattle in a gap, if what the names leave tells of any."""
+    library, pool = search.candidates.library, search.pool
+    named = tuple(named_of(model))
+    names = {item.effect.name for item in named}
+    if Backlash.name not in library or names & {Backlash.name, ElasticTransmission.name}:
+        return None
+    left, rest = pool.fit(named).heldout_squares, pool.fit(model).heldout_squares
+    if rest < (1.0 - SMOOTH) * left or _rings(search, named):
+        return None
+    fit = solve(pool.evidence, named)
+    found = rattle([(part.observations, residuals(part.observations, named, fit))
+                    for part in (pool.evidence, pool.heldout)])
+    return found if found is not None and found.p_value < 1e-3 else None
+
+
+def _rings(search: Search, model: Model) -> bool:
+    """Return whether transmissions that twist, no cause though, explain much of what is left."""
+    effect = search.candidates.library.get(ElasticTransmission.name)
+    projection = project(search.pool.evidence, model)
+    candidate = None if effect is None else search.candidates.best(effect, projection)
+    return candidate is not None and 2.0 * candidate.gain > RINGING * float(
+        projection.residual @ projection.residual)
+
+
+def _loose(effect: Effect, found: Rattle) -> tuple[Cause, EffectEntry]:
+    """Return loads that rattle as a cause, which gains nothing, and as part of a model."""
     parameters = {'gap': Parameter(value=tuple(map(float, found.gap)), unit='rad',
                                    std=tuple(map(float, WIDTH_ERROR * found.gap)))}
-    cause = Cause(effect, found.joints, parameters, (), 1.0, found.p_value, Gain(0.0, 0.0, 0.0),
-                  predictable=False)
-    entry = EffectEntry(effect=effect.name, joints=found.joints, parameters=parameters)
-    extended = diagnosis.extended_model
-    return replace(
-        diagnosis, verdict='partly_explained', reasons=(), causes=(*diagnosis.causes, cause),
-        hypotheses=(*diagnosis.hypotheses, Hypothesis(effect, {}, found.joints)),
-        extended_model=extended.model_copy(update={'effects': (*extended.effects, entry)}))
+    cause = Cause(effect, found.joints, parameters, (), 1.0, found.p_value, 0.0, None,
+                  Gain(0.0, 0.0, 0.0), predictable=False)
+    return cause, EffectEntry(effect=effect.name, joints=found.joints, parameters=parameters)
 
 
-def _beside_retimed(base_model: Model, observations: Observations, machine: Robot | Axis,
-                    baseline: ModelFile | None, rigid_body: str,
-                    sigma: np.ndarray, library: Mapping[str, Effect]) -> Model:
-    """Return the model fitted beside a torque read at another time, where that explains most.
-
-    Such an effect is bilinear: its column is the rate of the torque of the base parameters, which
-    without it come out wrong in first order. Both are fitted in turn until they agree.
-    """
-    everywhere = tuple(range(observations.joints))
-    whitener = flat_whitener(observations, sigma)
-    best = base_model
-    before = project(gather(observations, whitener), []).residual
-    least = RETIMED * float(before @ before)
-    for effect in library.values():
-        if not effect.retimes:
-            continue
-        time = effect.parameters[0].name
-        model, hypothesis = base_model, Hypothesis(effect, effect.shape_of({time: 0.0}), everywhere)
-        for _ in range(AGREED):
-            evidence = gather(with_nominal(observations, model), whitener)
-            for _ in range(EXPANSIONS if effect.expanded else 1):
-                fit = solve(evidence, [hypothesis])
-                hypothesis = replace(hypothesis, shape=effect.shape_of(
-                    {time: fit.coefficients[0][0, 0]}))
-            fit = solve(evidence, [hypothesis])
-            model = build_model(machine, _extended_model(
-                baseline, rigid_body, evidence, [hypothesis], fit))
-        left = project(evidence, [hypothesis]).residual
-        if left @ left < least:
-            best, least = model, left @ left
-    return best
-
-
-def _unusable(reasons: tuple[str, ...], runs: tuple[Run, ...]) -> Diagnosis:
-    return Diagnosis('unusable_data', (), reasons, (), None, None, {}, {}, None, runs)
+def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fit: Fit,
+           blocks: Blocks, model: Model) -> Cause:
+    evidence, hypothesis = search.pool.evidence, judgement.hypothesis
+    index = named.index(hypothesis)
+    before, after = (search.pool.heldout.left(part, solve(evidence, part))
+                     for part in (others_of(model, hypothesis), model))
+    return Cause(
+        effect=hypothesis.effect, joints=hypothesis.joints,
+        parameters=effect_parameters(evidence, hypothesis, fit, index), twins=judgement.twins,
+        visible_fraction=project(evidence, []).left_share(
+            evidence.columns(hypothesis), hypothesis.stacked(fit.coefficients[index])),
+        p_value=judgement.p_value, margin=judgement.margin, rival=judgement.rival,
+        gain=blocks.whitened_gain(before, after))
 
 
 def _holdout(runs: Sequence[Run], blocks: Blocks, before: Sequence[np.ndarray],
@@ -365,45 +328,3 @@ def _holdout(runs: Sequence[Run], blocks: Blocks, before: Sequence[np.ndarray],
         tuple(runs), tuple(before), tuple(after), np.sqrt(blocks.mean_square(before)),
         np.sqrt(blocks.mean_square(after)), floor, fraction(np.ones(len(old))),
         (float(low), float(high)))
-
-
-def _base_parameters(evidence: Evidence, fit: Fit) -> dict[str, Parameter]:
-    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
-    return {term.name: Parameter(value=float(value), std=float(error), unit=term.unit)
-            for term, value, error in zip(evidence.observations.terms, fit.base, std)}
-
-
-def _cause(found: Found, evidence: Evidence, fit: Fit, index: int) -> Cause:
-    hypothesis = found.hypothesis
-    columns = evidence.columns(hypothesis)
-    return Cause(
-        effect=hypothesis.effect, joints=hypothesis.joints,
-        parameters=effect_parameters(evidence, hypothesis, fit, index), twins=found.twins,
-        visible_fraction=project(evidence, []).left_share(
-            columns, hypothesis.stacked(fit.coefficients[index])),
-        p_value=found.p_value, gain=found.gain)
-
-
-def _extended_model(baseline: ModelFile | None, rigid_body: str, evidence: Evidence,
-                    hypotheses: Sequence[Hypothesis], fit: Fit) -> ModelFile:
-    """Return the baseline with refitted base parameters and the causes added."""
-    added = tuple(
-        EffectEntry(effect=hypothesis.effect.name, joints=hypothesis.joints,
-                    parameters=effect_parameters(evidence, hypothesis, fit, index))
-        for index, hypothesis in enumerate(hypotheses))
-    return _baseline_with(baseline, rigid_body, _base_parameters(evidence, fit),
-                          evidence.observations.terms, added)
-
-
-def _baseline_with(baseline: ModelFile | None, rigid_body: str, fitted: Mapping[str, Parameter],
-                   terms: Sequence[BaseTerm], added: tuple[EffectEntry, ...]) -> ModelFile:
-    """Return the baseline with other base parameters and more effects.
-
-    A base parameter that came out slightly negative is written as zero.
-    """
-    parameters = {term.name: fitted[term.name] if not term.nonnegative else
-                  fitted[term.name].model_copy(update={'value': max(fitted[term.name].value, 0.0)})
-                  for term in terms}
-    return ModelFile(schema='par4/model/1', rigid_body=rigid_body, parameters=parameters,
-                     effects=(*(baseline.effects if baseline else ()), *added),
-                     torque_limit=baseline.torque_limit if baseline else None)

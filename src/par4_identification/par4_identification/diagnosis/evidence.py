@@ -11,17 +11,15 @@ from scipy.linalg import block_diag
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.state import State
 from par4_identification.diagnosis.observations import Observations, lasting
+from par4_identification.diagnosis.unnamed import PRIOR_ROWS, Kind
 from par4_identification.noise import ArNoise, fit_noise
-
-SURE = 3.0
-"""Times its expectation that the square of a difference must be to be no chance."""
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """An effect with its shape, acting on some joints."""
+    """An effect with its shape, or a kind of unnamed cause, acting on some joints."""
 
-    effect: Effect
+    effect: Effect | Kind
     shape: Shape
     joints: tuple[int, ...]
 
@@ -39,7 +37,7 @@ class Hypothesis:
     @property
     def key(self) -> tuple:
         """What tells it from any other."""
-        return self.effect.name, tuple(sorted(self.shape.items())), self.joints
+        return self.effect, tuple(sorted(self.shape.items())), self.joints
 
 
 @dataclass(frozen=True)
@@ -129,11 +127,26 @@ class Evidence:
 
     def block(self, effect: Effect, shape: Shape) -> Block:
         """Return the whitened columns of an effect; computed once."""
-        key = (effect.name, tuple(sorted(shape.items())))
+        key = (effect, tuple(sorted(shape.items())))
         if key not in self._kept:
-            columns = tuple(self.whitener.whiten(self.observations.effect_rows(effect, shape)))
-            self._kept[key] = Block(columns, np.stack([part.T @ part for part in columns]))
+            self.keep(effect, (shape,))
         return self._kept[key]
+
+    def keep(self, effect: Effect, shapes: Sequence[Shape]) -> None:
+        """Compute the whitened columns of an effect at many shapes, which is quicker at once."""
+        missing = [shape for shape in shapes
+                   if (effect, tuple(sorted(shape.items()))) not in self._kept]
+        if not missing:
+            return
+        self.observations.keep(effect, missing)
+        rows = [self.observations.effect_rows(effect, shape) for shape in missing]
+        white = self.whitener.whiten([np.concatenate(parts, axis=2) for parts in zip(*rows)])
+        width = rows[0][0].shape[2]
+        for number, shape in enumerate(missing):
+            columns = tuple(np.ascontiguousarray(part[:, number * width:(number + 1) * width])
+                            for part in white)
+            self._kept[effect, tuple(sorted(shape.items()))] = Block(
+                columns, np.stack([part.T @ part for part in columns]))
 
     def torque(self, key: tuple, torque: Callable[[State], np.ndarray]) -> np.ndarray:
         """Return the whitened, stacked rows (N,) of a torque; computed once for a key.
@@ -257,16 +270,41 @@ def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> float:
 
 
 def project(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Projection:
-    """Return the projection of the target out of base columns and hypotheses."""
+    """Return the projection of the target out of base columns and hypotheses.
+
+    The prior of unnamed causes counts as rows of its own, which no other column has.
+    """
     design = evidence.design(hypotheses)
-    basis, _ = np.linalg.qr(design / np.maximum(np.linalg.norm(design, axis=0), 1e-30))
+    size = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
+    weight = prior_weights(evidence, hypotheses, design.shape[1])
+    prior = np.diag(np.sqrt(weight))[weight > 0.0]
+    basis, _ = np.linalg.qr(np.vstack((design / size, prior)))
+    basis = basis[:len(design)]
     residual = evidence.target - basis @ (basis.T @ evidence.target)
     return Projection(evidence, tuple(hypotheses), basis, residual)
+
+
+def prior_weights(evidence: Evidence, hypotheses: Sequence[Hypothesis], coefficients: int
+                  ) -> np.ndarray:
+    """Return the weight (c,) of the prior of each coefficient over the squares of its column."""
+    weights = np.zeros(coefficients)
+    last = coefficients
+    for item in reversed(hypotheses):
+        block = evidence.block(item.effect, item.shape)
+        first = last - block.columns[0].shape[1] * (
+            1 if item.effect.shared else len(item.joints))
+        if isinstance(item.effect, Kind):
+            rows = evidence.rows if item.effect.shared else evidence.rows / (len(evidence.ends) - 1)
+            weights[first:last] = PRIOR_ROWS / max(rows, 1.0)
+        last = first
+    return weights
 
 
 @dataclass(frozen=True)
 class Fit:
     """Generalised least squares of base terms and hypotheses.
+
+    Unnamed causes have a prior; their part of the covariance is that of the posterior.
 
     Attributes:
         base: values (p,).
@@ -284,7 +322,9 @@ def solve(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Fit:
     """Return the fit of base terms and hypotheses with its covariance."""
     design = evidence.design(hypotheses)
     scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
-    inverse = np.linalg.pinv((design / scale).T @ (design / scale), rcond=1e-12, hermitian=True)
+    prior = np.diag(prior_weights(evidence, hypotheses, design.shape[1]))
+    inverse = np.linalg.pinv((design / scale).T @ (design / scale) + prior, rcond=1e-12,
+                             hermitian=True)
     values = inverse @ ((design / scale).T @ evidence.target) / scale
     return fit_of(evidence, hypotheses, values, inverse / np.outer(scale, scale))
 
@@ -322,23 +362,3 @@ def residuals(observations: Observations, hypotheses: Sequence[Hypothesis], fit:
             left = left - np.einsum('mjk,kj->mj', rows, coefficients)
         results.append(left)
     return tuple(results)
-
-
-def transfer_error(evidence: Evidence, other: Evidence, hypotheses: Sequence[Hypothesis]) -> float:
-    """Return how far the last hypothesis's estimate misses the torque that it has on other data.
-
-    The estimate from `evidence` against the one from `other`: what their difference in torque
-    leaves on the rows of `other` after everything else in the model, over the torque itself, less
-    what noise makes of that; zero where noise may have made all of it.
-    """
-    here, there = solve(evidence, hypotheses), solve(other, hypotheses)
-    columns = project(other, hypotheses[:-1]).rest(other.columns(hypotheses[-1]))
-    gram = columns.T @ columns
-    own = hypotheses[-1].stacked(here.coefficients[-1])
-    change = own - hypotheses[-1].stacked(there.coefficients[-1])
-    span = here.slices[-1]
-    by_noise = np.trace(gram @ (here.covariance[span, span] + there.covariance[span, span]))
-    difference = float(change @ gram @ change)
-    if difference < SURE * by_noise:
-        return 0.0
-    return float(np.sqrt((difference - by_noise) / max(float(own @ gram @ own), 1e-30)))

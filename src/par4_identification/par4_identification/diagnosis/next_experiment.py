@@ -19,7 +19,7 @@ from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.state import State
-from par4_identification.diagnosis.diagnosis import Diagnosis
+from par4_identification.diagnosis.answer import Diagnosis
 from par4_identification.diagnosis.evidence import (
     Evidence,
     Hypothesis,

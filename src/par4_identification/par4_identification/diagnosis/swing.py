@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from par4_dynamics.effects.elastic_transmission import STIFFNESSES
+from par4_dynamics.effects.elastic_transmission import STIFFNESSES, ElasticTransmission
 from par4_dynamics.effects.transmission import DAMPING_RATIO, Springs
 from par4_identification.diagnosis.evidence import Projection
 
@@ -37,7 +37,7 @@ def compliances(projection: Projection) -> tuple[np.ndarray, float] | None:
 
     def left(log_compliance: np.ndarray, damping: float) -> np.ndarray:
         torque = evidence.torque(
-            ('elastic_transmission', (damping, *np.round(log_compliance, 9))),
+            (ElasticTransmission, (damping, *np.round(log_compliance, 9))),
             lambda state: springs[id(state)].torque(
                 np.exp(log_compliance), damping,
                 COARSE_STEP if damping == COARSE_DAMPING else 1)[1])

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from par4_dynamics.parameters import Parameter
-from par4_identification.diagnosis.diagnosis import Cause, Diagnosis
+from par4_identification.diagnosis.answer import Cause, Diagnosis, Unusable
 from par4_identification.diagnosis.next_experiment import NextExperiment
+from par4_identification.diagnosis.unrelated import Unrelated
 from par4_identification.outcome.next_experiment import advice, next_experiment_json
 from par4_identification.outcome.outcome import FLOOR_EXCESS, Outcome, Remark, over_joints
 from par4_identification.outcome.results import plain
@@ -29,10 +30,10 @@ STANDS_OUT = 2.0
 """Standard deviations within which a sentence leaves a size out beside another that stands out."""
 
 
-def outcome_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis,
+def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
                          experiment: NextExperiment | None = None) -> Outcome:
     """Return the verdict in words, and what to do next."""
-    if diagnosis.verdict == 'unusable_data':
+    if isinstance(diagnosis, Unusable):
         # a reason says what was found and, behind a semicolon, what to do
         parts = [reason.partition('; ') for reason in diagnosis.reasons]
         return Outcome(
@@ -42,20 +43,20 @@ def outcome_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis,
     holdout, unit = diagnosis.holdout, unit_on(machine, 'N m')
     before, after, noise = (f'{number(over_joints(rms), 2)} {unit}' for rms in (
         holdout.baseline_rms, holdout.extended_rms, holdout.noise_floor_rms))
-    remarks = _remarks(diagnosis, experiment)
-    nearest = diagnosis.remaining.nearest
-    looks_like = (diagnosis.remaining.phrase
-                  or (nearest and f'{nearest.phrase}, which does not pass as a cause')
-                  or 'something that follows nothing in the motion')
+    remarks = _remarks(diagnosis, machine, experiment)
+    beside = ' and '.join([*(item.phrase for item in diagnosis.unnamed),
+                           *_phrases_of_unrelated(diagnosis.remaining.unrelated)])
     if diagnosis.verdict == 'clean':
+        wandering = ('' if not diagnosis.remaining.unrelated.wanders else
+                     ', most of it noise that wanders and follows nothing in the motion')
         return Outcome(
             f'The model describes this machine down to its noise: on data it has not seen it '
-            f'leaves {before}, the noise floor being {noise}, and no known cause explains any of '
-            f'that.', 'good', remarks)
+            f'leaves {before}, the noise floor being {noise}{wandering}, and no known cause '
+            f'explains any of that.', 'good', remarks)
     if diagnosis.verdict == 'unknown':
         return Outcome(
             f'The model is wrong by {before} on data it has not seen, the noise floor being '
-            f'{noise}, and no cause in the library accounts for it; it looks like {looks_like}.',
+            f'{noise}, and no cause in the library accounts for it; it looks like {beside}.',
             'fair', remarks)
     names = phrase_of_causes(diagnosis.causes, machine)
     rattling = not all(cause.predictable for cause in diagnosis.causes)
@@ -71,9 +72,21 @@ def outcome_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis,
         return Outcome(f'{sentence}; loads that rattle remain, which no function of the recorded '
                        f'motion gives.', 'fair', remarks)
     if diagnosis.verdict == 'partly_explained':
-        return Outcome(f'{sentence}; {looks_like} remains unexplained.', 'fair', remarks)
+        return Outcome(f'{sentence}; {beside} remains without a name.', 'fair', remarks)
     return Outcome(f'{sentence}.', 'good' if all(remark.good for remark in remarks) else 'fair',
                    remarks)
+
+
+def _phrases_of_unrelated(found: Unrelated) -> list[str]:
+    """Return lines and bursts in words."""
+    phrases = []
+    if found.lines:
+        frequencies = listed([number(line.frequency_hz, 3) for line in found.lines])
+        phrases.append(f'a disturbance of {frequencies} Hz that follows nothing in the motion')
+    if found.bursts:
+        times = listed([f'{number(start, 3)} s' for start, _ in found.bursts[:3]])
+        phrases.append(f'{"a burst" if len(found.bursts) == 1 else "bursts"} of noise at {times}')
+    return phrases
 
 
 def phrase_of_cause(cause: Cause, machine: Robot | Axis) -> str:
@@ -141,9 +154,11 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def _remarks(diagnosis: Diagnosis, experiment: NextExperiment | None) -> tuple[Remark, ...]:
-    remarks = [Remark(False, f'Names were withheld: {reason}.') for reason in diagnosis.reasons]
-    remarks.append(_remaining_remark(diagnosis))
+def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperiment | None
+             ) -> tuple[Remark, ...]:
+    remarks = [_unnamed_remark(diagnosis, machine, index)
+               for index in range(len(diagnosis.unnamed))]
+    remarks += _remaining_remarks(diagnosis, machine)
     if any(cause.predictable for cause in diagnosis.causes):
         low, high = diagnosis.holdout.interval
         fraction = diagnosis.holdout.explained_fraction
@@ -151,7 +166,7 @@ def _remarks(diagnosis: Diagnosis, experiment: NextExperiment | None) -> tuple[R
                  f'interval {percent(low)} to {percent(high)})' if low < ALL else
                  f'more than {percent(ALL)} of the gap to the noise floor in mean squares')
         remarks.append(Remark(
-            True, f'The extended model closes {share}, on rows that took no part in finding it.',
+            True, f'The extended model closes {share}, on rows that took no part in any fit.',
             'Simulate and feed forward with extended_model.yaml in place of the old model.'))
     for cause in diagnosis.causes:
         if not cause.predictable:
@@ -159,6 +174,10 @@ def _remarks(diagnosis: Diagnosis, experiment: NextExperiment | None) -> tuple[R
                 False, f'{_capital(cause.effect.phrase)} is read off where the residual is large, '
                 f'not off its course; the size is good to a third.',
                 'Preload or adjust the transmission; feedforward alone does not remove it.'))
+        if _is_relative(cause, machine):
+            remarks.append(Remark(
+                True, f'{_capital(cause.effect.phrase)} is measured against the joints that are '
+                f'not named: what all joints have in common belongs to the base parameters.'))
         if cause.twins:
             remarks.append(Remark(
                 False, f'On this motion {cause.effect.phrase} cannot be told from '
@@ -172,33 +191,66 @@ def _remarks(diagnosis: Diagnosis, experiment: NextExperiment | None) -> tuple[R
     return tuple(remarks)
 
 
-def _remaining_remark(diagnosis: Diagnosis) -> Remark:
-    remaining = diagnosis.remaining
-    if remaining.significant:
-        return Remark(
-            False, f'{_capital(remaining.phrase)}, without a name, would remove '
-            f'{percent(remaining.gain.share)} of the squared error left on held-out rows (95 % '
-            f'interval {percent(remaining.gain.low)} to {percent(remaining.gain.high)}).',
-            f'Look for a cause outside the library that acts as {remaining.phrase}.')
+def _is_relative(cause: Cause, machine: Robot | Axis) -> bool:
+    """Return whether some joints are named where only differences between joints can show."""
+    return cause.effect.against_the_others and len(cause.joints) < len(joint_labels(machine))
+
+
+def _unnamed_remark(diagnosis: Diagnosis, machine: Robot | Axis, index: int) -> Remark:
+    item = diagnosis.unnamed[index]
+    joints = len(joint_labels(machine))
+    where = '' if len(item.joints) == joints else (
+        f' on joint{"s" if len(item.joints) > 1 else ""} '
+        f'{listed([str(joint) for joint in item.joints])}')
+    return Remark(
+        False, f'{_capital(item.phrase)}{where}, without a name, has '
+        f'{number(item.torque_rms, 2)} {unit_on(machine, "N m")} rms and explains '
+        f'{percent(item.share)} of the squared error that all causes explain.',
+        f'Look at the machine for something that acts as {item.phrase}.')
+
+
+def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis) -> list[Remark]:
+    remaining, found = diagnosis.remaining, diagnosis.remaining.unrelated
+    unit = unit_on(machine, 'N m')
+    remarks = []
     if remaining.nearest is not None:
-        return Remark(
-            False, f'{_capital(remaining.nearest.phrase)} would explain some of it, on held-out '
-            f'rows as well, but does not pass as a cause.',
-            'See among the rejected names why; more data or a motion of another kind may decide.')
-    size = (f'Nothing that follows the motion remains; the residual is '
-            f'{number(remaining.floor_excess, 2)} times the noise floor')
-    if remaining.floor_excess <= FLOOR_EXCESS:
-        return Remark(True, f'{size}.')
-    return Remark(False, f'{size}, which is more than noise should leave.',
-                  'Record a bag with dwells, so that the noise is measured, and look for a source '
-                  'of noise that changes with time.')
+        remarks.append(Remark(
+            False, f'{_capital(remaining.nearest.phrase)} would explain some of it, but does not '
+            f'pass as a cause.',
+            'See among the rejected names why; more data or a motion of another kind may decide.'))
+    for line in found.lines:
+        remarks.append(Remark(
+            False, f'A disturbance of {number(line.frequency_hz, 3)} Hz with '
+            f'{number(float(line.amplitude.max()), 2)} {unit} follows nothing in the motion.',
+            'Look for what turns or hums at that frequency: mains, the floor, a machine nearby.'))
+    if found.bursts:
+        spans = listed([f'{number(start, 3)} to {number(end, 3)} s'
+                        for start, end in found.bursts[:5]])
+        remarks.append(Remark(
+            False, f'The noise is larger for some time ({spans} of the data held out'
+            f'{", and more" if len(found.bursts) > 5 else ""}).',
+            'Look at what happened then; leave the stretch out or record again.'))
+    size = f'What is left is {number(remaining.floor_excess, 2)} times the noise floor'
+    if found.wanders:
+        remarks.append(Remark(
+            True, f'{size}: noise that wanders, {number(float(found.wandering_rms.max()), 2)} '
+            f'{unit} rms with a correlation time of {number(found.correlation_time, 2)} s. It '
+            f'follows nothing in the motion and is no fault of the model.'))
+    else:
+        remarks.append(Remark(remaining.floor_excess <= FLOOR_EXCESS, f'{size}.'))
+    return remarks
 
 
-def diagnosis_json(diagnosis: Diagnosis, machine: Robot | Axis,
+def diagnosis_json(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
                    experiment: NextExperiment | None = None) -> dict[str, Any]:
     """Return `diagnosis.json`; what there is not is null."""
-    holdout, remaining = diagnosis.holdout, diagnosis.remaining
-    content = {
+    if isinstance(diagnosis, Unusable):
+        return {'schema': 'par4/diagnosis/1', 'verdict': diagnosis.verdict, 'causes': [],
+                'unnamed': [], 'holdout': None, 'remaining': None, 'next_experiment': None,
+                'extended_model': None, 'reasons': list(diagnosis.reasons)}
+    holdout, found = diagnosis.holdout, diagnosis.remaining.unrelated
+    unnamed = diagnosis.unnamed
+    return plain({
         'schema': 'par4/diagnosis/1', 'verdict': diagnosis.verdict,
         'causes': [{
             'effect': cause.effect.name, 'joints': cause.joints,
@@ -206,16 +258,22 @@ def diagnosis_json(diagnosis: Diagnosis, machine: Robot | Axis,
                                   'unit': unit_on(machine, parameter.unit)}
                            for name, parameter in cause.parameters.items()},
             'indistinguishable_from': cause.twins, 'visible_fraction': cause.visible_fraction,
-            'p_value': cause.p_value} for cause in diagnosis.causes],
-        'holdout': holdout and {
+            'p_value': cause.p_value, 'margin': cause.margin, 'rival': cause.rival}
+            for cause in diagnosis.causes],
+        'unnamed': [{'acts_like': item.phrase, 'joints': item.joints,
+                     'torque_rms': item.torque_rms, 'share': item.share} for item in unnamed],
+        'holdout': {
             'baseline_rms': holdout.baseline_rms, 'extended_rms': holdout.extended_rms,
             'noise_floor_rms': holdout.noise_floor_rms,
             'explained_fraction': holdout.explained_fraction,
             'explained_fraction_ci': holdout.interval},
-        'remaining': remaining and {
-            'significant': remaining.significant, 'looks_like': remaining.looks_like},
+        'remaining': {
+            'significant': bool(unnamed or found.lines or found.bursts),
+            'looks_like': unnamed[0].phrase if unnamed else None,
+            'wandering_rms': found.wandering_rms if found.wanders else None,
+            'correlation_time': found.correlation_time if found.wanders else None,
+            'lines': [{'frequency_hz': line.frequency_hz, 'amplitude': line.amplitude}
+                      for line in found.lines],
+            'bursts': [{'start': start, 'end': end} for start, end in found.bursts]},
         'next_experiment': next_experiment_json(experiment),
-        'extended_model': diagnosis.extended_model and 'extended_model.yaml'}
-    if diagnosis.reasons:
-        content['reasons'] = diagnosis.reasons
-    return plain(content)
+        'extended_model': 'extended_model.yaml'})

@@ -1,30 +1,32 @@
-"""Nameless blocks: smooth functions of the motion that may explain what no named effect does."""
+"""Unnamed causes: functions of the motion with free coefficients, a kind each.
+
+What no effect of the library explains still acts like something: a force on the platform, a
+function of speed, friction that changes with time. A kind is searched, accepted and tested like an
+effect; its coefficients have a weak prior instead of a meaning.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numba
 import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.interpolate import BSpline
 
 from par4_dynamics.effects.cogging import HIGHEST_PERIODS, LEAST_TURNS, LOWEST_PERIODS
+from par4_dynamics.effects.effect import Shape
 from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State
-from par4_identification.diagnosis.evidence import (
-    Evidence,
-    Hypothesis,
-    fit_of,
-    residuals,
-    spread,
-)
 from par4_identification.diagnosis.observations import Observations
 
-RIDGE = 3.0
-"""Prior weight of a standardised nameless coefficient, in rows."""
+PRIOR_ROWS = 3.0
+"""Weight of the prior, zero, of a coefficient whose column has the size 1: as that many rows."""
 PERIODS = np.arange(LOWEST_PERIODS, HIGHEST_PERIODS + 1)
+SLIPS = np.geomspace(1e-3, 0.5, 9)
+"""rad: deflections at which the springs of friction with a memory slip."""
 READING_DEGREE = 3
 """Of the polynomial of a joint's position by which its reading may be wrong."""
 
@@ -127,47 +129,100 @@ def _wrench(state: State, ranges: Ranges) -> np.ndarray:
                      for axis in np.eye(4) for force in forces], axis=-1)
 
 
+def _place(state: State, ranges: Ranges) -> np.ndarray:
+    return splines(state.q, *ranges.q, 20) * np.sign(state.qd)[..., None]
+
+
+def _memory(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    return elastic_slip(np.ascontiguousarray(state.q), SLIPS)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def elastic_slip(q, slips):
+    """Return springs that follow q (n, J) and slip at a deflection, (n, J, k), over that.
+
+    Prandtl's stop operators: their sums make any friction with a memory of the way it came
+    (Maxwell slip, Dahl, Bouc and Wen).
+    """
+    share = np.zeros((*q.shape, len(slips)))
+    for row in range(1, q.shape[0]):
+        for joint in range(q.shape[1]):
+            step = q[row, joint] - q[row - 1, joint]
+            for k in range(len(slips)):
+                moved = share[row - 1, joint, k] + step / slips[k]
+                share[row, joint, k] = min(max(moved, -1.0), 1.0)
+    return share
+
+
 def _drift(state: State, ranges: Ranges) -> np.ndarray:
     return _time(state, ranges) * np.sign(state.qd)[..., None]
 
 
-@dataclass(frozen=True)
-class Block:
-    """A nameless function: a sum of columns with free coefficients.
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """A kind of unnamed cause: a sum of columns with free coefficients.
+
+    It stands where an effect stands in a hypothesis, with an empty shape.
 
     Attributes:
-        phrase: what it is, in words.
-        columns: of a motion, (n, J, k).
+        name: of the kind, as `diagnosis.json` and tests know it.
+        phrase: what it acts like, in words.
+        function: its columns (n, J, k) of a motion, N m per unit coefficient.
+        ranges: scales that make it the same function on other data.
         shared: whether a column has one coefficient on all joints.
-        needs_platform: whether it is of machines with a platform only.
-        like_filters: whether sampling and filters leave some of it, so that it counts only where it
-            explains most of what is left.
+        needs_platform: whether only machines with a platform can have it.
+        needs_nominal: whether its columns need the nominal torque.
+        left_by_filters: whether sampling and filters leave some of it in every record, so that it
+            counts only where it explains most of what is left.
     """
 
+    name: str
     phrase: str
-    columns: Callable[[State, Ranges], np.ndarray]
+    function: Callable[[State, Ranges], np.ndarray]
+    ranges: Ranges | None = None
     shared: bool = False
     needs_platform: bool = False
-    like_filters: bool = False
+    needs_nominal: bool = False
+    left_by_filters: bool = False
+
+    def columns(self, state: State, shape: Shape) -> np.ndarray:  # noqa: ARG002
+        """Return its columns (n, J, k)."""
+        return np.ascontiguousarray(self.function(state, self.ranges))
 
 
-BLOCKS = {
-    'position': Block('a smooth function of joint position', _position),
-    'speed': Block('a function of joint speed', _speed),
-    'time': Block('a drift over time', _time),
-    'acceleration': Block('a function of joint acceleration', _acceleration),
-    'platform': Block('a function of the pose and motion of the platform', _platform,
-                      needs_platform=True),
-    'periodic': Block('a periodic function of joint position', _periodic),
-    'torque': Block('the torque itself times a periodic function of joint position', _torque),
-    'rate': Block('the rate of the torque, as of one read at another time', _rate,
-                  like_filters=True),
-    'reading': Block('an error of the joint positions as they are read', _reading, shared=True,
-                     needs_platform=True),
-    'load': Block('a share of the torque itself', _load),
-    'wrench': Block('a force on the platform that follows its position and speed', _wrench,
-                    shared=True, needs_platform=True),
-    'drift': Block('friction that changes with time', _drift)}
+KINDS = (
+    Kind('position', 'a smooth function of joint position', _position),
+    Kind('speed', 'a function of joint speed', _speed),
+    Kind('time', 'a drift over time', _time),
+    Kind('acceleration', 'a function of joint acceleration', _acceleration),
+    Kind('platform', 'a function of the pose and motion of the platform', _platform,
+         needs_platform=True),
+    Kind('periodic', 'a periodic function of joint position', _periodic),
+    Kind('torque', 'the torque itself times a periodic function of joint position', _torque,
+         needs_nominal=True),
+    Kind('rate', 'the rate of the torque, as of one read at another time', _rate,
+         needs_nominal=True, left_by_filters=True),
+    Kind('reading', 'an error of the joint positions as they are read', _reading, shared=True,
+         needs_platform=True, needs_nominal=True),
+    Kind('load', 'a share of the torque itself', _load, needs_nominal=True),
+    Kind('wrench', 'a force on the platform that follows its position and speed', _wrench,
+         shared=True, needs_platform=True),
+    Kind('drift', 'friction that changes with time', _drift),
+    Kind('place', 'friction that changes with joint position', _place),
+    Kind('memory', 'friction that remembers the way the joint came', _memory))
+
+
+def kinds_of(observations: Observations, left: Sequence[np.ndarray]) -> tuple[Kind, ...]:
+    """Return the kinds that a machine can have, scaled to its motion.
+
+    Args:
+        observations: the rows to fit.
+        left: what the causes known so far leave of them, (m, J) of each run, N m; its strongest
+            periods are those of the periodic kinds.
+    """
+    ranges = ranges_of(observations, left)
+    return tuple(replace(kind, ranges=ranges) for kind in KINDS
+                 if ranges.x is not None or not kind.needs_platform)
 
 
 def ranges_of(observations: Observations, left: Sequence[np.ndarray]) -> Ranges:
@@ -205,60 +260,3 @@ def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], s
         power[PERIODS * span[joint] < LEAST_TURNS * 2.0 * np.pi] = 0.0
         chosen.append(tuple(int(period) for period in PERIODS[np.argsort(-power)[:4]]))
     return tuple(chosen)
-
-
-@dataclass(frozen=True)
-class NamelessFit:
-    """Residuals (m, J) on held-out runs after one nameless block and base terms.
-
-    Attributes:
-        beside: with the hypotheses, too.
-        instead: without them.
-    """
-
-    beside: tuple[np.ndarray, ...]
-    instead: tuple[np.ndarray, ...]
-
-
-def fit_block(block: Block, evidence: Evidence, heldout: Observations,
-              hypotheses: Sequence[Hypothesis], ranges: Ranges) -> NamelessFit:
-    """Return what a nameless block leaves of held-out rows, beside hypotheses and instead."""
-    joints = tuple(range(heldout.joints))
-    fit_rows, heldout_rows = (
-        tuple(run.rows(np.ascontiguousarray(block.columns(run.state, ranges)))
-              for run in part.runs)
-        for part in (evidence.observations, heldout))
-    design = evidence.design(hypotheses)
-    known, base = design.shape[1], evidence.base.shape[1]
-    stacked = np.hstack([design, spread(evidence.whitener.whiten(fit_rows), joints, block.shared)])
-    scale = np.maximum(np.linalg.norm(stacked, axis=0), 1e-30) / np.sqrt(len(stacked))
-    stacked /= scale
-    gram, moment = stacked.T @ stacked, stacked.T @ evidence.target
-    index = np.arange(len(gram))
-    gram[index, index] += np.where(index < known, 1e-9 * len(stacked), RIDGE)
-
-    def left(kept: np.ndarray, beside: Sequence[Hypothesis]) -> tuple[np.ndarray, ...]:
-        """Return what the kept columns leave: base terms, those of hypotheses and of the block."""
-        values = np.linalg.solve(gram[np.ix_(kept, kept)], moment[kept]) / scale[kept]
-        first = int(np.sum(kept < known))
-        fit = fit_of(evidence, beside, values[:first], np.zeros((first, first)))
-        nameless = np.broadcast_to(values[first:].reshape(1 if block.shared else len(joints), -1),
-                                   (len(joints), fit_rows[0].shape[2]))
-        return tuple(part - np.einsum('mjk,jk->mj', rows, nameless) for part, rows in zip(
-            residuals(heldout, beside, fit), heldout_rows))
-
-    beside = left(index, hypotheses)
-    instead = left(index[(index < base) | (index >= known)], ()) if hypotheses else beside
-    return NamelessFit(beside, instead)
-
-
-def available_blocks(observations: Observations, hypotheses: Sequence[Hypothesis]
-                     ) -> tuple[str, ...]:
-    """Return the blocks that apply to this machine beside hypotheses.
-
-    Beside an effect that reads the torque at another time its rate would be a second rate.
-    """
-    platform = observations.runs[0].state.x is not None
-    retimed = any(item.effect.retimes for item in hypotheses)
-    return tuple(name for name, block in BLOCKS.items() if (platform or not block.needs_platform)
-                 and not (retimed and name == 'rate'))

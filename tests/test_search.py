@@ -1,0 +1,362 @@
+"""Names and unnamed causes in one search: what is found, what falls, and what stands against it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from measured import excitation
+from planned import evidence_of, log_of, state_of_motion
+from scipy.signal import lfilter
+
+from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.model import read_model
+from par4_identification.diagnosis.candidates import Candidates
+from par4_identification.diagnosis.evidence import (
+    Hypothesis,
+    flat_whitener,
+    gather,
+    residuals,
+    solve,
+)
+from par4_identification.diagnosis.gate import WORST_ERROR, unusable
+from par4_identification.diagnosis.holdout import blocks_of_runs
+from par4_identification.diagnosis.judgement import judge, named_of, unnamed_cause
+from par4_identification.diagnosis.law import Dithered
+from par4_identification.diagnosis.observations import observe
+from par4_identification.diagnosis.pool import Pool
+from par4_identification.diagnosis.requirement import requirement_of
+from par4_identification.diagnosis.rules import Rules
+from par4_identification.diagnosis.search import Search
+from par4_identification.diagnosis.unnamed import Kind, kinds_of
+from par4_identification.identification import identify_runs
+from par4_identification.noise import ArNoise
+from par4_identification.rows import runs_of_log
+from robots import REFERENCE, model_with
+
+MODEL = read_model('table1', REFERENCE)
+EVERY = (0, 1, 2, 3)
+OFFSET = (0.3, -0.2, 0.25, 0.15)
+TILT = {'about_x': 0.02, 'about_y': -0.015}
+LOADED = ('load_dependent_friction', {'coefficient': 0.02})
+DRIFT = {'drop': 0.5, 'time_constant': 4.0}
+GAIN = {'relative': (0.05, -0.03, 0.02, -0.04)}
+BELT = {'coulomb': 0.05, 'viscous': 0.01}
+COGGING = {'amplitude': 0.3, 'periods': 31.0, 'phase': (0.0, 1.0, 2.0, 3.0)}
+
+
+def log_with(*effects, seed=1, duration=12.0, beside=None):
+    """Return the log of the reference robot that has effects, each a name and its values.
+
+    `beside` is a torque (n, 4), N m, of the motion's state that no effect of the library is.
+    """
+    model = MODEL
+    for name, values in effects:
+        model = model_with(model, name, **values)
+    motion = excitation('reference', duration, 900 + seed)
+    state = state_of_motion(REFERENCE, motion)
+    torque = model.torque(state) + (0.0 if beside is None else beside(state))
+    return log_of(REFERENCE, motion.t, motion.q, torque, seed)
+
+
+def search_of(*effects, library=(), beside=None, rules=None):
+    """Return a search on logs with effects, whose library has some names only."""
+    evidence, heldout = (
+        evidence_of(log_with(*effects, seed=seed, duration=duration, beside=beside), REFERENCE,
+                    MODEL)
+        for seed, duration in ((1, 12.0), (2, 8.0)))
+    return search_on(evidence, heldout, library, rules)
+
+
+def search_on(evidence, heldout, library=(), rules=None):
+    rules = rules or Rules()
+    effects = {name: CATALOGUE[name] for name in library}
+    return Search(Candidates(effects, evidence, rules), Pool(evidence, heldout), rules, Dithered())
+
+
+def cause(name, joints=EVERY, **shape):
+    return Hypothesis(CATALOGUE[name], shape, joints)
+
+
+def names(model):
+    return [item.effect.name for item in model]
+
+
+def bump(state):
+    """Return friction that is higher around one place of joint 1: no effect of the library."""
+    torque = np.zeros_like(state.q)
+    middle = np.median(state.q[:, 1])
+    torque[:, 1] = 1.5 * np.exp(-((state.q[:, 1] - middle) / 0.1) ** 2) * np.sign(state.qd[:, 1])
+    return torque
+
+
+# ------------------------------------------------------------------------------- fits of a pool
+
+
+def test_a_pool_fits_what_least_squares_fit():
+    search = search_of(('torque_offset', {'offset': OFFSET}), LOADED)
+    model = (cause('torque_offset', (0, 2)), cause('load_dependent_friction'))
+    for pool, part in ((search.pool, search.pool.evidence),):
+        fitted = pool.fit(model)
+        design = part.design(sorted(model, key=lambda item: item.effect.name))
+        values, *_ = np.linalg.lstsq(design, part.target, rcond=None)
+        np.testing.assert_allclose(fitted.values, values, rtol=1e-6, atol=1e-9)
+        left = part.target - design @ values
+        assert fitted.fit_squares == pytest.approx(left @ left, rel=1e-9)
+        told = pool.heldout.design(sorted(model, key=lambda item: item.effect.name)) @ values
+        missed = pool.heldout.target - told
+        assert fitted.heldout_squares == pytest.approx(missed @ missed, rel=1e-9)
+
+
+def test_the_prior_of_an_unnamed_cause_counts_as_rows_of_zeros():
+    search = search_of(LOADED)
+    evidence = search.pool.evidence
+    kind = next(kind for kind in kinds_of(evidence.observations, residuals(
+        evidence.observations, [], solve(evidence, []))) if kind.name == 'speed')
+    hypothesis = Hypothesis(kind, {}, EVERY)
+    design = evidence.design([hypothesis])
+    width = design.shape[1] - evidence.base.shape[1]
+    size = np.linalg.norm(design, axis=0)[-width:]
+    prior = np.zeros((width, design.shape[1]))
+    prior[:, -width:] = np.diag(size * np.sqrt(3.0 / (evidence.rows / 4)))
+    stacked = np.vstack((design, prior))
+    values, *_ = np.linalg.lstsq(stacked, np.concatenate((evidence.target, np.zeros(width))),
+                                 rcond=None)
+    np.testing.assert_allclose(search.pool.fit([hypothesis]).values, values, rtol=1e-4, atol=1e-6)
+
+
+# --------------------------------------------------------------------------------- what is found
+
+
+def test_three_names_and_an_unnamed_cause_keep_each_other_company():
+    search = search_of(('torque_offset', {'offset': OFFSET}), LOADED, ('cogging', COGGING),
+                       library=('torque_offset', 'load_dependent_friction', 'cogging',
+                                'coulomb_asymmetry', 'stribeck'), beside=bump)
+    model = search.run()
+    assert set(names(named_of(model))) & {'torque_offset', 'coulomb_asymmetry'}
+    assert {'load_dependent_friction', 'cogging'} <= set(names(model))
+    unnamed, = (item for item in model if isinstance(item.effect, Kind))
+    assert unnamed.effect.name in ('place', 'position', 'memory')
+    assert unnamed.joints == (1,)
+    told = unnamed_cause(search, unnamed, model)
+    assert told.margin > search.requirement(model).heldout
+    assert 0.0 < told.share < 1.0
+
+
+def test_a_name_that_imitates_falls_beside_what_it_imitates_and_the_others_stay():
+    search = search_of(('theta_friction', BELT), ('cogging', COGGING),
+                       library=('passive_joint_friction', 'cogging'))
+    model = search.run()
+    assert names(named_of(model)) == ['cogging']
+    assert 'wrench' in names(model)
+    assert any(item.label == 'passive_joint_friction' for item in search.journal.rejected)
+
+
+def test_no_unnamed_cause_stands_beside_the_right_names():
+    search = search_of(('theta_friction', BELT), ('drive_gain_error', GAIN),
+                       library=('theta_friction', 'passive_joint_friction', 'drive_gain_error',
+                                'joint_inertia_difference'))
+    assert set(names(search.run())) == {'theta_friction', 'drive_gain_error'}
+
+
+def test_a_clean_machine_has_no_cause():
+    assert search_of(library=('torque_offset', 'base_tilt', 'cogging', 'coulomb_asymmetry',
+                              'stribeck', 'theta_friction')).run() == ()
+
+
+@pytest.mark.parametrize(('effect', 'values', 'kinds'), [
+    ('torque_ripple', {'relative': 0.04, 'periods': 23.0, 'phase': (0.0, 1.0, 2.0, 3.0)},
+     {'torque'}),
+    ('time_offset', {'delay': 0.002}, {'rate'}),
+    ('actuator_lag', {'time_constant': 0.002}, {'rate'}),
+    ('cogging', COGGING, {'periodic'}),
+    ('drive_gain_error', GAIN, {'load'}),
+    ('theta_friction', BELT, {'wrench'}),
+    ('friction_drift', DRIFT, {'drift'}),
+    ('stribeck', {'stribeck_torque': 1.0, 'stribeck_velocity': 0.2}, {'speed'}),
+    ('presliding', {'distance': 0.01}, {'memory', 'speed'})])
+def test_what_no_name_explains_has_a_kind(effect, values, kinds):
+    model = search_of((effect, values)).run()
+    assert model
+    assert model[0].effect.name in kinds
+
+
+# -------------------------------------------------------------------------------------- joints
+
+
+@pytest.mark.parametrize('true', [(2,), (0, 3)])
+@pytest.mark.parametrize(('effect', 'parameter', 'size'), [
+    ('drive_gain_error', 'relative', 0.05), ('joint_friction_difference', 'coulomb', 0.4),
+    ('joint_inertia_difference', 'inertia', 0.008)])
+def test_of_equal_explanations_the_fewest_joints_are_named(effect, parameter, size, true):
+    """What all joints share belongs to the base, so that several sets explain alike.
+
+    Two joints that differ by the same cannot be told from the two others with the other sign.
+    """
+    values = np.zeros(4)
+    values[list(true)] = size * np.linspace(1.0, 1.7, len(true))
+    none = {item.name: 0.0 for item in CATALOGUE[effect].parameters}
+    search = search_of((effect, {**none, parameter: tuple(values)}), library=(effect,))
+    found, = search.run()
+    assert found.joints == true
+
+
+def test_a_joint_whose_value_is_zero_is_not_named():
+    search = search_of(('cogging', {**COGGING, 'amplitude': (0.3, 0.0, 0.2, 0.0)}),
+                       library=('cogging',))
+    found, = search.run()
+    assert found.joints == (0, 2)
+
+
+# ------------------------------------------------------------------------ what must be gained
+
+
+def test_a_strong_cause_asks_more_of_a_weak_one_by_the_squares_of_its_torque():
+    search = search_of(('torque_offset', {'offset': (3.0, -3.0, 2.0, -2.0)}))
+    strong, rules = (cause('torque_offset'),), Rules()
+    alone, beside = (requirement_of(search.pool, part, rules) for part in ((), strong))
+    explained = search.pool.fit(()).fit_squares - search.pool.fit(strong).fit_squares
+    left = search.pool.fit(()).fit_squares - search.pool.fit(strong).fit_squares
+    expected = 0.5 * (rules.named_error ** 2 * explained - rules.noise_error * left)
+    assert beside.fit - alone.fit == pytest.approx(expected, rel=1e-6)
+    assert beside.inflation == pytest.approx(beside.fit / rules.evidence)
+
+
+@pytest.mark.parametrize(('amplitude', 'stays'), [(0.02, False), (0.4, True)])
+def test_a_shadow_falls_and_what_casts_it_stays(amplitude, stays):
+    search = search_of(('torque_offset', {'offset': (6.0, -6.0, 4.0, -4.0)}),
+                       ('cogging', {**COGGING, 'amplitude': amplitude}),
+                       library=('torque_offset', 'cogging'))
+    model = (cause('torque_offset'), cause('cogging', periods=31.0))
+    fit_gain, _ = search.gains(model[1], model[:1])
+    assert fit_gain > Rules().evidence  # it is no chance
+    assert ('cogging' in names(search.tested(model))) == stays
+
+
+# -------------------------------------------------------------------------------------- rivals
+
+
+def test_twins_and_the_best_rival_of_a_cause_are_told():
+    search = search_of(('torque_offset', {'offset': OFFSET}),
+                       library=('torque_offset', 'coulomb_asymmetry', 'stribeck'))
+    model = search.run()
+    judgement = judge(search, model[0], model)
+    assert {model[0].effect.name, *judgement.twins} == {'torque_offset', 'coulomb_asymmetry'}
+    others = search.rivals(model[0], ())
+    nothing, = (rival for rival in others if rival.hypothesis is None)
+    assert judgement.margin == min(rival.margin for rival in others if rival.believable)
+    assert nothing.margin == pytest.approx(search.gains(model[0], ())[1])
+
+
+def test_a_name_far_behind_is_no_twin():
+    search = search_of(('cogging', COGGING), library=('cogging', 'torque_ripple', 'torque_offset'))
+    model = search.run()
+    assert names(model) == ['cogging']
+    assert judge(search, model[0], model).twins == ()
+
+
+@pytest.mark.parametrize(('size', 'accepted'), [(1.0, True), (0.3, False), (1.8, False)])
+@pytest.mark.parametrize('nominal', [0.4, 1.0, 2.5])
+def test_presliding_is_as_large_as_the_friction_found_beside_it(nominal, size, accepted):
+    """Whatever friction its column was made with."""
+    log, values = log_with(), {'distance': np.full(4, 4e-3)}
+    state = evidence_of(log, REFERENCE, MODEL).observations.runs[0].state
+    change = CATALOGUE['presliding'].torque(state, values, EVERY)
+    friction = {**MODEL.values, 'coulomb_friction': nominal * MODEL.values['coulomb_friction']}
+    evidence = evidence_of(replace(log, tau=log.tau + size * change), REFERENCE,
+                           replace(MODEL, values=friction))
+    hypothesis = Hypothesis(CATALOGUE['presliding'], {'distance': 4e-3}, EVERY)
+    reason = search_on(evidence, evidence).unbelievable(hypothesis, ())
+    assert (reason is None) == accepted, reason
+
+
+# ------------------------------------------------------------------------ gains on whitened rows
+
+
+@pytest.fixture(scope='module')
+def two_runs():
+    """Return evidence of two runs of another length and what two models leave of its rows."""
+    logs = [log_with(('torque_offset', {'offset': OFFSET}), seed=seed, duration=duration)
+            for seed, duration in ((1, 6.0), (2, 9.0))]
+    evidence = evidence_of(logs, REFERENCE, MODEL)
+    causes = [cause('torque_offset')]
+    return evidence, [(part, solve(evidence, part)) for part in ([], causes)]
+
+
+def test_what_a_fit_leaves_of_whitened_rows_is_what_it_leaves_whitened(two_runs):
+    evidence, fits = two_runs
+    coloured = replace(evidence.whitener, noise=tuple(
+        ArNoise(np.array((0.9 - 0.1 * joint, -0.2)), 0.04) for joint in EVERY))
+    for seen in (evidence, gather(evidence.observations, coloured)):
+        for hypotheses, fit in fits:
+            left = residuals(evidence.observations, hypotheses, fit)
+            np.testing.assert_allclose(seen.left(hypotheses, fit), seen.whitened(left), atol=1e-8)
+
+
+def test_in_white_noise_the_whitened_gain_is_the_gain(two_runs):
+    evidence, fits = two_runs
+    runs = evidence.observations.runs
+    sigma = np.array((0.5, 1.0, 2.0, 4.0))
+    blocks = blocks_of_runs([run.t for run in runs], [run.valid for run in runs])
+    seen = gather(evidence.observations, flat_whitener(evidence.observations, sigma))
+    before, after = (residuals(evidence.observations, *fit) for fit in fits)
+    old, new = ((blocks.sums(part) / sigma ** 2).sum(axis=1) for part in (before, after))
+    plain = 1.0 - new.sum() / old.sum()
+    drawn = np.quantile(1.0 - (blocks.draws @ new) / (blocks.draws @ old), (0.025, 0.975))
+    white = blocks.whitened_gain(seen.whitened(before), seen.whitened(after))
+    assert plain > 0.5
+    np.testing.assert_allclose((white.share, white.low, white.high), (plain, *drawn), rtol=1e-9)
+
+
+def test_wandering_noise_hides_a_gain_in_plain_rows_only():
+    random = np.random.default_rng(5)
+    rows, memory = 4000, 0.98
+    t, valid = np.arange(rows) * 0.01, np.ones((rows, 2), bool)
+    wander = lfilter([1.0], [1.0, -memory], random.normal(0.0, 1.0, (rows, 2)), axis=0)
+    before = wander + np.sin(2.0 * np.pi * 20.0 * t)[:, None]
+    blocks = blocks_of_runs([t], [valid])
+    noise = ArNoise(np.array((memory,)), 1.0)
+    white = blocks.whitened_gain(*(np.concatenate([noise.whiten(part[:, joint, None], valid[:, 0])
+                                                   for joint in range(2)])[:, 0]
+                                   for part in (before, wander)))
+    assert np.sum(wander ** 2) > 0.95 * np.sum(before ** 2)
+    assert white.low > 0.3
+
+
+# -------------------------------------------------------------------------------------- the gate
+
+
+def reasons_of(log):
+    rows = observe(runs_of_log(log, REFERENCE), REFERENCE, 'paper', None)
+    fit = identify_runs(list(rows.runs), rows.target, rows.base, 'paper')
+    return unusable(rows, fit), fit.estimate.relative_error
+
+
+@pytest.fixture(scope='module')
+def plain():
+    """Return the log of a machine that is as modelled."""
+    return log_with()
+
+
+@pytest.mark.parametrize('anchor', [(1.0, -0.8, 0.5), (0.3, -0.3, 0.0), (0.3, -0.3, -1.5)])
+def test_a_strong_cable_is_no_reason_to_doubt_the_bodies(plain, anchor):
+    """It moves the torque far from that of the bodies, and yet they show beside it."""
+    state = runs_of_log(plain, REFERENCE)[0].state
+    pull = {'stiffness': np.full(4, 100.0), 'anchor': np.array(anchor)}
+    cable = CATALOGUE['cable_spring'].torque(state, pull, EVERY)
+    reasons, error = reasons_of(replace(plain, tau=plain.tau + cable))
+    assert error > WORST_ERROR
+    assert reasons == []
+
+
+@pytest.mark.parametrize('order', [[3, 2, 1, 0], [1, 2, 3, 0], [2, 3, 0, 1]])
+def test_joints_in_another_order_are(plain, order):
+    assert reasons_of(plain)[0] == []
+    assert reasons_of(replace(plain, tau=plain.tau[:, order]))[0]
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_so_is_torque_that_has_nothing_to_do_with_the_motion(plain, seed):
+    noise = np.random.default_rng(seed).normal(0.0, 5.0, plain.tau.shape)
+    assert any('explain only' in reason for reason in reasons_of(replace(plain, tau=noise))[0])
