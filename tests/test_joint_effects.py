@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.effects.effect import beyond
 from par4_dynamics.effects.transmission import DAMPING_RATIO, MOTOR_SHARE
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file
@@ -24,7 +25,7 @@ EXAMPLES = {
     'viscous_asymmetry': {'asymmetry': (0.1, -0.2, 0.05, 0.15)},
     'nonlinear_viscous': {'quadratic': (0.1, 0.05, -0.02, 0.2), 'torque': 0.0, 'exponent': 2.0},
     'load_dependent_friction': {'coefficient': (0.05, 0.02, 0.1, 0.03)},
-    'friction_drift': {'drop': 0.3, 'time_constant': 2.0},
+    'friction_drift': {'drop': 0.1, 'viscous_drop': 0.3, 'time_constant': 2.0},
     'presliding': {'distance': 3e-3},
     'joint_friction_difference': {'coulomb': (0.2, -0.3, 0.1, 0.0),
                                   'viscous': (-0.1, 0.2, 0.0, 0.05)},
@@ -221,9 +222,26 @@ BASE = {'actuator_inertia': 0.1, 'platform_mass_1': 0.8, 'platform_mass_2': 0.8,
         'arm_gravity': 1.3, 'coulomb_friction': 2.4, 'viscous_friction': 2.0}
 
 
+def reason_against(name, values, deviation=0.0):
+    """Return why values cannot be real, each known to a share `deviation` of its size."""
+    full = arrays({**EXAMPLES[name], **values})
+    std = {key: deviation * np.abs(value) for key, value in full.items()}
+    return CATALOGUE[name].implausible(full, std, arrays(BASE))
+
+
 @pytest.mark.parametrize('name', EXAMPLES)
 def test_typical_size_is_plausible(name):
-    assert CATALOGUE[name].implausible(arrays(EXAMPLES[name]), arrays(BASE)) is None
+    assert reason_against(name, {}) is None
+
+
+def test_an_estimate_is_out_of_bounds_by_more_than_chance_or_not_at_all():
+    assert beyond(-0.1, 0.0, low=0.0) == 0
+    assert beyond(-0.1, 0.04, low=0.0) is None
+    assert beyond(-0.1, 0.03, low=0.0) == 0
+    assert beyond((0.5, 1.2, 2.0, -3.0), 0.1, high=1.0) == 2
+    assert beyond((0.5, 1.2, 2.0, -3.0), (0.1, 0.01, 0.5, 0.1), -4.0, 1.0) == 1
+    assert beyond((0.5, 1.2), 0.0, low=(0.0, 1.3), high=2.0) == 1
+    assert beyond((0.5, 1.2), 0.0) is None
 
 
 @pytest.mark.parametrize(('name', 'values', 'reason'), [
@@ -234,8 +252,10 @@ def test_typical_size_is_plausible(name):
     ('nonlinear_viscous', {'torque': -9.0, 'exponent': 0.5}, 'drive the joint'),
     ('load_dependent_friction', {'coefficient': (0.05, -0.02, 0.05, 0.05)}, 'cannot fall'),
     ('load_dependent_friction', {'coefficient': 0.8}, 'loses'),
-    ('friction_drift', {'drop': -0.2}, 'falls'),
-    ('friction_drift', {'drop': 1.5}, 'falls'),
+    ('friction_drift', {'drop': -0.2}, 'Coulomb friction that warms up falls'),
+    ('friction_drift', {'drop': 1.5}, 'Coulomb friction that warms up falls'),
+    ('friction_drift', {'viscous_drop': -0.2}, 'viscous friction that warms up falls'),
+    ('friction_drift', {'viscous_drop': 1.5}, 'viscous friction that warms up falls'),
     ('friction_drift', {'time_constant': -1.0}, 'must be positive'),
     ('presliding', {'distance': -1e-3}, 'positive distance'),
     ('presliding', {'distance': 0.5}, 'positive distance'),
@@ -244,6 +264,7 @@ def test_typical_size_is_plausible(name):
     ('joint_inertia_difference', {'inertia': (0.01, 0.01, 0.01, -0.2)}, 'inertia'),
     ('arm_mass_offset', {'first_moment': 1.0}, 'beside the arm'),
     ('drive_gain_error', {'relative': (0.01, -0.9, 0, 0)}, 'wrong unit'),
+    ('drive_gain_error', {'relative': (0.01, 11.7, 0, 0)}, 'wrong unit'),
     ('torque_ripple', {'relative': 0.6}, 'ripple'),
     ('actuator_lag', {'time_constant': -2e-3}, 'lags'),
     ('actuator_lag', {'time_constant': 0.2}, 'lags'),
@@ -257,18 +278,32 @@ def test_typical_size_is_plausible(name):
     ('backlash', {'gap': 0.2}, 'not backlash'),
     ('quantization', {'step': -1e-4}, 'must be positive'),
 ])
-def test_wrong_sign_or_size_is_implausible(name, values, reason):
-    full = arrays({**EXAMPLES[name], **values})
-    assert reason in CATALOGUE[name].implausible(full, arrays(BASE))
+def test_wrong_sign_or_size_is_implausible_unless_it_may_be_chance(name, values, reason):
+    for deviation in (0.0, 0.02):
+        assert reason in reason_against(name, values, deviation)
+    assert reason_against(name, values, 100.0) is None
+
+
+@pytest.mark.parametrize(('name', 'values'), [
+    ('drive_gain_error', {'relative': (1.0, -1.0 / 3.0, 0.5, -0.5)}),  # half, 1.5 times, ...
+    ('time_offset', {'delay': 0.1}), ('time_offset', {'delay': -0.1}),
+])
+def test_large_errors_of_real_machines_are_plausible(name, values):
+    assert reason_against(name, values) is None
 
 
 def test_a_stiff_joint_beside_an_elastic_one_may_have_any_sign():
-    """Noise gives a rigid joint a compliance of either sign, which accuses nobody."""
-    base = arrays(BASE)
-    stiffness = arrays({'stiffness': (8e3, -3e5, 4e5, -2e6)})
-    assert CATALOGUE['elastic_transmission'].implausible(stiffness, base) is None
-    assert CATALOGUE['backlash'].implausible(
-        arrays({'gap': (2e-3, -1e-4, 5e-5, 0.0)}), base) is None
+    """Noise gives a rigid joint a compliance or a gap of either sign, which accuses nobody."""
+    for name, parameter, values, noise in (
+            ('elastic_transmission', 'stiffness', (8e3, -3e5, 4e5, -2e6), 2e-6),
+            ('backlash', 'gap', (2e-3, -1e-4, 5e-5, 0.0), 5e-5)):
+        full = arrays({parameter: values})
+        size = full[parameter]
+        # the same noise of 1 / k on each joint
+        spread = noise * size ** 2 if parameter == 'stiffness' else noise * np.ones(4)
+        for share, fine in ((1.0, True), (0.1, False)):
+            reason = CATALOGUE[name].implausible(full, {parameter: share * spread}, arrays(BASE))
+            assert (reason is None) == fine
 
 
 # ------------------------------------------------------------------------------------ friction
@@ -333,14 +368,28 @@ def test_load_dependent_friction_takes_a_share_of_the_transmitted_power(case):
 
 def test_friction_drift_is_exponential_in_time(case):
     _, model, state = case
-    drop, constant = 0.3, 0.7
-    cold = model.torque(state) - model.rigid_torque(state)
-    warm = friction_of(model, state, 'friction_drift', drop=drop, time_constant=constant)
+    drop, viscous_drop, constant = 0.1, 0.4, 0.7
+    dry = model.values['coulomb_friction'] * np.sign(state.qd)
+    wet = model.values['viscous_friction'] * state.qd
+    warm = friction_of(model, state, 'friction_drift', drop=drop, viscous_drop=viscous_drop,
+                       time_constant=constant)
     # 1 - e^-1 of the drop after a time constant, 1 - e^-3 after three
     for times, gone in ((0.0, 0.0), (1.0, 0.6321206), (3.0, 0.9502129)):
         row = int(np.argmin(np.abs(state.t - times * constant)))
-        np.testing.assert_allclose(warm[row], cold[row] * (1.0 - drop * gone), rtol=1e-6,
-                                   atol=1e-9)
+        expected = dry[row] * (1.0 - drop * gone) + wet[row] * (1.0 - viscous_drop * gone)
+        np.testing.assert_allclose(warm[row], expected, rtol=1e-6, atol=1e-9)
+
+
+def test_a_model_file_with_one_drop_means_both(case):
+    robot, _, state = case
+    base = read_model_file('table1')
+
+    def torque(**drops):
+        return build_model(robot, base.model_copy(update={'effects': (
+            entry('friction_drift', {**drops, 'time_constant': 0.7}),)})).torque(state)
+
+    np.testing.assert_array_equal(torque(drop=0.3), torque(drop=0.3, viscous_drop=0.3))
+    assert rms(torque(drop=0.3) - torque(drop=0.3, viscous_drop=0.0)) > 0.1
 
 
 def test_presliding_follows_the_differential_equation(case):

@@ -77,6 +77,10 @@ ENERGIES = {
                        lambda x: weight_energy(x) - FORCE @ x[:3]),
     'cable_spring': ((entry('cable_spring', stiffness=40.0, anchor=tuple(ANCHOR)),),
                      lambda x: weight_energy(x) + 20.0 * np.sum((x[:3] - ANCHOR) ** 2)),
+    'a hose with a stiffness along each axis': (
+        (entry('cable_spring', stiffness=(5.0, 0.0, 60.0), anchor=tuple(ANCHOR)),),
+        lambda x: (weight_energy(x) + 2.5 * (x[0] - ANCHOR[0]) ** 2
+                   + 30.0 * (x[2] - ANCHOR[2]) ** 2)),
     'base_tilt': ((entry('base_tilt', about_x=TILT[0], about_y=TILT[1]),),
                   lambda x: weight_energy(x, up=up_in_tilted_base())),
     'geometry_error': ((entry('geometry_error', **ERRORS),),

@@ -360,7 +360,7 @@ def plain():
 def test_a_strong_cable_is_no_reason_to_doubt_the_bodies(plain, anchor):
     """It moves the torque far from that of the bodies, and yet they show beside it."""
     state = runs_of_log(plain, REFERENCE)[0].state
-    pull = {'stiffness': np.full(4, 100.0), 'anchor': np.array(anchor)}
+    pull = {'stiffness': np.full(3, 100.0), 'anchor': np.array(anchor)}
     cable = CATALOGUE['cable_spring'].torque(state, pull, EVERY)
     reasons, error = reasons_of(replace(plain, tau=plain.tau + cable))
     assert error > WORST_ERROR

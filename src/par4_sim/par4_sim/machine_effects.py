@@ -52,8 +52,8 @@ def _refuse_the_impossible(machine: Machine) -> None:
             ('exponent of friction', friction.power_exponent, 1e-2, None),
             ('friction of load', friction.load_coefficient, 0.0, 0.9),
             ('presliding distance, rad', friction.presliding_distance, 0.0, None),
-            ('share of friction lost', friction.drift_drop, -10.0, 1.0),
-            ('time constant of friction, s', friction.drift_time, 1e-6, None),
+            ('share of friction lost', (friction.dry_drop, friction.flowing_drop), -10.0, 1.0),
+            ('time constant of friction, s', friction.warming_time, 1e-6, None),
             ('relative error of a drive gain', amplifier.gain_error, -0.9, None),
             ('torque ripple', np.abs(amplifier.ripple), 0.0, 0.9),
             ('time constant of the actuators, s', amplifier.time_constant, 0.0, None),
@@ -103,7 +103,8 @@ ON_JOINTS: dict[str, Fields] = {
 }
 """Effects that are fields of a part, (4,), on the joints they act on."""
 OF_MACHINE: dict[str, Fields] = {
-    'friction_drift': ('friction', {'drift_drop': 'drop', 'drift_time': 'time_constant'}),
+    'friction_drift': ('friction', {'dry_drop': 'drop', 'flowing_drop': 'viscous_drop',
+                                    'warming_time': 'time_constant'}),
     'presliding': ('friction', {'presliding_distance': 'distance'}),
     'theta_friction': ('platform', {'theta_coulomb': 'coulomb', 'theta_viscous': 'viscous'}),
     'passive_joint_friction': ('platform', {'pivot_coulomb': 'coulomb',
@@ -223,7 +224,7 @@ def _external_force(machine: Machine, active: ActiveEffect) -> Machine:
 
 
 def _cable_spring(machine: Machine, active: ActiveEffect) -> Machine:
-    return _changed(machine, 'platform', spring=_whole(active, 'stiffness'),
+    return _changed(machine, 'platform', spring=active.values['stiffness'],
                     anchor=active.values['anchor'])
 
 

@@ -112,9 +112,13 @@ def _meaning(parameter: EffectParameter) -> str:
     unit = parameter.unit if parameter.other_unit is None else (
         f'{parameter.unit} or {parameter.other_unit}')
     whole = ', of the machine' if parameter.scope == 'machine' else ', of each joint'
-    vector = f', {parameter.size} numbers' if parameter.size > 1 else ''
-    optional = '' if parameter.default is None else f', {parameter.default:g} if not given'
-    return f'{unit}{whole}{vector}{optional}'
+    numbers = f', one number or {parameter.size}' if parameter.uniform else (
+        f', {parameter.size} numbers' if parameter.size > 1 else '')
+    default = parameter.default
+    optional = '' if default is None else (
+        f', as `{default}` if not given' if isinstance(default, str)
+        else f', {default:g} if not given')
+    return f'{unit}{whole}{numbers}{optional}'
 
 
 if __name__ == '__main__':

@@ -59,7 +59,7 @@ class Cogging(Effect):
                 'periods': np.full_like(amplitude, shape['periods']),
                 'phase': np.arctan2(coefficients[1], coefficients[0])}
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         return None
 
     def signature(self, state):

@@ -8,11 +8,15 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from par4_dynamics.state import State
 
 Shape = Mapping[str, float]
 Values = Mapping[str, np.ndarray]
+
+CERTAIN = 3.0
+"""Standard deviations out of bounds from which on an estimate cannot be inside by chance."""
 
 
 @dataclass(frozen=True)
@@ -20,18 +24,21 @@ class EffectParameter:
     """A parameter of an effect: its name, unit, and whether each joint has its own.
 
     Attributes:
-        default: taken where a model does not give it; None where it must.
+        default: taken where a model does not give it: a number, or the name of the parameter whose
+            value it then has; None where a model must give it.
         other_unit: a second unit that gives the parameter another meaning, see the effect.
         size: numbers it has; more than one for a vector of the machine.
+        uniform: True where one number may stand for all numbers of a vector.
         is_shape: True where the columns depend on it; False where it is a coefficient.
     """
 
     name: str
     unit: str
     scope: Literal['joint', 'machine']
-    default: float | None = None
+    default: float | str | None = None
     other_unit: str | None = None
     size: int = 1
+    uniform: bool = False
     is_shape: bool = False
 
 
@@ -41,6 +48,24 @@ class Signature:
 
     abscissa: np.ndarray
     label: str
+
+
+def beyond(value: ArrayLike, std: ArrayLike, low: ArrayLike = -np.inf, high: ArrayLike = np.inf
+           ) -> int | None:
+    """Return the index of the estimate that is farthest out of bounds, None if all may be inside.
+
+    An estimate counts as out of bounds only if it misses them by more than `CERTAIN` of its
+    standard deviations: what is zero in truth is estimated a little below zero half of the time.
+
+    Args:
+        value: estimates, one number or (n,).
+        std: their standard deviations, likewise.
+        low, high: bounds, likewise, in the same unit.
+    """
+    value = np.atleast_1d(np.asarray(value, dtype=float))
+    outside = np.maximum(low - value, value - high) - CERTAIN * np.asarray(std, dtype=float)
+    worst = int(np.argmax(outside))
+    return worst if outside[worst] > 0.0 else None
 
 
 class Effect(ABC):
@@ -103,8 +128,15 @@ class Effect(ABC):
                 if parameter.is_shape else next(rows) for parameter in self.parameters}
 
     @abstractmethod
-    def implausible(self, values: Values, base: Mapping[str, np.ndarray]) -> str | None:
-        """Return why these values, each (J,), cannot be real, or None; base parameters (J,)."""
+    def implausible(self, values: Values, std: Values, base: Mapping[str, np.ndarray]
+                    ) -> str | None:
+        """Return why no machine can have these values, or None if one may.
+
+        Args:
+            values: parameter name -> (J,), or (size,) of a vector.
+            std: their standard deviations, of the same shapes; zero where a value is known.
+            base: base parameters (J,) that go with the values.
+        """
 
     @abstractmethod
     def signature(self, state: State) -> Signature:

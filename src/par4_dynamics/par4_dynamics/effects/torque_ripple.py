@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from par4_dynamics.effects.cogging import Cogging
-from par4_dynamics.effects.effect import EffectParameter
+from par4_dynamics.effects.effect import EffectParameter, beyond
 
 LARGEST = 0.3
 
@@ -28,9 +26,10 @@ class TorqueRipple(Cogging):
         cogging = super().values(coefficients, shape)
         return {'relative': cogging.pop('amplitude'), **cogging}
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         relative = values['relative']
-        if np.any(relative > LARGEST):
-            return (f'a ripple of {relative.max():.3g} of the torque is more than a drive of a '
+        worst = beyond(relative, std['relative'], high=LARGEST)
+        if worst is not None:
+            return (f'a ripple of {relative[worst]:.3g} of the torque is more than a drive of a '
                     f'machine has, expected at most {LARGEST:g}')
         return None

@@ -10,6 +10,7 @@ from scipy.special import chdtrc
 
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
+from par4_identification.diagnosis.estimates import effect_parameters
 from par4_identification.diagnosis.evidence import (
     Evidence,
     Fit,
@@ -307,7 +308,10 @@ class Selector:
             if found.min() < low or found.max() > high:
                 return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '
                         f'it must be')
-        return effect.implausible(values, base)
+        parameters = effect_parameters(self.evidence, hypothesis, fit, index)
+        std = {name: np.broadcast_to(parameter.std, values[name].shape)
+               for name, parameter in parameters.items()}
+        return effect.implausible(values, std, base)
 
     def _obeys(self, hypothesis: Hypothesis, others: Sequence[Hypothesis], fit: Fit) -> bool:
         if not hypothesis.effect.retimes:
