@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.effects.catalogue import CATALOGUE, SEVERAL_ORDERS
 from par4_dynamics.effects.effect import beyond
 from par4_dynamics.effects.transmission import DAMPING_RATIO, MOTOR_SHARE
 from par4_dynamics.model import build_model, read_model
-from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file
+from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file, write_model_file
+from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import GRAVITY, State, state_of_joints, state_of_platform
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
@@ -511,6 +512,112 @@ def test_a_torque_is_periodic_in_the_angle_by_any_number(case, name, periods):
                                    expected, rtol=0.0, atol=close)
         np.testing.assert_allclose(effect.torque(here, values, (0, 1, 2, 3)), expected, rtol=0.0,
                                    atol=close)
+
+
+ORDERS = {'periods': [7.0, 14.0, 84.5], 'phase': [(0.0, 1.6, 3.1, -1.6), 0.4, 0.0]}
+SIZES = [(0.3, 0.28, 0.31, 0.25), 0.12, (0.05, 0.02, 0.0, 0.03)]
+
+
+def with_orders(name, joints=None, **changes):
+    """Return an entry of a model file with several orders."""
+    size = CATALOGUE[name].parameters[0].name
+    return EffectEntry(effect=name, joints=joints, parameters={
+        key: {'value': value} for key, value in {**ORDERS, size: SIZES, **changes}.items()})
+
+
+@pytest.mark.parametrize('name', ['cogging', 'torque_ripple'])
+@pytest.mark.parametrize('joints', [None, (0, 3)])
+def test_several_orders_add_up(case, name, joints):
+    robot, _, state = case
+    base = read_model_file('table1')
+    model = build_model(robot, base.model_copy(update={'effects': (with_orders(name, joints),)}))
+    found = model.torque(state) - model.without_effects().torque(state)
+    carried = model.without_effects().torque(state) if name == 'torque_ripple' else 1.0
+    expected = np.zeros_like(state.q)
+    for order, size, phase in zip(ORDERS['periods'], SIZES, ORDERS['phase']):
+        expected += np.array(size) * carried * np.sin(order * state.q + np.array(phase))
+    idle = [joint for joint in range(4) if joints and joint not in joints]
+    expected[:, idle] = 0.0
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize('name', ['cogging', 'torque_ripple'])
+def test_values_of_several_orders_return_from_coefficients(case, name):
+    robot, _, state = case
+    base, effect = read_model_file('table1'), CATALOGUE[name]
+    model = build_model(robot, base.model_copy(update={'effects': (with_orders(name),)}))
+    values, state = model.effects[0].values, replace(state, nominal=model.nominal(state))
+    shape = effect.shape_of({key: value[0] for key, value in values.items()})
+    assert shape == {'periods': (7.0, 14.0, 84.5)}
+    coefficients = effect.coefficients(values)
+    back = effect.values(coefficients, shape)
+    assert set(back) == set(values)
+    for key in ('periods', effect.parameters[0].name):
+        np.testing.assert_allclose(back[key], values[key])
+    seen = values[effect.parameters[0].name] > 0.0  # without a size there is no phase
+    np.testing.assert_allclose(back['phase'][seen], values['phase'][seen])
+    columns = effect.columns(state, shape)
+    assert columns.shape == (*state.q.shape, 6)
+    np.testing.assert_allclose(np.einsum('njk,kj->nj', columns, coefficients),
+                               model.effects[0].torque(state), atol=1e-9)
+    zero = {key: np.zeros_like(value) for key, value in values.items()}
+    reason = effect.implausible(values, zero, arrays(BASE))
+    assert (reason is None) == (name == 'cogging')
+    assert name == 'cogging' or '0.31' in reason
+
+
+def test_a_list_of_one_order_is_that_order(case):
+    robot, _, state = case
+    base = read_model_file('table1')
+    torques = [build_model(robot, base.model_copy(update={'effects': (
+        with_orders('cogging', periods=periods, amplitude=size, phase=phase),)})).torque(state)
+        for periods, size, phase in ((24.0, (0.1, 0.2, 0.3, 0.4), 0.5),
+                                     ([24.0], [(0.1, 0.2, 0.3, 0.4)], 0.5))]
+    np.testing.assert_array_equal(*torques)
+
+
+@pytest.mark.parametrize(('changes', 'words'), [
+    ({'amplitude': [0.1, 0.2]}, 'amplitude: expected .* each of the 3 orders; found 2 entries'),
+    ({'amplitude': [0.1, (0.1, 0.2, 0.3), 0.1]}, 'amplitude: .* 4 joints or 4, found 3'),
+    ({'periods': [7.0, 14.0, 7.0]}, 'periods: .* that differ'),
+    ({'periods': [7.0, 14.0, -7.0]}, 'periods: .* positive'),
+    ({'periods': [7.0, (14.0, 15.0), 8.0]}, 'periods: expected one number, or a list'),
+    ({'periods': 7.0}, 'phase: .* a list in a list, which needs a list of periods'),
+])
+def test_orders_that_do_not_match_are_refused(changes, words):
+    base = read_model_file('table1')
+    with pytest.raises(InputError, match=words) as caught:
+        build_model(REFERENCE, base.model_copy(update={
+            'effects': (with_orders('cogging', **changes),)}))
+    assert '\n' not in str(caught.value)
+
+
+def test_orders_go_through_a_file_as_the_docs_show_them(tmp_path):
+    path, again = tmp_path / 'model.yaml', tmp_path / 'again.yaml'
+    text = '\n'.join(('schema: par4/model/1', 'parameters:', *(
+        f'  {name}: {{value: {value}}}' for name, value in BASE.items()), SEVERAL_ORDERS))
+    path.write_text(text, encoding='utf-8')
+    write_model_file(again, read_model_file(path))
+    first, second = (read_model(file, REFERENCE).effects[0].values for file in (path, again))
+    for name, value in first.items():
+        np.testing.assert_array_equal(value, second[name])
+    np.testing.assert_array_equal(first['periods'], np.tile((7.0, 14.0, 84.0), (4, 1)))
+    np.testing.assert_array_equal(first['amplitude'][2], (0.31, 0.12, 0.05))
+    path.write_text(text.replace('viscous_friction: {value: 2.0}',
+                                 'viscous_friction: {value: [[2.0, 2.0]]}'), encoding='utf-8')
+    with pytest.raises(InputError, match='viscous_friction: expected one number or one a joint'):
+        read_model_file(path)
+
+
+def test_orders_may_have_standard_deviations_of_their_own():
+    value = [(0.3, 0.2, 0.3, 0.2), 0.1]
+    for std in (0.01, [0.01, 0.02], [(0.01, 0.02, 0.01, 0.02), 0.01]):
+        assert Parameter(value=value, std=std).std is not None
+    for std, words in (([0.01], 'as many numbers'), ([0.01, (0.01, 0.02)], 'as many numbers'),
+                       ([(0.01, 0.02), 0.01], 'as many numbers'),
+                       ([(0.01, 0.02, -0.01, 0.02), 0.01], 'must not be negative')):
+        with pytest.raises(ValueError, match=words):
+            Parameter(value=value, std=std)
 
 
 @pytest.mark.parametrize('name', ['cogging', 'torque_ripple'])

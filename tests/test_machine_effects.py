@@ -126,6 +126,20 @@ def test_what_is_recorded_beyond_the_model_is_the_torque_of_the_effect(name):
     assert_alike(found, expected, where, 0.05 if name in OF_FIRST_ORDER else 0.01)
 
 
+@pytest.mark.parametrize(('name', 'size', 'scale'), [('cogging', 'amplitude', 10.0),
+                                                     ('torque_ripple', 'relative', 1.0)])
+def test_orders_of_the_machine_are_those_of_the_model(name, size, scale):
+    """Two orders in one entry, and a third that another entry gives two of the joints."""
+    model = model_of(
+        entry(name, **{size: (tuple(scale * np.array((0.05, 0.03, 0.04, 0.02))), scale * 0.05)},
+              periods=(16.0, 9.0), phase=((0.0, 1.0, -2.0, 3.0), 0.4)),
+        entry(name, joints=(1, 2), **{size: scale * 0.06}, periods=5.0, phase=0.2))
+    _, state, found, where = recorded(model)
+    expected = sum(active.torque(state) for active in model.effects)
+    assert rms(expected, where) > 0.03
+    assert_alike(found, expected, where, 0.01)
+
+
 @pytest.mark.parametrize(('name', 'values', 'slow', 'base', 'least'), [
     # elasticity shows where torque changes fast, and is of first order where it is stiff
     ('elastic_transmission', {'stiffness': (6e4, 5e4, 8e4, 7e4)}, 1.0, {}, 0.015),
@@ -230,6 +244,7 @@ def test_all_effects_at_once(fidelity):
     ('friction_drift', {'drop': 0.2, 'time_constant': 0.0}, 'time constant of friction'),
     ('drive_gain_error', {'relative': -1.5}, 'drive gain'),
     ('torque_ripple', {'relative': 1.2, 'periods': 8, 'phase': 0.0}, 'torque ripple'),
+    ('torque_ripple', {'relative': (0.5, 0.6), 'periods': (8, 9), 'phase': 0.0}, 'torque ripple'),
     ('actuator_lag', {'time_constant': -1e-3}, 'time constant of the actuators'),
     ('torque_saturation', {'limit': -5.0}, 'torque limit'),
     ('elastic_transmission', {'stiffness': -1e4}, 'stiffness'),

@@ -68,6 +68,11 @@ ENERGIES = {
                       lambda x: weight_energy(x) + OFFSET @ joints(x)),
     'cogging': ((entry('cogging', amplitude=tuple(OFFSET), periods=24.0, phase=tuple(PHASE)),),
                 lambda x: weight_energy(x) - OFFSET @ np.cos(24.0 * joints(x) + PHASE) / 24.0),
+    'cogging of two orders': (
+        (entry('cogging', amplitude=(tuple(OFFSET), 0.2), periods=(24.0, 7.0),
+               phase=(tuple(PHASE), 0.3)),),
+        lambda x: (weight_energy(x) - OFFSET @ np.cos(24.0 * joints(x) + PHASE) / 24.0
+                   - 0.2 * np.sum(np.cos(7.0 * joints(x) + 0.3)) / 7.0)),
     'arm_mass_offset': ((entry('arm_mass_offset', first_moment=tuple(BESIDE)),), lifted(BESIDE)),
     'payload at D': ((entry('payload', mass=1.5, half=1),),
                      lambda x: weight_energy(x, mass_1=M_1 + 1.5)),

@@ -227,7 +227,7 @@ def _active_effect(entry: EffectEntry, joints: int, is_robot: bool) -> ActiveEff
     if any(not 0 <= joint < joints for joint in acting):
         raise InputError(f'effect {effect.name}: joints must be 0 to {joints - 1}, found '
                          f'{list(acting)}')
-    values, units = {}, {}
+    values, units, orders = {}, {}, _orders(effect, entry)
     for name, given in entry.parameters.items():
         if known[name].other_unit is not None:
             both = (known[name].unit, known[name].other_unit)
@@ -236,7 +236,7 @@ def _active_effect(entry: EffectEntry, joints: int, is_robot: bool) -> ActiveEff
                                  f'{both[1]!r}; found {given.unit!r}')
             units[name] = given.unit
         try:
-            values[name] = _numbers(known[name], given.value, acting, joints)
+            values[name] = _numbers(known[name], given.value, acting, joints, orders)
         except InputError as error:
             raise InputError(f'effect {effect.name}, {name}: {error}') from None
     for name, parameter in known.items():
@@ -246,9 +246,35 @@ def _active_effect(entry: EffectEntry, joints: int, is_robot: bool) -> ActiveEff
     return ActiveEffect(effect, acting, values, units)
 
 
-def _numbers(parameter: EffectParameter, given: Number, acting: tuple[int, ...], joints: int
-             ) -> np.ndarray:
-    """Return a parameter's values, (J,) or (size,) of a vector, from what a model file gives."""
+def _orders(effect: Effect, entry: EffectEntry) -> int | None:
+    """Return how many orders of a periodic torque are listed, None where none are."""
+    for parameter in effect.parameters:
+        given = entry.parameters.get(parameter.name)
+        if not (parameter.per_order and parameter.is_shape and given is not None
+                and isinstance(given.value, tuple)):
+            continue
+        if (not all(isinstance(order, float) and order > 0.0 for order in given.value)
+                or len(set(given.value)) < len(given.value)):
+            raise InputError(f'effect {effect.name}, {parameter.name}: expected one number, or a '
+                             f'list of positive ones that differ, one an order; found '
+                             f'{given.value}')
+        return len(given.value)
+    return None
+
+
+def _numbers(parameter: EffectParameter, given: Number, acting: tuple[int, ...], joints: int,
+             orders: int | None) -> np.ndarray:
+    """Return the values of a parameter as `Values` has them, from what a model file gives."""
+    if orders is not None and parameter.per_order:
+        parts = given if isinstance(given, tuple) else (given,) * orders
+        if len(parts) != orders:
+            raise InputError(f'expected one number, or a list with an entry for each of the '
+                             f'{orders} orders; found {len(parts)} entries')
+        return np.stack([_numbers(replace(parameter, per_order=False), part, acting, joints, None)
+                         for part in parts], axis=-1)
+    if isinstance(given, tuple) and any(isinstance(part, tuple) for part in given):
+        raise InputError('expected numbers, found a list in a list'
+                         + (', which needs a list of periods' if parameter.per_order else ''))
     count = len(given) if isinstance(given, tuple) else 1
     if parameter.size > 1:
         if isinstance(given, float) and parameter.uniform:

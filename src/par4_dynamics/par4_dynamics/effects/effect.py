@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike
 
 from par4_dynamics.state import State
 
-Shape = Mapping[str, float]
+Shape = Mapping[str, float | tuple[float, ...]]
+"""Shape parameter -> its value, or its values of several orders."""
 Values = Mapping[str, np.ndarray]
+"""Parameter -> (J,), (size,) of a vector, or (J, orders) where several orders are given."""
 
 CERTAIN = 3.0
 """Standard deviations out of bounds from which on an estimate cannot be inside by chance."""
@@ -30,6 +32,8 @@ class EffectParameter:
         size: numbers it has; more than one for a vector of the machine.
         uniform: True where one number may stand for all numbers of a vector.
         is_shape: True where the columns depend on it; False where it is a coefficient.
+        per_order: True where it may have a value for each order of a periodic torque; the one of
+            them that is a shape gives the orders.
     """
 
     name: str
@@ -40,6 +44,7 @@ class EffectParameter:
     size: int = 1
     uniform: bool = False
     is_shape: bool = False
+    per_order: bool = False
 
 
 @dataclass(frozen=True)
@@ -58,12 +63,12 @@ def beyond(value: ArrayLike, std: ArrayLike, low: ArrayLike = -np.inf, high: Arr
     standard deviations: what is zero in truth is estimated a little below zero half of the time.
 
     Args:
-        value: estimates, one number or (n,).
+        value: estimates, one number or an array; the index is that into the flat one.
         std: their standard deviations, likewise.
         low, high: bounds, likewise, in the same unit.
     """
-    value = np.atleast_1d(np.asarray(value, dtype=float))
-    outside = np.maximum(low - value, value - high) - CERTAIN * np.asarray(std, dtype=float)
+    value = np.asarray(value, dtype=float)
+    outside = np.ravel(np.maximum(low - value, value - high) - CERTAIN * np.asarray(std))
     worst = int(np.argmax(outside))
     return worst if outside[worst] > 0.0 else None
 
@@ -133,7 +138,7 @@ class Effect(ABC):
         """Return why no machine can have these values, or None if one may.
 
         Args:
-            values: parameter name -> (J,), or (size,) of a vector.
+            values: of all parameters.
             std: their standard deviations, of the same shapes; zero where a value is known.
             base: base parameters (J,) that go with the values.
         """
@@ -143,16 +148,20 @@ class Effect(ABC):
         """Return the abscissa over which the effect shows."""
 
     def shape_of(self, values: Values) -> Shape:
-        """Return the shape parameters among the values, one number each."""
-        return {parameter.name: float(values[parameter.name]) for parameter in self.parameters
-                if parameter.is_shape}
+        """Return the shape parameters among the values of one joint."""
+        shape = {}
+        for parameter in self.parameters:
+            if parameter.is_shape:
+                value = np.asarray(values[parameter.name], dtype=float).tolist()
+                shape[parameter.name] = tuple(value) if isinstance(value, list) else value
+        return shape
 
     def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
         """Return the torque (n, J), N m; zero on joints not in `joints`.
 
         Args:
             state: the motion.
-            values: parameter name -> (J,), or (size,) of a vector.
+            values: of all parameters.
             joints: where the effect acts; a shared effect acts on all.
         """
         coefficients = self.coefficients(values)

@@ -9,11 +9,12 @@ LARGEST = 0.3
 
 
 class TorqueRipple(Cogging):
-    """tau_i += a_i tau_i sin(N q_i + phi_i): cogging whose amplitude follows the torque."""
+    """tau_i += a_i tau_i sin(N q_i + phi_i), summed over the orders N: in proportion to torque."""
 
     name = 'torque_ripple'
     phrase = 'torque ripple'
-    parameters = (EffectParameter('relative', '1', 'joint'), *Cogging.parameters[1:])
+    parameters = (EffectParameter('relative', '1', 'joint', per_order=True),
+                  *Cogging.parameters[1:])
     needs_nominal = True
 
     def columns(self, state, shape):
@@ -30,6 +31,6 @@ class TorqueRipple(Cogging):
         relative = values['relative']
         worst = beyond(relative, std['relative'], high=LARGEST)
         if worst is not None:
-            return (f'a ripple of {relative[worst]:.3g} of the torque is more than a drive of a '
-                    f'machine has, expected at most {LARGEST:g}')
+            return (f'a ripple of {relative.flat[worst]:.3g} of the torque is more than a drive of '
+                    f'a machine has, expected at most {LARGEST:g}')
         return None
