@@ -34,6 +34,9 @@ def model_with(model: Model, name: str, joints: tuple[int, ...] = (0, 1, 2, 3), 
     """Return the model with an effect added; values are numbers or one a joint."""
     full = {key: np.broadcast_to(np.asarray(value, dtype=float), (4,)).copy()
             for key, value in values.items()}
+    for parameter in CATALOGUE[name].parameters:
+        if isinstance(parameter.default, str):
+            full.setdefault(parameter.name, full[parameter.default])
     return replace(model, effects=(*model.effects, ActiveEffect(CATALOGUE[name], joints, full)))
 
 

@@ -50,6 +50,7 @@ from par4_identification.plots import (
     residual_statistics,
     signature,
 )
+from par4_identification.report import _parameter_cells
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
 from par4_sim.bag import BagWriter
@@ -635,6 +636,16 @@ def test_each_verdict_has_its_sentence(given, standing, parts):
     assert all(part in outcome.sentence for part in parts), outcome.sentence
     assert outcome.sentence.endswith('.')
     json.dumps(diagnosis_json(given, REFERENCE), allow_nan=False)
+
+
+def test_a_report_gives_numbers_of_the_machine_one_cell_and_those_of_joints_their_own():
+    cable = cause('cable_spring', stiffness=(40.0, 20.0, 1.0), anchor=(0.1, 0.2, 0.0))
+    found = _parameter_cells(cable, 'stiffness', REFERENCE)
+    assert found['common']
+    assert found['cells'] == ['40 ± 40, 20 ± 20, 1.0 ± 1.0']
+    assert _parameter_cells(STRIBECK, 'stribeck_torque', REFERENCE)['cells'] == [
+        '', '1.2 ± 1.2', '', '1.2 ± 1.2']
+    assert _parameter_cells(COGS, 'periods', REFERENCE)['cells'] == ['22 ± 22']
 
 
 def test_twins_are_told_with_what_to_do():

@@ -32,8 +32,8 @@ class Case:
         self.torques = Torques(motion.t, motion.q)
         self.total = self.torques.recorded(self.known.machine)
         values = self.known.model.values
-        self.friction = (values['coulomb_friction'] * self.side
-                         + values['viscous_friction'] * self.qd)
+        self.viscous = values['viscous_friction'] * self.qd
+        self.friction = values['coulomb_friction'] * self.side + self.viscous
         self.load = self.total - self.friction
         self.state = state_of_joints(self.known.robot.geometry, self.t, self.q, self.qd, self.qdd)
 
@@ -68,8 +68,9 @@ ON_JOINTS = {
     'nonlinear_viscous': ({'quadratic': on(ALL, 0.2)}, lambda c, _: 0.2 * c.qd * np.abs(c.qd)),
     'load_dependent_friction': ({'coefficient': on([1], 0.05)}, lambda c, v: (
         v['coefficient'] * c.side * np.abs(c.load))),
-    'friction_drift': ({'drop': 0.3, 'time_constant': 2.0}, lambda c, _: (
-        -0.3 * (1.0 - np.exp(-c.t / 2.0))[:, None] * c.friction)),
+    'friction_drift': ({'drop': 0.1, 'viscous_drop': 0.4, 'time_constant': 2.0}, lambda c, _: (
+        -(1.0 - np.exp(-c.t / 2.0))[:, None] * (0.1 * (c.friction - c.viscous)
+                                                + 0.4 * c.viscous))),
     'joint_friction_difference': ({'coulomb': on([0], 0.2), 'viscous': on([1], -0.3)},
                                   lambda c, v: v['coulomb'] * c.side + v['viscous'] * c.qd),
     'drive_gain_error': ({'relative': on([0, 3], (0.03, -0.02))},
@@ -88,9 +89,10 @@ ON_JOINTS = {
         0.2 * c.state.xd * (0, 0, 0, 1))),
     'external_force': ({'x': 3.0, 'y': -1.0, 'z': 2.0}, lambda c, _: c.state.torque_of_force(
         (-3.0, 1.0, -2.0, 0.0))),
-    'cable_spring': ({'stiffness': 30.0, 'anchor': np.array((0.1, 0.2, -0.3))},
+    'cable_spring': ({'stiffness': np.array((30.0, 0.0, 10.0)),
+                      'anchor': np.array((0.1, 0.2, -0.3))},
                      lambda c, _: c.state.torque_of_force(
-                         30.0 * (c.state.x - (0.1, 0.2, -0.3, 0.0)) * (1, 1, 1, 0))),
+                         (c.state.x - (0.1, 0.2, -0.3, 0.0)) * (30, 0, 10, 0))),
     'platform_drag': ({'viscous': 0.5}, lambda c, _: c.state.torque_of_force(
         0.5 * c.state.xd * (1, 1, 1, 0))),
 }

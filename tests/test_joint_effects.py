@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.effects.catalogue import CATALOGUE, SEVERAL_ORDERS
+from par4_dynamics.effects.effect import beyond
 from par4_dynamics.effects.transmission import DAMPING_RATIO, MOTOR_SHARE
 from par4_dynamics.model import build_model, read_model
-from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file
+from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file, write_model_file
+from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import GRAVITY, State, state_of_joints, state_of_platform
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
@@ -24,7 +26,7 @@ EXAMPLES = {
     'viscous_asymmetry': {'asymmetry': (0.1, -0.2, 0.05, 0.15)},
     'nonlinear_viscous': {'quadratic': (0.1, 0.05, -0.02, 0.2), 'torque': 0.0, 'exponent': 2.0},
     'load_dependent_friction': {'coefficient': (0.05, 0.02, 0.1, 0.03)},
-    'friction_drift': {'drop': 0.3, 'time_constant': 2.0},
+    'friction_drift': {'drop': 0.1, 'viscous_drop': 0.3, 'time_constant': 2.0},
     'presliding': {'distance': 3e-3},
     'joint_friction_difference': {'coulomb': (0.2, -0.3, 0.1, 0.0),
                                   'viscous': (-0.1, 0.2, 0.0, 0.05)},
@@ -221,9 +223,26 @@ BASE = {'actuator_inertia': 0.1, 'platform_mass_1': 0.8, 'platform_mass_2': 0.8,
         'arm_gravity': 1.3, 'coulomb_friction': 2.4, 'viscous_friction': 2.0}
 
 
+def reason_against(name, values, deviation=0.0):
+    """Return why values cannot be real, each known to a share `deviation` of its size."""
+    full = arrays({**EXAMPLES[name], **values})
+    std = {key: deviation * np.abs(value) for key, value in full.items()}
+    return CATALOGUE[name].implausible(full, std, arrays(BASE))
+
+
 @pytest.mark.parametrize('name', EXAMPLES)
 def test_typical_size_is_plausible(name):
-    assert CATALOGUE[name].implausible(arrays(EXAMPLES[name]), arrays(BASE)) is None
+    assert reason_against(name, {}) is None
+
+
+def test_an_estimate_is_out_of_bounds_by_more_than_chance_or_not_at_all():
+    assert beyond(-0.1, 0.0, low=0.0) == 0
+    assert beyond(-0.1, 0.04, low=0.0) is None
+    assert beyond(-0.1, 0.03, low=0.0) == 0
+    assert beyond((0.5, 1.2, 2.0, -3.0), 0.1, high=1.0) == 2
+    assert beyond((0.5, 1.2, 2.0, -3.0), (0.1, 0.01, 0.5, 0.1), -4.0, 1.0) == 1
+    assert beyond((0.5, 1.2), 0.0, low=(0.0, 1.3), high=2.0) == 1
+    assert beyond((0.5, 1.2), 0.0) is None
 
 
 @pytest.mark.parametrize(('name', 'values', 'reason'), [
@@ -234,8 +253,10 @@ def test_typical_size_is_plausible(name):
     ('nonlinear_viscous', {'torque': -9.0, 'exponent': 0.5}, 'drive the joint'),
     ('load_dependent_friction', {'coefficient': (0.05, -0.02, 0.05, 0.05)}, 'cannot fall'),
     ('load_dependent_friction', {'coefficient': 0.8}, 'loses'),
-    ('friction_drift', {'drop': -0.2}, 'falls'),
-    ('friction_drift', {'drop': 1.5}, 'falls'),
+    ('friction_drift', {'drop': -0.2}, 'Coulomb friction that warms up falls'),
+    ('friction_drift', {'drop': 1.5}, 'Coulomb friction that warms up falls'),
+    ('friction_drift', {'viscous_drop': -0.2}, 'viscous friction that warms up falls'),
+    ('friction_drift', {'viscous_drop': 1.5}, 'viscous friction that warms up falls'),
     ('friction_drift', {'time_constant': -1.0}, 'must be positive'),
     ('presliding', {'distance': -1e-3}, 'positive distance'),
     ('presliding', {'distance': 0.5}, 'positive distance'),
@@ -244,6 +265,7 @@ def test_typical_size_is_plausible(name):
     ('joint_inertia_difference', {'inertia': (0.01, 0.01, 0.01, -0.2)}, 'inertia'),
     ('arm_mass_offset', {'first_moment': 1.0}, 'beside the arm'),
     ('drive_gain_error', {'relative': (0.01, -0.9, 0, 0)}, 'wrong unit'),
+    ('drive_gain_error', {'relative': (0.01, 11.7, 0, 0)}, 'wrong unit'),
     ('torque_ripple', {'relative': 0.6}, 'ripple'),
     ('actuator_lag', {'time_constant': -2e-3}, 'lags'),
     ('actuator_lag', {'time_constant': 0.2}, 'lags'),
@@ -257,18 +279,32 @@ def test_typical_size_is_plausible(name):
     ('backlash', {'gap': 0.2}, 'not backlash'),
     ('quantization', {'step': -1e-4}, 'must be positive'),
 ])
-def test_wrong_sign_or_size_is_implausible(name, values, reason):
-    full = arrays({**EXAMPLES[name], **values})
-    assert reason in CATALOGUE[name].implausible(full, arrays(BASE))
+def test_wrong_sign_or_size_is_implausible_unless_it_may_be_chance(name, values, reason):
+    for deviation in (0.0, 0.02):
+        assert reason in reason_against(name, values, deviation)
+    assert reason_against(name, values, 100.0) is None
+
+
+@pytest.mark.parametrize(('name', 'values'), [
+    ('drive_gain_error', {'relative': (1.0, -1.0 / 3.0, 0.5, -0.5)}),  # half, 1.5 times, ...
+    ('time_offset', {'delay': 0.1}), ('time_offset', {'delay': -0.1}),
+])
+def test_large_errors_of_real_machines_are_plausible(name, values):
+    assert reason_against(name, values) is None
 
 
 def test_a_stiff_joint_beside_an_elastic_one_may_have_any_sign():
-    """Noise gives a rigid joint a compliance of either sign, which accuses nobody."""
-    base = arrays(BASE)
-    stiffness = arrays({'stiffness': (8e3, -3e5, 4e5, -2e6)})
-    assert CATALOGUE['elastic_transmission'].implausible(stiffness, base) is None
-    assert CATALOGUE['backlash'].implausible(
-        arrays({'gap': (2e-3, -1e-4, 5e-5, 0.0)}), base) is None
+    """Noise gives a rigid joint a compliance or a gap of either sign, which accuses nobody."""
+    for name, parameter, values, noise in (
+            ('elastic_transmission', 'stiffness', (8e3, -3e5, 4e5, -2e6), 2e-6),
+            ('backlash', 'gap', (2e-3, -1e-4, 5e-5, 0.0), 5e-5)):
+        full = arrays({parameter: values})
+        size = full[parameter]
+        # the same noise of 1 / k on each joint
+        spread = noise * size ** 2 if parameter == 'stiffness' else noise * np.ones(4)
+        for share, fine in ((1.0, True), (0.1, False)):
+            reason = CATALOGUE[name].implausible(full, {parameter: share * spread}, arrays(BASE))
+            assert (reason is None) == fine
 
 
 # ------------------------------------------------------------------------------------ friction
@@ -333,14 +369,28 @@ def test_load_dependent_friction_takes_a_share_of_the_transmitted_power(case):
 
 def test_friction_drift_is_exponential_in_time(case):
     _, model, state = case
-    drop, constant = 0.3, 0.7
-    cold = model.torque(state) - model.rigid_torque(state)
-    warm = friction_of(model, state, 'friction_drift', drop=drop, time_constant=constant)
+    drop, viscous_drop, constant = 0.1, 0.4, 0.7
+    dry = model.values['coulomb_friction'] * np.sign(state.qd)
+    wet = model.values['viscous_friction'] * state.qd
+    warm = friction_of(model, state, 'friction_drift', drop=drop, viscous_drop=viscous_drop,
+                       time_constant=constant)
     # 1 - e^-1 of the drop after a time constant, 1 - e^-3 after three
     for times, gone in ((0.0, 0.0), (1.0, 0.6321206), (3.0, 0.9502129)):
         row = int(np.argmin(np.abs(state.t - times * constant)))
-        np.testing.assert_allclose(warm[row], cold[row] * (1.0 - drop * gone), rtol=1e-6,
-                                   atol=1e-9)
+        expected = dry[row] * (1.0 - drop * gone) + wet[row] * (1.0 - viscous_drop * gone)
+        np.testing.assert_allclose(warm[row], expected, rtol=1e-6, atol=1e-9)
+
+
+def test_a_model_file_with_one_drop_means_both(case):
+    robot, _, state = case
+    base = read_model_file('table1')
+
+    def torque(**drops):
+        return build_model(robot, base.model_copy(update={'effects': (
+            entry('friction_drift', {**drops, 'time_constant': 0.7}),)})).torque(state)
+
+    np.testing.assert_array_equal(torque(drop=0.3), torque(drop=0.3, viscous_drop=0.3))
+    assert rms(torque(drop=0.3) - torque(drop=0.3, viscous_drop=0.0)) > 0.1
 
 
 def test_presliding_follows_the_differential_equation(case):
@@ -462,6 +512,112 @@ def test_a_torque_is_periodic_in_the_angle_by_any_number(case, name, periods):
                                    expected, rtol=0.0, atol=close)
         np.testing.assert_allclose(effect.torque(here, values, (0, 1, 2, 3)), expected, rtol=0.0,
                                    atol=close)
+
+
+ORDERS = {'periods': [7.0, 14.0, 84.5], 'phase': [(0.0, 1.6, 3.1, -1.6), 0.4, 0.0]}
+SIZES = [(0.3, 0.28, 0.31, 0.25), 0.12, (0.05, 0.02, 0.0, 0.03)]
+
+
+def with_orders(name, joints=None, **changes):
+    """Return an entry of a model file with several orders."""
+    size = CATALOGUE[name].parameters[0].name
+    return EffectEntry(effect=name, joints=joints, parameters={
+        key: {'value': value} for key, value in {**ORDERS, size: SIZES, **changes}.items()})
+
+
+@pytest.mark.parametrize('name', ['cogging', 'torque_ripple'])
+@pytest.mark.parametrize('joints', [None, (0, 3)])
+def test_several_orders_add_up(case, name, joints):
+    robot, _, state = case
+    base = read_model_file('table1')
+    model = build_model(robot, base.model_copy(update={'effects': (with_orders(name, joints),)}))
+    found = model.torque(state) - model.without_effects().torque(state)
+    carried = model.without_effects().torque(state) if name == 'torque_ripple' else 1.0
+    expected = np.zeros_like(state.q)
+    for order, size, phase in zip(ORDERS['periods'], SIZES, ORDERS['phase']):
+        expected += np.array(size) * carried * np.sin(order * state.q + np.array(phase))
+    idle = [joint for joint in range(4) if joints and joint not in joints]
+    expected[:, idle] = 0.0
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize('name', ['cogging', 'torque_ripple'])
+def test_values_of_several_orders_return_from_coefficients(case, name):
+    robot, _, state = case
+    base, effect = read_model_file('table1'), CATALOGUE[name]
+    model = build_model(robot, base.model_copy(update={'effects': (with_orders(name),)}))
+    values, state = model.effects[0].values, replace(state, nominal=model.nominal(state))
+    shape = effect.shape_of({key: value[0] for key, value in values.items()})
+    assert shape == {'periods': (7.0, 14.0, 84.5)}
+    coefficients = effect.coefficients(values)
+    back = effect.values(coefficients, shape)
+    assert set(back) == set(values)
+    for key in ('periods', effect.parameters[0].name):
+        np.testing.assert_allclose(back[key], values[key])
+    seen = values[effect.parameters[0].name] > 0.0  # without a size there is no phase
+    np.testing.assert_allclose(back['phase'][seen], values['phase'][seen])
+    columns = effect.columns(state, shape)
+    assert columns.shape == (*state.q.shape, 6)
+    np.testing.assert_allclose(np.einsum('njk,kj->nj', columns, coefficients),
+                               model.effects[0].torque(state), atol=1e-9)
+    zero = {key: np.zeros_like(value) for key, value in values.items()}
+    reason = effect.implausible(values, zero, arrays(BASE))
+    assert (reason is None) == (name == 'cogging')
+    assert name == 'cogging' or '0.31' in reason
+
+
+def test_a_list_of_one_order_is_that_order(case):
+    robot, _, state = case
+    base = read_model_file('table1')
+    torques = [build_model(robot, base.model_copy(update={'effects': (
+        with_orders('cogging', periods=periods, amplitude=size, phase=phase),)})).torque(state)
+        for periods, size, phase in ((24.0, (0.1, 0.2, 0.3, 0.4), 0.5),
+                                     ([24.0], [(0.1, 0.2, 0.3, 0.4)], 0.5))]
+    np.testing.assert_array_equal(*torques)
+
+
+@pytest.mark.parametrize(('changes', 'words'), [
+    ({'amplitude': [0.1, 0.2]}, 'amplitude: expected .* each of the 3 orders; found 2 entries'),
+    ({'amplitude': [0.1, (0.1, 0.2, 0.3), 0.1]}, 'amplitude: .* 4 joints or 4, found 3'),
+    ({'periods': [7.0, 14.0, 7.0]}, 'periods: .* that differ'),
+    ({'periods': [7.0, 14.0, -7.0]}, 'periods: .* positive'),
+    ({'periods': [7.0, (14.0, 15.0), 8.0]}, 'periods: expected one number, or a list'),
+    ({'periods': 7.0}, 'phase: .* a list in a list, which needs a list of periods'),
+])
+def test_orders_that_do_not_match_are_refused(changes, words):
+    base = read_model_file('table1')
+    with pytest.raises(InputError, match=words) as caught:
+        build_model(REFERENCE, base.model_copy(update={
+            'effects': (with_orders('cogging', **changes),)}))
+    assert '\n' not in str(caught.value)
+
+
+def test_orders_go_through_a_file_as_the_docs_show_them(tmp_path):
+    path, again = tmp_path / 'model.yaml', tmp_path / 'again.yaml'
+    text = '\n'.join(('schema: par4/model/1', 'parameters:', *(
+        f'  {name}: {{value: {value}}}' for name, value in BASE.items()), SEVERAL_ORDERS))
+    path.write_text(text, encoding='utf-8')
+    write_model_file(again, read_model_file(path))
+    first, second = (read_model(file, REFERENCE).effects[0].values for file in (path, again))
+    for name, value in first.items():
+        np.testing.assert_array_equal(value, second[name])
+    np.testing.assert_array_equal(first['periods'], np.tile((7.0, 14.0, 84.0), (4, 1)))
+    np.testing.assert_array_equal(first['amplitude'][2], (0.31, 0.12, 0.05))
+    path.write_text(text.replace('viscous_friction: {value: 2.0}',
+                                 'viscous_friction: {value: [[2.0, 2.0]]}'), encoding='utf-8')
+    with pytest.raises(InputError, match='viscous_friction: expected one number or one a joint'):
+        read_model_file(path)
+
+
+def test_orders_may_have_standard_deviations_of_their_own():
+    value = [(0.3, 0.2, 0.3, 0.2), 0.1]
+    for std in (0.01, [0.01, 0.02], [(0.01, 0.02, 0.01, 0.02), 0.01]):
+        assert Parameter(value=value, std=std).std is not None
+    for std, words in (([0.01], 'as many numbers'), ([0.01, (0.01, 0.02)], 'as many numbers'),
+                       ([(0.01, 0.02), 0.01], 'as many numbers'),
+                       ([(0.01, 0.02, -0.01, 0.02), 0.01], 'must not be negative')):
+        with pytest.raises(ValueError, match=words):
+            Parameter(value=value, std=std)
 
 
 @pytest.mark.parametrize('name', ['cogging', 'torque_ripple'])

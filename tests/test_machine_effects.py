@@ -32,7 +32,7 @@ EXAMPLES = {
     'passive_joint_friction': {'coulomb': 0.05, 'viscous': 0.02},
     'base_tilt': {'about_x': 0.02, 'about_y': -0.03},
     'external_force': {'x': 3.0, 'y': -4.0, 'z': 2.0},
-    'cable_spring': {'stiffness': 40.0, 'anchor': (0.3, -0.2, 0.1)},
+    'cable_spring': {'stiffness': (40.0, 0.0, 60.0), 'anchor': (0.3, -0.2, 0.1)},
     'platform_drag': {'viscous': 2.0, 'quadratic': 1.5},
     'encoder_offset': {'offset': (3e-3, -5e-3, 2e-3, 4e-3)},
     'encoder_eccentricity': {'amplitude': (5e-3, 4e-3, 3e-3, 6e-3),
@@ -44,7 +44,7 @@ EXAMPLES = {
     'nonlinear_viscous': {'quadratic': (0.2, 0.1, -0.1, 0.15), 'torque': (0.5, -0.3, 0.4, 0.2),
                           'exponent': 0.5},
     'load_dependent_friction': {'coefficient': (0.1, 0.05, 0.08, 0.02)},
-    'friction_drift': {'drop': 0.3, 'time_constant': 1.5},
+    'friction_drift': {'drop': 0.1, 'viscous_drop': 0.4, 'time_constant': 1.5},
     'presliding': {'distance': 5e-3},
     'joint_friction_difference': {'coulomb': (0.4, -0.3, 0.2, 0.1),
                                   'viscous': (-0.1, 0.2, 0.3, 0.1)},
@@ -124,6 +124,20 @@ def test_what_is_recorded_beyond_the_model_is_the_torque_of_the_effect(name):
     expected = model.effects[0].torque(state)
     assert rms(expected, where) > 0.03
     assert_alike(found, expected, where, 0.05 if name in OF_FIRST_ORDER else 0.01)
+
+
+@pytest.mark.parametrize(('name', 'size', 'scale'), [('cogging', 'amplitude', 10.0),
+                                                     ('torque_ripple', 'relative', 1.0)])
+def test_orders_of_the_machine_are_those_of_the_model(name, size, scale):
+    """Two orders in one entry, and a third that another entry gives two of the joints."""
+    model = model_of(
+        entry(name, **{size: (tuple(scale * np.array((0.05, 0.03, 0.04, 0.02))), scale * 0.05)},
+              periods=(16.0, 9.0), phase=((0.0, 1.0, -2.0, 3.0), 0.4)),
+        entry(name, joints=(1, 2), **{size: scale * 0.06}, periods=5.0, phase=0.2))
+    _, state, found, where = recorded(model)
+    expected = sum(active.torque(state) for active in model.effects)
+    assert rms(expected, where) > 0.03
+    assert_alike(found, expected, where, 0.01)
 
 
 @pytest.mark.parametrize(('name', 'values', 'slow', 'base', 'least'), [
@@ -225,9 +239,12 @@ def test_all_effects_at_once(fidelity):
     ('load_dependent_friction', {'coefficient': 1.5}, 'at most 0.9'),
     ('presliding', {'distance': -1e-3}, 'presliding distance'),
     ('friction_drift', {'drop': 1.2, 'time_constant': 1.0}, 'share of friction lost'),
+    ('friction_drift', {'drop': 0.2, 'viscous_drop': 1.2, 'time_constant': 1.0},
+     'share of friction lost'),
     ('friction_drift', {'drop': 0.2, 'time_constant': 0.0}, 'time constant of friction'),
     ('drive_gain_error', {'relative': -1.5}, 'drive gain'),
     ('torque_ripple', {'relative': 1.2, 'periods': 8, 'phase': 0.0}, 'torque ripple'),
+    ('torque_ripple', {'relative': (0.5, 0.6), 'periods': (8, 9), 'phase': 0.0}, 'torque ripple'),
     ('actuator_lag', {'time_constant': -1e-3}, 'time constant of the actuators'),
     ('torque_saturation', {'limit': -5.0}, 'torque limit'),
     ('elastic_transmission', {'stiffness': -1e4}, 'stiffness'),
@@ -246,6 +263,8 @@ def test_all_effects_at_once(fidelity):
     ('geometry_error', {'arm_length': -0.5}, 'geometry_error: arm_length: .* greater than 0'),
     ('platform_drag', {'viscous': -1.0}, 'drag'),
     ('cable_spring', {'stiffness': -40.0, 'anchor': (0.0, 0.0, 0.0)}, 'stiffness of the cable'),
+    ('cable_spring', {'stiffness': (4.0, -4.0, 40.0), 'anchor': (0.0, 0.0, 0.0)},
+     'stiffness of the cable'),
     ('stribeck', {'stribeck_torque': 1.0, 'stribeck_velocity': 0.0}, 'Stribeck velocity'),
     ('stribeck', {'stribeck_torque': -3.0, 'stribeck_velocity': 0.1}, 'friction at rest: -0.57'),
     ('nonlinear_viscous', {'torque': 0.3, 'exponent': -0.5}, 'exponent'),

@@ -34,9 +34,11 @@ CURVE = np.array((0.3, 0.1, -0.1, 0.0))
 LEVEL = np.array((0.9, 0.4, 0.6, 0.0))
 EXPONENT = np.array((0.5, 0.35, 1.7, 1.0))
 SHARE = np.array((0.1, 0.05, 0.2, 0.0))
-DROP, WARMING = 0.4, 0.12
+DROP, THINNING, WARMING = 0.4, 0.7, 0.12
 JOURNEY, WINDOW = 0.2, 60
 """Seconds and, at its end, steps that are averaged."""
+WARM = 1.0 - np.exp(-(JOURNEY - 0.5 * WINDOW * 0.25e-3) / WARMING)
+"""Share of its drop that a friction has lost by then."""
 
 
 def journey(machine, fidelity, speed):
@@ -77,8 +79,10 @@ LAWS = {
         lambda v, _, s: s * COULOMB + np.array((0.0, 0.5, 0.0, 0.5)) + VISCOUS * v),
     'friction_drift': (
         entry('friction_drift', drop=DROP, time_constant=WARMING),
-        lambda v, _, s: (s * COULOMB + VISCOUS * v) * (1.0 - DROP * (
-            1.0 - np.exp(-(JOURNEY - 0.5 * WINDOW * 0.25e-3) / WARMING)))),
+        lambda v, _, s: (s * COULOMB + VISCOUS * v) * (1.0 - DROP * WARM)),
+    'a lubricant that thins': (
+        entry('friction_drift', drop=0.0, viscous_drop=THINNING, time_constant=WARMING),
+        lambda v, _, s: s * COULOMB + VISCOUS * v * (1.0 - THINNING * WARM)),
     'presliding': (  # bent for good after some distances
         entry('presliding', distance=1e-3),
         lambda v, _, s: s * COULOMB + VISCOUS * v),

@@ -68,6 +68,11 @@ ENERGIES = {
                       lambda x: weight_energy(x) + OFFSET @ joints(x)),
     'cogging': ((entry('cogging', amplitude=tuple(OFFSET), periods=24.0, phase=tuple(PHASE)),),
                 lambda x: weight_energy(x) - OFFSET @ np.cos(24.0 * joints(x) + PHASE) / 24.0),
+    'cogging of two orders': (
+        (entry('cogging', amplitude=(tuple(OFFSET), 0.2), periods=(24.0, 7.0),
+               phase=(tuple(PHASE), 0.3)),),
+        lambda x: (weight_energy(x) - OFFSET @ np.cos(24.0 * joints(x) + PHASE) / 24.0
+                   - 0.2 * np.sum(np.cos(7.0 * joints(x) + 0.3)) / 7.0)),
     'arm_mass_offset': ((entry('arm_mass_offset', first_moment=tuple(BESIDE)),), lifted(BESIDE)),
     'payload at D': ((entry('payload', mass=1.5, half=1),),
                      lambda x: weight_energy(x, mass_1=M_1 + 1.5)),
@@ -77,6 +82,10 @@ ENERGIES = {
                        lambda x: weight_energy(x) - FORCE @ x[:3]),
     'cable_spring': ((entry('cable_spring', stiffness=40.0, anchor=tuple(ANCHOR)),),
                      lambda x: weight_energy(x) + 20.0 * np.sum((x[:3] - ANCHOR) ** 2)),
+    'a hose with a stiffness along each axis': (
+        (entry('cable_spring', stiffness=(5.0, 0.0, 60.0), anchor=tuple(ANCHOR)),),
+        lambda x: (weight_energy(x) + 2.5 * (x[0] - ANCHOR[0]) ** 2
+                   + 30.0 * (x[2] - ANCHOR[2]) ** 2)),
     'base_tilt': ((entry('base_tilt', about_x=TILT[0], about_y=TILT[1]),),
                   lambda x: weight_energy(x, up=up_in_tilted_base())),
     'geometry_error': ((entry('geometry_error', **ERRORS),),

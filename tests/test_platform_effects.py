@@ -6,6 +6,7 @@ gives: tau . dq = f . dX, with dq / dX from differences of inverse kinematics al
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +34,7 @@ VALUES = {
     'passive_joint_friction': {'coulomb': 0.05, 'viscous': 0.02},
     'base_tilt': {'about_x': 0.02, 'about_y': -0.03},
     'external_force': {'x': 2.0, 'y': -3.0, 'z': 1.5},
-    'cable_spring': {'stiffness': 20.0, 'anchor': (0.3, -0.4, 0.5)},
+    'cable_spring': {'stiffness': (20.0, 5.0, 0.0), 'anchor': (0.3, -0.4, 0.0)},
     'platform_drag': {'viscous': 0.4, 'quadratic': 0.7},
     'encoder_offset': {'offset': (2e-3, -3e-3, 1e-3, 4e-3)},
     'encoder_eccentricity': {'amplitude': (1e-3, 5e-4, 1.5e-3, 8e-4),
@@ -41,6 +42,13 @@ VALUES = {
     'geometry_error': {'arm_length': 5e-4, 'forearm_length': -8e-4, 'base_radius': 1e-3,
                        'platform_radius': -6e-4, 'platform_bar_length': 4e-4},
 }
+
+
+def exactly(values):
+    """Return standard deviations of zero."""
+    return {key: np.zeros(np.shape(value)) for key, value in values.items()}
+
+
 EFFECTS = pytest.mark.parametrize('name', VALUES)
 UP = np.array((0.0, 0.0, 1.0))
 PIVOTS = np.array([2] * 8 + [4])
@@ -280,6 +288,10 @@ def test_cable_spring_is_the_slope_of_its_energy(robot):
     tau = effect_torque(robot, state, 'cable_spring', stiffness=20.0, anchor=tuple(anchor))
     expected = slope(lambda x: 10.0 * np.sum((x[:, :3] - anchor) ** 2, axis=1), state.x)
     np.testing.assert_allclose(force_of_torque(robot.geometry, state.x, tau), expected, atol=1e-5)
+    half = effect_torque(robot, state, 'cable_spring', stiffness=(0.0, 20.0, 0.0),
+                         anchor=tuple(anchor))
+    expected = slope(lambda x: 10.0 * (x[:, 1] + 0.4) ** 2, state.x)
+    np.testing.assert_allclose(force_of_torque(robot.geometry, state.x, half), expected, atol=1e-5)
 
 
 @ROBOTS
@@ -395,7 +407,7 @@ def test_torque_is_columns_times_coefficients(robot, name):
 def test_typical_values_are_believed_and_the_signature_fits_the_motion(name):
     effect, state = effect_named(name), moving_state(REFERENCE, 5)
     base = MODELS['reference'].values
-    assert effect.implausible(values_of(name), base) is None
+    assert effect.implausible(values_of(name), exactly(values_of(name)), base) is None
     signature = effect.signature(replace(state, nominal=MODELS['reference'].nominal(state)))
     assert signature.abscissa.shape == state.q.shape
     assert np.isfinite(signature.abscissa).all()
@@ -414,25 +426,42 @@ def test_typical_values_are_believed_and_the_signature_fits_the_motion(name):
     ('passive_joint_friction', {'viscous': 2.0}, 'ten times'),
     ('base_tilt', {'about_x': 0.3}, 'seen by eye'),
     ('external_force', {'z': -80.0}, 'ten times'),
-    ('cable_spring', {'stiffness': -20.0}, 'pulls back'),
-    ('cable_spring', {'stiffness': 2e3}, 'stiff hose'),
-    ('cable_spring', {'anchor': np.array((0.0, 20.0, 0.0))}, 'too far'),
+    ('cable_spring', {'stiffness': np.array((20.0, 5.0, -4.0))}, 'pulls back.* along z'),
+    ('cable_spring', {'stiffness': np.array((1.0, 0.5, 0.0))}, 'no cable'),
+    ('cable_spring', {'stiffness': np.array((20.0, 2e3, 5.0))}, 'stiff hose'),
+    ('cable_spring', {'anchor': np.array((0.0, 20.0, 0.0))}, 'along y is too far'),
     ('platform_drag', {'viscous': -0.4, 'quadratic': 0.0}, 'must dissipate'),
     ('platform_drag', {'viscous': 40.0}, 'ten times'),
-    ('encoder_offset', {'offset': (0.0, 0.0, -0.2, 0.0)}, 'not believed'),
-    ('encoder_eccentricity', {'amplitude': (0.0, 0.005, 0.0, 0.0)}, 'badly mounted'),
+    ('encoder_offset', {'offset': (0.0, 0.0, -0.25, 0.0)}, 'not believed'),
+    ('encoder_eccentricity', {'amplitude': (0.0, 0.02, 0.0, 0.0)}, 'badly mounted'),
     ('geometry_error', {'base_radius': -0.05}, 'in base_radius'),
 ])
-def test_implausible_values_are_refused(name, wrong, reason):
+def test_implausible_values_are_refused_unless_they_may_be_chance(name, wrong, reason):
     values = values_of(name) | {
         key: value if isinstance(value, np.ndarray) else np.broadcast_to(np.array(value), (4,))
         for key, value in wrong.items()}
-    assert reason in effect_named(name).implausible(values, MODELS['reference'].values)
+    for deviation, believed in ((0.0, False), (0.02, False), (3.0, True)):
+        std = {key: deviation * np.abs(value) for key, value in values.items()}
+        found = effect_named(name).implausible(values, std, MODELS['reference'].values)
+        assert found is None if believed else re.search(reason, found)
+
+
+@pytest.mark.parametrize(('name', 'large'), [
+    ('encoder_offset', {'offset': np.radians((10.0, -10.0, 0.0, 5.0))}),
+    ('encoder_eccentricity', {'amplitude': np.radians((0.4, 0.4, 0.0, 0.8))}),
+    ('geometry_error', {'arm_length': np.full(4, 0.02), 'base_radius': np.full(4, -0.02)}),
+])
+def test_large_errors_of_real_machines_are_believed(name, large):
+    values = values_of(name) | large
+    assert effect_named(name).implausible(values, exactly(values), {}) is None
 
 
 def test_a_friction_part_estimated_just_below_zero_is_believed():
     values = {'coulomb': np.full(4, 0.3), 'viscous': np.full(4, -0.005)}
-    assert effect_named('theta_friction').implausible(values, {}) is None
+    for deviation, believed in ((2e-3, True), (1e-3, False)):
+        std = {'coulomb': np.full(4, 0.01), 'viscous': np.full(4, deviation)}
+        reason = effect_named('theta_friction').implausible(values, std, {})
+        assert (reason is None) == believed
 
 
 MODEL_YAML = """\
@@ -462,9 +491,15 @@ def test_effects_are_read_from_a_model_file(tmp_path):
                          ('cable_spring', {'stiffness': 20.0, 'anchor': (0.1, 0.2, 0.3)}),
                          ('encoder_offset', {'offset': (0.0, 0.0, 2e-3, 0.0)})):
         expected = expected + effect_torque(REFERENCE, state, name, **values)
-    np.testing.assert_allclose(read_model(path, REFERENCE).torque(state), expected, atol=1e-9)
+    found = read_model(path, REFERENCE).torque(state)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
     write_text(path, MODEL_YAML.replace('[0.1, 0.2, 0.3]', '[0.1, 0.2]'))
     with pytest.raises(InputError, match='cable_spring, anchor: expected 3 numbers'):
+        read_model(path, REFERENCE)
+    write_text(path, MODEL_YAML.replace('{value: 20,', '{value: [20, 20, 20],'))
+    np.testing.assert_array_equal(read_model(path, REFERENCE).torque(state), found)
+    write_text(path, MODEL_YAML.replace('{value: 20,', '{value: [20, 0],'))
+    with pytest.raises(InputError, match='stiffness: expected one number or 3 numbers'):
         read_model(path, REFERENCE)
 
 

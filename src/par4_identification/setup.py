@@ -21,6 +21,7 @@ setup(
         'console_scripts': [
             'par4_record = par4_identification.ros.record_node:main',
             'par4_excite = par4_identification.commands.excite:main',
+            'par4_bag = par4_identification.commands.bag:main',
             'par4_identify = par4_identification.commands.identify:main',
             'par4_validate = par4_identification.commands.validate:main',
             'par4_diagnose = par4_identification.commands.diagnose:main',

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
@@ -197,13 +196,21 @@ LOAD_DEPENDENT_FRICTION = field_hider(
         joints, random.uniform(0.01, 0.1, len(joints)))},
     [all_joints({'coefficient': 0.03}, ('coefficient',), 0.0)], ('coefficient',), own_joints=True)
 
+
+def _draw_warming(random, _known, _joints):
+    """A warm lubricant is thinner; the friction between surfaces falls less or not at all."""
+    viscous = random.uniform(0.1, 0.4)
+    return {'drop': random.uniform(0.0, 1.0) * viscous, 'viscous_drop': viscous,
+            'time_constant': random.uniform(2.0, 20.0)}
+
+
 FRICTION_DRIFT = field_hider(
-    'friction_drift', 'friction', {'drop': 'drift_drop', 'time_constant': 'drift_time'},
-    lambda random, _known, _joints: {
-        'drop': random.uniform(0.1, 0.4), 'time_constant': random.uniform(2.0, 20.0)},
-    [[({'drop': 0.2, 'time_constant': constant}, 0.0, 5.0)]
+    'friction_drift', 'friction',
+    {'drop': 'dry_drop', 'viscous_drop': 'flowing_drop', 'time_constant': 'warming_time'},
+    _draw_warming,
+    [[({size: 0.2, 'time_constant': constant}, 0.0, 5.0) for size in ('drop', 'viscous_drop')]
      for constant in (0.8, 1.5, 3.0, 6.0, 12.0, 25.0, 50.0)],
-    ('drop',), per_joint=False)
+    ('drop', 'viscous_drop'), per_joint=False)
 
 PRESLIDING = field_hider(
     'presliding', 'friction', {'distance': 'presliding_distance'},
@@ -433,14 +440,18 @@ def _roped(machine: Machine, values: Values) -> Machine:
 
 
 def _draw_rope(random, _known, _joints):
+    """A hose that hangs pulls along one direction, one that bends with a stiffness in each."""
     away = random.uniform(-0.5, 0.5, 3) + (0.0, 0.0, 0.2)
-    return {'stiffness': random.uniform(5.0, 50.0), 'anchor': away}
+    stiffness = random.uniform(5.0, 50.0, 3)
+    if random.uniform() < 0.3:
+        stiffness *= np.eye(3)[random.integers(3)]
+    return {'stiffness': stiffness, 'anchor': np.where(stiffness > 0.0, away, 0.0)}
 
 
 def _rope_family(_scene):
-    """Springs to the corners of a cube: together, one to any anchor within it."""
-    corners = 1.5 * np.array(list(product((-1.0, 1.0), repeat=3)))
-    return [[Column({'stiffness': 5.0, 'anchor': corner}, 0.0) for corner in corners]]
+    """Two springs on each axis, to either side: together, one to any anchor between."""
+    return [[Column({'stiffness': 5.0 * axis, 'anchor': side * axis}, 0.0)
+             for axis in np.eye(3) for side in (-1.5, 1.5)]]
 
 
 CABLE_SPRING = Hider('cable_spring', _roped, _draw_rope, ('stiffness',), _rope_family,

@@ -35,7 +35,7 @@ from par4_sim.friction import (
     bent,
     dry_friction,
     flowing_friction,
-    friction_scale,
+    friction_at,
 )
 from par4_sim.machine import Machine
 from par4_sim.platform_forces import add_pivot_force, platform_force_sample
@@ -71,15 +71,16 @@ def _friction_rows(laws, t, q, qd, load, torque):
     for joint in range(q.shape[1]):
         bending = 0.0
         for row in range(q.shape[0]):
+            now = friction_at(laws, t[row])
             side = 1.0 if qd[row, joint] > 0.0 else -1.0
-            level = dry_friction(laws, joint, side, abs(qd[row, joint]))
-            total = side * (level + laws[joint, LOAD_COEFFICIENT] * abs(load[row, joint]))
-            total += flowing_friction(laws, joint, qd[row, joint])
+            level = dry_friction(now, joint, side, abs(qd[row, joint]))
+            total = side * (level + now[joint, LOAD_COEFFICIENT] * abs(load[row, joint]))
+            total += flowing_friction(now, joint, qd[row, joint])
             if laws[joint, PRESLIDING_DISTANCE] > 0.0:
                 if row > 0:
                     bending = bent(laws, joint, bending, q[row, joint] - q[row - 1, joint])
-                total += bending_torque(laws, joint, bending)
-            torque[row, joint] = friction_scale(laws, t[row]) * total
+                total += bending_torque(now, joint, bending)
+            torque[row, joint] = total
 
 
 @numba.njit(cache=True, error_model='numpy')

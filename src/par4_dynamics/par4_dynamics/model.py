@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike
 
 from par4_dynamics.base_terms import BASE_TERMS, torque_of_values, values_of_bodies
 from par4_dynamics.effects.catalogue import effect_named
-from par4_dynamics.effects.effect import Effect
+from par4_dynamics.effects.effect import Effect, EffectParameter
 from par4_dynamics.mechanism import LumpedBodies, physical_bodies
 from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file
+from par4_dynamics.parameters import Number
 from par4_dynamics.rigid_body import (
     torque_of_joints_sample,
     torque_of_platform_sample,
@@ -226,33 +227,70 @@ def _active_effect(entry: EffectEntry, joints: int, is_robot: bool) -> ActiveEff
     if any(not 0 <= joint < joints for joint in acting):
         raise InputError(f'effect {effect.name}: joints must be 0 to {joints - 1}, found '
                          f'{list(acting)}')
-    values = {name: np.full(joints, parameter.default) for name, parameter in known.items()
-              if parameter.default is not None}
-    units = {}
-    for name, parameter in entry.parameters.items():
+    values, units, orders = {}, {}, _orders(effect, entry)
+    for name, given in entry.parameters.items():
         if known[name].other_unit is not None:
             both = (known[name].unit, known[name].other_unit)
-            if parameter.unit not in both:
+            if given.unit not in both:
                 raise InputError(f'effect {effect.name}, {name}: give its unit, {both[0]!r} or '
-                                 f'{both[1]!r}; found {parameter.unit!r}')
-            units[name] = parameter.unit
-        given = parameter.value
-        if known[name].size > 1:
-            if not isinstance(given, tuple) or len(given) != known[name].size:
-                raise InputError(f'effect {effect.name}, {name}: expected {known[name].size} '
-                                 f'numbers, found {given}')
-            values[name] = np.array(given)
-            continue
-        full = np.zeros(joints)
-        if isinstance(given, tuple) and len(given) not in (joints, len(acting)):
-            raise InputError(f'effect {effect.name}, {name}: expected one number, one for each of '
-                             f'its {len(acting)} joints or {joints}, found {len(given)}')
-        if isinstance(given, tuple) and len(given) == joints:
-            full[:] = given
-        else:
-            full[list(acting)] = given
-        values[name] = full
+                                 f'{both[1]!r}; found {given.unit!r}')
+            units[name] = given.unit
+        try:
+            values[name] = _numbers(known[name], given.value, acting, joints, orders)
+        except InputError as error:
+            raise InputError(f'effect {effect.name}, {name}: {error}') from None
+    for name, parameter in known.items():
+        if name not in values:
+            values[name] = (values[parameter.default].copy() if isinstance(parameter.default, str)
+                            else np.full(joints, parameter.default))
     return ActiveEffect(effect, acting, values, units)
+
+
+def _orders(effect: Effect, entry: EffectEntry) -> int | None:
+    """Return how many orders of a periodic torque are listed, None where none are."""
+    for parameter in effect.parameters:
+        given = entry.parameters.get(parameter.name)
+        if not (parameter.per_order and parameter.is_shape and given is not None
+                and isinstance(given.value, tuple)):
+            continue
+        if (not all(isinstance(order, float) and order > 0.0 for order in given.value)
+                or len(set(given.value)) < len(given.value)):
+            raise InputError(f'effect {effect.name}, {parameter.name}: expected one number, or a '
+                             f'list of positive ones that differ, one an order; found '
+                             f'{given.value}')
+        return len(given.value)
+    return None
+
+
+def _numbers(parameter: EffectParameter, given: Number, acting: tuple[int, ...], joints: int,
+             orders: int | None) -> np.ndarray:
+    """Return the values of a parameter as `Values` has them, from what a model file gives."""
+    if orders is not None and parameter.per_order:
+        parts = given if isinstance(given, tuple) else (given,) * orders
+        if len(parts) != orders:
+            raise InputError(f'expected one number, or a list with an entry for each of the '
+                             f'{orders} orders; found {len(parts)} entries')
+        return np.stack([_numbers(replace(parameter, per_order=False), part, acting, joints, None)
+                         for part in parts], axis=-1)
+    if isinstance(given, tuple) and any(isinstance(part, tuple) for part in given):
+        raise InputError('expected numbers, found a list in a list'
+                         + (', which needs a list of periods' if parameter.per_order else ''))
+    count = len(given) if isinstance(given, tuple) else 1
+    if parameter.size > 1:
+        if isinstance(given, float) and parameter.uniform:
+            return np.full(parameter.size, given)
+        if count != parameter.size:
+            one = 'one number or ' if parameter.uniform else ''
+            raise InputError(f'expected {one}{parameter.size} numbers, found {given}')
+        return np.array(given)
+    if isinstance(given, tuple) and count == joints:
+        return np.array(given)
+    if isinstance(given, tuple) and count != len(acting):
+        raise InputError(f'expected one number, one for each of its {len(acting)} joints or '
+                         f'{joints}, found {count}')
+    full = np.zeros(joints)
+    full[list(acting)] = given
+    return full
 
 
 def read_model(name_or_path: str | Path, machine: Robot | Axis) -> Model:

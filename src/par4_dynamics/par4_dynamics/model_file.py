@@ -46,6 +46,10 @@ class ModelFile(FileModel):
         for name, parameter in parameters.items():
             if name not in known:
                 raise ValueError(f'unknown parameter {name}; known are {", ".join(known)}')
+            if isinstance(parameter.value, tuple) and not all(
+                    isinstance(part, float) for part in parameter.value):
+                raise ValueError(f'{name}: expected one number or one a joint, found a list of '
+                                 f'lists')
             lowest = parameter.per_joint(4 if not isinstance(parameter.value, tuple)
                                          else len(parameter.value)).min()
             if known[name].nonnegative and lowest < 0:

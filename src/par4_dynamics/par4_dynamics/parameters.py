@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated
 
 import numpy as np
@@ -9,7 +10,10 @@ from pydantic import Field, model_validator
 
 from par4_kinematics.files import FileModel
 
-Number = float | Annotated[tuple[float, ...], Field(min_length=1)]
+PerJoint = float | Annotated[tuple[float, ...], Field(min_length=1)]
+"""One number for all joints, or one a joint."""
+Number = float | Annotated[tuple[PerJoint, ...], Field(min_length=1)]
+"""The same, or one entry for each order of a periodic torque."""
 
 
 class Parameter(FileModel):
@@ -22,13 +26,29 @@ class Parameter(FileModel):
     @model_validator(mode='after')
     def _std_matches(self) -> Parameter:
         if self.std is not None:
-            if isinstance(self.std, tuple) and (
-                    not isinstance(self.value, tuple) or len(self.std) != len(self.value)):
+            if not _fits(self.std, self.value):
                 raise ValueError('std must have as many numbers as value')
-            if np.min(self.std) < 0:
+            if min(_flat(self.std)) < 0:
                 raise ValueError(f'std must not be negative, found {self.std}')
         return self
 
     def per_joint(self, joints: int) -> np.ndarray:
         """Return the value for each of `joints` joints, (joints,)."""
         return np.broadcast_to(np.asarray(self.value, dtype=float), (joints,))
+
+
+def _fits(std: Number, value: Number) -> bool:
+    """Return whether a standard deviation is one number or has the parts that the value has."""
+    if not isinstance(std, tuple):
+        return True
+    return (isinstance(value, tuple) and len(std) == len(value)
+            and all(map(_fits, std, value)))
+
+
+def _flat(number: Number) -> Iterator[float]:
+    """Yield the numbers of a number, of a tuple or of tuples."""
+    if isinstance(number, tuple):
+        for part in number:
+            yield from _flat(part)
+    else:
+        yield number

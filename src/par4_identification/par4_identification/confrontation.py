@@ -413,20 +413,21 @@ def _closed_loop(robot: Robot, model: Model, path: Reference, t: np.ndarray, fid
 def _warmed(model: Model, begin: float) -> Model:
     """Return the model for a clock that begins `begin` seconds after that of the log.
 
-    Only friction that drifts knows the time. With a the drop and T the time constant,
+    Only friction that drifts knows the time. With a the drop of a friction and T the time constant,
     1 - a (1 - exp(-(t + b) / T)) = c (1 - a' (1 - exp(-t / T))), c = 1 - a (1 - exp(-b / T)),
     a' = a exp(-b / T) / c. What went before the log by more than T is taken as T.
     """
     for index, active in enumerate(model.effects):
         if active.effect.name == 'friction_drift':
-            drop, constant = active.values['drop'], active.values['time_constant']
-            left = np.exp(np.minimum(-begin / constant, 1.0))
-            scale = 1.0 - drop * (1.0 - left)
+            left = np.exp(np.minimum(-begin / active.values['time_constant'], 1.0))
+            base, warmed = dict(model.values), dict(active.values)
+            for friction, drop in zip(FRICTION, ('drop', 'viscous_drop')):
+                scale = 1.0 - active.values[drop] * (1.0 - left)
+                base[friction] = scale * base[friction]
+                warmed[drop] = active.values[drop] * left / scale
             effects = list(model.effects)
-            effects[index] = replace(active, values={**active.values, 'drop': drop * left / scale})
-            return replace(model, effects=tuple(effects), values={
-                name: scale * value if name in FRICTION else value
-                for name, value in model.values.items()})
+            effects[index] = replace(active, values=warmed)
+            return replace(model, effects=tuple(effects), values=base)
     return model
 
 

@@ -13,6 +13,7 @@ NONNEGATIVE: dict[str, tuple[str, ...]] = {
     'distributed_rods': ('bar_mass',),
     'elastic_transmission': ('stiffness',),  # 0 stands for a rigid joint
     'backlash': ('gap',),
+    'cable_spring': ('stiffness',),
     'theta_friction': ('coulomb', 'viscous'),
     'passive_joint_friction': ('coulomb', 'viscous'),
     'platform_drag': ('viscous', 'quadratic')}

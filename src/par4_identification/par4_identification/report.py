@@ -411,12 +411,15 @@ def _cause_cells(diagnosis: Diagnosis, index: int, machine: Robot | Axis, names:
 
 
 def _parameter_cells(cause: Cause, name: str, machine: Robot | Axis) -> dict[str, Any]:
-    """Return a line of values with standard deviations: one for the machine or one a joint."""
+    """Return a line of values with standard deviations: those of the machine or one a joint."""
     parameter = cause.parameters[name]
+    scope = next(item.scope for item in cause.effect.parameters if item.name == name)
     values, stds = np.atleast_1d(parameter.value), np.atleast_1d(parameter.std)
     cells = [' ± '.join(with_std(float(value), float(std)))
              for value, std in zip(values, stds, strict=True)]
     joints = len(joint_labels(machine))
+    if scope == 'machine':
+        cells = [', '.join(cells)]
     alike = len(set(cells)) == 1 and len(cause.joints) == joints
     common = joints > 1 and (len(cells) == 1 or alike)
     if not common:

@@ -87,6 +87,8 @@ EXECUTABLES = (
     ('par4_identification', 'par4_record', 'node: records a bag; `--repair BAG` mends one cut off'),
     ('par4_identification', 'par4_excite',
      'offline: designs an excitation motion file and says what to expect of it'),
+    ('par4_identification', 'par4_bag',
+     'offline: makes a bag from CSV, .npz or .mat logs of any machine'),
     ('par4_identification', 'par4_identify', 'offline: identifies a model from bags'),
     ('par4_identification', 'par4_validate', 'offline: cross-validates a model on a bag'),
     ('par4_identification', 'par4_diagnose', 'offline: names what the model gets wrong'),

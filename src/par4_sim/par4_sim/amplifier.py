@@ -1,7 +1,7 @@
 """The amplifiers as they truly are: what they deliver of the torque that is asked and recorded.
 
     i = command behind two first-order lags in series (the drives' `current_lag`, `time_constant`)
-    delivered = i / ((1 + eps) (1 + a sin(N q + phi))), kept within +-limit
+    delivered = i / ((1 + eps) (1 + sum of a sin(N q + phi))), kept within +-limit
 
 The lag belongs to the current; gain error and ripple are those of the torque that a current makes,
 the limit is that of the torque. The torque of a physics step is the mean over the step of what
@@ -27,10 +27,12 @@ def _zeros() -> np.ndarray:
 class Amplifier:
     """What four amplifiers and motors do that their drives do not know; each (4,) but the lag.
 
+    The ripple may have K orders; its three fields are then (4, K).
+
     Attributes:
         gain_error: eps. The true gain is G / (1 + eps): recorded = (1 + eps) delivered torque.
         ripple: a. The torque constant varies over the turn:
-            recorded = (1 + a sin(N q + phi)) delivered torque.
+            recorded = (1 + sum over the orders of a sin(N q + phi)) delivered torque.
         ripple_periods: N, periods a turn of the arm.
         ripple_phase: phi, rad.
         time_constant: of a first-order lag from recorded to delivered torque, s, one for the
@@ -47,10 +49,13 @@ class Amplifier:
 
     @property
     def packed(self) -> np.ndarray:
-        """(5, 4): all but the lag, as `deliver` takes it."""
-        return np.stack([np.broadcast_to(part, (LEGS,)).astype(float) for part in (
-            self.gain_error, self.ripple, self.ripple_periods, self.ripple_phase,
-            self.torque_limit)])
+        """(2 + 3 K, 4): all but the lag, as `deliver` takes it; a, N, phi of each order."""
+        waves = np.stack([np.reshape(part, (LEGS, -1)) for part in (
+            self.ripple, self.ripple_periods, self.ripple_phase)])  # (3, 4, K)
+        return np.concatenate((
+            np.stack([np.broadcast_to(part, (LEGS,)).astype(float) for part in (
+                self.gain_error, self.torque_limit)]),
+            waves.transpose(2, 0, 1).reshape(-1, LEGS)))
 
 
 def lag_shares(first: float, second: float, dt: float) -> np.ndarray:
@@ -96,7 +101,10 @@ def deliver(amplifier, lag, currents, command, q, torque):
         current = asked + lag[3] * first + lag[4] * second
         currents[0, joint] = asked + lag[0] * first
         currents[1, joint] = asked + lag[1] * first + lag[2] * second
-        wave = math.sin(amplifier[2, joint] * q[joint] + amplifier[3, joint])
-        true = current / ((1.0 + amplifier[0, joint]) * (1.0 + amplifier[1, joint] * wave))
-        limit = amplifier[4, joint]
+        wave = 0.0
+        for row in range(2, amplifier.shape[0], 3):
+            wave += amplifier[row, joint] * math.sin(
+                amplifier[row + 1, joint] * q[joint] + amplifier[row + 2, joint])
+        true = current / ((1.0 + amplifier[0, joint]) * (1.0 + wave))
+        limit = amplifier[1, joint]
         torque[joint] = min(max(true, -limit), limit)

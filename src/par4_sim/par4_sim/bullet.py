@@ -27,7 +27,7 @@ from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import Robot
 from par4_sim.friction import (
     BACK_COULOMB,
-    DRIFT_DROP,
+    DRY_DROP,
     FORWARD_COULOMB,
     LOAD_COEFFICIENT,
     PRESLIDING_DISTANCE,
@@ -37,7 +37,7 @@ from par4_sim.friction import (
     bent,
     dry_friction,
     flowing_friction,
-    friction_scale,
+    friction_at,
 )
 from par4_sim.machine import Machine
 from par4_sim.plant import STEP
@@ -367,7 +367,7 @@ class BulletPlant:
 @numba.njit(cache=True, error_model='numpy')
 def _smooth_friction(laws, time, velocity, moved, bending):
     """Return the friction (4,), N m, that is not dry; `bending` (4,) goes on by `moved`, rad."""
-    torque = np.empty(4)
+    laws, torque = friction_at(laws, time), np.empty(4)
     for joint in range(4):
         torque[joint] = flowing_friction(laws, joint, velocity[joint])
         if laws[joint, PRESLIDING_DISTANCE] > 0.0:
@@ -375,7 +375,7 @@ def _smooth_friction(laws, time, velocity, moved, bending):
             torque[joint] += bending_torque(laws, joint, bending[joint])
         else:  # dry levels that differ between the directions: a symmetric one and this
             torque[joint] += 0.5 * (laws[joint, FORWARD_COULOMB] - laws[joint, BACK_COULOMB])
-    return friction_scale(laws, time) * torque
+    return torque
 
 
 class _JointFriction:
@@ -390,7 +390,7 @@ class _JointFriction:
     def __init__(self, machine: Machine) -> None:
         self._laws = machine.friction.packed
         self.bears_load = bool(np.any(self._laws[:, LOAD_COEFFICIENT]))
-        self.varies = self.bears_load or bool(np.any(self._laws[:, (STRIBECK_TORQUE, DRIFT_DROP)]))
+        self.varies = self.bears_load or bool(np.any(self._laws[:, (STRIBECK_TORQUE, DRY_DROP)]))
         self.restart(np.zeros(LEGS))
 
     def restart(self, q: np.ndarray) -> None:
@@ -411,19 +411,17 @@ class _JointFriction:
 
     def dry(self, time: float, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
         """Return the torque (4,), N m, up to which a joint is held, `torque` (4,) driving it."""
-        scale = friction_scale(self._laws, time)
-        result = np.empty(LEGS)
+        laws, result = friction_at(self._laws, time), np.empty(LEGS)
         for joint in range(LEGS):
             speed = abs(velocity[joint])
-            level = scale * 0.5 * sum(
-                dry_friction(self._laws, joint, side, speed) for side in (-1.0, 1.0))
+            level = 0.5 * sum(dry_friction(laws, joint, side, speed) for side in (-1.0, 1.0))
             if speed > STANDSTILL:
                 direction = math.copysign(1.0, velocity[joint])
-                load = behind_load_friction(self._laws, joint, scale * direction,
+                load = behind_load_friction(laws, joint, direction,
                                             torque[joint] - direction * level)
             else:  # what holds a joint tells which part of its torque goes on
                 load = torque[joint] if self.load is None else self.load[joint]
-            result[joint] = level + scale * self._laws[joint, LOAD_COEFFICIENT] * abs(load)
+            result[joint] = level + laws[joint, LOAD_COEFFICIENT] * abs(load)
         return result
 
 

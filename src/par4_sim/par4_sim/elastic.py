@@ -27,7 +27,7 @@ from par4_sim.friction import (
     bent,
     dry_friction,
     flowing_friction,
-    friction_scale,
+    friction_at,
 )
 from par4_sim.machine import Machine
 from par4_sim.plant import Plant
@@ -117,10 +117,10 @@ def spring_torque(stiffness, gap, damping, twist, rate):
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _slid(laws, joint, scale, inertia, velocity, rolling, push, level, span):
+def _slid(laws, joint, inertia, velocity, rolling, push, level, span):
     """Return the velocity after `span`; dry friction takes what it can, up to a standstill."""
-    free = velocity + span * (push - scale * flowing_friction(laws, joint, rolling)) / inertia
-    loss = span * scale * (level + dry_friction(laws, joint, free, abs(velocity))) / inertia
+    free = velocity + span * (push - flowing_friction(laws, joint, rolling)) / inertia
+    loss = span * (level + dry_friction(laws, joint, free, abs(velocity))) / inertia
     if free > loss:
         return free - loss
     return free + loss if free < -loss else 0.0
@@ -140,7 +140,7 @@ def motor_step(motors, friction, time, tau, q, qd, motor, h, acts, passed):
         acts: share of the step after which a torque of the plant acts: 1/2 or 0.
         passed: written.
     """
-    scale = friction_scale(friction, time + acts * h)
+    friction = friction_at(friction, time + acts * h)
     for joint in range(4):
         if motors[STIFFNESS, joint] == np.inf:
             passed[joint] = tau[joint]
@@ -153,11 +153,11 @@ def motor_step(motors, friction, time, tau, q, qd, motor, h, acts, passed):
         passed[joint] = spring
         push, level = tau[joint] - spring, friction[joint, LOAD_COEFFICIENT] * abs(spring)
         if friction[joint, PRESLIDING_DISTANCE] > 0.0:
-            push -= scale * bending_torque(
+            push -= bending_torque(
                 friction, joint, bent(friction, joint, motor[BENDING, joint], drift))
         # velocity-dependent friction at its mean over the step, from half a step on trial
-        middle = _slid(friction, joint, scale, inertia, velocity, velocity, push, level, 0.5 * h)
-        after = _slid(friction, joint, scale, inertia, velocity, middle, push, level, h)
+        middle = _slid(friction, joint, inertia, velocity, velocity, push, level, 0.5 * h)
+        after = _slid(friction, joint, inertia, velocity, middle, push, level, h)
         moved = h * (acts * velocity + (1.0 - acts) * after)
         if friction[joint, PRESLIDING_DISTANCE] > 0.0:
             motor[BENDING, joint] = bent(friction, joint, motor[BENDING, joint], moved)

@@ -44,7 +44,7 @@ from par4_sim.friction import (
     bent,
     dry_friction,
     flowing_friction,
-    friction_scale,
+    friction_at,
 )
 from par4_sim.machine import Machine
 from par4_sim.plant import STEP
@@ -59,7 +59,7 @@ MAX_EVENTS = 16
 LOST = 4
 """Returned in place of a leg where the motion is no longer finite."""
 
-PLATFORM, HAS_FORCES, HAS_PIVOTS = 36, 49, 50
+PLATFORM, HAS_FORCES, HAS_PIVOTS = 36, 51, 52
 """Where, behind those of the mechanism, platform forces and two flags are in the constants."""
 ANGLES, FORCE, HOLDING, RESPONSES, K_X, K_V, STAGE, END, WORK_ROWS = (
     EQUATION_ROWS, 14, 15, 16, 20, 24, 28, 30, 34)
@@ -69,7 +69,7 @@ accelerations, the stage's pose and velocity, and X, XD, Q, QD at the end of a s
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _acceleration(constants, friction, harmonics, state, work, scale, motion, tau, out):
+def _acceleration(constants, friction, harmonics, state, work, motion, tau, out):
     """Write Xddot of a motion (2, 4) to row `out` of work, and what holds stuck joints to HOLDING.
 
     Returns -1 or an unreachable leg.
@@ -100,16 +100,16 @@ def _acceleration(constants, friction, harmonics, state, work, scale, motion, ta
     stuck = 0
     for joint in range(4):
         mode, speed = state[MODE, joint], work[SPEEDS, joint]
-        net = tau[joint] - scale * flowing_friction(friction, joint, speed)
+        net = tau[joint] - flowing_friction(friction, joint, speed)
         if bends:
             moved = work[ANGLES, joint] - state[Q, joint]
-            net -= scale * bending_torque(
+            net -= bending_torque(
                 friction, joint, bent(friction, joint, state[BENDING, joint], moved))
         if mode == STUCK:
             stuck += 1
         elif mode != FREE:
-            net -= mode * scale * dry_friction(friction, joint, mode, abs(speed))
-            net = behind_load_friction(friction, joint, scale * mode, net)
+            net -= mode * dry_friction(friction, joint, mode, abs(speed))
+            net = behind_load_friction(friction, joint, mode, net)
         for axis in range(4):
             work[out, axis] += work[RATES + joint, axis] * net
     factor_in_place(work)
@@ -148,7 +148,7 @@ def _hold(state, work, stuck, out):
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _runge_kutta(constants, friction, harmonics, state, work, scale, tau, span):
+def _runge_kutta(constants, friction, harmonics, state, work, tau, span):
     """Write the motion after `span` seconds with these modes to END; return -1 or a leg."""
     motion = work[STAGE:END]
     for stage in range(4):
@@ -160,8 +160,7 @@ def _runge_kutta(constants, friction, harmonics, state, work, scale, tau, span):
                 x += part * work[K_X + before, axis]
                 xd += part * work[K_V + before, axis]
             motion[X, axis], motion[XD, axis], work[K_X + stage, axis] = x, xd, xd
-        leg = _acceleration(constants, friction, harmonics, state, work, scale, motion, tau,
-                            K_V + stage)
+        leg = _acceleration(constants, friction, harmonics, state, work, motion, tau, K_V + stage)
         if leg >= 0:
             return leg
     for axis in range(4):
@@ -221,13 +220,13 @@ def _take_over(constants, friction, state, work, landed):
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _release(constants, friction, harmonics, state, work, scale, tau):
+def _release(constants, friction, harmonics, state, work, tau):
     """Let go of stuck joints that friction cannot hold; return -1 or an unreachable leg."""
     for _ in range(4):
         if not (state[MODE, 0] == STUCK or state[MODE, 1] == STUCK or state[MODE, 2] == STUCK
                 or state[MODE, 3] == STUCK):
             return -1
-        leg = _acceleration(constants, friction, harmonics, state, work, scale, state, tau, K_V)
+        leg = _acceleration(constants, friction, harmonics, state, work, state, tau, K_V)
         if leg >= 0:
             return leg
         worst, excess = -1, 0.0
@@ -236,7 +235,7 @@ def _release(constants, friction, harmonics, state, work, scale, tau):
                 torque = work[HOLDING, joint]
                 level = (dry_friction(friction, joint, torque, 0.0)
                          + friction[joint, LOAD_COEFFICIENT] * abs(tau[joint] - torque))
-                over = abs(torque) - scale * level
+                over = abs(torque) - level
                 if over > excess:
                     worst, excess = joint, over
         if worst < 0:
@@ -258,12 +257,12 @@ def advance(constants, friction, harmonics, state, work, time, tau, span):
     Returns:
         -1, a leg that cannot reach, or LOST.
     """
-    scale = friction_scale(friction, time + 0.5 * span)
+    friction = friction_at(friction, time + 0.5 * span)
     for event in range(MAX_EVENTS):
-        leg = _release(constants, friction, harmonics, state, work, scale, tau)
+        leg = _release(constants, friction, harmonics, state, work, tau)
         if leg >= 0:
             return leg
-        leg = _runge_kutta(constants, friction, harmonics, state, work, scale, tau, span)
+        leg = _runge_kutta(constants, friction, harmonics, state, work, tau, span)
         if leg >= 0:
             return leg
         first, part = -1, 1.0
@@ -277,8 +276,7 @@ def advance(constants, friction, harmonics, state, work, time, tau, span):
         if first < 0 or event == MAX_EVENTS - 1:
             break
         if part > 0.0:
-            leg = _runge_kutta(constants, friction, harmonics, state, work, scale, tau,
-                               part * span)
+            leg = _runge_kutta(constants, friction, harmonics, state, work, tau, part * span)
             if leg >= 0:
                 return leg
         else:
@@ -291,7 +289,7 @@ def advance(constants, friction, harmonics, state, work, time, tau, span):
 
 
 def machine_constants(machine: Machine) -> np.ndarray:
-    """Return the constants (51,) of a machine as `advance` takes them."""
+    """Return the constants (53,) of a machine as `advance` takes them."""
     platform = machine.platform
     return np.concatenate((packed_mechanism(machine.geometry, machine.bodies, machine.gravity),
                            platform.packed, (not platform.is_none, platform.has_pivots)))

@@ -4,10 +4,11 @@ F opposes the motion. While a joint moves with v > 0 (v < 0: the mirror image)
 
     F = f_c + F_s exp(-(v / v_s)^2) + f_v v + f_2 v^2 + f_p v^p + mu |tau_load|
 
-where f_c and f_v may differ between the directions, tau_load is the torque that goes on behind
-the friction, and all of it may fall with time as the machine warms up. At rest it takes any value
-up to the breakaway level. With presliding (Dahl) f_c acts through the bending of the contact:
-f_c z with dz/dq = (1 - z sign(v)) / x_s instead of f_c sign(v).
+where f_c and f_v may differ between the directions and tau_load is the torque that goes on behind
+the friction. As the machine warms up, the dry part of F (f_c, F_s, mu) and the part that flows
+(f_v, f_2, f_p) each lose a share of their own. At rest F takes any value up to the breakaway
+level. With presliding (Dahl) f_c acts through the bending of the contact: f_c z with
+dz/dq = (1 - z sign(v)) / x_s instead of f_c sign(v).
 """
 
 from __future__ import annotations
@@ -21,9 +22,12 @@ import numpy as np
 from par4_kinematics.geometry import LEGS
 
 (FORWARD_COULOMB, BACK_COULOMB, FORWARD_VISCOUS, BACK_VISCOUS, STRIBECK_TORQUE, STRIBECK_VELOCITY,
- QUADRATIC, POWER_TORQUE, POWER_EXPONENT, LOAD_COEFFICIENT, PRESLIDING_DISTANCE, DRIFT_DROP,
- DRIFT_TIME) = range(13)
+ QUADRATIC, POWER_TORQUE, POWER_EXPONENT, LOAD_COEFFICIENT, PRESLIDING_DISTANCE, DRY_DROP,
+ FLOWING_DROP, WARMING_TIME) = range(14)
 """Columns of `Friction.packed`."""
+DRY = (FORWARD_COULOMB, BACK_COULOMB, STRIBECK_TORQUE, LOAD_COEFFICIENT)
+FLOWING = (FORWARD_VISCOUS, BACK_VISCOUS, QUADRATIC, POWER_TORQUE)
+"""The levels that warming lowers: of the friction between surfaces, and of the lubricant."""
 
 
 def _zeros() -> np.ndarray:
@@ -32,7 +36,7 @@ def _zeros() -> np.ndarray:
 
 @dataclass(frozen=True)
 class Friction:
-    """Friction of the four joints, each (4,) but for drift and presliding.
+    """Friction of the four joints, each (4,) but for warming and presliding.
 
     Attributes:
         coulomb: f_c, N m, the mean of both directions.
@@ -45,7 +49,8 @@ class Friction:
         power_torque, power_exponent: f_p, N m at 1 rad/s, and p.
         load_coefficient: mu.
         presliding_distance: x_s, rad; 0 = Coulomb friction that sticks.
-        drift_drop, drift_time: friction is 1 - drop (1 - exp(-t / time)) of what it was at t = 0.
+        dry_drop, flowing_drop: shares that the two parts of the friction lose while warming up.
+        warming_time: a part is 1 - drop (1 - exp(-t / warming_time)) of what it was at t = 0, s.
     """
 
     coulomb: np.ndarray = field(default_factory=_zeros)
@@ -59,18 +64,19 @@ class Friction:
     power_exponent: np.ndarray = field(default_factory=lambda: np.ones(LEGS))
     load_coefficient: np.ndarray = field(default_factory=_zeros)
     presliding_distance: float = 0.0
-    drift_drop: float = 0.0
-    drift_time: float = 1.0
+    dry_drop: float = 0.0
+    flowing_drop: float = 0.0
+    warming_time: float = 1.0
 
     @property
     def packed(self) -> np.ndarray:
-        """(4, 13): one row a joint, as the compiled kernels take it; see the columns above."""
+        """(4, 14): one row a joint, as the compiled kernels take it; see the columns above."""
         return np.stack([np.broadcast_to(part, (LEGS,)).astype(float) for part in (
             self.coulomb + self.coulomb_asymmetry, self.coulomb - self.coulomb_asymmetry,
             self.viscous + self.viscous_asymmetry, self.viscous - self.viscous_asymmetry,
             self.stribeck_torque, self.stribeck_velocity, self.quadratic, self.power_torque,
-            self.power_exponent, self.load_coefficient, self.presliding_distance, self.drift_drop,
-            self.drift_time)], axis=1)
+            self.power_exponent, self.load_coefficient, self.presliding_distance, self.dry_drop,
+            self.flowing_drop, self.warming_time)], axis=1)
 
     @property
     def is_dry(self) -> np.ndarray:
@@ -82,19 +88,26 @@ class Friction:
 
 
 @numba.njit(cache=True, error_model='numpy')
-def friction_scale(laws, time):
-    """Return friction at a time over that at t = 0."""
-    if laws[0, DRIFT_DROP] == 0.0:
-        return 1.0
-    return 1.0 - laws[0, DRIFT_DROP] * (1.0 - math.exp(-time / laws[0, DRIFT_TIME]))
+def friction_at(laws, time):
+    """Return the laws (4, 14) with the levels that warming has left at a time, s."""
+    if laws[0, DRY_DROP] == 0.0 and laws[0, FLOWING_DROP] == 0.0:
+        return laws
+    warm = 1.0 - math.exp(-time / laws[0, WARMING_TIME])
+    now = laws.copy()
+    for joint in range(laws.shape[0]):
+        for column in DRY:
+            now[joint, column] *= 1.0 - laws[joint, DRY_DROP] * warm
+        for column in FLOWING:
+            now[joint, column] *= 1.0 - laws[joint, FLOWING_DROP] * warm
+    return now
 
 
 @numba.njit(cache=True, error_model='numpy')
 def dry_friction(laws, joint, direction, speed):
-    """Return what of one joint's friction does not vanish with its speed, N m at t = 0.
+    """Return what of one joint's friction does not vanish with its speed, N m.
 
     Args:
-        laws, joint: Friction.packed and whose row.
+        laws, joint: `friction_at` and whose row.
         direction: > 0 for forward, else back.
         speed: |v|, rad/s.
     """
@@ -109,7 +122,7 @@ def dry_friction(laws, joint, direction, speed):
 
 @numba.njit(cache=True, error_model='numpy')
 def flowing_friction(laws, joint, velocity):
-    """Return what of one joint's friction vanishes with its velocity, N m at t = 0, signed."""
+    """Return what of one joint's friction vanishes with its velocity, N m, signed."""
     slope = laws[joint, FORWARD_VISCOUS] if velocity > 0.0 else laws[joint, BACK_VISCOUS]
     torque = slope * velocity
     if laws[joint, QUADRATIC] != 0.0:
@@ -129,7 +142,7 @@ def bent(laws, joint, bending, moved):
 
 @numba.njit(cache=True, error_model='numpy')
 def bending_torque(laws, joint, bending):
-    """Return Coulomb friction through the bending of the contact, N m at t = 0, signed."""
+    """Return Coulomb friction through the bending of the contact, N m, signed."""
     return (laws[joint, FORWARD_COULOMB] if bending > 0.0 else laws[joint, BACK_COULOMB]) * bending
 
 

@@ -52,10 +52,10 @@ def _refuse_the_impossible(machine: Machine) -> None:
             ('exponent of friction', friction.power_exponent, 1e-2, None),
             ('friction of load', friction.load_coefficient, 0.0, 0.9),
             ('presliding distance, rad', friction.presliding_distance, 0.0, None),
-            ('share of friction lost', friction.drift_drop, -10.0, 1.0),
-            ('time constant of friction, s', friction.drift_time, 1e-6, None),
+            ('share of friction lost', (friction.dry_drop, friction.flowing_drop), -10.0, 1.0),
+            ('time constant of friction, s', friction.warming_time, 1e-6, None),
             ('relative error of a drive gain', amplifier.gain_error, -0.9, None),
-            ('torque ripple', np.abs(amplifier.ripple), 0.0, 0.9),
+            ('torque ripple', np.abs(amplifier.ripple.reshape(LEGS, -1)).sum(axis=1), 0.0, 0.9),
             ('time constant of the actuators, s', amplifier.time_constant, 0.0, None),
             ('torque limit, N m', amplifier.torque_limit, 1e-6, None),
             ('stiffness, N m/rad', machine.transmission.stiffness, 1.0, None),
@@ -93,8 +93,6 @@ ON_JOINTS: dict[str, Fields] = {
                                        'power_exponent': 'exponent'}),
     'load_dependent_friction': ('friction', {'load_coefficient': 'coefficient'}),
     'drive_gain_error': ('amplifier', {'gain_error': 'relative'}),
-    'torque_ripple': ('amplifier', {'ripple': 'relative', 'ripple_periods': 'periods',
-                                    'ripple_phase': 'phase'}),
     'torque_saturation': ('amplifier', {'torque_limit': 'limit'}),
     'backlash': ('transmission', {'gap': 'gap'}),
     'encoder_offset': ('sensors', {'encoder_offset': 'offset'}),
@@ -103,7 +101,8 @@ ON_JOINTS: dict[str, Fields] = {
 }
 """Effects that are fields of a part, (4,), on the joints they act on."""
 OF_MACHINE: dict[str, Fields] = {
-    'friction_drift': ('friction', {'drift_drop': 'drop', 'drift_time': 'time_constant'}),
+    'friction_drift': ('friction', {'dry_drop': 'drop', 'flowing_drop': 'viscous_drop',
+                                    'warming_time': 'time_constant'}),
     'presliding': ('friction', {'presliding_distance': 'distance'}),
     'theta_friction': ('platform', {'theta_coulomb': 'coulomb', 'theta_viscous': 'viscous'}),
     'passive_joint_friction': ('platform', {'pivot_coulomb': 'coulomb',
@@ -154,8 +153,10 @@ def _joint_friction_difference(machine: Machine, active: ActiveEffect) -> Machin
 
 def _with_harmonics(machine: Machine, active: ActiveEffect, amplitude: np.ndarray,
                     periods: np.ndarray, phase: np.ndarray) -> Machine:
-    added = tuple(Harmonic(joint, float(amplitude[joint]), float(periods[joint]),
-                           float(phase[joint])) for joint in active.joints)
+    """Return the machine with waves (4,), or (4, K) of K orders, on the joints of the effect."""
+    waves = np.stack([np.reshape(part, (LEGS, -1)) for part in (amplitude, periods, phase)])
+    added = tuple(Harmonic(joint, *map(float, wave))
+                  for joint in active.joints for wave in waves[:, joint].T)
     return replace(machine, harmonics=(*machine.harmonics, *added))
 
 
@@ -167,6 +168,16 @@ def _torque_offset(machine: Machine, active: ActiveEffect) -> Machine:
 def _cogging(machine: Machine, active: ActiveEffect) -> Machine:
     return _with_harmonics(machine, active, active.values['amplitude'], active.values['periods'],
                            active.values['phase'])
+
+
+def _torque_ripple(machine: Machine, active: ActiveEffect) -> Machine:
+    """Add the orders to those that the torque constants have."""
+    acting = np.isin(np.arange(LEGS), active.joints)
+    added = {'ripple': np.where(acting, active.values['relative'].T, 0.0).T,
+             'ripple_periods': active.values['periods'], 'ripple_phase': active.values['phase']}
+    return _changed(machine, 'amplifier', **{
+        field: np.hstack([np.reshape(part, (LEGS, -1)) for part in (
+            getattr(machine.amplifier, field), wave)]) for field, wave in added.items()})
 
 
 def _arm_mass_offset(machine: Machine, active: ActiveEffect) -> Machine:
@@ -223,7 +234,7 @@ def _external_force(machine: Machine, active: ActiveEffect) -> Machine:
 
 
 def _cable_spring(machine: Machine, active: ActiveEffect) -> Machine:
-    return _changed(machine, 'platform', spring=_whole(active, 'stiffness'),
+    return _changed(machine, 'platform', spring=active.values['stiffness'],
                     anchor=active.values['anchor'])
 
 
@@ -244,6 +255,7 @@ _OTHERS: dict[str, Callable[[Machine, ActiveEffect], Machine]] = {
     'joint_friction_difference': _joint_friction_difference,
     'torque_offset': _torque_offset,
     'cogging': _cogging,
+    'torque_ripple': _torque_ripple,
     'arm_mass_offset': _arm_mass_offset,
     'distributed_rods': _distributed_rods,
     'payload': _payload,

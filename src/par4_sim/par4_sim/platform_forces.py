@@ -23,15 +23,15 @@ class PlatformForces:
 
     Attributes:
         force: (3,) N on D in `base`, constant.
-        spring: N/m, isotropic, pulling D towards `anchor` (3,) m.
-        anchor: where the spring is fixed.
+        spring: stiffness along x, y, z of `base` (3,), N/m, pulling D towards `anchor`.
+        anchor: where the spring is fixed, (3,) m.
         viscous_drag, quadratic_drag: N s/m, N s2/m2, against the velocity of D.
         theta_coulomb, theta_viscous: N m, N m s/rad, against thetad.
         pivot_coulomb, pivot_viscous: of each passive pivot, N m, N m s/rad.
     """
 
     force: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    spring: float = 0.0
+    spring: np.ndarray = field(default_factory=lambda: np.zeros(3))
     anchor: np.ndarray = field(default_factory=lambda: np.zeros(3))
     viscous_drag: float = 0.0
     quadratic_drag: float = 0.0
@@ -43,7 +43,7 @@ class PlatformForces:
     @property
     def is_none(self) -> bool:
         """Whether nothing acts."""
-        return not np.any(np.delete(self.packed, (4, 5, 6)))
+        return not np.any(np.delete(self.packed, (6, 7, 8)))
 
     @property
     def has_pivots(self) -> bool:
@@ -52,9 +52,9 @@ class PlatformForces:
 
     @property
     def packed(self) -> np.ndarray:
-        """The values as the compiled kernels take them, (13,)."""
+        """The values as the compiled kernels take them, (15,)."""
         return np.concatenate((
-            self.force, (self.spring,), self.anchor,
+            self.force, np.broadcast_to(self.spring, (3,)), self.anchor,
             (self.viscous_drag, self.quadratic_drag, self.theta_coulomb, self.theta_viscous,
              self.pivot_coulomb, self.pivot_viscous))).astype(float)
 
@@ -72,11 +72,11 @@ class PlatformForces:
 def platform_force_sample(platform, x, xd, force):
     """Write the generalised force (4,) on D and theta, N and N m, of all but the pivots."""
     speed = math.sqrt(xd[0] * xd[0] + xd[1] * xd[1] + xd[2] * xd[2])
-    drag = platform[7] + platform[8] * speed
+    drag = platform[9] + platform[10] * speed
     for axis in range(3):
-        force[axis] = (platform[axis] - platform[3] * (x[axis] - platform[4 + axis])
+        force[axis] = (platform[axis] - platform[3 + axis] * (x[axis] - platform[6 + axis])
                        - drag * xd[axis])
-    force[3] = -platform[9] * math.tanh(xd[3] / REST_RATE) - platform[10] * xd[3]
+    force[3] = -platform[11] * math.tanh(xd[3] / REST_RATE) - platform[12] * xd[3]
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -84,6 +84,6 @@ def add_pivot_force(platform, packed, x, xd, q, qd, force):
     """Add the friction of the passive pivots to the generalised force (4,)."""
     rates, taken = np.empty((9, 3)), np.empty(4)
     passive_rates_sample(packed, x, xd, q, qd, rates)
-    passive_force_sample(packed, x, q, rates, platform[11], platform[12], REST_RATE, taken)
+    passive_force_sample(packed, x, q, rates, platform[13], platform[14], REST_RATE, taken)
     for axis in range(4):
         force[axis] -= taken[axis]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_dynamics.effects.time_rate import time_rate
 
 LONGEST = 0.05
@@ -21,9 +21,9 @@ class ActuatorLag(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return time_rate(state, state.nominal.delivered)[..., None]
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         constant = float(values['time_constant'][0])
-        if not 0.0 < constant <= LONGEST:
+        if beyond(constant, std['time_constant'][0], 0.0, LONGEST) is not None:
             return (f'a drive lags by a time constant above 0 and up to {LONGEST:g} s, '
                     f'found {constant:.3g} s')
         return None

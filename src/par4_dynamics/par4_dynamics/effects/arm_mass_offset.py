@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_dynamics.state import GRAVITY
 
 
@@ -24,12 +24,14 @@ class ArmMassOffset(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return (GRAVITY * np.sin(state.q))[..., None]
 
-    def implausible(self, values, base):
-        torque = GRAVITY * np.abs(values['first_moment'])
+    def implausible(self, values, std, base):
+        torque, spread = GRAVITY * values['first_moment'], GRAVITY * std['first_moment']
         along = float(np.max(np.abs(base['arm_gravity'])))
-        if torque.max() > max(2.0 * along, 1.0):
-            return (f'{torque.max():.3g} N m of mass beside the arm is more than twice what lies '
-                    f'along it, {along:.3g} N m')
+        largest = max(2.0 * along, 1.0)
+        worst = beyond(torque, spread, -largest, largest)
+        if worst is not None:
+            return (f'{abs(torque[worst]):.3g} N m of mass beside the arm is more than twice what '
+                    f'lies along it, {along:.3g} N m')
         return None
 
     def signature(self, state):

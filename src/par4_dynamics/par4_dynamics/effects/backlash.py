@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_dynamics.effects.transmission import (
     one_a_joint,
     transmission_columns,
@@ -14,8 +14,7 @@ from par4_dynamics.effects.transmission import (
 CROSSING = 0.01
 """s that a load takes through the dead zone: assumed, less than a torque filter resolves."""
 WIDEST = 0.05
-WRONG_SHARE = 0.3
-"""Of the widest gap: less of the wrong sign on a joint without one is chance."""
+"""rad."""
 
 
 class Backlash(Effect):
@@ -40,13 +39,14 @@ class Backlash(Effect):
     def values(self, coefficients, shape):  # noqa: ARG002
         return {'gap': np.diagonal(coefficients).copy()}
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         gap = values['gap']
-        widest = float(gap.max())
-        if gap.min() < min(-WRONG_SHARE * widest, 0.0):
-            return f'a gap cannot be negative, found {gap.min():.3g} rad'
-        if widest > WIDEST:
-            return (f'a gap of {widest:.3g} rad is not backlash of a machine, expected at most '
+        worst = beyond(gap, std['gap'], low=0.0)
+        if worst is not None:
+            return f'a gap cannot be negative, found {gap[worst]:.3g} rad'
+        worst = beyond(gap, std['gap'], high=WIDEST)
+        if worst is not None:
+            return (f'a gap of {gap[worst]:.3g} rad is not backlash of a machine, expected at most '
                     f'{WIDEST:g} rad')
         return None
 

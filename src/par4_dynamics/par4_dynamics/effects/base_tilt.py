@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_dynamics.state import GRAVITY
 
 STEEPEST = math.radians(5.0)
@@ -49,9 +49,10 @@ class BaseTilt(Effect):
         return (values['arm_gravity'] / GRAVITY * np.sin(state.q) * outward
                 - values['platform_mass_1'] * at_d - values['platform_mass_2'] * at_d2)
 
-    def implausible(self, values, base):  # noqa: ARG002
-        tilt = math.hypot(float(values['about_x'][0]), float(values['about_y'][0]))
-        if tilt > STEEPEST:
+    def implausible(self, values, std, base):  # noqa: ARG002
+        tilt, spread = (math.hypot(float(part['about_x'][0]), float(part['about_y'][0]))
+                        for part in (values, std))
+        if beyond(tilt, spread, high=STEEPEST) is not None:
             return (f'a tilt of {math.degrees(tilt):.3g} degrees would be seen by eye, more than '
                     f'{math.degrees(STEEPEST):g} are not believed')
         return None

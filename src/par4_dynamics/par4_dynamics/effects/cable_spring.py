@@ -4,51 +4,61 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_kinematics.geometry import LEGS
 
 SOFTEST, STIFFEST = 2.0, 500.0
 """N/m, ten times a stiff hose."""
 FARTHEST = 5.0
-"""m from the origin of `base`: from farther away the pull would not change with the pose."""
+"""m from the origin of `base`, along each axis: from farther away the pull would hardly change."""
 
 
 class CableSpring(Effect):
-    """tau += J_1^T stiffness (p - anchor): a spring without length from D, at p, to its anchor."""
+    """tau += J_1^T K (p - anchor), K = diag(stiffness): D, at p, is pulled towards the anchor.
+
+    A hose that bends pulls with another stiffness along each of x, y and z of `base`; one number
+    stands for all three, a spring without length. Along an axis without stiffness no pull tells
+    where the anchor is: its coordinate there is 0.
+    """
 
     name = 'cable_spring'
     phrase = 'a cable that pulls like a spring'
-    parameters = (EffectParameter('stiffness', 'N/m', 'machine'),
+    parameters = (EffectParameter('stiffness', 'N/m', 'machine', size=3, uniform=True),
                   EffectParameter('anchor', 'm', 'machine', size=3))
     shared = True
     needs_platform = True
 
     def columns(self, state, shape):  # noqa: ARG002
-        stretch = state.x.copy()
-        stretch[:, 3] = 0.0
-        return np.stack([state.torque_of_force(force) for force in (stretch, *np.eye(4)[:3])],
-                        axis=-1)
+        # J_1^T e of a unit force along each axis
+        unit = np.stack([state.torque_of_force(axis) for axis in np.eye(4)[:3]], axis=-1)
+        return np.concatenate((unit * state.x[:, None, :3], unit), axis=-1)
 
     def coefficients(self, values):
         stiffness = values['stiffness']
-        return np.stack((stiffness, *(-stiffness * part for part in values['anchor'])))
+        column = np.concatenate((stiffness, -stiffness * values['anchor']))
+        return np.tile(column[:, None], LEGS)
 
     def values(self, coefficients, shape):  # noqa: ARG002
-        stiffness = coefficients[0]
-        return {'stiffness': stiffness, 'anchor': -coefficients[1:, 0] / stiffness[0]}
+        stiffness, pull = coefficients[:3, 0], -coefficients[3:, 0]
+        anchor = np.divide(pull, stiffness, out=np.zeros(3), where=stiffness != 0.0)
+        return {'stiffness': stiffness.copy(), 'anchor': anchor}
 
-    def implausible(self, values, base):  # noqa: ARG002
-        stiffness = float(values['stiffness'][0])
-        distance = float(np.linalg.norm(values['anchor']))
-        if not stiffness > 0:
-            return f'a cable pulls back, found a stiffness of {stiffness:.3g} N/m'
-        if stiffness < SOFTEST:
-            return (f'a stiffness of {stiffness:.3g} N/m is that of no cable, expected at least '
-                    f'{SOFTEST:g} N/m')
-        if stiffness > STIFFEST:
-            return f'a stiffness of {stiffness:.3g} N/m is ten times that of a stiff hose'
-        if distance > FARTHEST:
-            return (f'an anchor {distance:.3g} m from the base is too far for a cable; a constant '
-                    f'force does the same')
+    def implausible(self, values, std, base):  # noqa: ARG002
+        stiffness, spread = values['stiffness'], std['stiffness']
+        worst = beyond(stiffness, spread, low=0.0)
+        if worst is not None:
+            return (f'a cable pulls back, found a stiffness of {stiffness[worst]:.3g} N/m along '
+                    f'{"xyz"[worst]}')
+        most = int(np.argmax(stiffness))
+        if beyond(stiffness[most], spread[most], low=SOFTEST) is not None:
+            return (f'a stiffness of {stiffness[most]:.3g} N/m is that of no cable, expected at '
+                    f'least {SOFTEST:g} N/m')
+        if beyond(stiffness[most], spread[most], high=STIFFEST) is not None:
+            return f'a stiffness of {stiffness[most]:.3g} N/m is ten times that of a stiff hose'
+        worst = beyond(values['anchor'], std['anchor'], -FARTHEST, FARTHEST)
+        if worst is not None:
+            return (f'an anchor at {values["anchor"][worst]:.3g} m along {"xyz"[worst]} is too far '
+                    f'for a cable; a constant force does the same')
         return None
 
     def signature(self, state):

@@ -76,6 +76,17 @@ CATALOGUE: dict[str, Effect] = {
 }
 
 
+SEVERAL_ORDERS = """\
+effects:
+  - effect: cogging
+    parameters:
+      periods: {value: [7, 14, 84], unit: 1/turn}
+      amplitude: {value: [[0.30, 0.28, 0.31, 0.30], 0.12, 0.05], unit: N m}
+      phase: {value: [[0.0, 1.6, 3.1, -1.6], 0.4, 0.0], unit: rad}
+"""
+"""For docs/effects.md: of order 7 each joint has its own, of 14 and 84 all have the same."""
+
+
 def effect_named(name: str) -> Effect:
     """Return the effect of that name.
 
@@ -105,6 +116,18 @@ are what the recorded torque G V contains on top of the model; s = sign(qd).
 | effect | in words | what it does | parameters |
 |---|---|---|---|
 {chr(10).join(rows)}
+
+## Orders of a periodic torque
+
+`cogging` and `torque_ripple` may have several orders: a motor has one for its slots, one for its
+pole pairs, one for the teeth of its gear, and multiples of them. `periods` is then a list of the
+orders, and each other parameter is either one number for all orders or a list with one entry an
+order. An entry is one number for all joints, or a list with one number a joint:
+
+```yaml
+{SEVERAL_ORDERS}```
+
+Where `periods` is one number, a list is one number a joint.
 """
 
 
@@ -112,9 +135,15 @@ def _meaning(parameter: EffectParameter) -> str:
     unit = parameter.unit if parameter.other_unit is None else (
         f'{parameter.unit} or {parameter.other_unit}')
     whole = ', of the machine' if parameter.scope == 'machine' else ', of each joint'
-    vector = f', {parameter.size} numbers' if parameter.size > 1 else ''
-    optional = '' if parameter.default is None else f', {parameter.default:g} if not given'
-    return f'{unit}{whole}{vector}{optional}'
+    numbers = f', one number or {parameter.size}' if parameter.uniform else (
+        f', {parameter.size} numbers' if parameter.size > 1 else '')
+    if parameter.per_order:
+        numbers = ', of each order'
+    default = parameter.default
+    optional = '' if default is None else (
+        f', as `{default}` if not given' if isinstance(default, str)
+        else f', {default:g} if not given')
+    return f'{unit}{whole}{numbers}{optional}'
 
 
 if __name__ == '__main__':

@@ -6,6 +6,7 @@ import numba
 import numpy as np
 
 from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.state import State
 
 LOWEST_PERIODS, HIGHEST_PERIODS = 4, 160
 LEAST_TURNS = 1.5
@@ -26,14 +27,28 @@ def _power_rows(phasor, exponent, columns):
             columns[row, joint, 0], columns[row, joint, 1] = power.imag, power.real
 
 
+def _waves(state: State, periods: float) -> np.ndarray:
+    """Return sine and cosine of so many times the joint positions, (n, J, 2)."""
+    if periods not in range(HIGHEST_PERIODS + 1):  # a model file may have any number
+        return np.stack((np.sin(periods * state.q), np.cos(periods * state.q)), axis=-1)
+    columns = np.empty((*state.q.shape, 2))
+    _power_rows(state.phasor, int(periods), columns)
+    return columns
+
+
 class Cogging(Effect):
-    """tau_i += a_i sin(N q_i + phi_i): slots of the motor, seen through its gear."""
+    """tau_i += a_i sin(N q_i + phi_i), summed over the orders N: slots, magnets, teeth of a gear.
+
+    The shape `periods` is one order or a tuple of K orders; each order has a column with its sine
+    and one with its cosine.
+    """
 
     name = 'cogging'
     phrase = 'cogging torque'
-    parameters = (EffectParameter('amplitude', 'N m', 'joint'),
-                  EffectParameter('periods', '1/turn', 'machine', is_shape=True),
-                  EffectParameter('phase', 'rad', 'joint'))
+    parameters = (
+        EffectParameter('amplitude', 'N m', 'joint', per_order=True),
+        EffectParameter('periods', '1/turn', 'machine', is_shape=True, per_order=True),
+        EffectParameter('phase', 'rad', 'joint', per_order=True))
 
     def shapes(self, state):
         # periods a turn are whole: the torque returns after one turn
@@ -44,22 +59,26 @@ class Cogging(Effect):
 
     def columns(self, state, shape):
         periods = shape['periods']
-        if periods not in range(HIGHEST_PERIODS + 1):  # a model file may have any number
-            return np.stack((np.sin(periods * state.q), np.cos(periods * state.q)), axis=-1)
-        columns = np.empty((*state.q.shape, 2))
-        _power_rows(state.phasor, int(periods), columns)
-        return columns
+        if isinstance(periods, tuple):
+            return np.concatenate([_waves(state, order) for order in periods], axis=-1)
+        return _waves(state, periods)
 
     def coefficients(self, values):
-        return values['amplitude'] * np.stack((np.cos(values['phase']), np.sin(values['phase'])))
+        amplitude, phase = (np.reshape(values[name], (len(values[name]), -1)).T  # (K, J)
+                            for name in ('amplitude', 'phase'))
+        waves = np.stack((amplitude * np.cos(phase), amplitude * np.sin(phase)), axis=1)
+        return waves.reshape(-1, amplitude.shape[1])  # (2 K, J)
 
     def values(self, coefficients, shape):
-        amplitude = np.hypot(coefficients[0], coefficients[1])
-        return {'amplitude': amplitude,
-                'periods': np.full_like(amplitude, shape['periods']),
-                'phase': np.arctan2(coefficients[1], coefficients[0])}
+        sine, cosine = coefficients[0::2].T, coefficients[1::2].T  # (J, K)
+        found = {'amplitude': np.hypot(sine, cosine),
+                 'periods': np.broadcast_to(shape['periods'], sine.shape).astype(float),
+                 'phase': np.arctan2(cosine, sine)}
+        if isinstance(shape['periods'], tuple):
+            return found
+        return {name: value[:, 0] for name, value in found.items()}
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         return None
 
     def signature(self, state):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
 
 class CoulombAsymmetry(Effect):
@@ -17,13 +15,13 @@ class CoulombAsymmetry(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return (state.qd != 0.0).astype(float)[..., None]
 
-    def implausible(self, values, base):
-        excess = np.abs(values['asymmetry']) - base['coulomb_friction']
-        worst = int(np.argmax(excess))
-        if excess[worst] >= 0.0:
-            return (f'an asymmetry of {values["asymmetry"][worst]:.3g} N m is not less than the '
-                    f'Coulomb level {base["coulomb_friction"][worst]:.3g} N m: friction would '
-                    f'drive the joint in one direction')
+    def implausible(self, values, std, base):
+        asymmetry, level = values['asymmetry'], base['coulomb_friction']
+        worst = beyond(asymmetry, std['asymmetry'], -level, level)
+        if worst is not None:
+            return (f'an asymmetry of {asymmetry[worst]:.3g} N m is not less than the Coulomb '
+                    f'level {level[worst]:.3g} N m: friction would drive the joint in one '
+                    f'direction')
         return None
 
     def signature(self, state):

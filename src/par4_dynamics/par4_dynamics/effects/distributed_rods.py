@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from par4_dynamics.base_terms import UNMODELLED, unmodelled_columns
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
-
-BY_CHANCE = 0.5
-"""Of the rod's mass: a bar whose mass is zero in truth is estimated a little below it."""
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
 
 class DistributedRods(Effect):
@@ -27,17 +24,17 @@ class DistributedRods(Effect):
         return unmodelled_columns(state)[..., [UNMODELLED.index('rod_mass'),
                                                UNMODELLED.index('bar_mass')]]
 
-    def implausible(self, values, base):
+    def implausible(self, values, std, base):
         mass = float(values['rod_mass'][0])
         # two rods hang from each half plate by half, with two legs each: 2 m_5 of m_1', m_2'
         ceiling = 0.5 * float(min(base['platform_mass_1'][0], base['platform_mass_2'][0]))
-        if mass < 0:
+        if beyond(mass, std['rod_mass'][0], low=0.0) is not None:
             return f'a rod cannot weigh {mass:.3g} kg'
-        if mass > ceiling:
+        if beyond(mass, std['rod_mass'][0], high=ceiling) is not None:
             return (f'two rods of {mass:.3g} kg are more than the half plate they belong to '
                     f'weighs ({2 * ceiling:.3g} kg)')
         bar = float(values['bar_mass'][0])
-        if bar < -BY_CHANCE * mass or bar > 2.0 * ceiling:
+        if beyond(bar, std['bar_mass'][0], 0.0, 2.0 * ceiling) is not None:
             return f'a bar of {bar:.3g} kg beside rods of {mass:.3g} kg is none of this machine'
         return None
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
-
-LARGEST = 0.5
+SMALLEST, LARGEST = -0.6, 1.5
+"""A true gain of 2.5 times the nominal one, and of that part of it: a motor of another winding or a
+shunt of another value. A wrong unit is farther off."""
 
 
 class DriveGainError(Effect):
@@ -21,12 +21,12 @@ class DriveGainError(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return state.nominal.torque[..., None]
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         relative = values['relative']
-        if np.any(np.abs(relative) > LARGEST):
-            worst = relative[np.argmax(np.abs(relative))]
-            return (f'a drive gain that is wrong by {worst:.3g} of itself is a wrong unit, not an '
-                    f'error; expected at most {LARGEST:g}')
+        worst = beyond(relative, std['relative'], SMALLEST, LARGEST)
+        if worst is not None:
+            return (f'a record that is wrong by {relative[worst]:.3g} of the torque has a wrong '
+                    f'unit, not an error of the drive gain; expected {SMALLEST:g} to {LARGEST:g}')
         return None
 
     def signature(self, state):

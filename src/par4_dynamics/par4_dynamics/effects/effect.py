@@ -8,11 +8,17 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from par4_dynamics.state import State
 
-Shape = Mapping[str, float]
+Shape = Mapping[str, float | tuple[float, ...]]
+"""Shape parameter -> its value, or its values of several orders."""
 Values = Mapping[str, np.ndarray]
+"""Parameter -> (J,), (size,) of a vector, or (J, orders) where several orders are given."""
+
+CERTAIN = 3.0
+"""Standard deviations out of bounds from which on an estimate cannot be inside by chance."""
 
 
 @dataclass(frozen=True)
@@ -20,19 +26,25 @@ class EffectParameter:
     """A parameter of an effect: its name, unit, and whether each joint has its own.
 
     Attributes:
-        default: taken where a model does not give it; None where it must.
+        default: taken where a model does not give it: a number, or the name of the parameter whose
+            value it then has; None where a model must give it.
         other_unit: a second unit that gives the parameter another meaning, see the effect.
         size: numbers it has; more than one for a vector of the machine.
+        uniform: True where one number may stand for all numbers of a vector.
         is_shape: True where the columns depend on it; False where it is a coefficient.
+        per_order: True where it may have a value for each order of a periodic torque; the one of
+            them that is a shape gives the orders.
     """
 
     name: str
     unit: str
     scope: Literal['joint', 'machine']
-    default: float | None = None
+    default: float | str | None = None
     other_unit: str | None = None
     size: int = 1
+    uniform: bool = False
     is_shape: bool = False
+    per_order: bool = False
 
 
 @dataclass(frozen=True)
@@ -41,6 +53,24 @@ class Signature:
 
     abscissa: np.ndarray
     label: str
+
+
+def beyond(value: ArrayLike, std: ArrayLike, low: ArrayLike = -np.inf, high: ArrayLike = np.inf
+           ) -> int | None:
+    """Return the index of the estimate that is farthest out of bounds, None if all may be inside.
+
+    An estimate counts as out of bounds only if it misses them by more than `CERTAIN` of its
+    standard deviations: what is zero in truth is estimated a little below zero half of the time.
+
+    Args:
+        value: estimates, one number or an array; the index is that into the flat one.
+        std: their standard deviations, likewise.
+        low, high: bounds, likewise, in the same unit.
+    """
+    value = np.asarray(value, dtype=float)
+    outside = np.ravel(np.maximum(low - value, value - high) - CERTAIN * np.asarray(std))
+    worst = int(np.argmax(outside))
+    return worst if outside[worst] > 0.0 else None
 
 
 class Effect(ABC):
@@ -57,6 +87,7 @@ class Effect(ABC):
         needs_nominal: True where its columns need `State.nominal`.
         fixed_coefficients: True where the coefficients are 1 and only the shape is free; a fit
             of another size is evidence against the effect.
+        fixed_range: of such coefficients as fitted, within which they are believed to be 1.
         expanded: True where the columns are a series around the one coefficient, which the shape
             `expanded_at` holds: a search goes to where both agree.
         retimes: True where it is the torque of the motion at another time, to first order.
@@ -73,6 +104,7 @@ class Effect(ABC):
     needs_platform: ClassVar[bool] = False
     needs_nominal: ClassVar[bool] = False
     fixed_coefficients: ClassVar[bool] = False
+    fixed_range: ClassVar[tuple[float, float]] = (0.5, 1.5)
     expanded: ClassVar[bool] = False
     retimes: ClassVar[bool] = False
     tolerance: ClassVar[float] = 1.0
@@ -106,24 +138,35 @@ class Effect(ABC):
                 if parameter.is_shape else next(rows) for parameter in self.parameters}
 
     @abstractmethod
-    def implausible(self, values: Values, base: Mapping[str, np.ndarray]) -> str | None:
-        """Return why these values, each (J,), cannot be real, or None; base parameters (J,)."""
+    def implausible(self, values: Values, std: Values, base: Mapping[str, np.ndarray]
+                    ) -> str | None:
+        """Return why no machine can have these values, or None if one may.
+
+        Args:
+            values: of all parameters.
+            std: their standard deviations, of the same shapes; zero where a value is known.
+            base: base parameters (J,) that go with the values.
+        """
 
     @abstractmethod
     def signature(self, state: State) -> Signature:
         """Return the abscissa over which the effect shows."""
 
     def shape_of(self, values: Values) -> Shape:
-        """Return the shape parameters among the values, one number each."""
-        return {parameter.name: float(values[parameter.name]) for parameter in self.parameters
-                if parameter.is_shape}
+        """Return the shape parameters among the values of one joint."""
+        shape = {}
+        for parameter in self.parameters:
+            if parameter.is_shape:
+                value = np.asarray(values[parameter.name], dtype=float).tolist()
+                shape[parameter.name] = tuple(value) if isinstance(value, list) else value
+        return shape
 
     def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
         """Return the torque (n, J), N m; zero on joints not in `joints`.
 
         Args:
             state: the motion.
-            values: parameter name -> (J,), or (size,) of a vector.
+            values: of all parameters.
             joints: where the effect acts; a shared effect acts on all.
         """
         coefficients = self.coefficients(values)

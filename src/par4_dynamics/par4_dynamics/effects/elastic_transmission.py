@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Shape, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Shape, Signature, beyond
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.effects.transmission import (
     Springs,
@@ -14,8 +14,7 @@ from par4_dynamics.effects.transmission import (
 )
 
 STIFFNESSES = (1e2, 1e6)
-WRONG_SHARE = 0.3
-"""Of the most elastic joint's compliance: less of the wrong sign on a stiff joint is chance."""
+"""N m/rad."""
 
 
 class ElasticTransmission(Effect):
@@ -52,16 +51,18 @@ class ElasticTransmission(Effect):
         compliance = self.coefficients(values)[:, 0]
         return self.columns(state, self.expansion(compliance)) @ compliance
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         compliance = _inverse(values['stiffness'])
-        softest = float(compliance.max())
-        if compliance.min() < min(-WRONG_SHARE * softest, 0.0):
+        spread = std['stiffness'] * compliance ** 2
+        worst = beyond(compliance, spread, low=0.0)
+        if worst is not None:
             return (f'a transmission twists with its load, not against it: found a stiffness of '
-                    f'{1.0 / compliance.min():.3g} N m/rad')
+                    f'{1.0 / compliance[worst]:.3g} N m/rad')
         low, high = STIFFNESSES
-        if not 1.0 / high <= softest <= 1.0 / low:
-            return (f'a stiffness of {1.0 / max(softest, 1e-30):.3g} N m/rad is not one of a '
-                    f'transmission, expected {low:g} to {high:g}')
+        softest = int(np.argmax(compliance))
+        if beyond(compliance[softest], spread[softest], 1.0 / high, 1.0 / low) is not None:
+            return (f'a stiffness of {1.0 / max(compliance[softest], 1e-30):.3g} N m/rad is not '
+                    f'one of a transmission, expected {low:g} to {high:g}')
         return None
 
     def signature(self, state):

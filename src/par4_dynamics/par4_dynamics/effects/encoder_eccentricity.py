@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_dynamics.effects.shifted import shift_columns
 
-LARGEST = math.radians(0.25)
+LARGEST = math.radians(1.0)
+"""A disc of 20 mm radius that sits 0.35 mm beside its shaft, which is to be seen as it turns."""
 
 
 class EncoderEccentricity(Effect):
@@ -47,10 +48,11 @@ class EncoderEccentricity(Effect):
         in_phase, across = (np.diagonal(coefficients[first::2]) for first in (0, 1))
         return {'amplitude': np.hypot(in_phase, across), 'phase': np.arctan2(across, in_phase)}
 
-    def implausible(self, values, base):  # noqa: ARG002
-        amplitude = float(np.max(np.abs(values['amplitude'])))
-        if amplitude > LARGEST:
-            return (f'an eccentricity of {math.degrees(amplitude):.3g} degrees is more than '
+    def implausible(self, values, std, base):  # noqa: ARG002
+        amplitude = values['amplitude']
+        worst = beyond(amplitude, std['amplitude'], -LARGEST, LARGEST)
+        if worst is not None:
+            return (f'an eccentricity of {math.degrees(amplitude[worst]):.3g} degrees is more than '
                     f'a badly mounted encoder has')
         return None
 

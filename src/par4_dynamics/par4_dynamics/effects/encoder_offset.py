@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
-LARGEST = math.radians(5.0)
+LARGEST = math.radians(12.0)
+"""A zero that was set by eye is right to 10 degrees; more is a belt that skipped."""
 
 
 class EncoderOffset(Effect):
@@ -35,11 +36,12 @@ class EncoderOffset(Effect):
     def values(self, coefficients, shape):  # noqa: ARG002
         return {'offset': np.diagonal(coefficients).copy()}
 
-    def implausible(self, values, base):  # noqa: ARG002
-        offset = float(np.max(np.abs(values['offset'])))
-        if offset > LARGEST:
-            return (f'an encoder zero {math.degrees(offset):.3g} degrees off would be seen, more '
-                    f'than {math.degrees(LARGEST):g} are not believed')
+    def implausible(self, values, std, base):  # noqa: ARG002
+        offset = values['offset']
+        worst = beyond(offset, std['offset'], -LARGEST, LARGEST)
+        if worst is not None:
+            return (f'an encoder zero {math.degrees(offset[worst]):.3g} degrees off would be seen, '
+                    f'more than {math.degrees(LARGEST):g} are not believed')
         return None
 
     def signature(self, state):

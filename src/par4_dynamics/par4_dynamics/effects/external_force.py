@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
 LARGEST = 50.0
 """N, ten times what a hose or a counterweight pulls."""
@@ -22,9 +22,10 @@ class ExternalForce(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return np.stack([-state.torque_of_force(unit) for unit in np.eye(4)[:3]], axis=-1)
 
-    def implausible(self, values, base):  # noqa: ARG002
-        force = float(np.linalg.norm([values[axis][0] for axis in 'xyz']))
-        if force > LARGEST:
+    def implausible(self, values, std, base):  # noqa: ARG002
+        force, spread = (float(np.linalg.norm([part[axis][0] for axis in 'xyz']))
+                         for part in (values, std))
+        if beyond(force, spread, high=LARGEST) is not None:
             return (f'a constant force of {force:.3g} N on the platform is ten times what a hose '
                     f'or a counterweight pulls')
         return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_dynamics.effects.grid import around
 
 SHARES = np.geomspace(0.05, 3.2, 7)
@@ -12,14 +12,17 @@ SHARES = np.geomspace(0.05, 3.2, 7)
 
 
 class FrictionDrift(Effect):
-    """tau -= a (1 - exp(-t / T)) friction: Coulomb and viscous alike lose the share a.
+    """tau -= (1 - exp(-t / T)) (a f_c sign(qd) + b f_v qd), a the drop, b the viscous drop.
 
-    t counts from the first stamp of the log; friction is that of (20), at t = 0.
+    Warming thins a lubricant, so that viscous friction falls more than Coulomb friction; a model
+    that gives one number has both fall by it. t counts from the first stamp of the log; f_c and
+    f_v are those of (20), at t = 0.
     """
 
     name = 'friction_drift'
     phrase = 'friction that changes while the machine warms up'
     parameters = (EffectParameter('drop', '1', 'machine'),
+                  EffectParameter('viscous_drop', '1', 'machine', default='drop'),
                   EffectParameter('time_constant', 's', 'machine', is_shape=True))
     shared = True
     needs_nominal = True
@@ -31,15 +34,19 @@ class FrictionDrift(Effect):
         return around('time_constant', shape['time_constant'], (SHARES[1] / SHARES[0]) ** step)
 
     def columns(self, state, shape):
-        warm = -np.expm1(-state.t / shape['time_constant'])
-        return (-warm[:, None] * state.nominal.friction)[..., None]
+        warm = -np.expm1(-state.t / shape['time_constant'])[:, None]
+        values = state.nominal.values
+        return np.stack((-warm * values['coulomb_friction'] * np.sign(state.qd),
+                         -warm * values['viscous_friction'] * state.qd), axis=-1)
 
-    def implausible(self, values, base):  # noqa: ARG002
-        drop, constant = float(values['drop'][0]), float(values['time_constant'][0])
-        if not 0.0 <= drop < 1.0:
-            return (f'friction that warms up falls, by less than all of it; found a share of '
-                    f'{drop:.3g}')
-        if constant <= 0.0:
+    def implausible(self, values, std, base):  # noqa: ARG002
+        for kind, name in (('Coulomb', 'drop'), ('viscous', 'viscous_drop')):
+            drop = float(values[name][0])
+            if beyond(drop, std[name][0], 0.0, 1.0) is not None:
+                return (f'{kind} friction that warms up falls, by no more than all of it; found a '
+                        f'share of {drop:.3g}')
+        constant = float(values['time_constant'][0])
+        if beyond(constant, std['time_constant'][0], low=0.0) is not None:
             return f'a time constant must be positive, found {constant:.3g} s'
         return None
 

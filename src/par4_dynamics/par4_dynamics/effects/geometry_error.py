@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_dynamics.state import state_of_joints
 from par4_kinematics.geometry import Geometry
 
@@ -12,8 +12,8 @@ DIMENSIONS = ('arm_length', 'forearm_length', 'base_radius', 'platform_radius',
               'platform_bar_length')
 STEP = 1e-5
 """m; small against any dimension, large against the rounding of (20)."""
-LARGEST = 0.02
-"""m, ten times what careless assembly leaves."""
+LARGEST = 0.03
+"""m: a part for another robot may be 20 mm longer. More would be another robot."""
 
 
 class GeometryError(Effect):
@@ -43,12 +43,13 @@ class GeometryError(Effect):
             columns.append((ends[1] - ends[0]) / (2.0 * STEP))
         return np.stack(columns, axis=-1)
 
-    def implausible(self, values, base):  # noqa: ARG002
-        name = max(DIMENSIONS, key=lambda dimension: abs(float(values[dimension][0])))
-        error = float(values[name][0])
-        if abs(error) > LARGEST:
-            return (f'an error of {1e3 * error:.3g} mm in {name} is ten times what careless '
-                    f'assembly leaves')
+    def implausible(self, values, std, base):  # noqa: ARG002
+        errors, spread = (np.array([part[name][0] for name in DIMENSIONS])
+                          for part in (values, std))
+        worst = beyond(errors, spread, -LARGEST, LARGEST)
+        if worst is not None:
+            return (f'an error of {1e3 * errors[worst]:.3g} mm in {DIMENSIONS[worst]} makes it '
+                    f'another robot, expected at most {1e3 * LARGEST:g} mm')
         return None
 
     def signature(self, state):

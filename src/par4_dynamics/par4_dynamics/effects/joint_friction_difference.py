@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
 _BASE = {'coulomb': 'coulomb_friction', 'viscous': 'viscous_friction'}
 
@@ -21,11 +21,11 @@ class JointFrictionDifference(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return np.stack((np.sign(state.qd), state.qd), axis=-1)
 
-    def implausible(self, values, base):
+    def implausible(self, values, std, base):
         for parameter in self.parameters:
             difference, level = values[parameter.name], base[_BASE[parameter.name]]
-            worst = int(np.argmax(np.abs(difference) - level))
-            if abs(difference[worst]) >= level[worst]:
+            worst = beyond(difference, std[parameter.name], -level, level)
+            if worst is not None:
                 return (f'{parameter.name} friction that differs by {difference[worst]:.3g} from '
                         f'{level[worst]:.3g} {parameter.unit} is not a difference between like '
                         f'joints')

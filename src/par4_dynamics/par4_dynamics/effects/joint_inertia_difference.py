@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
 
 class JointInertiaDifference(Effect):
@@ -18,13 +16,12 @@ class JointInertiaDifference(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return state.qdd[..., None]
 
-    def implausible(self, values, base):
-        excess = np.abs(values['inertia']) - base['actuator_inertia']
-        worst = int(np.argmax(excess))
-        if excess[worst] >= 0.0:
-            return (f'an inertia that differs by {values["inertia"][worst]:.3g} from '
-                    f'{base["actuator_inertia"][worst]:.3g} kg m2 is not a difference between '
-                    f'like actuators')
+    def implausible(self, values, std, base):
+        inertia, whole = values['inertia'], base['actuator_inertia']
+        worst = beyond(inertia, std['inertia'], -whole, whole)
+        if worst is not None:
+            return (f'an inertia that differs by {inertia[worst]:.3g} from {whole[worst]:.3g} '
+                    f'kg m2 is not a difference between like actuators')
         return None
 
     def signature(self, state):

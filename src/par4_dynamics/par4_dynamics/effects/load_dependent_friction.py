@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
 HIGHEST = 0.5
 
@@ -20,12 +20,14 @@ class LoadDependentFriction(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return (np.abs(state.nominal.load) * np.sign(state.qd))[..., None]
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         coefficient = values['coefficient']
-        if np.any(coefficient < 0):
-            return f'friction cannot fall with the load, found {coefficient.min():.3g} of it'
-        if np.any(coefficient > HIGHEST):
-            return (f'a transmission that loses {coefficient.max():.3g} of its load is not one of '
+        worst = beyond(coefficient, std['coefficient'], low=0.0)
+        if worst is not None:
+            return f'friction cannot fall with the load, found {coefficient[worst]:.3g} of it'
+        worst = beyond(coefficient, std['coefficient'], high=HIGHEST)
+        if worst is not None:
+            return (f'a transmission that loses {coefficient[worst]:.3g} of its load is not one of '
                     f'a machine, expected at most {HIGHEST:g}')
         return None
 

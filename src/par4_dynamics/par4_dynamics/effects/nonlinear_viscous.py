@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_dynamics.effects.grid import around
 
 QUADRATIC = 2.0
@@ -54,16 +54,18 @@ class NonlinearViscous(Effect):
         return (super().torque(state, {**values, 'torque': none}, joints)
                 + super().torque(state, {**values, 'quadratic': none}, joints))
 
-    def implausible(self, values, base):
-        torque = (values['quadratic'] * SPEED ** 2
-                  + values['torque'] * SPEED ** values['exponent'])
+    def implausible(self, values, std, base):
+        torque, spread = (part['quadratic'] * SPEED ** 2
+                          + part['torque'] * SPEED ** values['exponent'] for part in (values, std))
         friction = base['coulomb_friction'] + base['viscous_friction'] * SPEED
-        if np.any(torque < -friction):
-            return (f'{torque.min():.3g} N m at {SPEED:g} rad/s would make friction drive the '
+        worst = beyond(torque, spread, low=-friction)
+        if worst is not None:
+            return (f'{torque[worst]:.3g} N m at {SPEED:g} rad/s would make friction drive the '
                     f'joint')
-        if np.any(torque > 3.0 * np.maximum(friction, 1e-9)):
-            return (f'{torque.max():.3g} N m at {SPEED:g} rad/s is more than three times the '
-                    f'friction there, {np.min(friction):.3g} N m')
+        worst = beyond(torque, spread, high=3.0 * friction)
+        if worst is not None:
+            return (f'{torque[worst]:.3g} N m at {SPEED:g} rad/s is more than three times the '
+                    f'friction there, {friction[worst]:.3g} N m')
         return None
 
     def signature(self, state):

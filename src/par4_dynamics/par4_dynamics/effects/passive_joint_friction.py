@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.dissipation import feeds_energy
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_kinematics.passive import passive_friction_force
 
 TYPICAL_RATE = 3.0
@@ -33,13 +32,15 @@ class PassiveJointFriction(Effect):
             state.torque_of_force(passive_friction_force(state.geometry, state.x, state.xd, *unit))
             for unit in ((1.0, 0.0), (0.0, 1.0))], axis=-1)
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         coulomb, viscous = float(values['coulomb'][0]), float(values['viscous'][0])
-        if feeds_energy(coulomb, viscous * TYPICAL_RATE):
+        spread = np.array((std['coulomb'][0], std['viscous'][0] * TYPICAL_RATE))
+        torque = np.array((coulomb, viscous * TYPICAL_RATE))
+        if beyond(torque, spread, low=0.0) is not None:
             return (f'friction of passive joints must dissipate, found {coulomb:.3g} N m and '
                     f'{viscous:.3g} N m s/rad')
-        if coulomb + viscous * TYPICAL_RATE > LARGEST:
-            return (f'friction of {coulomb + viscous * TYPICAL_RATE:.3g} N m in a passive joint '
+        if beyond(torque.sum(), spread.sum(), high=LARGEST) is not None:
+            return (f'friction of {torque.sum():.3g} N m in a passive joint '
                     f'at {TYPICAL_RATE:g} rad/s is ten times what a preloaded ball takes')
         return None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
 from par4_kinematics.errors import InputError
 
@@ -38,11 +38,11 @@ class Payload(Effect):
                              f'{values["half"]:g}')
         return {'half': float(values['half'])}
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         mass = float(values['mass'][0])
-        if mass < 0:
+        if beyond(mass, std['mass'][0], low=0.0) is not None:
             return f'a payload cannot weigh {mass:.3g} kg'
-        if mass > HEAVIEST:
+        if beyond(mass, std['mass'][0], high=HEAVIEST) is not None:
             return f'a payload of {mass:.3g} kg is more than such a robot can carry'
         return None
 

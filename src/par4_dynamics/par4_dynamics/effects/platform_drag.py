@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.dissipation import feeds_energy
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
 TYPICAL_SPEED = 2.0
 """m/s of D."""
@@ -30,13 +29,15 @@ class PlatformDrag(Effect):
         return np.stack((state.torque_of_force(velocity), state.torque_of_force(speed * velocity)),
                         axis=-1)
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         viscous, quadratic = float(values['viscous'][0]), float(values['quadratic'][0])
-        parts = (viscous * TYPICAL_SPEED, quadratic * TYPICAL_SPEED ** 2)
-        if feeds_energy(*parts):
+        forces = np.array((TYPICAL_SPEED, TYPICAL_SPEED ** 2))
+        force, spread = (forces * (part['viscous'][0], part['quadratic'][0])
+                         for part in (values, std))
+        if beyond(force, spread, low=0.0) is not None:
             return (f'drag must dissipate, found {viscous:.3g} N s/m and {quadratic:.3g} N s2/m2')
-        if sum(parts) > LARGEST:
-            return (f'a drag of {sum(parts):.3g} N at {TYPICAL_SPEED:g} m/s is ten times what air '
+        if beyond(force.sum(), spread.sum(), high=LARGEST) is not None:
+            return (f'a drag of {force.sum():.3g} N at {TYPICAL_SPEED:g} m/s is ten times what air '
                     f'and hoses take')
         return None
 

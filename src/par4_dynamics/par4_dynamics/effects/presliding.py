@@ -7,7 +7,7 @@ import math
 import numba
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_dynamics.effects.grid import around
 
 DISTANCES = np.geomspace(2e-4, 3.2e-2, 9)
@@ -61,9 +61,9 @@ class Presliding(Effect):
     def coefficients(self, values):
         return np.ones_like(values['distance'])[None]
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         distance = float(values['distance'][0])
-        if not 0.0 < distance <= LONGEST:
+        if beyond(distance, std['distance'][0], 0.0, LONGEST) is not None:
             return (f'friction builds up within a positive distance of at most {LONGEST:g} rad, '
                     f'found {distance:.3g} rad')
         return None

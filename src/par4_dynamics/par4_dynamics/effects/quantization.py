@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
 LARGEST = 1.0
 
@@ -31,12 +31,12 @@ class Quantization(Effect):
     def values(self, coefficients, shape):
         return {'step': np.full(coefficients.shape[1], shape['step'])}
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         step = values['step']
-        if np.any(step <= 0) or np.any(step > LARGEST):
-            worst = step[np.argmax(np.abs(step))]
+        worst = beyond(step, std['step'], 0.0, LARGEST)
+        if worst is not None:
             return (f'a step must be positive and at most {LARGEST:g} rad or N m, found '
-                    f'{worst:.3g}')
+                    f'{step[worst]:.3g}')
         return None
 
     def signature(self, state):

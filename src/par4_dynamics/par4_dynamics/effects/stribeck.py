@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_dynamics.effects.grid import around
 
 SPEEDS = np.geomspace(0.01, 1.0, 13)
@@ -31,13 +31,15 @@ class Stribeck(Effect):
         ratio = state.qd / shape['stribeck_velocity']
         return (np.exp(-ratio * ratio) * np.sign(state.qd))[..., None]
 
-    def implausible(self, values, base):
+    def implausible(self, values, std, base):
         torque, level = values['stribeck_torque'], base['coulomb_friction']
-        if np.any(torque < 0):
-            return f'Stribeck torque must add to friction, found {torque.min():.3g} N m'
-        if np.any(torque > 2.0 * np.maximum(level, 1e-9)):
-            return (f'Stribeck torque {torque.max():.3g} N m is more than twice the Coulomb level '
-                    f'{np.min(level):.3g} N m')
+        worst = beyond(torque, std['stribeck_torque'], low=0.0)
+        if worst is not None:
+            return f'Stribeck torque must add to friction, found {torque[worst]:.3g} N m'
+        worst = beyond(torque, std['stribeck_torque'], high=2.0 * level)
+        if worst is not None:
+            return (f'Stribeck torque {torque[worst]:.3g} N m is more than twice the Coulomb level '
+                    f'{level[worst]:.3g} N m')
         return None
 
     def signature(self, state):

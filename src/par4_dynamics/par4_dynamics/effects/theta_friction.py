@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.dissipation import feeds_energy
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
 TYPICAL_RATE = 5.0
 """rad/s of theta."""
@@ -28,13 +27,15 @@ class ThetaFriction(Effect):
         rate = state.xd[:, 3:]
         return np.stack((unit * np.sign(rate), unit * rate), axis=-1)
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         coulomb, viscous = float(values['coulomb'][0]), float(values['viscous'][0])
-        if feeds_energy(coulomb, viscous * TYPICAL_RATE):
+        spread = np.array((std['coulomb'][0], std['viscous'][0] * TYPICAL_RATE))
+        torque = np.array((coulomb, viscous * TYPICAL_RATE))
+        if beyond(torque, spread, low=0.0) is not None:
             return (f'friction of theta must dissipate, found {coulomb:.3g} N m and {viscous:.3g} '
                     f'N m s/rad')
-        if coulomb + viscous * TYPICAL_RATE > LARGEST:
-            return (f'friction of theta of {coulomb + viscous * TYPICAL_RATE:.3g} N m at '
+        if beyond(torque.sum(), spread.sum(), high=LARGEST) is not None:
+            return (f'friction of theta of {torque.sum():.3g} N m at '
                     f'{TYPICAL_RATE:g} rad/s is ten times what belt and pulleys take')
         return None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from par4_dynamics.base_terms import UNMODELLED, unmodelled_columns
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
 LARGEST = 0.05
 """kg m2 at theta; ten times a heavy tool behind its belt."""
@@ -23,11 +23,11 @@ class ThetaInertia(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return unmodelled_columns(state)[..., [UNMODELLED.index('theta_inertia')]]
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         inertia = float(values['inertia'][0])
-        if inertia < 0:
+        if beyond(inertia, std['inertia'][0], low=0.0) is not None:
             return f'an inertia about theta cannot be negative, found {inertia:.3g} kg m2'
-        if inertia > LARGEST:
+        if beyond(inertia, std['inertia'][0], high=LARGEST) is not None:
             return (f'an inertia of {inertia:.3g} kg m2 about theta is more than ten times that of '
                     f'a heavy tool')
         return None

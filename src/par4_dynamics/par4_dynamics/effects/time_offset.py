@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State
 
-LONGEST = 0.05
+LONGEST = 0.15
+"""s: a recorder behind buffers and a bus may be 100 ms late."""
 
 
 class TimeOffset(Effect):
@@ -38,9 +39,9 @@ class TimeOffset(Effect):
     def shape_of(self, values):
         return {'expanded_at': float(values['delay'])}
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         delay = float(values['delay'][0])
-        if abs(delay) > LONGEST:
+        if beyond(delay, std['delay'][0], -LONGEST, LONGEST) is not None:
             return (f'stamps that are wrong by {delay:.3g} s are not an offset of a recorder, '
                     f'expected at most {LONGEST:g} s')
         return None

@@ -17,7 +17,7 @@ class TorqueOffset(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return np.ones((*state.q.shape, 1))
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         return None
 
     def signature(self, state):

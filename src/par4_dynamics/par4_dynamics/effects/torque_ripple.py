@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from par4_dynamics.effects.cogging import Cogging
-from par4_dynamics.effects.effect import EffectParameter
+from par4_dynamics.effects.effect import EffectParameter, beyond
 
 LARGEST = 0.3
 
 
 class TorqueRipple(Cogging):
-    """tau_i += a_i tau_i sin(N q_i + phi_i): cogging whose amplitude follows the torque."""
+    """tau_i += a_i tau_i sin(N q_i + phi_i), summed over the orders N: in proportion to torque."""
 
     name = 'torque_ripple'
     phrase = 'torque ripple'
-    parameters = (EffectParameter('relative', '1', 'joint'), *Cogging.parameters[1:])
+    parameters = (EffectParameter('relative', '1', 'joint', per_order=True),
+                  *Cogging.parameters[1:])
     needs_nominal = True
 
     def columns(self, state, shape):
@@ -28,9 +27,10 @@ class TorqueRipple(Cogging):
         cogging = super().values(coefficients, shape)
         return {'relative': cogging.pop('amplitude'), **cogging}
 
-    def implausible(self, values, base):  # noqa: ARG002
+    def implausible(self, values, std, base):  # noqa: ARG002
         relative = values['relative']
-        if np.any(relative > LARGEST):
-            return (f'a ripple of {relative.max():.3g} of the torque is more than a drive of a '
-                    f'machine has, expected at most {LARGEST:g}')
+        worst = beyond(relative, std['relative'], high=LARGEST)
+        if worst is not None:
+            return (f'a ripple of {relative.flat[worst]:.3g} of the torque is more than a drive of '
+                    f'a machine has, expected at most {LARGEST:g}')
         return None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
 
 class TorqueSaturation(Effect):
@@ -31,11 +31,12 @@ class TorqueSaturation(Effect):
     def coefficients(self, values):
         return np.ones_like(values['limit'])[None]
 
-    def implausible(self, values, base):
+    def implausible(self, values, std, base):
         limit, level = values['limit'], base['coulomb_friction']
-        if np.any(limit <= level):
-            return (f'a drive limited to {limit.min():.3g} N m could not move its joint against '
-                    f'Coulomb friction of {np.max(level):.3g} N m')
+        worst = beyond(limit, std['limit'], low=level)
+        if worst is not None:
+            return (f'a drive limited to {limit[worst]:.3g} N m could not move its joint against '
+                    f'Coulomb friction of {level[worst]:.3g} N m')
         return None
 
     def signature(self, state):

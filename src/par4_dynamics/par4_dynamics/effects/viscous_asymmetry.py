@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
 
 
 class ViscousAsymmetry(Effect):
@@ -17,13 +17,13 @@ class ViscousAsymmetry(Effect):
     def columns(self, state, shape):  # noqa: ARG002
         return np.abs(state.qd)[..., None]
 
-    def implausible(self, values, base):
-        excess = np.abs(values['asymmetry']) - base['viscous_friction']
-        worst = int(np.argmax(excess))
-        if excess[worst] >= 0.0:
-            return (f'an asymmetry of {values["asymmetry"][worst]:.3g} N m s/rad is not less than '
-                    f'the viscous friction {base["viscous_friction"][worst]:.3g} N m s/rad: it '
-                    f'would drive the joint in one direction')
+    def implausible(self, values, std, base):
+        asymmetry, slope = values['asymmetry'], base['viscous_friction']
+        worst = beyond(asymmetry, std['asymmetry'], -slope, slope)
+        if worst is not None:
+            return (f'an asymmetry of {asymmetry[worst]:.3g} N m s/rad is not less than the '
+                    f'viscous friction {slope[worst]:.3g} N m s/rad: it would drive the joint in '
+                    f'one direction')
         return None
 
     def signature(self, state):

@@ -302,7 +302,9 @@ def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fi
                      for part in (others_of(model, hypothesis), model))
     return Cause(
         effect=hypothesis.effect, joints=hypothesis.joints,
-        parameters=effect_parameters(evidence, hypothesis, fit, index), twins=judgement.twins,
+        parameters=effect_parameters(evidence, hypothesis, fit, index,
+                                     search.requirement(model).inflation),
+        twins=judgement.twins,
         visible_fraction=project(evidence, []).left_share(
             evidence.columns(hypothesis), hypothesis.stacked(fit.coefficients[index])),
         p_value=judgement.p_value, margin=judgement.margin, rival=judgement.rival,

@@ -5,40 +5,56 @@ from __future__ import annotations
 import numpy as np
 
 from par4_dynamics.parameters import Parameter
-from par4_identification.diagnosis.evidence import Evidence, Fit, Hypothesis, project
+from par4_identification.diagnosis.evidence import Evidence, Fit, Hypothesis
+
+SLOPE = 1e-3
+"""Change of a shape, over its size, from which the slope of its torque is computed."""
 
 
-def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
-                      ) -> dict[str, Parameter]:
+def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
+                      inflation: float = 1.0) -> dict[str, Parameter]:
     """Return the parameters of hypothesis number `index` of a fit.
 
-    Standard deviations by finite differences of `Effect.values`; those of shape parameters from
-    the slope of the columns. One number for a parameter of the machine, else one for each joint of
-    the hypothesis; a vector for a parameter that has several numbers.
+    The standard deviations are those of coefficients and shape together: an error of the shape
+    moves the coefficients, and so does one of the other columns. They follow by finite differences
+    of `Effect.values`.
+
+    Args:
+        evidence: rows that were fitted.
+        hypothesis: the cause.
+        fit: of all causes.
+        index: of this one.
+        inflation: of the variances, by what the model may get wrong (`Requirement.inflation`).
+
+    Returns:
+        One number for a parameter of the machine, else one for each joint of the hypothesis; a
+        vector for a parameter that has several numbers.
     """
     effect, shape = hypothesis.effect, hypothesis.shape
     acting = list(range(evidence.observations.joints) if effect.shared else hypothesis.joints)
     coefficients = fit.coefficients[index][:, acting]
-    covariance = fit.covariance[fit.slices[index], fit.slices[index]]
+    names = [item.name for item in effect.parameters if item.name in shape]
+    covariance = inflation * _with_shapes(evidence, hypothesis, fit, index, names)
     values = effect.values(coefficients, shape)
-    slopes = {name: np.empty((len(covariance), len(value))) for name, value in values.items()}
+    slopes = {name: np.zeros((len(covariance), *np.shape(value)))
+              for name, value in values.items()}
+    own = len(covariance) - len(names)
     for number in range(len(covariance)):
-        step = 1e-3 * max(float(np.sqrt(covariance[number, number])), 1e-12)
-        moved = coefficients.copy()
-        if effect.shared:
+        step = SLOPE * max(float(np.sqrt(covariance[number, number])), 1e-12)
+        moved, other = coefficients.copy(), dict(shape)
+        if number >= own:
+            other[names[number - own]] = shape[names[number - own]] + step
+        elif effect.shared:
             moved[number] += step
         else:
             joint, row = divmod(number, len(coefficients))
             moved[row, joint] += step
-        for name, value in effect.values(moved, shape).items():
+        for name, value in effect.values(moved, other).items():
             slopes[name][number] = (value - values[name]) / step
-    shape_std = _shape_std(evidence, hypothesis, fit, index)
     result = {}
     for parameter in effect.parameters:
         value, slope = values[parameter.name], slopes[parameter.name]
-        std = np.sqrt(np.maximum(np.einsum('ci,cd,di->i', slope, covariance, slope), 0.0))
-        if parameter.name in shape:
-            std = np.full_like(std, shape_std[parameter.name])
+        std = np.sqrt(np.maximum(np.einsum('c...,cd,d...->...', slope, covariance, slope), 0.0))
         single = parameter.scope == 'machine' and parameter.size == 1
         result[parameter.name] = Parameter(
             value=float(value[0]) if single else tuple(map(float, value)),
@@ -46,22 +62,30 @@ def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, inde
     return result
 
 
-def _shape_std(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
-               ) -> dict[str, float]:
-    """Return the standard deviation of each shape parameter from the slope of its columns.
+def _with_shapes(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
+                 names: list[str]) -> np.ndarray:
+    """Return the covariance (c, c) of a hypothesis's coefficients and, behind them, its shapes.
 
-    First order: a shape error d changes the torque by d times the columns' derivative times the
-    coefficients; what of that the other columns cannot follow carries the information on d.
+    In first order an error d of a shape changes the torque by d times the slope of the columns
+    times the coefficients. With C the covariance of everything at a fixed shape, S the slopes'
+    moments with all columns and F what the columns leave of the slopes, the shape has the
+    covariance F^-1 and the coefficients C + (C S) F^-1 (C S)^T.
     """
-    result = {}
-    if not hypothesis.shape:
-        return result
-    projection = project(evidence, [hypothesis])
+    span = fit.slices[index]
+    own = fit.covariance[span, span]
+    if not names:
+        return own
     flat = hypothesis.stacked(fit.coefficients[index])
-    for name, value in hypothesis.shape.items():
-        step = 1e-3 * max(abs(value), 1e-6)
-        moved = Hypothesis(hypothesis.effect, {**hypothesis.shape, name: value + step},
+    slopes = []
+    for name in names:
+        step = SLOPE * max(abs(hypothesis.shape[name]), 1e-6)
+        moved = Hypothesis(hypothesis.effect,
+                           {**hypothesis.shape, name: hypothesis.shape[name] + step},
                            hypothesis.joints)
-        slope = (evidence.columns(moved) - evidence.columns(hypothesis)) @ flat / step
-        result[name] = float(1.0 / max(np.linalg.norm(projection.rest(slope)), 1e-30))
-    return result
+        slopes.append((evidence.columns(moved) - evidence.columns(hypothesis)) @ flat / step)
+    slope = np.stack(slopes, axis=1)
+    shift = fit.covariance @ (evidence.design(fit.hypotheses).T @ slope)
+    left = slope.T @ slope - (evidence.design(fit.hypotheses).T @ slope).T @ shift
+    shapes = np.linalg.pinv(left, rcond=1e-9, hermitian=True)
+    cross = -shift[span] @ shapes
+    return np.block([[own + shift[span] @ shapes @ shift[span].T, cross], [cross.T, shapes]])

@@ -310,12 +310,15 @@ class Fit:
         base: values (p,).
         coefficients: (K, J) of each hypothesis, zero on joints it does not act on.
         covariance: of everything, in the order of the design, (c, c).
+        slices: where the coefficients of each hypothesis are in it.
+        hypotheses: that were fitted.
     """
 
     base: np.ndarray
     coefficients: tuple[np.ndarray, ...]
     covariance: np.ndarray
     slices: tuple[slice, ...]
+    hypotheses: tuple[Hypothesis, ...]
 
 
 def solve(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Fit:
@@ -348,7 +351,8 @@ def fit_of(evidence: Evidence, hypotheses: Sequence[Hypothesis], values: np.ndar
         coefficients.append(full)
         slices.append(span)
         first = span.stop
-    return Fit(values[:parameters], tuple(coefficients), covariance, tuple(slices))
+    return Fit(values[:parameters], tuple(coefficients), covariance, tuple(slices),
+               tuple(hypotheses))
 
 
 def residuals(observations: Observations, hypotheses: Sequence[Hypothesis], fit: Fit

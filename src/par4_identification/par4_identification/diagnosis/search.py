@@ -9,7 +9,9 @@ from itertools import combinations
 import numpy as np
 
 from par4_identification.diagnosis.candidates import Candidate, Candidates, price_of_shapes
+from par4_identification.diagnosis.estimates import effect_parameters
 from par4_identification.diagnosis.evidence import (
+    Fit,
     Hypothesis,
     project,
     residuals,
@@ -252,34 +254,37 @@ class Search:
         effect = hypothesis.effect
         if isinstance(effect, Kind):
             return None
-        coefficients, base = self._estimate(hypothesis, others)
-        reason = self._implausible(hypothesis, coefficients, base)
+        evidence = self.pool.evidence
+        fit = solve(evidence, [*others, hypothesis])
+        reason = self._implausible(hypothesis, others, fit)
         if reason is None and effect.retimes and not self._dithered.obeys(
-                project(self.pool.evidence, others), hypothesis, float(coefficients[0, 0])):
+                project(evidence, others), hypothesis, float(fit.coefficients[-1][0, 0])):
             reason = ('the torque is read at another time, but in second order of that time it '
                       'does not follow this law')
         return reason
 
-    def _estimate(self, hypothesis: Hypothesis, others: Model) -> tuple[np.ndarray, np.ndarray]:
-        """Return coefficients (K, joints) of a hypothesis beside others and base values (p,)."""
-        evidence = self.pool.evidence
-        fit = solve(evidence, [*others, hypothesis])
-        return fit.coefficients[-1][:, list(hypothesis.joints)], fit.base
-
-    def _implausible(self, hypothesis: Hypothesis, coefficients: np.ndarray, base: np.ndarray
-                     ) -> str | None:
+    def _implausible(self, hypothesis: Hypothesis, others: Model, fit: Fit) -> str | None:
+        """Return why the values of a hypothesis, the last of a fit, are not those of a machine."""
         effect, acting = hypothesis.effect, list(hypothesis.joints)
-        level = {term.name: np.full(len(acting), value) for term, value in zip(
-            self.pool.evidence.observations.terms, base)}
+        evidence = self.pool.evidence
+        coefficients = fit.coefficients[-1][:, acting]
+        level = {term.name: np.full(len(acting), value)
+                 for term, value in zip(evidence.observations.terms, fit.base)}
         if effect.fixed_coefficients:
             # their columns have the nominal friction; what they must reach is the refitted one
-            nominal = self.pool.evidence.observations.runs[0].state.nominal
+            nominal = evidence.observations.runs[0].state.nominal
             found = coefficients * nominal.values['coulomb_friction'][acting] / (
                 level['coulomb_friction'])
-            if found.min() < 0.5 or found.max() > 1.5:
+            low, high = effect.fixed_range
+            if found.min() < low or found.max() > high:
                 return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '
                         f'it must be')
-        return effect.implausible(effect.values(coefficients, hypothesis.shape), level)
+        inflation = self.requirement((*others, hypothesis)).inflation
+        parameters = effect_parameters(evidence, hypothesis, fit, len(others), inflation)
+        values = effect.values(coefficients, hypothesis.shape)
+        std = {name: np.broadcast_to(parameter.std, values[name].shape)
+               for name, parameter in parameters.items()}
+        return effect.implausible(values, std, level)
 
     def _with_a_swap(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
         """Return a model in which a cause gave way to what explains decidedly more in its place."""

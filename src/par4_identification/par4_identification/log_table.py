@@ -1,0 +1,210 @@
+"""Columns of numbers from the files that loggers write: CSV, numpy archives, MATLAB files."""
+
+from __future__ import annotations
+
+import csv
+import re
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
+
+from par4_kinematics.errors import InputError
+
+DELIMITERS = (';', '\t', ',')
+"""Tried in this order: where one of the first two parts the fields, a comma is a decimal comma."""
+COMMENTS = '#%'
+MOST_NAMED = 12
+"""Names that an error lists."""
+EMPTY = {'', 'nan', 'na', 'n/a', 'null', 'none'}
+"""Cells that hold no number, in lower case."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a CSV file is written.
+
+    Attributes:
+        names: of the columns, empty where there is no header.
+        columns: how many there are.
+        first: lines before the data.
+        delimiter: None for spaces.
+        decimal_comma: whether `1,5` is a number.
+    """
+
+    names: tuple[str, ...]
+    columns: int
+    first: int
+    delimiter: str | None
+    decimal_comma: bool
+
+
+def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = None
+                 ) -> dict[str, np.ndarray]:
+    """Return columns of a file by their names, or by their numbers counted from 1.
+
+    A CSV may be parted by commas, semicolons, tabs or spaces, begin with comments and a header,
+    and have decimal commas; empty cells are NaN. A column of a numpy archive (.npz) or a MATLAB
+    file (.mat, up to version 7.2) is one of its arrays by name, or a row or column of the array
+    that `array` names: the longer side of it is time.
+
+    Args:
+        path: of the file; what it is follows from the end of its name.
+        wanted: names or numbers; a name goes first.
+        array: of an archive that holds tables.
+
+    Returns:
+        Each wanted column, (n,); of one length.
+
+    Raises:
+        InputError: no such file, cannot be read, no such column, a cell that is no number, columns
+            of different lengths.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f'{path}: no such file; give a CSV, .npz or .mat file')
+    kind = path.suffix.lower()
+    if kind in ('.npz', '.mat'):
+        columns = _of_archive(path, _archive(path), wanted, array)
+    elif array is not None:
+        raise InputError(f'{path}: --array {array} is for .npz and .mat files; this one is read '
+                         f'as a CSV')
+    else:
+        columns = _of_csv(path, wanted)
+    lengths = {name: len(column) for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise InputError(f'{path}: the columns differ in length: ' + ', '.join(
+            f'{name} {length}' for name, length in lengths.items()) + '; give columns of one table')
+    return columns
+
+
+def _place(path: Path, wanted: str, names: Sequence[str], count: int) -> int:
+    """Return the index of a column that is given by its name or number."""
+    found = [index for index, name in enumerate(names) if name == wanted]
+    if len(found) > 1:
+        raise InputError(f'{path}: {len(found)} columns are named {wanted!r}; give the number of '
+                         f'one, {" or ".join(str(index + 1) for index in found)}')
+    if found:
+        return found[0]
+    if wanted.isdecimal() and 1 <= int(wanted) <= count:
+        return int(wanted) - 1
+    there = ', '.join(names[:MOST_NAMED]) + (', ...' if len(names) > MOST_NAMED else '')
+    raise InputError(f'{path}: no column {wanted!r}; there are {count}'
+                     + (f': {there}' if names else ' without names, counted from 1'))
+
+
+# --------------------------------------------------------------------------------------- archives
+
+
+def _archive(path: Path) -> Mapping[str, np.ndarray]:
+    try:
+        if path.suffix.lower() == '.npz':
+            with np.load(path, allow_pickle=False) as archive:
+                return {name: archive[name] for name in archive.files}
+        return {name: values for name, values in loadmat(path).items()
+                if not name.startswith('__')}
+    except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile, MatReadError) as error:
+        raise InputError(f'{path}: cannot be read ({" ".join(str(error).split())}); give an '
+                         f'archive of plain numbers') from error
+
+
+def _of_archive(path: Path, archive: Mapping[str, np.ndarray], wanted: Sequence[str],
+                array: str | None) -> dict[str, np.ndarray]:
+    numeric = {name: np.squeeze(values) for name, values in archive.items()
+               if values.dtype.kind in 'biuf'}
+    tables = [name for name, values in numeric.items() if values.ndim == 2]
+    if array is None and not any(name in numeric for name in wanted) and len(tables) == 1:
+        array = tables[0]
+    if array is not None:
+        if array not in tables:
+            raise InputError(f'{path}: no table {array!r}; there are '
+                             f'{_listed(tables) or "none"}')
+        table = numeric[array]
+        rows = table if table.shape[0] < table.shape[1] else table.T
+        return {name: rows[_place(path, name, (), len(rows))].astype(float) for name in wanted}
+    plain = [name for name, values in numeric.items() if values.ndim == 1]
+    for name in wanted:
+        if name not in plain:
+            raise InputError(
+                f'{path}: no array {name!r} with one number a sample; there are '
+                f'{_listed(plain) or "none"}' + (f'; of a table ({_listed(tables)}) give its name '
+                                                 f'by --array and numbers of columns'
+                                                 if tables else ''))
+    return {name: numeric[name].astype(float) for name in wanted}
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ', '.join(names[:MOST_NAMED]) + (', ...' if len(names) > MOST_NAMED else '')
+
+
+# -------------------------------------------------------------------------------------------- CSV
+
+
+def _of_csv(path: Path, wanted: Sequence[str]) -> dict[str, np.ndarray]:
+    layout = _layout(path)
+    places = [_place(path, name, layout.names, layout.columns) for name in wanted]
+
+    def number(cell: str) -> float:
+        if cell.strip().lower() in EMPTY:
+            return np.nan
+        return float(cell.replace(',', '.') if layout.decimal_comma else cell)
+
+    try:
+        values = np.loadtxt(path, delimiter=layout.delimiter, skiprows=layout.first, ndmin=2,
+                            usecols=places, converters=number, comments='#', quotechar='"',
+                            encoding='utf-8-sig')
+    except (ValueError, UnicodeDecodeError, OSError) as error:
+        said = ' '.join(str(error).split()).rstrip('.')
+        raise InputError(f'{path}: {said}, counted from line {layout.first + 1}; mend the file'
+                         ) from error
+    return dict(zip(wanted, values.T, strict=True))
+
+
+def _layout(path: Path) -> Layout:
+    """Return how a CSV is written, judged by the first line that holds numbers."""
+    before = ''
+    try:
+        with path.open(encoding='utf-8-sig', newline='') as stream:
+            for index, line in enumerate(stream):
+                text = line.strip('\r\n')
+                if not text.strip():
+                    continue
+                delimiter = next((mark for mark in DELIMITERS if mark in text), None)
+                comma = delimiter != ',' and ',' in text
+                fields = _fields(text, delimiter)
+                numbers = sum(_is_number(field, comma) for field in fields)
+                if numbers and 2 * numbers >= len(fields) and text.lstrip()[0] not in COMMENTS:
+                    return Layout(_header(before, delimiter, len(fields)), len(fields), index,
+                                  delimiter, comma)
+                before = text
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f'{path}: cannot be read as text ({error}); give a CSV, .npz or .mat file'
+                         ) from error
+    raise InputError(f'{path}: no line of it holds numbers; give a CSV, .npz or .mat file')
+
+
+def _header(text: str, delimiter: str | None, columns: int) -> tuple[str, ...]:
+    """Return the names in the line before the data, empty where it names other columns."""
+    text = text.lstrip(COMMENTS + ' ')
+    for mark in dict.fromkeys((delimiter, *DELIMITERS, None)):
+        names = tuple(name.strip() for name in _fields(text, mark))
+        if len(names) == columns and text:
+            return names
+    return ()
+
+
+def _fields(text: str, delimiter: str | None) -> list[str]:
+    if delimiter is None:
+        return text.split()
+    return next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
+
+
+def _is_number(field: str, decimal_comma: bool) -> bool:
+    field = field.strip()
+    if decimal_comma:
+        field = field.replace(',', '.')
+    return re.fullmatch(r'[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?', field) is not None

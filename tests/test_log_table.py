@@ -1,0 +1,113 @@
+"""Columns out of the files that loggers write, in the forms in which they write them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from par4_identification.log_table import read_columns
+from par4_kinematics.errors import InputError
+
+T = np.array((0.0, 0.1, 0.2, 0.3))
+Q = np.array((1.5, -2.25, 3e-3, 4.0))
+TAU = np.array((-7.0, 8.0, 9.5, 0.25))
+ROWS = list(zip(T, Q, TAU))
+
+
+def text(mark, rows=ROWS):
+    return '\n'.join(mark.join(map(str, row)) for row in rows) + '\n'
+
+
+CSV = {
+    'commas': 't,joint angle,tau\n' + text(','),
+    'spaces': 't joint_angle tau\n' + text('  '),
+    'tabs': 't\tjoint angle\ttau\n' + text('\t'),
+    'semicolons': 't;joint angle;tau\r\n' + text('; ').replace('\n', '\r\n'),
+    'decimal commas': 't;joint angle;tau\n' + text(';').replace('.', ','),
+    'as numpy writes it': '# t,joint angle,tau\n' + text(','),
+    'comments': '% logger 3.1\n# made on Monday, at noon\n\n"t","joint angle","tau"\n' + text(','),
+    'a byte order mark': '\ufefft,joint angle,tau\n' + text(','),
+    'words in a column': 'mode,t,joint angle,tau\n' + text(',', [
+        ('auto', *row) for row in ROWS]),
+    'comments between': 't,joint angle,tau\n' + text(',').replace('\n', '\n# tick\n', 1),
+}
+
+
+@pytest.mark.parametrize('form', CSV)
+def test_a_csv_in_any_usual_form(form, tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text(CSV[form], encoding='utf-8', newline='')
+    name = 'joint_angle' if form == 'spaces' else 'joint angle'
+    found = read_columns(path, ('tau', 't', name))
+    for column, expected in zip(('tau', 't', name), (TAU, T, Q), strict=True):
+        np.testing.assert_array_equal(found[column], expected)
+    shift = form == 'words in a column'
+    np.testing.assert_array_equal(read_columns(path, (str(2 + shift),))[str(2 + shift)], Q)
+
+
+def test_a_csv_without_header_is_read_by_numbers_and_empty_cells_are_unknown(tmp_path):
+    path = tmp_path / 'log.txt'
+    path.write_text('0.0,1.0\n0.1,\n0.2,nan\n0.3,4.0', encoding='utf-8')
+    np.testing.assert_array_equal(read_columns(path, ('2',))['2'], (1.0, np.nan, np.nan, 4.0))
+    with pytest.raises(InputError, match="no column 'q'; there are 2 without names, counted from"):
+        read_columns(path, ('q',))
+
+
+@pytest.mark.parametrize('turned', [False, True])
+def test_an_archive_is_read_by_its_arrays_or_by_a_table(turned, tmp_path):
+    path, table = tmp_path / 'log.npz', np.stack((T, Q, TAU, T)[:3])
+    np.savez(path, t=T, q=Q[:, None], gain=2.0, run=table.T if turned else table, words='none')
+    np.testing.assert_array_equal(read_columns(path, ('q', 't'))['q'], Q)
+    np.testing.assert_array_equal(read_columns(path, ('3',), 'run')['3'], TAU)
+    alone = tmp_path / 'alone.npz'
+    np.savez(alone, run=table)
+    np.testing.assert_array_equal(read_columns(alone, ('2',))['2'], Q)
+
+
+def test_a_matlab_file_is_an_archive(tmp_path):
+    path = tmp_path / 'log.mat'
+    savemat(path, {'t': T, 'q': Q[:, None], 'runs': np.stack((T, Q, TAU), axis=1)})
+    np.testing.assert_array_equal(read_columns(path, ('q',))['q'], Q)
+    np.testing.assert_array_equal(read_columns(path, ('3',), 'runs')['3'], TAU)
+
+
+def files(folder):
+    """Return a folder with files that cannot be read as asked."""
+    (folder / 'log.csv').write_text(CSV['commas'], encoding='utf-8')
+    (folder / 'twice.csv').write_text('q,q\n1,2\n', encoding='utf-8')
+    (folder / 'words.csv').write_text('t,q\n1,2\n2,high\n', encoding='utf-8')
+    (folder / 'short.csv').write_text('t,q\n1,2\n2\n', encoding='utf-8')
+    (folder / 'prose.csv').write_text('nothing to see here\n', encoding='utf-8')
+    (folder / 'bytes.csv').write_bytes(b'\xff\xfe\x00\x01' * 9)
+    (folder / 'fake.npz').write_text('t,q\n1,2\n', encoding='utf-8')
+    (folder / 'fake.mat').write_text('t,q\n1,2\n', encoding='utf-8')
+    np.savez(folder / 'log.npz', t=T, q=Q[:2], one=np.eye(4), two=np.eye(4))
+    np.savez(folder / 'objects.npz', t=np.array([{}], dtype=object))
+
+
+@pytest.mark.parametrize(('name', 'wanted', 'array', 'words'), [
+    ('none.csv', ('1',), None, 'no such file'),
+    ('log.csv', ('q',), None, "no column 'q'; there are 3: t, joint angle, tau"),
+    ('log.csv', ('0',), None, "no column '0'"),
+    ('log.csv', ('4',), None, "no column '4'"),
+    ('log.csv', ('1',), 'run', '--array run is for .npz and .mat files'),
+    ('twice.csv', ('q',), None, "2 columns are named 'q'; give the number of one, 1 or 2"),
+    ('words.csv', ('q',), None, 'high.*counted from line 2; mend the file'),
+    ('short.csv', ('q',), None, 'counted from line 2; mend the file'),
+    ('prose.csv', ('q',), None, 'no line of it holds numbers'),
+    ('bytes.csv', ('q',), None, 'cannot be read as text'),
+    ('fake.npz', ('q',), None, 'cannot be read'),
+    ('fake.mat', ('q',), None, 'cannot be read'),
+    ('objects.npz', ('t',), None, 'cannot be read'),
+    ('log.npz', ('t', 'q'), None, 'differ in length: t 4, q 2'),
+    ('log.npz', ('speed',), None, "no array 'speed'.*there are t, q; of a table .one, two."),
+    ('log.npz', ('1',), 'three', "no table 'three'; there are one, two"),
+    ('log.npz', ('5',), 'one', "no column '5'; there are 4 without names"),
+])
+def test_what_cannot_be_read_is_refused_in_one_line(name, wanted, array, words, tmp_path):
+    files(tmp_path)
+    with pytest.raises(InputError, match=words) as caught:
+        read_columns(tmp_path / name, wanted, array)
+    assert '\n' not in str(caught.value)
+    assert name in str(caught.value)

@@ -1,0 +1,343 @@
+"""Bags made from logs of any machine: what is written is what was measured, and what is said of it.
+
+The measured axes of docs/measured.md are taken from the folder that PAR4_AXES_DATA names, where it
+is set; archives of the same layout, made here, always go the same way.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from measured import excitation
+from planned import state_of_motion
+from scipy.io import savemat
+
+from par4_dynamics.model import read_model
+from par4_identification.commands import bag
+from par4_identification.log import read_log
+from par4_identification.table_bag import chosen_columns
+from par4_identification.units import UNITS
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import JOINT_NAMES, Axis
+from recording import VARIABLE as EMPS_VARIABLE
+from recording import data_path, read_recording
+from robots import REFERENCE
+
+VARIABLE = 'PAR4_AXES_DATA'
+DOCS = Path(__file__).parents[1] / 'docs' / 'measured.md'
+PERIOD, COUNT = 2e-3, 400
+T = PERIOD * np.arange(COUNT)
+Q = 1.2 * np.sin(9.0 * T) + 0.3 * np.sin(31.0 * T)
+QD = 10.8 * np.cos(9.0 * T) + 9.3 * np.cos(31.0 * T)
+TAU = 0.4 * np.sign(QD) + 0.02 * QD
+COLUMNS = 'time=t:s position=q:rad velocity=qd:rad/s torque=tau:Nm'
+
+
+def axis(joint='motor', kind='revolute', gain=2.0):
+    return Axis.model_validate({'schema': 'par4/axis/1', 'name': 'axis', 'joint': joint,
+                                'kind': kind, 'gain': gain})
+
+
+@pytest.fixture
+def tool(capsys, monkeypatch):
+    """Return the executable: arguments -> exit code, what it printed, its complaint."""
+    def run(*arguments):
+        monkeypatch.setattr(sys, 'argv', ['par4_bag', *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            bag.main()
+        said = capsys.readouterr()
+        return SimpleNamespace(code=stop.value.code, out=said.out, err=said.err)
+    return run
+
+
+def csv(path, **columns):
+    """Write columns as a CSV with full precision and return its path."""
+    np.savetxt(path, np.stack(list(columns.values()), axis=1), fmt='%.17g', delimiter=',',
+               header=','.join(columns), comments='')
+    return path
+
+
+# ----------------------------------------------------------------------------- what comes back
+
+
+def test_a_par4_comes_back_from_foreign_units(tool, tmp_path):
+    """Degrees, milliseconds from 1970, amperes and volts, columns in any order, two files."""
+    motion = excitation('reference', 4.0, 77)
+    torque = read_model('table1', REFERENCE).torque(state_of_motion(REFERENCE, motion))
+    gain, constant = np.array(REFERENCE.drive_gain), (0.5, 0.6, 0.7, 0.8)
+    first = 1.7e12 + 1e3 * motion.t
+    half, files = len(motion.t) // 2, []
+    for name, rows in (('one', slice(None, half)), ('two', slice(half, None))):
+        files.append(csv(
+            tmp_path / f'{name}.csv',
+            **{f'amps {joint}': torque[rows, joint] / constant[joint] for joint in range(4)},
+            stamp=first[rows],
+            **{f'volts {joint}': torque[rows, joint] / gain[joint] for joint in range(4)},
+            **{f'deg {joint}': np.degrees(motion.q[rows, joint]) for joint in range(4)}))
+    told = tool(*files, '--columns', "time=stamp:ms position=10-13:deg voltage='volts 0,volts 1,"
+                "volts 2,volts 3':V torque=1-4:A", '--motor-gain', '0.5,0.6,0.7,0.8', '--output',
+                tmp_path / 'bag')
+    assert told.code == 0, told.err
+    assert 'look at this' not in told.out
+    assert f'joint_states {len(motion.t)}, amplifier_voltage {len(motion.t)}' in told.out
+    log = read_log(tmp_path / 'bag', REFERENCE)
+    assert log.accounts.findings() == ()  # efforts and voltages agree
+    assert log.accounts.torque_source == 'amplifier_voltage'
+    assert log.start_stamp == 1_700_000_000_000_000_000
+    np.testing.assert_allclose(log.t, motion.t, atol=1e-6)
+    np.testing.assert_allclose(log.q, motion.q, atol=1e-12)
+    np.testing.assert_allclose(log.tau, torque, atol=1e-10)
+
+
+@pytest.mark.parametrize(('columns', 'values', 'options'), [
+    ('time=1:s position=2:rad torque=3:Nm', (T, Q, TAU), ()),
+    ('time=1:us position=2:turn torque=3:mNm', (1e6 * T, Q / (2.0 * np.pi), 1e3 * TAU), ()),
+    ('time=1:ns position=2:counts torque=3:A', (1e9 * T, Q / (2.0 * np.pi) * 4096, TAU / 0.05),
+     ('--counts-per-turn', 4096, '--motor-gain', 0.05)),
+    ('position=2:deg torque=3:mA', (T, np.degrees(Q), 1e3 * TAU / 0.05),
+     ('--rate', 1.0 / PERIOD, '--motor-gain', 0.05)),
+    ('time=1:ms position=2:rad voltage=3:V', (1e3 * T, Q, 0.5 * TAU), ()),
+    ('time=1:s position=2:rad voltage=3:mV', (T + 700.0, Q, 500.0 * TAU), ()),
+])
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_an_axis_comes_back_from_any_unit(columns, values, options, storage, tool, tmp_path):
+    np.savez(tmp_path / 'log.npz', run=np.stack(values))
+    told = tool(tmp_path / 'log.npz', '--columns', columns, '--joints', 'motor', '--output',
+                tmp_path / 'bag', '--storage', storage, *options)
+    assert told.code == 0, told.err
+    log = read_log(tmp_path / 'bag', axis())
+    assert log.accounts.findings() == ()
+    assert log.start_stamp == 1_000_000_000
+    np.testing.assert_allclose(log.t, T, atol=1e-9)
+    np.testing.assert_allclose(log.q[:, 0], Q, atol=1e-12)
+    np.testing.assert_allclose(log.tau[:, 0], TAU, atol=1e-12)
+
+
+@pytest.mark.parametrize('unit', UNITS['velocity'])
+def test_a_speed_fits_its_position_in_every_unit_and_in_no_other(unit, tool, tmp_path):
+    factors = {'rad/s': 1.0, 'deg/s': 180.0 / np.pi, 'turn/s': 0.5 / np.pi, 'rpm': 30.0 / np.pi,
+               'counts/s': 500.0 / np.pi, 'm/s': 1.0, 'mm/s': 1e3}
+    linear = unit in ('m/s', 'mm/s')
+    path = csv(tmp_path / 'log.csv', t=T, q=Q, qd=factors[unit] * QD, tau=TAU)
+    for said, right in ((unit, True), ('mm/s' if unit == 'm/s' else 'm/s' if linear else
+                                       'rpm' if unit == 'rad/s' else 'rad/s', False)):
+        told = tool(path, '--columns', f'time=t:s position=q:{"m" if linear else "rad"} '
+                    f'velocity=qd:{said} torque=tau:{"N" if linear else "Nm"}', '--joints',
+                    'motor', '--counts-per-turn', 1000, '--output', tmp_path / f'bag {right}')
+        assert told.code == 0, told.err
+        assert ('times the slope of the position' in told.out) == (not right)
+
+
+def test_a_part_of_a_log_and_an_encoder_that_wraps(tool, tmp_path):
+    turns = 3.0 * T / T[-1]
+    path = csv(tmp_path / 'log.csv', t=T, q=turns % 1.0, tau=TAU)
+    common = (path, '--columns', 'time=t:s position=q:turn torque=tau:Nm', '--joints', 'motor',
+              '--between', 0.2, 0.6)
+    told = tool(*common, '--output', tmp_path / 'wrapped')
+    assert 'jumps by 0.99' in told.out
+    assert '--unwrap' in told.out
+    told = tool(*common, '--output', tmp_path / 'bag', '--unwrap')
+    assert 'look at this' not in told.out
+    log, rows = read_log(tmp_path / 'bag', axis()), (T >= 0.2) & (T <= 0.6)
+    assert len(log.t) == rows.sum() == 201
+    np.testing.assert_allclose(log.q[:, 0] - log.q[0, 0],
+                               2.0 * np.pi * (turns[rows] - turns[rows][0]), atol=1e-9)
+
+
+def test_what_looks_wrong_is_said(tool, tmp_path):
+    t, tau = T.copy(), TAU.copy()
+    t[100:] += 0.05  # a gap
+    t[200] = t[199]
+    t[300:] -= 0.4
+    t[350] = np.nan
+    tau[10:15] = np.nan
+    path = csv(tmp_path / 'log.csv', t=t, q=2e4 * np.rint(10.0 * Q), qd=np.zeros(COUNT), tau=tau)
+    told = tool(path, '--columns', COLUMNS, '--joints', 'motor', '--output', tmp_path / 'bag')
+    assert told.code == 0, told.err
+    for words in ('399 of 400 rows', '3 gaps', 'the longest 0.052 s', '1 rows without a time',
+                  '1 stamps repeated', '1 times the clock goes back',
+                  'torque: 5 of 399 cells hold no number',
+                  'velocity of joint 0: the same in all rows'):
+        assert words in told.out, words
+    path = csv(tmp_path / 'counts.csv', t=T, q=np.rint(1e4 * Q), qd=np.flip(QD), tau=TAU)
+    told = tool(path, '--columns', COLUMNS, '--joints', 'motor', '--output', tmp_path / 'counts')
+    assert 'whole numbers up to' in told.out or 'jumps by' in told.out
+    assert 'not the slope of the position' in told.out
+
+
+# ---------------------------------------------------------------------------- what is refused
+
+
+@pytest.mark.parametrize(('columns', 'words'), [
+    ('position=q', "'position=q' is not QUANTITY=COLUMN:UNIT"),
+    ('q:rad', "'q:rad' is not QUANTITY=COLUMN:UNIT"),
+    ('angle=q:rad', 'angle: unknown; columns are time, position'),
+    ('position=q:grad', "position: unit 'grad' is unknown; give one of rad, deg"),
+    ('position=q:rad', 'found position; needed are position and torque or voltage'),
+    ('position=q:rad position=p:rad torque=3:Nm', 'position is given twice'),
+    ('position=1,2:rad torque=3:Nm', 'torque has 1 columns, expected 2, as position has'),
+    ('time=1-2:s position=3:rad torque=4:Nm', 'time has 2 columns, expected 1'),
+    ('position=1:m torque=2:Nm', 'position in m, torque in Nm; a joint turns or slides'),
+    ("position='q:rad", 'close the quotes'),
+])
+def test_columns_that_make_no_sense_are_refused(columns, words):
+    with pytest.raises(InputError, match=re.escape(words)) as caught:
+        chosen_columns(columns)
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize(('options', 'words'), [
+    (('--columns', COLUMNS), 'positions of 1 joint: name them by --joints'),
+    (('--columns', COLUMNS, '--joints', 'a,b'), '2 joints (a, b), the positions have 1 columns'),
+    (('--columns', COLUMNS, '--joints', 'a', '--robot', 'reference'), 'give one of them'),
+    (('--columns', COLUMNS, '--robot', 'reference'), '4 joints'),
+    (('--columns', COLUMNS, '--joints', 'a', '--rate', 500), 'not both'),
+    (('--columns', 'position=q:rad torque=tau:Nm', '--joints', 'a'), 'or --rate in Hz'),
+    (('--columns', 'time=t:s position=q:rad torque=current:A', '--joints', 'a'),
+     '--motor-gain has 0 numbers, give one'),
+    (('--columns', 'time=t:s position=q:counts torque=tau:Nm', '--joints', 'a',
+      '--counts-per-turn', '8,9'), '--counts-per-turn has 2 numbers'),
+    (('--columns', 'time=t:s position=angle:rad torque=tau:Nm', '--joints', 'a'),
+     "no column 'angle'; there are 4: t, q, qd, tau"),
+    (('--columns', 'time=t:us position=q:rad torque=tau:Nm', '--joints', 'a'),
+     'median spacing of the samples is 2e-09 s'),
+    (('--columns', COLUMNS, '--joints', 'a', '--between', 5, 6),
+     '0 of 400 rows are left, at least 100 are needed, the time goes from 0 to 0.798 s'),
+    (('--columns', COLUMNS, '--joints', 'a', '--array', 'run'), 'is for .npz and .mat'),
+    (('--columns', 'time=t:s position=q:mm torque=tau:N', '--joints', 'a', '--unwrap'),
+     '--unwrap is for joints that turn'),
+    (('--columns', COLUMNS, '--joints', 'a', '--motor-gain', '-1'), 'is not a positive number'),
+    ((), "Missing option '--columns'"),
+])
+def test_bad_input_is_one_line_and_leaves_nothing(options, words, tool, tmp_path):
+    path = csv(tmp_path / 'log.csv', t=T, q=Q, qd=QD, tau=TAU)
+    told = tool(path, *options, '--output', tmp_path / 'bag')
+    assert told.code == 2
+    line, = told.err.strip().splitlines()
+    assert line.startswith('error: ')
+    assert words in line
+    assert os.listdir(tmp_path) == ['log.csv']
+
+
+def test_files_must_follow_each_other_and_a_bag_is_never_replaced(tool, tmp_path):
+    path = csv(tmp_path / 'log.csv', t=T, q=Q, qd=QD, tau=TAU)
+    told = tool(path, path, '--columns', COLUMNS, '--joints', 'a', '--output', tmp_path / 'bag')
+    assert told.code == 2
+    assert 'begins at 0 s, before' in told.err
+    for code in (0, 2):
+        told = tool(path, '--columns', COLUMNS, '--joints', 'a', '--output', tmp_path / 'bag')
+        assert told.code == code
+    assert 'exists already' in told.err
+
+
+def test_a_robot_file_names_the_joints_and_must_fit(tool, tmp_path):
+    path = csv(tmp_path / 'log.csv', t=T, q=Q, qd=QD, tau=TAU)
+    robot = tmp_path / 'robot.yaml'
+    for kind, code in (('linear', 2), ('revolute', 0)):
+        robot.write_text(f'schema: par4/axis/1\nname: a\njoint: shaft\nkind: {kind}\ngain: 2.0\n',
+                         encoding='utf-8')
+        told = tool(path, '--columns', COLUMNS, '--robot', robot, '--output', tmp_path / 'bag')
+        assert told.code == code
+    np.testing.assert_allclose(read_log(tmp_path / 'bag', axis('shaft')).q[:, 0], Q)
+    assert bag.joint_names(None, None, 4) == JOINT_NAMES
+    assert bag.joint_names(REFERENCE, None, 4) == JOINT_NAMES
+
+
+# ------------------------------------------------------------------------ the measured machines
+
+
+def documented():
+    """Return the commands of docs/measured.md that make bags of published data."""
+    return [line for line in DOCS.read_text(encoding='utf-8').splitlines()
+            if line.startswith('par4_bag $DATA')]
+
+
+def runs_of(folder, command):
+    """Return the names of the tables that a documented command is for."""
+    if '--array' not in command:
+        return ['']
+    file = re.search(r'\$DATA/(\S+)', command)[1]
+    with np.load(folder / file) as archive:
+        tables = [name for name in archive.files if archive[name].ndim == 2]
+    if file != 'laas.npz':
+        return tables
+    return [name for name in tables if ('torque=5:A' in command) == name.startswith('speed')]
+
+
+def made(tool, folder, command, run, output):
+    """Return the log of the bag that a documented command makes."""
+    words = shlex.split(command.replace('$DATA', str(folder)).replace('$RUN', run))[1:]
+    place = words.index('--output') + 1
+    words[place] = str(output / words[place])
+    told = tool(*words)
+    assert told.code == 0, told.err
+    joint = words[words.index('--joints') + 1]
+    return told.out, read_log(words[place], axis(joint, 'linear' if joint == 'carriage' else
+                                                 'revolute', 35.0))
+
+
+def synthetic(folder):
+    """Write archives of the layout of the measured ones."""
+    rest = np.zeros(COUNT)
+    turns, amps = Q / (2.0 * np.pi), TAU / 0.025
+    np.savez(folder / 'laas.npz', speed_test=np.stack((T, Q, QD, rest, amps, rest), axis=1),
+             accel=np.stack((T, Q, QD, amps, rest, rest), axis=1), table7200=np.arange(7200))
+    np.savez(folder / 'odrive.npz', slow2__comp_0=np.stack((T, 8192 * turns, TAU / 0.0551)),
+             kt_Nm_per_A=0.0551, map_static_A=rest)
+    np.savez(folder / 'screws.npz', drive1__20=np.stack((T, Q, QD, TAU)),
+             drive1__n20=np.stack((T, -Q, -QD, -TAU)))
+    np.savez(folder / 'xl330.npz', mass=0.49, sin_sin__kp100=np.stack((
+        T, Q, QD, TAU / 35.0, rest, rest, rest, rest)))
+    savemat(folder / 'DATA_EMPS.mat', {'t': T[:, None], 'qm': Q[:, None],
+                                       'vir': TAU[:, None] / 35.0, 'gtau': 35.0})
+
+
+def test_the_documented_commands_make_bags_of_files_of_that_layout(tool, tmp_path):
+    synthetic(tmp_path)
+    commands = documented()
+    assert len(commands) == 6
+    for command in commands:
+        for run in runs_of(tmp_path, command):
+            _, log = made(tool, tmp_path, command, run, tmp_path)
+            sign = -1.0 if run == 'drive1__n20' else 1.0
+            np.testing.assert_allclose(log.t, T, atol=1e-9)
+            np.testing.assert_allclose(log.q[:, 0], sign * Q, atol=1e-9)
+            np.testing.assert_allclose(log.tau[:, 0], sign * TAU, atol=1e-9)
+
+
+def test_the_published_file_of_emps_becomes_a_bag(tool, tmp_path):
+    path = data_path()
+    if path is None:
+        pytest.skip(f'{EMPS_VARIABLE} is not set')
+    command, = (line for line in documented() if 'EMPS' in line)
+    recording = read_recording(path)
+    _, log = made(tool, path.parent, command.replace('DATA_EMPS.mat', path.name), '', tmp_path)
+    np.testing.assert_allclose(log.q[:, 0], recording.position, atol=1e-9)
+    np.testing.assert_allclose(log.tau[:, 0], 35.0 * recording.voltage, atol=1e-6)
+
+
+def test_every_measured_run_becomes_a_bag(tool, tmp_path):
+    """Of long lists of runs every eighth; what the archive holds comes back but for its clock."""
+    if VARIABLE not in os.environ:
+        pytest.skip(f'{VARIABLE} is not set')
+    folder = Path(os.environ[VARIABLE])
+    for command in documented():
+        if 'EMPS' in command:
+            continue
+        runs = runs_of(folder, command)
+        for run in runs[::8] if len(runs) > 8 else runs:
+            _, log = made(tool, folder, command, run, tmp_path)
+            file = re.search(r'\$DATA/(\S+)', command)[1]
+            with np.load(folder / file) as archive:
+                table = archive[run] if archive[run].shape[0] < 10 else archive[run].T
+            unit = 2.0 * np.pi / 8192 if 'counts' in command else 1.0
+            inside = np.interp(log.t, table[0] - table[0, 0], unit * table[1])
+            assert np.median(np.abs(log.q[:, 0] - inside)) < 1e-3 * np.ptp(log.q)
+            assert len(log.t) > 0.98 * len(table[0]) or run == 'static'  # which holds and waits
