@@ -9,13 +9,16 @@ setup(
     license='Apache-2.0',
     author='Par4 maintainers',
     packages=find_packages(),
+    package_data={'par4_sim': ['report/templates/*', 'tracking/templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
         ('share/' + package_name + '/launch', ['launch/cell.launch.py']),
         ('share/' + package_name + '/rviz', ['rviz/par4.rviz']),
     ],
-    install_requires=['click', 'numba', 'numpy', 'pybullet', 'rosbags', 'lz4', 'backports.zstd'],
+    install_requires=[
+        'backports.zstd', 'click', 'jinja2', 'lz4', 'markupsafe', 'matplotlib', 'numba', 'numpy',
+        'pybullet', 'rich', 'rosbags', 'scipy'],
     zip_safe=False,
     entry_points={
         'console_scripts': [
