@@ -94,7 +94,8 @@ def test_missing_effort_counts_as_zero_and_is_counted():
     assert queue.uncovered(0.1)
     queue.use_until(0.2)
     assert queue.missing_effort == 6
-    np.testing.assert_allclose(read(queue, 0.035)[8:], 0.5)
+    np.testing.assert_allclose(read(queue, 0.025)[8:], 1.0)
+    np.testing.assert_allclose(read(queue, 0.035)[8:], 0.0)
     np.testing.assert_allclose(read(queue, 0.065)[8:], 0.0)
 
 

@@ -24,6 +24,7 @@ setup(
         'console_scripts': [
             'par4_simulation = par4_sim.ros.simulation_node:main',
             'par4_simulate = par4_sim.commands.simulate:main',
+            'par4_track = par4_sim.commands.track:main',
             'par4_push = par4_sim.commands.push:main',
         ],
     },

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 
@@ -11,6 +13,8 @@ MATCH = 1e-4
 """Effort belongs to the reference point within this time, s."""
 COLUMNS = 16
 """q, qd, qdd, feedforward torque of four joints; the torque is NaN until it arrives."""
+NO_TORQUE = math.inf
+"""In place of the torque of a point for which none will come."""
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -18,7 +22,8 @@ def interpolate(times, points, t, target):
     """Write q_ref, qd_ref, tau_ff (12,) at time t; hold before the first and after the last point.
 
     Position by the quintic Hermite polynomial through position, velocity and acceleration of the
-    neighbours, torque linearly; a missing torque counts as zero.
+    neighbours, torque linearly. Where either neighbour lacks its torque it counts as zero: a ramp
+    between a torque and none would hide from the drive that it is to hand the torque over.
     """
     n = times.shape[0]
     if t < times[0] or t >= times[n - 1] or n == 1:
@@ -28,7 +33,8 @@ def interpolate(times, points, t, target):
             target[joint] = points[row, joint]
             target[4 + joint] = 0.0
             torque = points[row, 12 + joint]
-            target[8 + joint] = torque if (on_time or row == n - 1) and torque == torque else 0.0
+            known = math.isfinite(torque) and (on_time or row == n - 1)
+            target[8 + joint] = torque if known else 0.0
         return
     after = np.searchsorted(times, t, side='right')
     before = after - 1
@@ -49,7 +55,8 @@ def interpolate(times, points, t, target):
         target[joint] = p0 + u * (v0 + u * (0.5 * a0 + u * (c3 + u * (c4 + u * c5))))
         target[4 + joint] = (v0 + u * (a0 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))) / span
         t0, t1 = points[before, 12 + joint], points[after, 12 + joint]
-        target[8 + joint] = v * (t0 if t0 == t0 else 0.0) + u * (t1 if t1 == t1 else 0.0)
+        torque = v * t0 + u * t1
+        target[8 + joint] = torque if math.isfinite(torque) else 0.0
 
 
 def _slots(times: np.ndarray) -> np.ndarray:
@@ -65,6 +72,13 @@ def _pass(times, points, used, now):
         missing += points[passed, 12] != points[passed, 12]
         passed += 1
     return passed, missing
+
+
+def _standing(q: np.ndarray) -> np.ndarray:
+    """Return a point (1, COLUMNS) at rest at q (4,), which no torque is meant for."""
+    point = np.zeros((1, COLUMNS))
+    point[0, :4], point[0, 12:] = q, NO_TORQUE
+    return point
 
 
 class ReferenceQueue:
@@ -84,8 +98,7 @@ class ReferenceQueue:
     def restart(self, q: np.ndarray) -> None:
         """Forget every queued point and hold at q (4,) from time 0; the counts stay."""
         self.times = np.zeros(1)
-        self.points = np.zeros((1, COLUMNS))
-        self.points[0, :4] = q
+        self.points = _standing(q)
         # torques that no point has taken yet, by time in units of MATCH, ascending
         self._slots = np.empty(0, dtype=np.int64)
         self._efforts = np.empty((0, LEGS))
@@ -110,8 +123,7 @@ class ReferenceQueue:
         kept_times, kept = self.times[:keep], self.points[:keep]
         self._used = min(self._used, keep)
         if keep == 0 or kept_times[-1] < now:
-            hold = np.zeros((1, COLUMNS))
-            hold[0, :4] = self.points[max(keep - 1, 0), :4]
+            hold = _standing(self.points[max(keep - 1, 0), :4])
             if times[0] > now:
                 kept_times, kept = np.array([now]), hold
                 self._used = 1

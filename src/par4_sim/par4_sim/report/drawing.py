@@ -5,9 +5,11 @@ from __future__ import annotations
 import base64
 import io
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -28,6 +30,13 @@ STYLE = {
     'grid.color': '#eceff2', 'grid.linewidth': 0.7, 'axes.axisbelow': True,
     'legend.frameon': False, 'legend.fontsize': 8.5, 'lines.linewidth': 1.0,
     'path.simplify_threshold': 0.2}
+
+
+@contextmanager
+def drawn(height: float) -> Iterator[Figure]:
+    """Yield a figure as wide as a report and `height` inches high, in the style of all."""
+    with rc_context(STYLE):
+        yield Figure((WIDTH, height), layout='constrained')
 
 
 def line(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, width: float) -> None:
