@@ -10,7 +10,7 @@ from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_platform
 from par4_kinematics.errors import InputError
 from par4_sim.drive import DriveLoops
-from par4_sim.reference import ReferenceQueue, interpolate
+from par4_sim.reference import TARGET, ReferenceQueue, interpolate
 from par4_sim.simulation import build_simulation
 from robots import REFERENCE, growing_waves
 
@@ -23,7 +23,7 @@ def polynomial(t, order):
 
 
 def read(queue, t):
-    target = np.zeros(12)
+    target = np.zeros(TARGET)
     interpolate(queue.times, queue.points, t, target)
     return target
 
@@ -40,6 +40,7 @@ def test_quintic_hermite_reproduces_a_polynomial_of_degree_five():
     for t in np.linspace(0.0, 0.449, 37):
         np.testing.assert_allclose(read(queue, t)[:4], polynomial([t], 0)[0], atol=1e-12)
         np.testing.assert_allclose(read(queue, t)[4:8], polynomial([t], 1)[0], atol=1e-10)
+        np.testing.assert_allclose(read(queue, t)[12:], polynomial([t], 2)[0], atol=1e-8)
 
 
 def test_before_the_first_and_after_the_last_point_the_drive_holds():
@@ -79,7 +80,7 @@ def test_effort_is_matched_by_time_whichever_comes_first():
         queue.queue(-0.1, t, *(polynomial(t, order) for order in range(3)))
         if not effort_first:
             queue.queue_effort(t + 5e-5, tau)
-        np.testing.assert_allclose(read(queue, 0.055)[8:], 1.055, atol=1e-9)
+        np.testing.assert_allclose(read(queue, 0.055)[8:12], 1.055, atol=1e-9)
         assert not queue.uncovered(0.1)
         queue.use_until(0.2)
         assert queue.missing_effort == 0
@@ -94,9 +95,9 @@ def test_missing_effort_counts_as_zero_and_is_counted():
     assert queue.uncovered(0.1)
     queue.use_until(0.2)
     assert queue.missing_effort == 6
-    np.testing.assert_allclose(read(queue, 0.025)[8:], 1.0)
-    np.testing.assert_allclose(read(queue, 0.035)[8:], 0.0)
-    np.testing.assert_allclose(read(queue, 0.065)[8:], 0.0)
+    np.testing.assert_allclose(read(queue, 0.025)[8:12], 1.0)
+    np.testing.assert_allclose(read(queue, 0.035)[8:12], 0.0)
+    np.testing.assert_allclose(read(queue, 0.065)[8:12], 0.0)
 
 
 def test_a_torque_serves_one_point_and_the_newest_of_one_time_rules():

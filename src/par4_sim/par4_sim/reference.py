@@ -13,13 +13,15 @@ MATCH = 1e-4
 """Effort belongs to the reference point within this time, s."""
 COLUMNS = 16
 """q, qd, qdd, feedforward torque of four joints; the torque is NaN until it arrives."""
+TARGET = 16
+"""What a drive follows at one time: q_ref, qd_ref, feedforward torque, qdd_ref of four joints."""
 NO_TORQUE = math.inf
 """In place of the torque of a point for which none will come."""
 
 
 @numba.njit(cache=True, error_model='numpy')
 def interpolate(times, points, t, target):
-    """Write q_ref, qd_ref, tau_ff (12,) at time t; hold before the first and after the last point.
+    """Write the target (TARGET,) at time t; hold before the first and after the last point.
 
     Position by the quintic Hermite polynomial through position, velocity and acceleration of the
     neighbours, torque linearly. Where either neighbour lacks its torque it counts as zero: a ramp
@@ -31,7 +33,7 @@ def interpolate(times, points, t, target):
         on_time = abs(t - times[row]) < 1e-9
         for joint in range(4):
             target[joint] = points[row, joint]
-            target[4 + joint] = 0.0
+            target[4 + joint] = target[12 + joint] = 0.0
             torque = points[row, 12 + joint]
             known = math.isfinite(torque) and (on_time or row == n - 1)
             target[8 + joint] = torque if known else 0.0
@@ -54,6 +56,7 @@ def interpolate(times, points, t, target):
         c5 = 6.0 * gap - 3.0 * slope + 0.5 * bend
         target[joint] = p0 + u * (v0 + u * (0.5 * a0 + u * (c3 + u * (c4 + u * c5))))
         target[4 + joint] = (v0 + u * (a0 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))) / span
+        target[12 + joint] = (a0 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5))) / span ** 2
         t0, t1 = points[before, 12 + joint], points[after, 12 + joint]
         torque = v * t0 + u * t1
         target[8 + joint] = torque if math.isfinite(torque) else 0.0

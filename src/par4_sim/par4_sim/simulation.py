@@ -16,8 +16,11 @@ from par4_kinematics.robot import Robot
 from par4_kinematics.workspace import home_pose
 from par4_sim.amplifier import Amplifier
 from par4_sim.control_loop import ControlLoop
+from par4_sim.controller import Controller
+from par4_sim.drive import DriveLoops
 from par4_sim.elastic import ElasticPlant, split_machine
 from par4_sim.exact import ExactPlant
+from par4_sim.laws import controller_named
 from par4_sim.machine import LoadTorque, Machine
 from par4_sim.machine_effects import machine_of_model
 from par4_sim.noise import Noise, NoiseSource
@@ -69,6 +72,7 @@ class Simulation:
         noise: of the recorder.
         seed: of the noise.
         pose: where the machine rests at first (4,); None for home.
+        controller: law of the drives; None for their own loops.
 
     Raises:
         InputError: a period that is not a whole number of steps, a jitter too large for it.
@@ -76,7 +80,8 @@ class Simulation:
 
     def __init__(self, robot: Robot, plant: Plant, sample_period: float, torque_limit: float,
                  holding_torque: np.ndarray, amplifier: Amplifier, sensors: Sensors, noise: Noise,
-                 seed: int, pose: np.ndarray | None = None) -> None:
+                 seed: int, pose: np.ndarray | None = None,
+                 controller: Controller | None = None) -> None:
         self._substeps = round(sample_period / plant.dt)
         if self._substeps < 1 or abs(self._substeps * plant.dt - sample_period) > 1e-9:
             raise InputError(f'publish rate: {1 / sample_period:g} Hz asked, the physics runs at '
@@ -87,7 +92,9 @@ class Simulation:
         self._seed = seed
         self._noise = noise
         self._holding_torque = holding_torque
-        self._loop = ControlLoop(robot.drives, torque_limit, amplifier, sensors, plant)
+        self._loop = ControlLoop(
+            robot.drives, controller or DriveLoops(robot.drives, torque_limit, plant.dt), amplifier,
+            sensors, plant)
         self._ahead = max(self._substeps, self._loop.steps_ahead)
         self._pose = home_pose(robot) if pose is None else pose
         plant.reset(self._pose)
@@ -127,8 +134,8 @@ class Simulation:
         """What went wrong so far, by name."""
         return {'late_points': self._reference.late_points,
                 'missing_effort': self._reference.missing_effort,
-                'saturated_commands': self._loop.drives.saturated_commands,
-                'saturated_speeds': self._loop.drives.saturated_speeds}
+                'saturated_commands': self._loop.controller.saturated_commands,
+                'saturated_speeds': self._loop.controller.saturated_speeds}
 
     def queue_reference(self, times: np.ndarray, q: np.ndarray, qd: np.ndarray,
                         qdd: np.ndarray) -> None:
@@ -210,7 +217,8 @@ def build_plant(machine: Machine, fidelity: str, dt: float = STEP) -> Plant:
 
 def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: float = 1e-3,
                      seed: int = 0, loads: tuple[LoadTorque, ...] = (),
-                     pose: np.ndarray | None = None, **noise: float) -> Simulation:
+                     pose: np.ndarray | None = None, law: str = 'loops',
+                     known: Model | None = None, **noise: float) -> Simulation:
     """Return the simulation of the machine that `model` describes, at rest.
 
     Args:
@@ -221,11 +229,13 @@ def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: f
         seed: of the noise.
         loads: further torques on its joints.
         pose: where it rests at first (4,); None for home.
+        law: of the drives, one of LAWS.
+        known: model that the law knows, where it needs one.
         noise: sizes by name, as `Noise` has them.
 
     Raises:
-        InputError: unknown fidelity, a rate that does not divide the physics', masses that make
-            a body negative, a jitter that mixes up the stamps.
+        InputError: unknown fidelity or law, a rate that does not divide the physics', masses
+            that make a body negative, a jitter that mixes up the stamps.
         UnreachableError: a pose that a leg cannot reach.
     """
     machine = replace(machine_of_model(robot, model), loads=loads)
@@ -235,4 +245,5 @@ def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: f
     pose = home_pose(robot) if pose is None else np.asarray(pose, dtype=float)
     at_rest = state_of_platform(robot.geometry, np.zeros(1), pose[None], still, still)
     return Simulation(robot, plant, sample_period, limit, model.torque(at_rest)[0],
-                      machine.amplifier, machine.sensors, Noise(**noise), seed, pose)
+                      machine.amplifier, machine.sensors, Noise(**noise), seed, pose,
+                      controller_named(law, robot, limit, plant.dt, known))

@@ -53,7 +53,7 @@ def feedforward_of(robot: Robot, model: Model, motion: Motion) -> np.ndarray:
 
 
 def record_run(robot: Robot, machine: Model, motion: Motion, feedforward: np.ndarray | None,
-               fidelity: str = 'exact') -> Run:
+               fidelity: str = 'exact', law: str = 'loops', known: Model | None = None) -> Run:
     """Return the run of a machine that rests where the motion begins and then follows it.
 
     Args:
@@ -62,12 +62,15 @@ def record_run(robot: Robot, machine: Model, motion: Motion, feedforward: np.nda
         motion: what its drives follow.
         feedforward: torques at the samples of the motion, (m, 4) N m, or None.
         fidelity: of the plant.
+        law: of the drives, one of LAWS.
+        known: model that the law knows, where it needs one.
 
     Raises:
         InputError: as `build_simulation`.
         UnreachableError: the machine was driven out of its workspace.
     """
-    simulation = build_simulation(robot, machine, fidelity, STEP, pose=motion.x[0])
+    simulation = build_simulation(robot, machine, fidelity, STEP, pose=motion.x[0], law=law,
+                                  known=known)
     try:
         start = simulation.time + REST
         simulation.queue_reference(start + motion.t, motion.q, motion.qd, motion.qdd)
