@@ -440,7 +440,7 @@ def _positions(path: Reference, t: np.ndarray) -> np.ndarray:
     points[:] = np.concatenate((path.q, path.qd, path.qdd, _known_effort(path)), axis=1)
     targets = np.empty((len(t), TARGET))
     for row, time in enumerate(t):
-        interpolate(path.t, points, time, targets[row])
+        interpolate(path.t, points, time, 0.0, targets[row])
     return targets
 
 

@@ -53,23 +53,21 @@ def computed_torque(gains, geometry, bodies, target, q, qd, state, saturated, co
     damping, stiffness, integral = gains[0], gains[1], gains[2]
     torque_limit, dt = gains[3], gains[5]
     hand_over(target, state, 1.0 if integral > 0.0 else 0.0, dt)
-    motion, torques = np.empty((3, 4)), np.empty((3, 4))
+    motions, torques = np.empty((3, 3, 4)), np.empty((3, 4))
     for joint in range(4):
-        motion[0, joint], motion[1, joint] = target[joint], target[4 + joint]
-        motion[2, joint] = target[12 + joint]
-    finite = torque_of_joints_sample(geometry, bodies, motion, torques[0])
-    for joint in range(4):
-        motion[0, joint], motion[1, joint] = q[joint], qd[joint]
-        motion[2, joint] += (damping * (target[4 + joint] - qd[joint])
-                             + stiffness * (target[joint] - q[joint]))
-    finite = torque_of_joints_sample(geometry, bodies, motion, torques[1]) and finite
-    for joint in range(4):
-        motion[2, joint] += integral * (target[joint] - q[joint])
-    finite = torque_of_joints_sample(geometry, bodies, motion, torques[2]) and finite
+        motions[0, 0, joint], motions[0, 1, joint] = target[joint], target[4 + joint]
+        motions[1:, 0, joint], motions[1:, 1, joint] = q[joint], qd[joint]
+        error = target[joint] - q[joint]
+        asked = target[12 + joint] + damping * (target[4 + joint] - qd[joint]) + stiffness * error
+        motions[0, 2, joint] = target[12 + joint]
+        motions[1, 2, joint], motions[2, 2, joint] = asked, asked + integral * error
+    finite = True
+    for row in range(3):
+        finite = torque_of_joints_sample(geometry, bodies, motions[row], torques[row]) and finite
     if not finite:
         torques[:] = 0.0
     for joint in range(4):
-        wanted = (target[8 + joint] + state[INTEGRAL, joint] + state[CARRIED, joint]
+        wanted = (target[16 + joint] + state[INTEGRAL, joint] + state[CARRIED, joint]
                   + torques[1, joint] - torques[0, joint])
         command[joint] = min(max(wanted, -torque_limit), torque_limit)
         saturated[COMMANDS] += command[joint] != wanted

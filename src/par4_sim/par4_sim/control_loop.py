@@ -45,7 +45,7 @@ def control_step(times, points, t, q, qd, encoders, law, amplifier, lag, drive, 
     target, silence = np.empty(TARGET), np.zeros(4)
     reading, rate = np.empty(4), np.empty(4)
     row = step % history.shape[1]
-    interpolate(times, points, t, target)
+    interpolate(times, points, t, lead, target)
     read_encoders(encoders, q, qd, silence, reading, rate)
     command_of(law, target, reading, rate, drive, saturated, history[COMMAND, row])
     for joint in range(4):

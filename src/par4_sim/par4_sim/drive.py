@@ -37,7 +37,7 @@ def control(gains, target, q, qd, state, saturated, command):
         error = target[joint] - q[joint]
         asked = target[4 + joint] + position_gain * error + integral_gain * integral[joint]
         speed = min(max(asked, -speed_limit), speed_limit)
-        wanted = (velocity_gain * (speed - qd[joint]) + target[8 + joint]
+        wanted = (velocity_gain * (speed - qd[joint]) + target[16 + joint]
                   + state[CARRIED, joint])
         command[joint] = min(max(wanted, -torque_limit), torque_limit)
         saturated[SPEEDS] += speed != asked

@@ -94,6 +94,6 @@ def _positions(motion: Motion, dt: float) -> np.ndarray:
     steps = max(2, math.floor(motion.duration / dt + 1e-9))
     target, positions = np.empty(TARGET), np.empty((steps + 1, LEGS))
     for step in range(steps + 1):
-        interpolate(motion.t, points, step * dt, target)
+        interpolate(motion.t, points, step * dt, 0.0, target)
         positions[step] = target[:LEGS]
     return positions

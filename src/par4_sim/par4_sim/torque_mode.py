@@ -32,11 +32,11 @@ def torque_mode(gains, target, q, qd, state, saturated, command):
         control(gains, target, q, qd, state, saturated, command)
         if has:
             for joint in range(4):
-                state[CARRIED, joint] = command[joint] - target[8 + joint]
+                state[CARRIED, joint] = command[joint] - target[16 + joint]
         return
     hand_over(target, state, per_torque, dt)
     for joint in range(4):
-        wanted = target[8 + joint] + state[CARRIED, joint]
+        wanted = target[16 + joint] + state[CARRIED, joint]
         command[joint] = min(max(wanted, -torque_limit), torque_limit)
         saturated[COMMANDS] += command[joint] != wanted
 

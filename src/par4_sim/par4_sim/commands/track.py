@@ -16,18 +16,18 @@ from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import Robot, read_robot
 from par4_sim.commands.entry import run
 from par4_sim.report.results import origin, refuse_unwritable, write_results
+from par4_sim.report.words import in_words
 from par4_sim.simulation import FIDELITIES
+from par4_sim.tracking.case import CONTROLLERS, NO_FEEDFORWARD, Case, Plan, compared
 from par4_sim.tracking.comparison import (
     BRIEF,
-    NO_FEEDFORWARD,
-    Case,
     cells_of,
     headings_of,
     outcome_of_tracking,
     tracking_json,
 )
-from par4_sim.tracking.metrics import BAND, tracking_of
-from par4_sim.tracking.run import feedforward_of, record_run
+from par4_sim.tracking.learning import CYCLES
+from par4_sim.tracking.metrics import BAND
 
 
 @click.command('par4_track')
@@ -35,6 +35,8 @@ from par4_sim.tracking.run import feedforward_of, record_run
 @click.option('--robot', default='reference', show_default=True, help='robot.yaml or built-in name')
 @click.option('--machine', default='table1_full', show_default=True,
               help='model.yaml or built-in name: the machine as it truly is, effects included')
+@click.option('--controller', default=('loops',), multiple=True, show_default=True,
+              type=click.Choice(CONTROLLERS), help='law of the drives; may be given several times')
 @click.option('--feedforward', default=(NO_FEEDFORWARD,), multiple=True, show_default=True,
               help='model.yaml or built-in name whose torques the drives get, or none; may be '
                    'given several times')
@@ -55,33 +57,32 @@ from par4_sim.tracking.run import feedforward_of, record_run
               help='adept: seconds, 0 for corners without blend  [default: 0.25]')
 @click.option('--theta-swing', default=None, type=float,
               help='adept: range of theta, rad  [default: 0]')
+@click.option('--learning-cycles', default=CYCLES, show_default=True, type=click.IntRange(min=1),
+              help='how often a learning controller does the motion')
 @click.option('--band', default=1e3 * BAND, show_default=True,
               type=click.FloatRange(min=0.0, min_open=True),
               help='half width of the limit band of overshoot and settling time, mm')
-def track(motion: str, robot: str, machine: str, feedforward: tuple[str, ...], output: Path,
-          fidelity: str, duration: float | None, motion_seed: int, band: float,
-          **adept: float | None) -> None:
+def track(motion: str, robot: str, machine: str, controller: tuple[str, ...],
+          feedforward: tuple[str, ...], output: Path, fidelity: str, duration: float | None,
+          motion_seed: int, learning_cycles: int, band: float, **adept: float | None) -> None:
     """Compare how a simulated machine follows MOTION (adept, excitation, circle, motion.yaml)."""
     asked = read_robot(robot)
     truth = read_model(machine, asked)
-    models = {name: None if name == NO_FEEDFORWARD else read_model(name, asked)
+    models = {_stem(name): None if name == NO_FEEDFORWARD else read_model(name, asked)
               for name in feedforward}
     played = _motion(motion, asked, duration, motion_seed, adept)
     cycles = int(adept['cycles'] or 1)
     refuse_unwritable(output)
-    cases = []
+    plan = Plan(asked, truth, played, cycles, 1e-3 * band, fidelity, learning_cycles)
     with Console(stderr=True).status('simulating') as status:
-        for name, model in models.items():
-            status.update(f'simulating with feedforward {name}')
-            torque = None if model is None else feedforward_of(asked, model, played)
-            came = record_run(asked, truth, played, torque, fidelity)
-            cases.append(Case('loops', _stem(name), came, tracking_of(came, cycles, 1e-3 * band)))
+        cases = compared(plan, controller, models, status.update)
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
         from par4_sim.tracking.report import report_of_tracking
-        outcome = outcome_of_tracking(cases, played, _stem(machine))
+        outcome = outcome_of_tracking(cases, played, _stem(machine), asked)
         provenance = origin('par4_track', asked, {
-            'motion': motion, 'machine': machine, 'feedforward': list(feedforward),
+            'motion': motion, 'machine': machine, 'controller': list(controller),
+            'feedforward': list(feedforward), 'learning_cycles': learning_cycles,
             'fidelity': fidelity, 'duration': duration, 'motion_seed': motion_seed,
             'band_mm': band, **adept})
         write_results(output, {
@@ -95,11 +96,12 @@ def track(motion: str, robot: str, machine: str, feedforward: tuple[str, ...], o
 
 def _table(cases: list[Case]) -> Table:
     table = Table(box=None, header_style='', pad_edge=False)
-    table.add_column('run')
+    table.add_column('controller', no_wrap=True)
+    table.add_column('feedforward', no_wrap=True)
     for heading in headings_of(BRIEF):
         table.add_column(heading, justify='right')
     for case in cases:
-        table.add_row(case.label, *cells_of(case, BRIEF))
+        table.add_row(in_words(case.controller), case.feedforward, *cells_of(case, BRIEF))
     return table
 
 

@@ -1,9 +1,10 @@
-"""Runs of one motion side by side: what each controller and each model made of it."""
+"""A comparison in words, as a table, and as `tracking.json`."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 from par4_kinematics.motion import Motion
@@ -11,38 +12,13 @@ from par4_kinematics.robot import Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
 from par4_sim.report.words import in_words, number, percent
-from par4_sim.tracking.metrics import Tracking
-from par4_sim.tracking.run import Run
+from par4_sim.tracking.case import Case
 
-NO_FEEDFORWARD = 'none'
 MILLI = 1e3
 
 
-@dataclass(frozen=True)
-class Case:
-    """One run of a comparison.
-
-    Attributes:
-        controller: its name.
-        feedforward: name of the model whose torques the drives got, or `NO_FEEDFORWARD`.
-        run: the record.
-        tracking: its figures.
-    """
-
-    controller: str
-    feedforward: str
-    run: Run
-    tracking: Tracking
-
-    @property
-    def label(self) -> str:
-        """What it is called in tables and pictures."""
-        helped = ('no feedforward' if self.feedforward == NO_FEEDFORWARD else
-                  f'feedforward of {self.feedforward}')
-        return f'{in_words(self.controller)}, {helped}'
-
-
-def outcome_of_tracking(cases: Sequence[Case], motion: Motion, machine: str) -> Outcome:
+def outcome_of_tracking(cases: Sequence[Case], motion: Motion, machine: str, robot: Robot
+                        ) -> Outcome:
     """Return what a comparison found, in words; at least one case."""
     best, worst = (choose(cases, key=lambda case: case.tracking.rms) for choose in (min, max))
     sentence = (f'{_sentence(best.label)} follows {motion.name} on {machine} with '
@@ -62,7 +38,9 @@ def outcome_of_tracking(cases: Sequence[Case], motion: Motion, machine: str) -> 
                         f'came without feedforward torque.') for case in lost),
         *([] if limited else [Remark(True, 'No torque and no speed was limited.')]),
         Remark(True, f'The largest torque was '
-                     f'{number(max(case.tracking.peak_torque for case in cases))} N m.')]
+                     f'{number(max(case.tracking.peak_torque for case in cases))} N m.'),
+        *_margins_in_words(cases),
+        *(_learning_in_words(case, robot) for case in cases if case.learned)]
     return Outcome(f'{sentence}.', 'good' if not limited and not lost else 'fair', tuple(remarks))
 
 
@@ -74,8 +52,38 @@ def tracking_json(cases: Sequence[Case], motion: Motion, robot: Robot, cycles: i
         'motion': {'name': motion.name, 'duration': motion.duration, 'cycles': cycles},
         'band': band,
         'runs': [{'controller': case.controller, 'feedforward': case.feedforward}
-                 | asdict(case.tracking) for case in cases],
+                 | asdict(case.tracking)
+             | {'margin': case.margin and asdict(case.margin),
+                'learned': [asdict(cycle) for cycle in case.learned]} for case in cases],
         'provenance': provenance})
+
+
+LEAST_MODULUS = 0.2
+"""Distance from -1 below which a loop is nearly unstable: errors are amplified five times."""
+
+
+def _margins_in_words(cases: Sequence[Case]) -> list[Remark]:
+    """Return a remark for each feedback that the cases have, once."""
+    margins = {case.controller if case.controller == 'computed_torque' else 'loops': case.margin
+               for case in cases if case.margin}
+    return [Remark(margin.modulus >= LEAST_MODULUS, (
+        f'Over the workspace the open loop of {in_words(name)} stays {number(margin.modulus, 2)} '
+        f'from -1; all gains may rise {number(margin.gain, 2)} times, and a further delay of '
+        f'{number(MILLI * margin.delay, 2)} ms is borne.'),
+        '' if margin.modulus >= LEAST_MODULUS else 'Lower the gains of the drives, or keep to a '
+                                                   'smaller workspace.')
+        for name, margin in margins.items()]
+
+
+def _learning_in_words(case: Case, robot: Robot) -> Remark:
+    counts = robot.drives.encoder_counts
+    first, last = case.learned[0], case.learned[-1]
+    size = (f'{number(last.joint_rms * counts / (2.0 * math.pi), 2)} encoder counts' if counts else
+            f'{number(last.joint_rms, 2)} rad')
+    return Remark(last.rms <= first.rms, (
+        f'{_sentence(case.label)}: within {len(case.learned)} cycles the error of D fell from '
+        f'{_millimetres(first.rms)} to {_millimetres(last.rms)} rms, that of the joints to {size} '
+        f'rms.'))
 
 
 def _sentence(text: str) -> str:

@@ -84,7 +84,7 @@ def tracking_of(run: Run, cycles: int = 1, band: float = BAND) -> Tracking:
     wanted, came = run.motion.x[:, axis], run.pose[:, axis]
     excursion = max(came.max() - wanted.max(), wanted.min() - came.min(), 0.0)
     overshoot, settling_time, arrival = _stop_of(run, band)
-    moving = run.t <= run.motion.duration
+    moving = (run.t >= 0.0) & (run.t <= run.motion.duration)
     power = np.sum(run.torque * run.qd, axis=1)
     driving = np.sum(np.maximum(run.torque * run.qd, 0.0), axis=1)
     saturated = run.counts['saturated_commands'] + run.counts['saturated_speeds']

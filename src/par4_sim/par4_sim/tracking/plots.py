@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from par4_sim.report.drawing import CURVE, drawn, envelope, image, legend
-from par4_sim.tracking.comparison import MILLI, Case
+from par4_sim.tracking.case import Case
+from par4_sim.tracking.comparison import MILLI
 from par4_sim.tracking.metrics import errors_of, longest_axis
 
 COLOURS = ('#c8102e', '#1a56a8', '#2a7a4b', '#d9822b', '#7a3e9d', '#008b9a', '#8a6d3b', '#d0559b')
@@ -77,7 +78,7 @@ def torques(cases: Sequence[Case], joints: Sequence[str]) -> str:
         axes = figure.subplots(2, 2, sharex=True, sharey=True)
         for joint, (axis_of, label) in enumerate(zip(axes.flat, joints, strict=True)):
             for case, colour in zip(cases, colours_of(cases), strict=True):
-                rows = case.run.t <= end
+                rows = (case.run.t >= 0.0) & (case.run.t <= end)
                 envelope(axis_of, case.run.t[rows], case.run.torque[rows, joint], colour, 0.9)
             axis_of.set_title(label)
             axis_of.set_xlim(0.0, end)
@@ -85,6 +86,25 @@ def torques(cases: Sequence[Case], joints: Sequence[str]) -> str:
             axis_of.set_ylabel('torque, N m')
         for axis_of in axes[-1]:
             axis_of.set_xlabel('time, s')
+        legend(figure, tuple((case.label, colour) for case, colour in
+                             zip(cases, colours_of(cases), strict=True)))
+        return image(figure)
+
+
+def errors_by_cycle(cases: Sequence[Case]) -> str:
+    """Return the rms error of D in each cycle of the cases that learned, and of the others."""
+    with drawn(2.6) as figure:
+        axis_of = figure.subplots()
+        for case, colour in zip(cases, colours_of(cases), strict=True):
+            if case.learned:
+                axis_of.plot(range(1, len(case.learned) + 1),
+                             [MILLI * cycle.rms for cycle in case.learned], 'o-', color=colour,
+                             markersize=4.0)
+            else:
+                axis_of.axhline(MILLI * case.tracking.rms, color=colour, linewidth=0.9)
+        axis_of.set_yscale('log')
+        axis_of.set_xlabel('cycle')
+        axis_of.set_ylabel('rms error of D, mm')
         legend(figure, tuple((case.label, colour) for case, colour in
                              zip(cases, colours_of(cases), strict=True)))
         return image(figure)

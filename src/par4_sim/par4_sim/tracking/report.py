@@ -9,8 +9,9 @@ from par4_kinematics.robot import Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.page import rendered
 from par4_sim.report.words import joint_labels, number
-from par4_sim.tracking.comparison import FIELDS, MILLI, Case, cells_of, headings_of
-from par4_sim.tracking.plots import desired_and_obtained, torques
+from par4_sim.tracking.case import Case
+from par4_sim.tracking.comparison import FIELDS, MILLI, cells_of, headings_of
+from par4_sim.tracking.plots import desired_and_obtained, errors_by_cycle, torques
 
 
 def report_of_tracking(cases: Sequence[Case], outcome: Outcome, robot: Robot, band: float,
@@ -29,6 +30,7 @@ def report_of_tracking(cases: Sequence[Case], outcome: Outcome, robot: Robot, ba
         'par4_sim.tracking', 'tracking.html', outcome,
         f'Tracking of {motion.name} on {robot.name}', 'What it rests on', provenance,
         motion=motion.name, position=desired_and_obtained(cases),
+        learning=errors_by_cycle(cases) if any(case.learned for case in cases) else '',
         torque=torques(cases, joint_labels(robot)),
         headings=headings_of(FIELDS),
         rows=[(case.label, cells_of(case, FIELDS)) for case in cases],

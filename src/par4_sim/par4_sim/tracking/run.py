@@ -15,6 +15,8 @@ from par4_sim.simulation import build_simulation
 
 REST = 0.2
 """Seconds of rest before the motion: the drives settle."""
+RECORDED_REST = 0.02
+"""Seconds of this rest that are recorded."""
 SETTLING = 0.5
 """Seconds recorded after the end of the motion: the platform comes to rest."""
 
@@ -25,7 +27,7 @@ class Run:
 
     Attributes:
         motion: as asked.
-        t: s, 0 at the beginning of the motion, (n,).
+        t: s, 0 at the beginning of the motion, from a short rest before it on, (n,).
         pose: true pose of D and theta, (n, 4) m, rad.
         q, qd: what the encoders told, (n, 4) rad, rad/s.
         command: torque that the drives asked for, (n, 4) N m.
@@ -76,8 +78,9 @@ def record_run(robot: Robot, machine: Model, motion: Motion, feedforward: np.nda
         simulation.queue_reference(start + motion.t, motion.q, motion.qd, motion.qdd)
         if feedforward is not None:
             simulation.queue_effort(start + motion.t, feedforward)
-        before = round(REST / STEP)
-        count = round((motion.duration + SETTLING) / STEP) + 1
+        first = -round(RECORDED_REST / STEP)
+        before = round(REST / STEP) + first
+        count = round((motion.duration + SETTLING) / STEP) + 1 - first
         for _ in range(before):
             simulation.next_sample()
         told = np.empty((5, count, 4))
@@ -91,4 +94,4 @@ def record_run(robot: Robot, machine: Model, motion: Motion, feedforward: np.nda
         simulation.close()
     if feedforward is None:
         counts.pop('missing_effort')
-    return Run(motion, STEP * np.arange(count), *told, feedforward, counts)
+    return Run(motion, STEP * np.arange(first, first + count), *told, feedforward, counts)
