@@ -18,12 +18,13 @@ setup(
     ],
     install_requires=[
         'backports.zstd', 'click', 'jinja2', 'lz4', 'markupsafe', 'matplotlib', 'numba', 'numpy',
-        'pybullet', 'rich', 'rosbags', 'scipy'],
+        'pybullet', 'rich', 'rosbags', 'scipy', 'toppra'],
     zip_safe=False,
     entry_points={
         'console_scripts': [
             'par4_simulation = par4_sim.ros.simulation_node:main',
             'par4_simulate = par4_sim.commands.simulate:main',
+            'par4_fastest = par4_sim.commands.fastest:main',
             'par4_track = par4_sim.commands.track:main',
             'par4_push = par4_sim.commands.push:main',
         ],

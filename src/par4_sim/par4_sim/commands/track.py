@@ -9,16 +9,21 @@ from rich.console import Console
 from rich.table import Table
 
 from par4_dynamics.model import read_model
-from par4_kinematics.adept import adept_motion
-from par4_kinematics.errors import InputError
-from par4_kinematics.motion import Motion, check_limits
-from par4_kinematics.motion_file import named_motion
-from par4_kinematics.robot import Robot, read_robot
+from par4_kinematics.robot import read_robot
 from par4_sim.commands.entry import run
+from par4_sim.commands.motion_options import motion_asked, motion_options
 from par4_sim.report.results import origin, refuse_unwritable, write_results
 from par4_sim.report.words import in_words
 from par4_sim.simulation import FIDELITIES
-from par4_sim.tracking.case import CONTROLLERS, NO_FEEDFORWARD, Case, Plan, compared
+from par4_sim.tracking.case import (
+    CONTROLLERS,
+    NO_FEEDFORWARD,
+    Case,
+    Plan,
+    compared,
+    model_name,
+    models_named,
+)
 from par4_sim.tracking.comparison import (
     BRIEF,
     cells_of,
@@ -43,35 +48,21 @@ from par4_sim.tracking.metrics import BAND
 @click.option('--output', required=True, type=click.Path(path_type=Path),
               help='folder for tracking.json and report.html')
 @click.option('--fidelity', default='exact', show_default=True, type=click.Choice(FIDELITIES))
-@click.option('--duration', default=None, type=click.FloatRange(min=0.1),
-              help='seconds, of excitation or circle')
-@click.option('--motion-seed', default=0, show_default=True, type=int,
-              help='seed of the excitation')
-@click.option('--cycles', default=None, type=click.IntRange(min=1),
-              help='adept: round trips  [default: 1]')
-@click.option('--speed', default=None, type=float, help='adept: limit, m/s  [default: 5]')
-@click.option('--acceleration', default=None, type=float, help='adept: limit, m/s2  [default: 150]')
-@click.option('--jerk', default=None, type=float,
-              help='adept: limit, m/s3  [default: none, trapezoids of speed]')
-@click.option('--round-trip', default=None, type=click.FloatRange(min=0.0),
-              help='adept: seconds, 0 for corners without blend  [default: 0.25]')
-@click.option('--theta-swing', default=None, type=float,
-              help='adept: range of theta, rad  [default: 0]')
+@motion_options
 @click.option('--learning-cycles', default=CYCLES, show_default=True, type=click.IntRange(min=1),
               help='how often a learning controller does the motion')
 @click.option('--band', default=1e3 * BAND, show_default=True,
               type=click.FloatRange(min=0.0, min_open=True),
               help='half width of the limit band of overshoot and settling time, mm')
 def track(motion: str, robot: str, machine: str, controller: tuple[str, ...],
-          feedforward: tuple[str, ...], output: Path, fidelity: str, duration: float | None,
-          motion_seed: int, learning_cycles: int, band: float, **adept: float | None) -> None:
+          feedforward: tuple[str, ...], output: Path, fidelity: str, learning_cycles: int,
+          band: float, **played_options: float | None) -> None:
     """Compare how a simulated machine follows MOTION (adept, excitation, circle, motion.yaml)."""
     asked = read_robot(robot)
     truth = read_model(machine, asked)
-    models = {_stem(name): None if name == NO_FEEDFORWARD else read_model(name, asked)
-              for name in feedforward}
-    played = _motion(motion, asked, duration, motion_seed, adept)
-    cycles = int(adept['cycles'] or 1)
+    models = models_named(feedforward, asked)
+    played = motion_asked(motion, asked, **played_options)
+    cycles = int(played_options['cycles'] or 1)
     refuse_unwritable(output)
     plan = Plan(asked, truth, played, cycles, 1e-3 * band, fidelity, learning_cycles)
     with Console(stderr=True).status('simulating') as status:
@@ -79,12 +70,11 @@ def track(motion: str, robot: str, machine: str, controller: tuple[str, ...],
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
         from par4_sim.tracking.report import report_of_tracking
-        outcome = outcome_of_tracking(cases, played, _stem(machine), asked)
+        outcome = outcome_of_tracking(cases, played, model_name(machine), asked)
         provenance = origin('par4_track', asked, {
             'motion': motion, 'machine': machine, 'controller': list(controller),
             'feedforward': list(feedforward), 'learning_cycles': learning_cycles,
-            'fidelity': fidelity, 'duration': duration, 'motion_seed': motion_seed,
-            'band_mm': band, **adept})
+            'fidelity': fidelity, 'band_mm': band, **played_options})
         write_results(output, {
             'tracking.json': tracking_json(cases, played, asked, cycles, 1e-3 * band, provenance),
             'report.html': report_of_tracking(cases, outcome, asked, 1e-3 * band, provenance)})
@@ -103,28 +93,6 @@ def _table(cases: list[Case]) -> Table:
     for case in cases:
         table.add_row(in_words(case.controller), case.feedforward, *cells_of(case, BRIEF))
     return table
-
-
-def _motion(name: str, robot: Robot, duration: float | None, seed: int,
-            adept: dict[str, float | None]) -> Motion:
-    """Return the motion asked for, within the robot's limits."""
-    given = {key: value for key, value in adept.items() if value is not None}
-    if not given:
-        return named_motion(name, robot, duration, seed)
-    if name != 'adept' or duration is not None:
-        options = ', '.join(f'--{key.replace("_", "-")}' for key in given)
-        raise InputError(f'{options}: for the motion adept without --duration, found motion '
-                         f'{name}; leave them away or write a motion.yaml')
-    if given.get('round_trip') == 0.0:
-        given['round_trip'] = None
-    played = adept_motion(robot, **given)
-    check_limits(played, robot)
-    return played
-
-
-def _stem(name: str) -> str:
-    """Return what to call a model: its built-in name, or that of its file without the ending."""
-    return Path(name).stem
 
 
 def main() -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
-from par4_dynamics.model import Model
+from par4_dynamics.model import Model, read_model
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
@@ -39,16 +40,16 @@ class Case:
         feedforward: name of the model whose torques the drives got, or `NO_FEEDFORWARD`.
         run: the record; of the last cycle where a motion was learned.
         tracking: its figures.
-        margin: of its feedback over the workspace; None where it has none.
         learned: the cycles of a motion that was learned.
+        margin: of its feedback over the workspace; None where it has none or nobody asked.
     """
 
     controller: str
     feedforward: str
     run: Run
     tracking: Tracking
-    margin: Margin | None
     learned: tuple[Cycle, ...] = ()
+    margin: Margin | None = None
 
     @property
     def label(self) -> str:
@@ -98,10 +99,9 @@ class Plan:
         else:
             run = record_run(self.robot, self.machine, self.motion, torque, self.fidelity,
                              controller, model)
-        return Case(controller, name, run, tracking_of(run, self.cycles, self.band),
-                    self._margin(controller, model), learned)
+        return Case(controller, name, run, tracking_of(run, self.cycles, self.band), learned)
 
-    def _margin(self, controller: str, model: Model | None) -> Margin | None:
+    def margin(self, controller: str, model: Model | None) -> Margin | None:
         """Return the margin of a controller's feedback over the workspace."""
         if controller == 'torque':
             return None
@@ -111,6 +111,31 @@ class Plan:
             gains, known = gains_of_loops(self.robot.drives), None
         return margin_over(gains, inertias_of_workspace(self.robot, self.machine, known), STEP,
                            self.robot.drives.current_lag)
+
+
+def model_name(name_or_path: str) -> str:
+    """Return what to call a model: its built-in name, or that of its file without the ending.
+
+    A file model.yaml is called after its folder, as `par4_identify` writes one into each.
+    """
+    path = Path(name_or_path)
+    return path.parent.name if path.stem == 'model' and path.parent.name else path.stem
+
+
+def models_named(names: Sequence[str], robot: Robot) -> dict[str, Model | None]:
+    """Return the models of built-in names or files by what to call them; None for none.
+
+    Raises:
+        InputError: a model that cannot be read, or two of one name.
+    """
+    models: dict[str, Model | None] = {}
+    for name in names:
+        called = model_name(name)
+        if called in models:
+            raise InputError(f'--feedforward {name}: another model is called {called} already; '
+                             f'rename one of the files')
+        models[called] = None if name == NO_FEEDFORWARD else read_model(name, robot)
+    return models
 
 
 def compared(plan: Plan, controllers: Sequence[str], models: Mapping[str, Model | None],
@@ -137,5 +162,6 @@ def compared(plan: Plan, controllers: Sequence[str], models: Mapping[str, Model 
     cases = []
     for controller, name, model in pairs:
         progress(f'simulating {in_words(controller)} with feedforward {name}')
-        cases.append(plan.case(controller, name, model))
+        cases.append(replace(plan.case(controller, name, model),
+                             margin=plan.margin(controller, model)))
     return cases
