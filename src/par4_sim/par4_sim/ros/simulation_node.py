@@ -23,8 +23,8 @@ from par4_sim.ros.zero_stamp import ZeroStamps
 from par4_sim.simulation import FIDELITIES, Sample, Simulation, build_simulation
 from par4_sim.window import Window
 
-
 LAW_OF_MODE = {'position': 'loops', 'torque': 'torque'}
+"""The law of the drives by `drive_mode`."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ PEAK = 0.5e-3
 """Default limit of the peak error of D, m."""
 RESOLUTION = 2e-3
 """Relative, of the pace."""
-SLOWEST = 0.05
+SLOWEST = 0.1
 """Pace below which nothing is looked for."""
 
 

@@ -31,7 +31,7 @@ from par4_kinematics.geometry import LEGS
 from par4_kinematics.motion import Motion, motion_of_joints
 from par4_kinematics.robot import Robot
 
-POINTS = 400
+POINTS = 1000
 """Of the grid along a path."""
 KNOTS = 150
 """Of the spline through a path."""
