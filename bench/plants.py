@@ -243,7 +243,8 @@ def follow(plant: Plant, robot: Robot, model: Model, motion: Motion) -> Run:
     loops = DriveLoops(robot.drives.model_copy(update={'encoder_counts': 0}), 1e6, plant.dt)
     loops.restart(forward[0])
     q, qd, applied, opening = [], [], [], 0.0
-    for k, target in enumerate(np.concatenate((motion.q, motion.qd, forward), axis=1)):
+    for k, target in enumerate(np.concatenate(
+        (motion.q, motion.qd, forward, motion.qdd, forward), axis=1)):
         q.append(plant.q)
         qd.append(plant.qd)
         applied.append(loops.follow(target, q[-1], qd[-1]).copy())
@@ -335,7 +336,8 @@ def endure(plant: Plant, robot: Robot, model: Model, number: int) -> Endurance:
     steps = round(ROUND_TRIP / plant.dt)
     forward = model.torque(
         state_of_joints(robot.geometry, motion.t, motion.q, motion.qd, motion.qdd))
-    targets = np.concatenate((motion.q, motion.qd, forward), axis=1)[:steps]
+    targets = np.concatenate(
+        (motion.q, motion.qd, forward, motion.qdd, forward), axis=1)[:steps]
     plant.reset(motion.x[0])
     loops = DriveLoops(robot.drives.model_copy(update={'encoder_counts': 0}), 1e6, plant.dt)
     loops.restart(forward[0])

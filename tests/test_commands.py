@@ -41,8 +41,7 @@ from par4_identification.outcome.identification import (
     memory,
     outcome_of_identification,
 )
-from par4_identification.outcome.results import bag_sha256, plain, write_results
-from par4_identification.outcome.words import listed, number, percent, typeset, with_std
+from par4_identification.outcome.results import bag_sha256
 from par4_identification.plots import (
     Names,
     residual_over_motion,
@@ -55,6 +54,8 @@ from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
 from par4_sim.bag import BagWriter
 from par4_sim.offline import simulate_to_bag
+from par4_sim.report.results import plain, write_results
+from par4_sim.report.words import listed, number, percent, typeset, with_std
 from par4_sim.simulation import build_simulation
 from robots import REFERENCE, model_with
 

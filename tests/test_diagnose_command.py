@@ -24,7 +24,6 @@ from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import LIBRARY
 from par4_identification.diagnosis.next_experiment import WANTED
 from par4_identification.outcome.diagnosis import phrase_of_cause
-from par4_identification.outcome.words import number
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES
@@ -32,6 +31,7 @@ from par4_kinematics.workspace import home_pose
 from par4_sim.bag import BagWriter
 from par4_sim.commands import simulate
 from par4_sim.offline import simulate_to_bag
+from par4_sim.report.words import number
 from par4_sim.simulation import build_simulation
 from robots import REFERENCE
 

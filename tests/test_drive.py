@@ -10,7 +10,7 @@ from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_platform
 from par4_kinematics.errors import InputError
 from par4_sim.drive import DriveLoops
-from par4_sim.reference import ReferenceQueue, interpolate
+from par4_sim.reference import TARGET, ReferenceQueue, interpolate
 from par4_sim.simulation import build_simulation
 from robots import REFERENCE, growing_waves
 
@@ -23,8 +23,8 @@ def polynomial(t, order):
 
 
 def read(queue, t):
-    target = np.zeros(12)
-    interpolate(queue.times, queue.points, t, target)
+    target = np.zeros(TARGET)
+    interpolate(queue.times, queue.points, t, 0.0, target)
     return target
 
 
@@ -40,6 +40,7 @@ def test_quintic_hermite_reproduces_a_polynomial_of_degree_five():
     for t in np.linspace(0.0, 0.449, 37):
         np.testing.assert_allclose(read(queue, t)[:4], polynomial([t], 0)[0], atol=1e-12)
         np.testing.assert_allclose(read(queue, t)[4:8], polynomial([t], 1)[0], atol=1e-10)
+        np.testing.assert_allclose(read(queue, t)[12:16], polynomial([t], 2)[0], atol=1e-8)
 
 
 def test_before_the_first_and_after_the_last_point_the_drive_holds():
@@ -79,7 +80,7 @@ def test_effort_is_matched_by_time_whichever_comes_first():
         queue.queue(-0.1, t, *(polynomial(t, order) for order in range(3)))
         if not effort_first:
             queue.queue_effort(t + 5e-5, tau)
-        np.testing.assert_allclose(read(queue, 0.055)[8:], 1.055, atol=1e-9)
+        np.testing.assert_allclose(read(queue, 0.055)[8:12], 1.055, atol=1e-9)
         assert not queue.uncovered(0.1)
         queue.use_until(0.2)
         assert queue.missing_effort == 0
@@ -94,8 +95,9 @@ def test_missing_effort_counts_as_zero_and_is_counted():
     assert queue.uncovered(0.1)
     queue.use_until(0.2)
     assert queue.missing_effort == 6
-    np.testing.assert_allclose(read(queue, 0.035)[8:], 0.5)
-    np.testing.assert_allclose(read(queue, 0.065)[8:], 0.0)
+    np.testing.assert_allclose(read(queue, 0.025)[8:12], 1.0)
+    np.testing.assert_allclose(read(queue, 0.035)[8:12], 0.0)
+    np.testing.assert_allclose(read(queue, 0.065)[8:12], 0.0)
 
 
 def test_a_torque_serves_one_point_and_the_newest_of_one_time_rules():
@@ -149,33 +151,33 @@ def test_a_resting_drive_leaves_smoothly_for_a_start_elsewhere():
 def test_the_velocity_loop_is_proportional_and_the_position_loop_integrates():
     drives = REFERENCE.drives
     loops = DriveLoops(drives, 1000.0, 1e-3)
-    target = np.zeros(12)
+    target = np.zeros(TARGET)
     target[:4] = 0.01
     first = loops.follow(target, np.zeros(4), np.zeros(4)).copy()
     np.testing.assert_allclose(first, drives.velocity_gain * drives.position_gain * 0.01)
     second = loops.follow(target, np.zeros(4), np.zeros(4)).copy()
     np.testing.assert_allclose(second - first, drives.velocity_gain * drives.integral_gain
                                * 0.01 * 1e-3)
-    braked = loops.follow(np.zeros(12), np.zeros(4), np.ones(4))
+    braked = loops.follow(np.zeros(TARGET), np.zeros(4), np.ones(4))
     assert braked[0] < -0.9 * drives.velocity_gain
 
 
 def test_torque_is_limited_counted_and_does_not_wind_up():
     loops = DriveLoops(REFERENCE.drives, 50.0, 1e-3)
-    target = np.zeros(12)
+    target = np.zeros(TARGET)
     target[:4] = 1.0
     for _ in range(100):
         torque = loops.follow(target, np.zeros(4), np.zeros(4))
     np.testing.assert_array_equal(torque, 50.0)
     assert loops.saturated_commands == 400
-    released = loops.follow(np.zeros(12), np.zeros(4), np.zeros(4))
+    released = loops.follow(np.zeros(TARGET), np.zeros(4), np.zeros(4))
     np.testing.assert_allclose(released, 0.0)
 
 
 def test_speed_is_limited_counted_and_does_not_wind_up():
     drives = REFERENCE.drives.model_copy(update={'speed_limit': 2.0})
     loops = DriveLoops(drives, 1000.0, 1e-3)
-    target = np.zeros(12)
+    target = np.zeros(TARGET)
     target[:4] = (1.0, -1.0, 1e-3, 0.0)
     still = np.zeros(4)
     for _ in range(100):
@@ -204,11 +206,11 @@ def test_a_limited_speed_makes_a_long_way_last_and_shows_in_the_counts():
 def test_feedforward_sets_in_and_stops_without_a_jump():
     loops = DriveLoops(REFERENCE.drives, 1000.0, 1e-3)
     loops.restart(np.full(4, -3.0))
-    target = np.zeros(12)
+    target = np.zeros(TARGET)
     np.testing.assert_allclose(loops.follow(target, np.zeros(4), np.zeros(4)), -3.0)
-    target[8:] = -3.0
+    target[8:12] = target[16:] = -3.0
     np.testing.assert_allclose(loops.follow(target, np.zeros(4), np.zeros(4)), -3.0)
-    target[8:] = 0.0
+    target[8:12] = target[16:] = 0.0
     np.testing.assert_allclose(loops.follow(target, np.zeros(4), np.zeros(4)), -3.0)
 
 

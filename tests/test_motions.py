@@ -401,6 +401,16 @@ def test_check_limits_names_what_is_outside(part, limits, message):
         check_limits(adept_motion(REFERENCE), copied(REFERENCE, **limits))
 
 
+def test_the_reference_robot_holds_the_range_of_theta_of_the_paper():
+    """"The natural range is -pi/4 to pi/4"; the built-in robot and one without limits hold it."""
+    for robot in (REFERENCE, Robot.model_validate(
+            REFERENCE.model_dump(by_alias=True, exclude={'limits'}))):
+        check_limits(adept_motion(robot, theta_swing=math.pi / 2.0), robot)
+        with pytest.raises(InputError, match='theta'):
+            check_limits(adept_motion(robot, theta_swing=1.001 * math.pi / 2.0), robot)
+
+
+
 @pytest.mark.parametrize(('poses', 'part'), [
     ([(0.52, 0.0, -0.78, 0.0)], 'radius of D'), ([(0.0, 0.0, -0.95, 0.0)], 'z of D'),
     ([(0.0, 0.0, -0.78, -0.8)], 'theta')])

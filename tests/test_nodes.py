@@ -24,6 +24,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from par4_dynamics.model import read_model
 from par4_dynamics.model_file import read_model_file, write_model_file
 from par4_dynamics.state import state_of_joints
+from par4_kinematics.adept import adept_motion
 from par4_kinematics.files import read_yaml, write_yaml
 from par4_kinematics.interface import (
     AMPLIFIER_VOLTAGE,
@@ -55,6 +56,8 @@ from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.time_laws import Quintic
 from par4_kinematics.workspace import home_pose
 from par4_sim.bag import read_bag
+from par4_sim.tracking.metrics import tracking_of
+from par4_sim.tracking.run import record_run
 from par4_sim.urdf import tree_joint_positions
 from robots import random_poses
 
@@ -595,6 +598,60 @@ def test_services_of_the_simulation(bench):
     assert bench.call('par4_simulation/reload_model').success
     assert bench.call('par4_simulation/stop').success
     assert bench.ended(simulated.child) == 0
+
+
+def test_the_papers_run_over_topics_in_pybullet_is_that_without_ros(bench):
+    """15 G under the loops alone (Fig. 4): the lag of D in the accurate plant, told by topics."""
+    motion = adept_motion(ROBOT, period=1e-3)
+    simulated = Simulated(bench, fidelity='accurate', real_time_factor=0)
+    references = bench.publisher(REFERENCE)
+    approach = quintic_motion(motion.q[0], motion.period)
+    first_ns = (simulated.now_ns() // SECOND + 1) * SECOND
+    start_ns = first_ns + round(approach.duration * SECOND) + SECOND // 5
+    references.publish(reference_message(approach, first_ns))
+    references.publish(reference_message(motion, start_ns))
+    end_ns = start_ns + round(motion.duration * SECOND)
+    simulated.wait_until(end_ns + SECOND // 10)
+    positions = simulated.positions()
+    stamps = [start_ns + round(t * SECOND) for t in motion.t]
+    heard = np.array([stamp in positions for stamp in stamps])
+    assert heard.mean() > 0.9
+    q = np.array([positions[stamp] for stamp, there in zip(stamps, heard) if there])
+    lag = forward_kinematics(ROBOT.geometry, q)[:, :3] - motion.x[heard, :3]
+    rms = np.sqrt(np.mean(np.sum(lag ** 2, axis=1)))
+    machine = read_model('table1_full', ROBOT)
+    alone = tracking_of(record_run(ROBOT, machine, motion, None, 'accurate'))
+    exact = tracking_of(record_run(ROBOT, machine, motion, None, 'exact'))
+    assert rms == pytest.approx(alone.rms, rel=0.02)
+    assert alone.rms == pytest.approx(exact.rms, rel=0.02)  # two engines that share nothing
+
+
+def test_in_torque_mode_lost_torque_is_counted_and_the_loops_take_over(bench):
+    simulated = Simulated(bench, drive_mode='torque')
+    voltages = bench.listen(AMPLIFIER_VOLTAGE)
+    references, efforts = bench.publisher(REFERENCE), bench.publisher(FEEDFORWARD_TORQUE)
+    motion = quintic_motion(AWAY_Q)
+    torque = torque_of('table1_full', motion)
+    start_ns = (simulated.now_ns() // SECOND + 2) * SECOND
+    hole = slice(len(motion.t) // 3, 2 * len(motion.t) // 3)
+    known = np.ones(len(motion.t), dtype=bool)
+    known[hole] = False
+    message = reference_message(motion, start_ns, torque)
+    message.points = [point for point, there in zip(message.points, known) if there]
+    efforts.publish(message)
+    references.publish(reference_message(motion, start_ns))
+    simulated.wait_until(start_ns + round(motion.duration * SECOND) + SECOND // 5)
+    assert simulated.fresh_counts()['missing_effort'] == hole.stop - hole.start
+    commands = {time_ns(message.header.stamp): GAIN * joint_values(message, 'effort')
+                for message in voltages}
+    told = np.array([commands[stamp] for stamp in sorted(commands) if stamp >= start_ns])
+    stamps = np.array([stamp for stamp in sorted(commands) if stamp >= start_ns])
+    steps = np.abs(np.diff(told, axis=0))[np.diff(stamps) == MILLISECOND]
+    # Coulomb friction of 2.4 N m that sets in with the motion is the largest step that is asked
+    assert steps.max() < 1.5 * np.abs(np.diff(torque, axis=0)).max()
+    reached = joint_values(simulated.states[-1], 'position')
+    assert np.abs(reached - motion.q[-1]).max() < 0.05
+    assert np.abs(reached - HOME_Q).max() > 0.1
 
 
 def test_motion_feedforward_and_simulation_play_a_motion_together(bench):

@@ -14,9 +14,9 @@ ROOT = Path(__file__).parents[1]
 CHAIN = ('par4_kinematics', 'par4_dynamics', 'par4_sim', 'par4_identification')
 HOMES = {
     'rosbags': ('par4_sim/bag.py',),
-    'matplotlib': ('par4_identification/plots.py',),
+    'matplotlib': ('par4_sim/report/drawing.py', 'par4_identification/plots.py'),
     'pybullet': ('par4_sim/bullet.py',),
-    'jinja2': ('par4_identification/report.py',),
+    'jinja2': ('par4_sim/report/page.py',),
 }
 MESSAGES = ('rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'rosgraph_msgs',
             'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs', 'rcl_interfaces')

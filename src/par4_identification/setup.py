@@ -15,7 +15,7 @@ setup(
         ('share/' + package_name, ['package.xml']),
     ],
     install_requires=[
-        'click', 'daqp', 'jinja2', 'markupsafe', 'matplotlib', 'numba', 'numpy', 'rich', 'scipy'],
+        'click', 'daqp', 'matplotlib', 'numba', 'numpy', 'rich', 'scipy'],
     zip_safe=False,
     entry_points={
         'console_scripts': [

@@ -9,18 +9,23 @@ setup(
     license='Apache-2.0',
     author='Par4 maintainers',
     packages=find_packages(),
+    package_data={'par4_sim': ['report/templates/*', 'tracking/templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
         ('share/' + package_name + '/launch', ['launch/cell.launch.py']),
         ('share/' + package_name + '/rviz', ['rviz/par4.rviz']),
     ],
-    install_requires=['click', 'numba', 'numpy', 'pybullet', 'rosbags', 'lz4', 'backports.zstd'],
+    install_requires=[
+        'backports.zstd', 'click', 'jinja2', 'lz4', 'markupsafe', 'matplotlib', 'numba', 'numpy',
+        'pybullet', 'rich', 'rosbags', 'scipy', 'toppra'],
     zip_safe=False,
     entry_points={
         'console_scripts': [
             'par4_simulation = par4_sim.ros.simulation_node:main',
             'par4_simulate = par4_sim.commands.simulate:main',
+            'par4_fastest = par4_sim.commands.fastest:main',
+            'par4_track = par4_sim.commands.track:main',
             'par4_push = par4_sim.commands.push:main',
         ],
     },

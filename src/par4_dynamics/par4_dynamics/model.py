@@ -156,6 +156,12 @@ class Model:
     def _table(self) -> np.ndarray:
         return value_table(self._linear)
 
+    @cached_property
+    def rigid_table(self) -> np.ndarray:
+        """The bodies alone as the compiled kernels take them, no friction, no effects, (36,)."""
+        return value_table({name: value for name, value in self._linear.items()
+                            if name not in FRICTION})
+
     def _with_effects(self, state: State, torque: np.ndarray) -> np.ndarray:
         if any(active.effect.needs_nominal for active in self.effects):
             state = replace(state, nominal=self.nominal(state))

@@ -32,7 +32,7 @@ from par4_kinematics.geometry import LEGS
 from par4_kinematics.motion import motion_of_joints
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.drive import DriveLoops
-from par4_sim.reference import COLUMNS, interpolate
+from par4_sim.reference import COLUMNS, TARGET, interpolate
 from par4_sim.simulation import build_simulation
 
 LENGTH = 6.0
@@ -334,7 +334,7 @@ def _left_by_drives(path: Reference, part: Log, measured: Run, robot: Robot, lim
     left, feedback, recorded_late, speeds_late = (
         values[rows] - values[rows].mean(axis=0) for values in (
             measured.tau - measured.rows(commands),
-            measured.tau - measured.rows(targets[:, 2 * LEGS:]),
+            measured.tau - measured.rows(targets[:, 2 * LEGS:3 * LEGS]),
             -measured.rows(central_difference(commands, part.period)),
             robot.drives.velocity_gain * measured.rows(measured.state.qdd)))
     columns = np.stack((recorded_late.ravel(), speeds_late.ravel()), axis=1)
@@ -437,12 +437,12 @@ def _torque(robot: Robot, model: Model, path: Reference) -> np.ndarray:
 
 
 def _positions(path: Reference, t: np.ndarray) -> np.ndarray:
-    """Return q_ref, qd_ref, tau_ff (n, 12) of a path at times t (n,), as the drives see them."""
+    """Return the targets (n, TARGET) of a path at times t (n,), as the drives see them."""
     points = np.zeros((len(path.t), COLUMNS))
     points[:] = np.concatenate((path.q, path.qd, path.qdd, _known_effort(path)), axis=1)
-    targets = np.empty((len(t), 3 * LEGS))
+    targets = np.empty((len(t), TARGET))
     for row, time in enumerate(t):
-        interpolate(path.t, points, time, targets[row])
+        interpolate(path.t, points, time, 0.0, targets[row])
     return targets
 
 

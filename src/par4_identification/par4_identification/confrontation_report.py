@@ -10,8 +10,8 @@ import numpy as np
 from par4_identification.confrontation import Confrontation, Errors, Unsimulated
 from par4_identification.outcome.confrontation import MILLI, confrontation_in_words
 from par4_identification.outcome.outcome import over_joints
-from par4_identification.outcome.words import number
 from par4_identification.plots import Names, measured_and_simulated
+from par4_sim.report.words import number
 
 Rows = list[tuple[str, list[str], str]]
 

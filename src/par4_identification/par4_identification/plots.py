@@ -1,10 +1,7 @@
-"""Every picture of the reports, each an SVG as a data URI; the only file that knows matplotlib."""
+"""Every picture of the reports of this package, each an SVG as a data URI."""
 
 from __future__ import annotations
 
-import base64
-import io
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,31 +9,32 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-MEASURED, CALCULATED = '#c8102e', '#1a56a8'
-BEFORE, AFTER, CURVE, FAINT = '#d9822b', '#1a56a8', '#1b1b1b', '#f3d9bd'
-FLOOR, IDLE, INK = '#dfe5ea', '#b8bec4', '#3a4046'
-WIDTH = 10.4
-"""Inches; a report is as wide."""
-PIXELS = 700
-"""Columns of an envelope."""
+from par4_sim.report.drawing import (
+    AFTER,
+    BEFORE,
+    CALCULATED,
+    CURVE,
+    FAINT,
+    FLOOR,
+    IDLE,
+    INK,
+    MEASURED,
+    STYLE,
+    WIDTH,
+    envelope,
+    image,
+    legend,
+    line,
+)
+
 WINDOW = 2.0
 """Seconds of a window in which single strokes can be seen."""
 SLOW = 0.02
 """Speed that a speed axis shows at least: below it the friction of a joint is not known."""
 ENOUGH = 120
 """Rows without which no part of an abscissa is enlarged."""
-_STYLE = {
-    'svg.hashsalt': 'par4', 'font.size': 8.5, 'axes.titlesize': 9, 'axes.labelsize': 8.5,
-    'axes.titleweight': 'bold', 'axes.titlelocation': 'left', 'axes.spines.top': False,
-    'axes.spines.right': False, 'axes.edgecolor': '#8a9199', 'axes.labelcolor': INK,
-    'axes.linewidth': 0.7, 'xtick.color': '#8a9199', 'ytick.color': '#8a9199',
-    'xtick.labelcolor': INK, 'ytick.labelcolor': INK, 'text.color': INK, 'axes.grid': True,
-    'grid.color': '#eceff2', 'grid.linewidth': 0.7, 'axes.axisbelow': True,
-    'legend.frameon': False, 'legend.fontsize': 8.5, 'lines.linewidth': 1.0,
-    'path.simplify_threshold': 0.2}
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ def torque_over_time(series: Series, names: Names) -> str:
     slow, fast = _slow_and_fast(series)
     residual = series.measured - series.calculated
     joints = len(names.joints)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure((WIDTH, 0.5 + (1.9 if joints > 1 else 2.8) * joints), layout='constrained')
         axes = figure.subplots(2 * joints, 3, squeeze=False, gridspec_kw={
             'width_ratios': (1.5, 1.0, 1.0), 'height_ratios': (2.2, 1.0) * joints})
@@ -93,7 +91,7 @@ def torque_over_time(series: Series, names: Names) -> str:
             for column, (rows, title) in enumerate((
                     (slice(None), 'all'), (slow, 'slow motion'), (fast, 'fast motion'))):
                 over, under = upper[column], lower[column]
-                draw = _envelope if column == 0 else _line
+                draw = envelope if column == 0 else line
                 t = series.t[rows]
                 draw(over, t, series.measured[rows, joint], MEASURED, 2.2)
                 draw(over, t, series.calculated[rows, joint], CALCULATED, 0.9)
@@ -114,9 +112,9 @@ def torque_over_time(series: Series, names: Names) -> str:
         for axis in axes[-1]:
             axis.set_xlabel('time, s')
         figure.align_ylabels(axes[:, 0])
-        _legend(figure, (('measured', MEASURED), ('calculated', CALCULATED),
-                         ('residual', INK), ('residual near standstill', IDLE)))
-        return _image(figure)
+        legend(figure, (('measured', MEASURED), ('calculated', CALCULATED),
+                        ('residual', INK), ('residual near standstill', IDLE)))
+        return image(figure)
 
 
 def residual_over_time(t: np.ndarray, before: np.ndarray, after: np.ndarray | None,
@@ -128,14 +126,14 @@ def residual_over_time(t: np.ndarray, before: np.ndarray, after: np.ndarray | No
     joints = len(names.joints)
     window = _largest_window(t, np.where(valid, before, 0.0))
     drawn = [(before, BEFORE)] + ([] if after is None else [(after, AFTER)])
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure((WIDTH, 0.6 + (1.25 if joints > 1 else 2.2) * joints), layout='constrained')
         axes = figure.subplots(joints, 2, squeeze=False, sharey='row',
                                gridspec_kw={'width_ratios': (1.6, 1.0)})
         for joint, label in enumerate(names.joints):
             limit = 1.1 * max(np.abs(before[valid[:, joint], joint]).max(initial=1e-9),
                               2.5 * floor[joint])
-            for axis, rows, draw in zip(axes[joint], (slice(None), window), (_envelope, _line),
+            for axis, rows, draw in zip(axes[joint], (slice(None), window), (envelope, line),
                                         strict=True):
                 axis.axhspan(-2.0 * floor[joint], 2.0 * floor[joint], color=FLOOR, linewidth=0)
                 for values, colour in drawn:
@@ -152,8 +150,8 @@ def residual_over_time(t: np.ndarray, before: np.ndarray, after: np.ndarray | No
             axis.set_xlabel('time, s')
         entries = [('residual', BEFORE)] if after is None else [
             ('residual of the old model', BEFORE), ('residual of the extended model', AFTER)]
-        _legend(figure, (*entries, ('noise floor, ± 2 standard deviations', FLOOR)))
-        return _image(figure)
+        legend(figure, (*entries, ('noise floor, ± 2 standard deviations', FLOOR)))
+        return image(figure)
 
 
 def measured_and_simulated(t: np.ndarray, measured: np.ndarray, before: np.ndarray | None,
@@ -166,16 +164,16 @@ def measured_and_simulated(t: np.ndarray, measured: np.ndarray, before: np.ndarr
     simulated = [(after, AFTER)] if before is None else [(before, BEFORE), (after, AFTER)]
     window = _largest_window(t, np.where(valid, simulated[0][0] - measured, 0.0))
     joints = len(names.joints)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure((WIDTH, 0.6 + 1.5 * joints), layout='constrained')
         axes = figure.subplots(joints, 2, squeeze=False, gridspec_kw={'width_ratios': (1.4, 1.0)})
         for joint, label in enumerate(names.joints):
             over, beside = axes[joint]
-            _line(over, t[window], measured[window, joint], MEASURED, 2.4)
+            line(over, t[window], measured[window, joint], MEASURED, 2.4)
             for values, colour in simulated:
-                _line(over, t[window], values[window, joint], colour, 1.0)
-                _envelope(beside, t, np.where(valid[:, joint], values[:, joint]
-                                              - measured[:, joint], np.nan), colour, 0.9)
+                line(over, t[window], values[window, joint], colour, 1.0)
+                envelope(beside, t, np.where(valid[:, joint], values[:, joint]
+                                             - measured[:, joint], np.nan), colour, 0.9)
             over.set_title(label)
             over.set_ylabel(f'{names.torque},\n{names.torque_unit}')
             beside.set_ylabel(f'difference,\n{names.torque_unit}')
@@ -188,8 +186,8 @@ def measured_and_simulated(t: np.ndarray, measured: np.ndarray, before: np.ndarr
         figure.align_ylabels(axes)
         entries = [('simulated', AFTER)] if before is None else [
             ('simulated, old model', BEFORE), ('simulated, extended model', AFTER)]
-        _legend(figure, (('measured', MEASURED), *entries))
-        return _image(figure)
+        legend(figure, (('measured', MEASURED), *entries))
+        return image(figure)
 
 
 def signature(abscissa: Sequence[np.ndarray], label: str, before: Sequence[np.ndarray],
@@ -209,7 +207,7 @@ def signature(abscissa: Sequence[np.ndarray], label: str, before: Sequence[np.nd
     count = len(titles)
     columns = 1 if count == 1 else 2
     rows = -(-count // columns)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure((WIDTH, 0.6 + 2.2 * rows), layout='constrained')
         axes = figure.subplots(rows, columns, squeeze=False, sharey=True)
         for axis, where, old, left, own, title in zip(axes.flat, abscissa, before, alone, curve,
@@ -233,10 +231,10 @@ def signature(abscissa: Sequence[np.ndarray], label: str, before: Sequence[np.nd
             axis.set_xlabel(label)
         for axis in axes.flat[count:]:
             axis.set_visible(False)
-        _legend(figure, (('residual of the old model, middle half of a bin', FAINT),
-                         ('median residual of the model without this cause', BEFORE),
-                         ('the cause as identified', CURVE)))
-        return _image(figure)
+        legend(figure, (('residual of the old model, middle half of a bin', FAINT),
+                        ('median residual of the model without this cause', BEFORE),
+                        ('the cause as identified', CURVE)))
+        return image(figure)
 
 
 def residual_over_motion(views: Sequence[tuple[str, Sequence[np.ndarray]]],
@@ -250,7 +248,7 @@ def residual_over_motion(views: Sequence[tuple[str, Sequence[np.ndarray]]],
         names: labels.
     """
     joints = len(names.joints)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure((WIDTH, 0.7 + (1.15 if joints > 1 else 1.9) * joints),
                         layout='constrained')
         axes = figure.subplots(joints, len(views), squeeze=False, sharey='row', sharex='col')
@@ -276,9 +274,9 @@ def residual_over_motion(views: Sequence[tuple[str, Sequence[np.ndarray]]],
             axis.set_xlabel(label)
             axis.xaxis.set_major_locator(MaxNLocator(5))
         figure.align_ylabels(axes[:, 0])
-        _legend(figure, (('median residual, middle half', AFTER),
-                         ('noise floor, ± 1 standard deviation', FLOOR)))
-        return _image(figure)
+        legend(figure, (('median residual, middle half', AFTER),
+                        ('noise floor, ± 1 standard deviation', FLOOR)))
+        return image(figure)
 
 
 def residual_statistics(residuals: Sequence[np.ndarray], floor: np.ndarray,
@@ -295,7 +293,7 @@ def residual_statistics(residuals: Sequence[np.ndarray], floor: np.ndarray,
         names: labels.
     """
     joints = len(names.joints)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure((WIDTH if joints > 1 else 0.6 * WIDTH, 4.0), layout='constrained')
         axes = figure.subplots(2, joints, squeeze=False, sharey='row')
         lag = np.arange(len(correlation)) * spacing
@@ -326,9 +324,9 @@ def residual_statistics(residuals: Sequence[np.ndarray], floor: np.ndarray,
         unit = names.torque_unit
         axes[0, 0].set_ylabel(f'density, 1/({unit})' if ' ' in unit else f'density, 1/{unit}')
         axes[1, 0].set_ylabel('autocorrelation, 1')
-        _legend(figure, (('residual', CALCULATED), ('noise floor', INK),
-                         ('95 % band of white noise', FLOOR)))
-        return _image(figure)
+        legend(figure, (('residual', CALCULATED), ('noise floor', INK),
+                        ('95 % band of white noise', FLOOR)))
+        return image(figure)
 
 
 @dataclass(frozen=True)
@@ -340,24 +338,24 @@ class Bar:
     stds: tuple[float, ...]
 
 
-def deviation_bars(bars: Sequence[Bar], legend: Sequence[str], label: str) -> str:
+def deviation_bars(bars: Sequence[Bar], kinds: Sequence[str], label: str) -> str:
     """Return a point with its 95 % interval for each value of each bar, in percent.
 
     Args:
         bars: one a line, top to bottom; values and stds as fractions.
-        legend: what each value is.
+        kinds: what each value is.
         label: of the abscissa.
     """
     colours = (AFTER, BEFORE, CURVE)
-    count = len(legend)
-    with rc_context(_STYLE):
+    count = len(kinds)
+    with rc_context(STYLE):
         figure = Figure((0.8 * WIDTH, 0.8 + (0.2 + 0.16 * count) * len(bars)),
                         layout='constrained')
         axis = figure.subplots()
         axis.axvline(0.0, color='#8a9199', linewidth=0.8)
-        for line, bar in enumerate(bars):
+        for row, bar in enumerate(bars):
             for index, (value, std) in enumerate(zip(bar.values, bar.stds, strict=True)):
-                height = line + 0.22 * (index - 0.5 * (count - 1))
+                height = row + 0.22 * (index - 0.5 * (count - 1))
                 axis.errorbar(100.0 * value, height, xerr=196.0 * std or None, fmt='od'[std == 0.0],
                               markersize=4.5, color=colours[index], elinewidth=1.6, capsize=3.0)
         axis.set_yticks(range(len(bars)), [bar.label for bar in bars])
@@ -365,20 +363,20 @@ def deviation_bars(bars: Sequence[Bar], legend: Sequence[str], label: str) -> st
         axis.grid(axis='y', visible=False)
         axis.tick_params(axis='y', length=0)
         axis.set_xlabel(label)
-        _legend(figure, tuple(zip(legend, colours, strict=False)))
-        return _image(figure)
+        legend(figure, tuple(zip(kinds, colours, strict=False)))
+        return image(figure)
 
 
 def measured_motion(t: np.ndarray, speed: np.ndarray, torque: np.ndarray, names: Names) -> str:
     """Return joint speed and torque (m, J) over time: what the data are, before any model."""
     joints = len(names.joints)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure((WIDTH, 0.4 + 1.3 * joints), layout='constrained')
         axes = figure.subplots(joints, 2, squeeze=False)
         for joint, label in enumerate(names.joints):
             for axis, values, colour in zip(axes[joint], (speed, torque), (INK, MEASURED),
                                             strict=True):
-                _envelope(axis, t, values[:, joint], colour, 0.9)
+                envelope(axis, t, values[:, joint], colour, 0.9)
                 axis.set_xlim(t[0], t[-1])
             fastest = max(1.1 * np.abs(speed[:, joint]).max(), SLOW)
             axes[joint, 0].set_ylim(-fastest, fastest)
@@ -387,14 +385,14 @@ def measured_motion(t: np.ndarray, speed: np.ndarray, torque: np.ndarray, names:
             axes[joint, 1].set_ylabel(f'{names.torque}, {names.torque_unit}')
         for axis in axes[-1]:
             axis.set_xlabel('time, s')
-        return _image(figure)
+        return image(figure)
 
 
 def proposed_motion(t: np.ndarray, displacement: np.ndarray, speed: np.ndarray, names: Names
                     ) -> str:
     """Return a motion over time: D and theta from where it begins (m, 4), joint speeds (m, J)."""
     colours = (MEASURED, CALCULATED, INK, BEFORE)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure = Figure((WIDTH, 2.6), layout='constrained')
         axes = figure.subplots(1, 3)
         for axis, columns, labels, title in zip(
@@ -409,36 +407,36 @@ def proposed_motion(t: np.ndarray, displacement: np.ndarray, speed: np.ndarray, 
             if len(labels) > 1:
                 axis.margins(y=0.3)  # room for the legend
                 axis.legend(loc='upper right', ncols=len(labels))
-        return _image(figure)
+        return image(figure)
 
 
 def torque_of_mechanism(t: np.ndarray, mechanism: np.ndarray, simplified: np.ndarray, names: Names
                         ) -> str:
     """Return the torques (m, 4) of the mechanism and of (20) over time: the paper's Fig. 6."""
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure, axes = _joint_grid(names, names.torque)
         for joint, axis in enumerate(axes.flat):
-            _envelope(axis, t, mechanism[:, joint], CALCULATED, 2.6)
-            _envelope(axis, t, simplified[:, joint], MEASURED, 0.9)
+            envelope(axis, t, mechanism[:, joint], CALCULATED, 2.6)
+            envelope(axis, t, simplified[:, joint], MEASURED, 0.9)
             axis.set_xlim(t[0], t[-1])
-        _legend(figure, (('whole mechanism in pybullet', CALCULATED), ('(20)', MEASURED)))
-        return _image(figure)
+        legend(figure, (('whole mechanism in pybullet', CALCULATED), ('(20)', MEASURED)))
+        return image(figure)
 
 
 def differences_over_time(t: np.ndarray, differences: Sequence[tuple[str, np.ndarray]],
                           noise: np.ndarray, names: Names) -> str:
     """Return labelled differences (m, 4) of torque over time, the whole first, and their noise."""
     colours = (INK, BEFORE, AFTER, MEASURED)
-    with rc_context(_STYLE):
+    with rc_context(STYLE):
         figure, axes = _joint_grid(names, 'difference')
         for joint, axis in enumerate(axes.flat):
-            _envelope(axis, t, noise[:, joint], IDLE, 1.6)
+            envelope(axis, t, noise[:, joint], IDLE, 1.6)
             for (_, values), colour in zip(differences, colours, strict=False):
-                _envelope(axis, t, values[:, joint], colour, 1.8 if colour == INK else 1.1)
+                envelope(axis, t, values[:, joint], colour, 1.8 if colour == INK else 1.1)
             axis.set_xlim(t[0], t[-1])
-        _legend(figure, (*((label, colour) for (label, _), colour in
-                           zip(differences, colours, strict=False)), ('noise', IDLE)))
-        return _image(figure)
+        legend(figure, (*((label, colour) for (label, _), colour in
+                          zip(differences, colours, strict=False)), ('noise', IDLE)))
+        return image(figure)
 
 
 def _joint_grid(names: Names, quantity: str) -> tuple[Figure, np.ndarray]:
@@ -510,39 +508,3 @@ def _binned(abscissa: np.ndarray, values: np.ndarray, edges: np.ndarray, share: 
 def _at_rest(*axes: Axes) -> None:
     for axis in axes:
         axis.text(0.5, 0.5, 'at rest', transform=axis.transAxes, ha='center', va='center')
-
-
-def _line(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, width: float) -> None:
-    axis.plot(t, values, color=colour, linewidth=width)
-
-
-def _envelope(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, width: float) -> None:
-    """Draw lowest and highest value of each pixel column: spikes stay, the file does not grow."""
-    if len(t) < 2 * PIXELS:
-        gap = np.append(np.diff(t) > 3.0 * np.median(np.diff(t)), False)
-        _line(axis, t, np.where(gap, np.nan, values), colour, width)
-        return
-    edges = np.linspace(t[0], t[-1], PIXELS + 1)
-    starts = np.searchsorted(t, edges[:-1])
-    filled = np.append(np.diff(starts) > 0, True)
-    finite = np.isfinite(values)
-    low = np.minimum.reduceat(np.where(finite, values, np.inf), starts.clip(max=len(t) - 1))
-    high = np.maximum.reduceat(np.where(finite, values, -np.inf), starts.clip(max=len(t) - 1))
-    shown = filled & (low <= high)
-    low, high = np.where(shown, low, np.nan), np.where(shown, high, np.nan)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    axis.fill_between(middle, low, high, color=colour, linewidth=0.5 * width)
-
-
-def _legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:
-    figure.legend([Patch(color=colour) for _, colour in entries], [text for text, _ in entries],
-                  loc='outside upper right', ncols=len(entries), handlelength=1.1,
-                  handleheight=0.7)
-
-
-def _image(figure: Figure) -> str:
-    """Return the figure as a data URI of an SVG that names no address."""
-    stream = io.StringIO()
-    figure.savefig(stream, format='svg', metadata={'Date': None, 'Creator': None})
-    svg = re.sub(r'<metadata>.*?</metadata>|<!DOCTYPE.*?>', '', stream.getvalue(), flags=re.DOTALL)
-    return 'data:image/svg+xml;base64,' + base64.b64encode(svg.encode()).decode()

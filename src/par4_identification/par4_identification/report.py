@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -11,8 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup, escape
 
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
@@ -29,20 +26,9 @@ from par4_identification.outcome.drive_gain import gains_rows
 from par4_identification.outcome.estimator import estimator_in_words
 from par4_identification.outcome.identification import ParameterRow, autocorrelation
 from par4_identification.outcome.next_experiment import advice
-from par4_identification.outcome.outcome import Outcome, over_joints
+from par4_identification.outcome.outcome import over_joints
 from par4_identification.outcome.simplification import share_in_words
 from par4_identification.outcome.validation import errors_by_joint, total_errors
-from par4_identification.outcome.words import (
-    in_words,
-    joint_labels,
-    listed,
-    number,
-    percent,
-    torque_name,
-    typeset,
-    unit_on,
-    with_std,
-)
 from par4_identification.plots import (
     Bar,
     Names,
@@ -63,6 +49,19 @@ from par4_identification.simplification import ALL, NOTHING, PARTS, Simplificati
 from par4_identification.validation import Validation
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.outcome import Outcome
+from par4_sim.report.page import rendered
+from par4_sim.report.words import (
+    in_words,
+    joint_labels,
+    listed,
+    number,
+    percent,
+    torque_name,
+    typeset,
+    unit_on,
+    with_std,
+)
 
 LAGS = 50
 """Rows over which autocorrelations are drawn."""
@@ -254,29 +253,14 @@ def report_of_gains(gains: DriveGains, outcome: Outcome, robot: Robot, logs: Seq
 def _render(template: str, machine: Robot | Axis, logs: Sequence[Log], outcome: Outcome,
             title: str, insights_title: str, provenance: dict[str, Any],
             facts_title: str = 'Where this comes from', **content: Any) -> str:
-    environment = Environment(loader=PackageLoader('par4_identification'), autoescape=True,
-                              trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined)
-    environment.filters.update(minus=_minus, symbol=_symbol)
-    return environment.get_template(template).render(
-        title=title, outcome=outcome, insights_title=insights_title,
-        names=_names(machine), bags=[_bag_cells(log) for log in logs], facts=_facts(provenance),
-        facts_title=facts_title, **content)
+    return rendered(
+        'par4_identification', template, outcome, title, insights_title, provenance, facts_title,
+        names=_names(machine), bags=[_bag_cells(log) for log in logs], **content)
 
 
 def _cells(values: np.ndarray, total: float, text: Callable[[float], str]) -> list[str]:
     """Return a cell a joint and, of several joints, one for all of them."""
     return [text(float(value)) for value in values] + ([text(total)] if len(values) > 1 else [])
-
-
-def _minus(text: object) -> str:
-    """Return text with true minus signs in front of numbers."""
-    return re.sub(r'(?<![\w.-])-(?=[\d.])', '\N{MINUS SIGN}', str(text))
-
-
-def _symbol(text: str) -> Markup:
-    """Return a symbol of the paper with its indices lowered."""
-    primed = str(escape(text)).replace('&#39;', '\N{PRIME}')
-    return Markup(re.sub(r'_(\w+)', r'<sub>\1</sub>', primed))
 
 
 def _names(machine: Robot | Axis) -> Names:
@@ -290,26 +274,6 @@ def _bag_cells(log: Log) -> dict[str, Any]:
             'samples': accounts.samples, 'rate': number(1.0 / accounts.period, 4),
             'segments': accounts.segments, 'source': in_words(accounts.torque_source),
             'findings': accounts.findings()}
-
-
-def _facts(provenance: dict[str, Any]) -> list[tuple[str, str]]:
-    """Return the entries of a provenance, which may hold anything, a line each."""
-    facts = []
-    for name, value in provenance.items():
-        if name == 'bags' and isinstance(value, list):
-            facts += [('bag', _bag_fact(bag)) for bag in value]
-        elif isinstance(value, dict):
-            parts = (f'{key} {item}' for key, item in value.items())
-            facts.append((in_words(name), ', '.join(parts)))
-        else:
-            facts.append((in_words(name), str(value)))
-    return [(name, text) for name, text in facts if text]
-
-
-def _bag_fact(bag: object) -> str:
-    if isinstance(bag, dict) and {'path', 'sha256'} <= bag.keys():
-        return f'{bag["path"]}, sha256 {str(bag["sha256"])[:16]}…'
-    return str(bag)
 
 
 def _joined_time(runs: Sequence[Run]) -> np.ndarray:

@@ -84,6 +84,10 @@ EXECUTABLES = (
      'offline: the same simulation without ROS, same topics in the bag'),
     ('par4_sim', 'par4_push',
      'offline: static pushes on a simulated force sensor, a bag and its readings'),
+    ('par4_sim', 'par4_track',
+     'offline: how well controllers and models make a machine follow a motion'),
+    ('par4_sim', 'par4_fastest',
+     'offline: the shortest cycle of a path within torque and a peak error, and its bound'),
     ('par4_identification', 'par4_record', 'node: records a bag; `--repair BAG` mends one cut off'),
     ('par4_identification', 'par4_excite',
      'offline: designs an excitation motion file and says what to expect of it'),
@@ -108,6 +112,8 @@ SCHEMAS = (
     ('validation.json', 'par4/validation/1', 'written by `par4_validate`'),
     ('diagnosis.json', 'par4/diagnosis/1', 'written by `par4_diagnose`'),
     ('simplification.json', 'par4/simplification/1', 'written by `par4_simplification`'),
+    ('tracking.json', 'par4/tracking/1', 'written by `par4_track`'),
+    ('fastest.json', 'par4/fastest/1', 'written by `par4_fastest`'),
     ('drive_gain.json', 'par4/drive_gain/1', 'written by `par4_drive_gain`'),
 )
 

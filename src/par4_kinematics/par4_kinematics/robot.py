@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Literal
 
@@ -59,7 +60,7 @@ class Workspace(FileModel):
 
     radius: float = Field(0.5, gt=0)
     z: tuple[float, float] = (-0.90, -0.55)
-    theta: float = Field(0.785, gt=0)
+    theta: float = Field(math.pi / 4.0, gt=0)
 
 
 class Limits(FileModel):

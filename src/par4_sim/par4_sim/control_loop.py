@@ -14,9 +14,10 @@ import numpy as np
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import Drives
 from par4_sim.amplifier import Amplifier, deliver, lag_shares
-from par4_sim.drive import DriveLoops, control
+from par4_sim.controller import Controller
+from par4_sim.laws import command_of
 from par4_sim.plant import Plant
-from par4_sim.reference import ReferenceQueue, interpolate
+from par4_sim.reference import TARGET, ReferenceQueue, interpolate
 from par4_sim.sensors import Sensors, read_encoders, round_to
 
 COMMAND, TORQUE = 0, 1
@@ -26,7 +27,7 @@ SPARE = 4
 
 
 @numba.njit(cache=True, error_model='numpy')
-def control_step(times, points, t, q, qd, encoders, gains, amplifier, lag, drive, currents,
+def control_step(times, points, t, q, qd, encoders, law, amplifier, lag, drive, currents,
                  saturated, history, step, lead):
     """Write command and delivered torque of one physics step into its row of the history.
 
@@ -34,18 +35,19 @@ def control_step(times, points, t, q, qd, encoders, gains, amplifier, lag, drive
         times, points: of the ReferenceQueue.
         t: time of the step's beginning on the queue's clock, s.
         q, qd: true positions and velocities (4,).
-        encoders, gains, amplifier, lag: as `read_encoders`, `control` and `deliver` take them.
-        drive, currents: states of `control` and of `deliver`, each (2, 4), moved on.
+        encoders, law, amplifier, lag: as `read_encoders`, `command_of` and `deliver` take them.
+        drive, currents: states of `command_of` (3, 4) and of `deliver` (2, 4), moved on.
         saturated: counts (2,), raised.
         history: (2, n, 4) command and torque; step s has row s % n.
         step: number of the step.
         lead: from the reading of q to the time where the torque acts, s.
     """
-    target, reading, rate, silence = np.empty(12), np.empty(4), np.empty(4), np.zeros(4)
+    target, silence = np.empty(TARGET), np.zeros(4)
+    reading, rate = np.empty(4), np.empty(4)
     row = step % history.shape[1]
-    interpolate(times, points, t, target)
+    interpolate(times, points, t, lead, target)
     read_encoders(encoders, q, qd, silence, reading, rate)
-    control(gains, target, reading, rate, drive, saturated, history[COMMAND, row])
+    command_of(law, target, reading, rate, drive, saturated, history[COMMAND, row])
     for joint in range(4):
         reading[joint] = q[joint] + lead * qd[joint]
     deliver(amplifier, lag, currents, history[COMMAND, row], reading, history[TORQUE, row])
@@ -78,19 +80,20 @@ class ControlLoop:
     """Drives closed over the encoders, and the amplifiers that carry out their commands.
 
     Args:
-        drives: gains, lag, counts.
-        torque_limit: of the commands, N m.
+        drives: lag of their currents, counts of their encoders.
+        controller: their law.
         amplifier, sensors: as they truly are.
         plant: for the times at which its readings and torques are valid.
 
     Attributes:
-        drives: the loops and what they count.
+        controller: the law and what it counts.
         steps_ahead: physics steps from a sample to where everything it tells is known.
     """
 
-    def __init__(self, drives: Drives, torque_limit: float, amplifier: Amplifier,
+    def __init__(self, drives: Drives, controller: Controller, amplifier: Amplifier,
                  sensors: Sensors, plant: Plant) -> None:
-        self.drives = DriveLoops(drives, torque_limit, plant.dt)
+        self.controller = controller
+        self._law = controller.law
         self._encoders = sensors.encoders(drives.encoder_counts)
         self._torque_step = np.broadcast_to(sensors.torque_step, (LEGS,)).astype(float)
         self._amplifier = amplifier.packed
@@ -106,7 +109,7 @@ class ControlLoop:
 
     def restart(self, q: np.ndarray, holding: np.ndarray) -> None:
         """Begin settled at positions q (4,) with the commands `holding` (4,), N m."""
-        self.drives.restart(holding)
+        self.controller.restart(holding)
         self._currents[:] = holding
         self._history[COMMAND] = holding
         torque = np.empty(LEGS)
@@ -123,8 +126,8 @@ class ControlLoop:
                qd: np.ndarray) -> np.ndarray:
         """Return the torque (4,), N m, delivered in step number `step`, which begins at t, s."""
         control_step(reference.times, reference.points, t, q, qd, self._encoders,
-                     self.drives.gains, self._amplifier, self._lag, self.drives.state,
-                     self._currents, self.drives.counts, self._history, step, self._lead)
+                     self._law, self._amplifier, self._lag, self.controller.state,
+                     self._currents, self.controller.counts, self._history, step, self._lead)
         return self._history[TORQUE, step % self._history.shape[1]]
 
     def record(self, step: int, q: np.ndarray, qd: np.ndarray, torque_noise: np.ndarray,

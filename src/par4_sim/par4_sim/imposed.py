@@ -17,7 +17,7 @@ from par4_kinematics.motion import Motion
 from par4_sim.friction import Friction
 from par4_sim.machine import Machine
 from par4_sim.plant import STEP
-from par4_sim.reference import COLUMNS, interpolate
+from par4_sim.reference import COLUMNS, TARGET, interpolate
 from par4_sim.urdf import Fidelity
 
 AT_REST = 1e-3
@@ -92,8 +92,8 @@ def _positions(motion: Motion, dt: float) -> np.ndarray:
     points = np.zeros((len(motion.t), COLUMNS))
     points[:, :3 * LEGS] = np.concatenate((motion.q, motion.qd, motion.qdd), axis=1)
     steps = max(2, math.floor(motion.duration / dt + 1e-9))
-    target, positions = np.empty(3 * LEGS), np.empty((steps + 1, LEGS))
+    target, positions = np.empty(TARGET), np.empty((steps + 1, LEGS))
     for step in range(steps + 1):
-        interpolate(motion.t, points, step * dt, target)
+        interpolate(motion.t, points, step * dt, 0.0, target)
         positions[step] = target[:LEGS]
     return positions

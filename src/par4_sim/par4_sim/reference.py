@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 
@@ -11,30 +13,46 @@ MATCH = 1e-4
 """Effort belongs to the reference point within this time, s."""
 COLUMNS = 16
 """q, qd, qdd, feedforward torque of four joints; the torque is NaN until it arrives."""
+TARGET = 20
+"""What a drive follows at one time: q_ref, qd_ref, feedforward torque and qdd_ref of four joints at
+that time, and the feedforward torque at the time at which the command acts."""
+NO_TORQUE = math.inf
+"""In place of the torque of a point for which none will come."""
 
 
 @numba.njit(cache=True, error_model='numpy')
-def interpolate(times, points, t, target):
-    """Write q_ref, qd_ref, tau_ff (12,) at time t; hold before the first and after the last point.
+def interpolate(times, points, t, lead, target):
+    """Write the target (TARGET,) at time t; hold before the first and after the last point.
 
     Position by the quintic Hermite polynomial through position, velocity and acceleration of the
-    neighbours, torque linearly; a missing torque counts as zero.
+    neighbours, torque linearly. Where either neighbour lacks its torque it counts as zero: a ramp
+    between a torque and none would hide from the drive that it is to hand the torque over.
+
+    Args:
+        times, points: of the ReferenceQueue.
+        t: s.
+        lead: from t to where the command acts, s; half a step where torque is held for a step.
+        target: written.
     """
+    _torque_at(times, points, t, target[8:12])
+    _torque_at(times, points, t + lead, target[16:20])
+    known, ahead = False, False
+    for joint in range(4):
+        known = known or target[8 + joint] != 0.0
+        ahead = ahead or target[16 + joint] != 0.0
+    if not (known and ahead):
+        target[16:20] = target[8:12]
     n = times.shape[0]
     if t < times[0] or t >= times[n - 1] or n == 1:
         row = 0 if t < times[0] else n - 1
-        on_time = abs(t - times[row]) < 1e-9
         for joint in range(4):
             target[joint] = points[row, joint]
-            target[4 + joint] = 0.0
-            torque = points[row, 12 + joint]
-            target[8 + joint] = torque if (on_time or row == n - 1) and torque == torque else 0.0
+            target[4 + joint] = target[12 + joint] = 0.0
         return
     after = np.searchsorted(times, t, side='right')
     before = after - 1
     span = times[after] - times[before]
     u = (t - times[before]) / span
-    v = 1.0 - u
     for joint in range(4):
         p0, p1 = points[before, joint], points[after, joint]
         v0, v1 = points[before, 4 + joint] * span, points[after, 4 + joint] * span
@@ -48,8 +66,26 @@ def interpolate(times, points, t, target):
         c5 = 6.0 * gap - 3.0 * slope + 0.5 * bend
         target[joint] = p0 + u * (v0 + u * (0.5 * a0 + u * (c3 + u * (c4 + u * c5))))
         target[4 + joint] = (v0 + u * (a0 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))) / span
-        t0, t1 = points[before, 12 + joint], points[after, 12 + joint]
-        target[8 + joint] = v * (t0 if t0 == t0 else 0.0) + u * (t1 if t1 == t1 else 0.0)
+        target[12 + joint] = (a0 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5))) / span ** 2
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _torque_at(times, points, t, torque):
+    """Write the feedforward torque (4,) at time t, zero where it is not known."""
+    n = times.shape[0]
+    if t < times[0] or t >= times[n - 1] or n == 1:
+        row = 0 if t < times[0] else n - 1
+        told = row == n - 1 or abs(t - times[row]) < 1e-9
+        for joint in range(4):
+            value = points[row, 12 + joint]
+            torque[joint] = value if told and math.isfinite(value) else 0.0
+        return
+    after = np.searchsorted(times, t, side='right')
+    before = after - 1
+    u = (t - times[before]) / (times[after] - times[before])
+    for joint in range(4):
+        value = (1.0 - u) * points[before, 12 + joint] + u * points[after, 12 + joint]
+        torque[joint] = value if math.isfinite(value) else 0.0
 
 
 def _slots(times: np.ndarray) -> np.ndarray:
@@ -65,6 +101,13 @@ def _pass(times, points, used, now):
         missing += points[passed, 12] != points[passed, 12]
         passed += 1
     return passed, missing
+
+
+def _standing(q: np.ndarray) -> np.ndarray:
+    """Return a point (1, COLUMNS) at rest at q (4,), which no torque is meant for."""
+    point = np.zeros((1, COLUMNS))
+    point[0, :4], point[0, 12:] = q, NO_TORQUE
+    return point
 
 
 class ReferenceQueue:
@@ -84,8 +127,7 @@ class ReferenceQueue:
     def restart(self, q: np.ndarray) -> None:
         """Forget every queued point and hold at q (4,) from time 0; the counts stay."""
         self.times = np.zeros(1)
-        self.points = np.zeros((1, COLUMNS))
-        self.points[0, :4] = q
+        self.points = _standing(q)
         # torques that no point has taken yet, by time in units of MATCH, ascending
         self._slots = np.empty(0, dtype=np.int64)
         self._efforts = np.empty((0, LEGS))
@@ -110,8 +152,7 @@ class ReferenceQueue:
         kept_times, kept = self.times[:keep], self.points[:keep]
         self._used = min(self._used, keep)
         if keep == 0 or kept_times[-1] < now:
-            hold = np.zeros((1, COLUMNS))
-            hold[0, :4] = self.points[max(keep - 1, 0), :4]
+            hold = _standing(self.points[max(keep - 1, 0), :4])
             if times[0] > now:
                 kept_times, kept = np.array([now]), hold
                 self._used = 1

@@ -16,8 +16,11 @@ from par4_kinematics.robot import Robot
 from par4_kinematics.workspace import home_pose
 from par4_sim.amplifier import Amplifier
 from par4_sim.control_loop import ControlLoop
+from par4_sim.controller import Controller
+from par4_sim.drive import DriveLoops
 from par4_sim.elastic import ElasticPlant, split_machine
 from par4_sim.exact import ExactPlant
+from par4_sim.laws import controller_named
 from par4_sim.machine import LoadTorque, Machine
 from par4_sim.machine_effects import machine_of_model
 from par4_sim.noise import Noise, NoiseSource
@@ -63,11 +66,13 @@ class Simulation:
         plant: the machine; reset by this class.
         sample_period: s, a whole number of physics steps.
         torque_limit: of the drives, N m.
-        holding_torque: command that keeps the machine at rest at home, (4,) N m; the drives begin
-            with it.
+        holding_torque: command that keeps the machine at rest at `pose`, (4,) N m; the drives
+            begin with it.
         amplifier, sensors: as they truly are.
         noise: of the recorder.
         seed: of the noise.
+        pose: where the machine rests at first (4,); None for home.
+        controller: law of the drives; None for their own loops.
 
     Raises:
         InputError: a period that is not a whole number of steps, a jitter too large for it.
@@ -75,27 +80,33 @@ class Simulation:
 
     def __init__(self, robot: Robot, plant: Plant, sample_period: float, torque_limit: float,
                  holding_torque: np.ndarray, amplifier: Amplifier, sensors: Sensors, noise: Noise,
-                 seed: int) -> None:
+                 seed: int, pose: np.ndarray | None = None,
+                 controller: Controller | None = None) -> None:
         self._substeps = round(sample_period / plant.dt)
         if self._substeps < 1 or abs(self._substeps * plant.dt - sample_period) > 1e-9:
             raise InputError(f'publish rate: {1 / sample_period:g} Hz asked, the physics runs at '
                              f'{1 / plant.dt:g} Hz; give a rate that divides it')
         self.sample_period = sample_period
-        self._robot = robot
         self._plant = plant
         self._gain = np.asarray(robot.drives.gain)
         self._seed = seed
         self._noise = noise
         self._holding_torque = holding_torque
-        self._loop = ControlLoop(robot.drives, torque_limit, amplifier, sensors, plant)
+        self._loop = ControlLoop(
+            robot.drives, controller or DriveLoops(robot.drives, torque_limit, plant.dt), amplifier,
+            sensors, plant)
         self._ahead = max(self._substeps, self._loop.steps_ahead)
-        plant.reset(home_pose(robot))
+        self._pose = home_pose(robot) if pose is None else pose
+        plant.reset(self._pose)
         self._reference = ReferenceQueue(plant.q)
         self.reset()
 
     def reset(self) -> None:
-        """Put the machine at rest at home, one period after time 0, nothing queued; counts stay."""
-        self._plant.reset(home_pose(self._robot))
+        """Put the machine at rest where it began, one period after time 0, nothing queued.
+
+        Counts stay.
+        """
+        self._plant.reset(self._pose)
         self._reference.restart(self.q)
         self._loop.restart(self._plant.q, self._holding_torque)
         self._source = NoiseSource(self._noise, self.sample_period, self._seed)
@@ -123,8 +134,8 @@ class Simulation:
         """What went wrong so far, by name."""
         return {'late_points': self._reference.late_points,
                 'missing_effort': self._reference.missing_effort,
-                'saturated_commands': self._loop.drives.saturated_commands,
-                'saturated_speeds': self._loop.drives.saturated_speeds}
+                'saturated_commands': self._loop.controller.saturated_commands,
+                'saturated_speeds': self._loop.controller.saturated_speeds}
 
     def queue_reference(self, times: np.ndarray, q: np.ndarray, qd: np.ndarray,
                         qdd: np.ndarray) -> None:
@@ -205,9 +216,10 @@ def build_plant(machine: Machine, fidelity: str, dt: float = STEP) -> Plant:
 
 
 def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: float = 1e-3,
-                     seed: int = 0, loads: tuple[LoadTorque, ...] = (), **noise: float
-                     ) -> Simulation:
-    """Return the simulation of the machine that `model` describes, at rest at home.
+                     seed: int = 0, loads: tuple[LoadTorque, ...] = (),
+                     pose: np.ndarray | None = None, law: str = 'loops',
+                     known: Model | None = None, **noise: float) -> Simulation:
+    """Return the simulation of the machine that `model` describes, at rest.
 
     Args:
         robot: geometry, drives, limits.
@@ -216,16 +228,22 @@ def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: f
         sample_period: s.
         seed: of the noise.
         loads: further torques on its joints.
+        pose: where it rests at first (4,); None for home.
+        law: of the drives, one of LAWS.
+        known: model that the law knows, where it needs one.
         noise: sizes by name, as `Noise` has them.
 
     Raises:
-        InputError: unknown fidelity, a rate that does not divide the physics', masses that make
-            a body negative, a jitter that mixes up the stamps.
+        InputError: unknown fidelity or law, a rate that does not divide the physics', masses
+            that make a body negative, a jitter that mixes up the stamps.
+        UnreachableError: a pose that a leg cannot reach.
     """
     machine = replace(machine_of_model(robot, model), loads=loads)
     plant = build_plant(machine, fidelity)
     limit = model.torque_limit or robot.drives.torque_limit
     still = np.zeros((1, LEGS))
-    at_rest = state_of_platform(robot.geometry, np.zeros(1), home_pose(robot)[None], still, still)
+    pose = home_pose(robot) if pose is None else np.asarray(pose, dtype=float)
+    at_rest = state_of_platform(robot.geometry, np.zeros(1), pose[None], still, still)
     return Simulation(robot, plant, sample_period, limit, model.torque(at_rest)[0],
-                      machine.amplifier, machine.sensors, Noise(**noise), seed)
+                      machine.amplifier, machine.sensors, Noise(**noise), seed, pose,
+                      controller_named(law, robot, limit, plant.dt, known))

@@ -22,15 +22,11 @@ from par4_identification.outcome.confrontation import (
 )
 from par4_identification.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
 from par4_identification.outcome.next_experiment import MOTION_FILE
-from par4_identification.outcome.results import (
-    model_in_units,
-    provenance,
-    refuse_unwritable,
-    write_results,
-)
+from par4_identification.outcome.results import model_in_units, provenance
 from par4_kinematics.motion_file import write_motion
 from par4_kinematics.robot import read_machine
 from par4_sim.commands.entry import run
+from par4_sim.report.results import refuse_unwritable, write_results
 
 
 class GreedyHoldout(click.Command):

@@ -12,11 +12,12 @@ from rich.table import Table
 
 from par4_identification.log import read_log
 from par4_identification.outcome.drive_gain import drive_gain_json, gains_rows, outcome_of_gains
-from par4_identification.outcome.results import provenance, refuse_unwritable, write_results
+from par4_identification.outcome.results import provenance
 from par4_identification.static_push import gains_of_pushes, pushes_of_log, read_force
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import read_robot
 from par4_sim.commands.entry import run
+from par4_sim.report.results import refuse_unwritable, write_results
 
 
 @click.command('par4_drive_gain')

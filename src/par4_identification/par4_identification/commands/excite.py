@@ -25,14 +25,14 @@ from par4_identification.motion_limits import (
     largest_loads,
     limits_of,
 )
-from par4_identification.outcome.results import refuse_unwritable
-from par4_identification.outcome.words import in_words, number, percent
 from par4_identification.precision import Precision, expected_precision
 from par4_identification.quasi_random import quasi_random_within
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion_file import write_motion
 from par4_kinematics.robot import read_robot
 from par4_sim.commands.entry import run
+from par4_sim.report.results import refuse_unwritable
+from par4_sim.report.words import in_words, number, percent
 
 DEFAULTS = DesignRequest()
 

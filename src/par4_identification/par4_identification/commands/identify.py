@@ -24,16 +24,12 @@ from par4_identification.outcome.identification import (
     table_of_parameters,
 )
 from par4_identification.outcome.loads import known_payloads, weighed_payload
-from par4_identification.outcome.results import (
-    model_in_units,
-    provenance,
-    refuse_unwritable,
-    write_results,
-)
-from par4_identification.outcome.words import in_words, listed, percent, with_std
+from par4_identification.outcome.results import model_in_units, provenance
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.commands.entry import run
+from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.words import in_words, listed, percent, with_std
 
 
 @click.command('par4_identify')

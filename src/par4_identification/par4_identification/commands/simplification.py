@@ -8,7 +8,7 @@ import click
 from rich.console import Console
 
 from par4_dynamics.model_file import read_model_file
-from par4_identification.outcome.results import provenance, refuse_unwritable, write_results
+from par4_identification.outcome.results import provenance
 from par4_identification.outcome.simplification import (
     outcome_of_simplification,
     simplification_json,
@@ -17,6 +17,7 @@ from par4_identification.simplification import adept_of, rigid_model, study_simp
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
 from par4_sim.commands.entry import run
+from par4_sim.report.results import refuse_unwritable, write_results
 
 
 @click.command('par4_simplification')

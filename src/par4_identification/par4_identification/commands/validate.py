@@ -11,17 +11,13 @@ from par4_dynamics.model import build_model
 from par4_dynamics.model_file import read_model_file
 from par4_identification.diagnosis.floor import noise_floor
 from par4_identification.log import read_log
-from par4_identification.outcome.results import (
-    bag_sha256,
-    bags_of,
-    refuse_unwritable,
-    write_results,
-)
+from par4_identification.outcome.results import bag_sha256, bags_of
 from par4_identification.outcome.validation import outcome_of_validation, validation_json
 from par4_identification.rows import runs_of_log
 from par4_identification.validation import validate
 from par4_kinematics.robot import read_machine
 from par4_sim.commands.entry import run
+from par4_sim.report.results import refuse_unwritable, write_results
 
 
 @click.command('par4_validate')

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from par4_identification.confrontation import Confrontation, Errors, Unsimulated
-from par4_identification.outcome.outcome import Remark, over_joints
-from par4_identification.outcome.results import plain
-from par4_identification.outcome.words import number
+from par4_identification.outcome.outcome import over_joints
+from par4_sim.report.outcome import Remark
+from par4_sim.report.results import plain
+from par4_sim.report.words import number
 
 MILLI = 1e3
 """rad to mrad, as people read them."""

@@ -12,9 +12,11 @@ from par4_identification.diagnosis.answer import Cause, Diagnosis, Unusable
 from par4_identification.diagnosis.next_experiment import NextExperiment
 from par4_identification.diagnosis.unrelated import Unrelated
 from par4_identification.outcome.next_experiment import advice, next_experiment_json
-from par4_identification.outcome.outcome import FLOOR_EXCESS, Outcome, Remark, over_joints
-from par4_identification.outcome.results import plain
-from par4_identification.outcome.words import (
+from par4_identification.outcome.outcome import FLOOR_EXCESS, over_joints
+from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.results import plain
+from par4_sim.report.words import (
     in_words,
     joint_labels,
     listed,
@@ -22,7 +24,6 @@ from par4_identification.outcome.words import (
     percent,
     unit_on,
 )
-from par4_kinematics.robot import Axis, Robot
 
 ALL = 0.999
 """Share beyond which an interval says no more."""

@@ -9,10 +9,12 @@ import numpy as np
 
 from par4_identification.drive_gain import DriveGains
 from par4_identification.log import Log
-from par4_identification.outcome.outcome import Outcome, Remark, data_remark
-from par4_identification.outcome.results import data_of_logs, plain
-from par4_identification.outcome.words import joint_labels, listed, number, percent, with_std
+from par4_identification.outcome.outcome import data_remark
+from par4_identification.outcome.results import data_of_logs
 from par4_kinematics.robot import Robot
+from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.results import plain
+from par4_sim.report.words import joint_labels, listed, number, percent, with_std
 
 BEYOND_CHANCE = 3.0
 """Standard deviations behind its bound from which a gain differs from the nominal one."""

@@ -26,14 +26,15 @@ from par4_identification.outcome.estimator import (
 from par4_identification.outcome.outcome import (
     FLOOR_EXCESS,
     LARGEST_ERROR,
-    Outcome,
-    Remark,
     data_remark,
     duration,
     over_joints,
 )
-from par4_identification.outcome.results import data_of_logs, plain
-from par4_identification.outcome.words import (
+from par4_identification.outcome.results import data_of_logs
+from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.results import plain
+from par4_sim.report.words import (
     in_words,
     joint_labels,
     listed,
@@ -42,7 +43,6 @@ from par4_identification.outcome.words import (
     torque_name,
     unit_on,
 )
-from par4_kinematics.robot import Axis, Robot
 
 LARGEST_CONDITION = 200.0
 """Condition number of W above which a motion excites the parameters weakly."""

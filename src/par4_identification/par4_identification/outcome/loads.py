@@ -8,12 +8,12 @@ from typing import Any
 from par4_identification.drive_gain import gains_of_payloads
 from par4_identification.log import Log
 from par4_identification.outcome.drive_gain import gains_json, gains_remarks
-from par4_identification.outcome.outcome import Remark
 from par4_identification.outcome.payload import payload_json, payload_remark
 from par4_identification.payload import payload_of_runs
 from par4_identification.rows import Run, runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.outcome import Remark
 
 
 def known_payloads(runs: Sequence[Run], masses: Mapping[str, float], machine: Robot | Axis,

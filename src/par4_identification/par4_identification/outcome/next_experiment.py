@@ -9,7 +9,7 @@ from par4_identification.diagnosis.next_experiment import (
     NextExperiment,
     Separation,
 )
-from par4_identification.outcome.words import in_words, listed, number
+from par4_sim.report.words import in_words, listed, number
 
 MOTION_FILE = 'motion.yaml'
 NONE_AT_ALL = 1.0

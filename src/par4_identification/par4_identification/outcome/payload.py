@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from par4_identification.outcome.outcome import Remark
-from par4_identification.outcome.results import plain
-from par4_identification.outcome.words import listed, number, with_std
 from par4_identification.payload import Payload
+from par4_sim.report.outcome import Remark
+from par4_sim.report.results import plain
+from par4_sim.report.words import listed, number, with_std
 
 _PLACES = {1: 'half plate 1 (D, the tool)', 2: "half plate 2 (D')"}
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from par4_identification.outcome.outcome import Outcome, Remark
-from par4_identification.outcome.results import plain
-from par4_identification.outcome.words import listed, number, percent
 from par4_identification.simplification import ALL, NOTHING, PARTS, Difference, Simplification
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
+from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.results import plain
+from par4_sim.report.words import listed, number, percent
 
 ENOUGH = 10.0
 """Times its noise that a difference must be for the experiment to show it."""

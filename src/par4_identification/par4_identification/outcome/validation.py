@@ -11,16 +11,16 @@ from par4_identification.log import Log
 from par4_identification.outcome.outcome import (
     FLOOR_EXCESS,
     LARGEST_ERROR,
-    Outcome,
-    Remark,
     data_remark,
     duration,
     over_joints,
 )
-from par4_identification.outcome.results import data_of_logs, plain
-from par4_identification.outcome.words import number, percent, torque_name, unit_on
+from par4_identification.outcome.results import data_of_logs
 from par4_identification.validation import Errors, Validation
 from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.results import plain
+from par4_sim.report.words import number, percent, torque_name, unit_on
 
 
 def outcome_of_validation(validation: Validation, floor: np.ndarray, machine: Robot | Axis,

@@ -23,6 +23,9 @@ from par4_sim.ros.zero_stamp import ZeroStamps
 from par4_sim.simulation import FIDELITIES, Sample, Simulation, build_simulation
 from par4_sim.window import Window
 
+LAW_OF_MODE = {'position': 'loops', 'torque': 'torque'}
+"""The law of the drives by `drive_mode`."""
+
 
 @dataclass(frozen=True)
 class SimulationParameters:
@@ -32,6 +35,10 @@ class SimulationParameters:
     model_file: str = parameter('table1_full', 'the machine as it truly is, model.yaml: a '
                                                'path or a built-in name')
     fidelity: str = parameter('fast', 'how exactly the mechanism is simulated', choices=FIDELITIES)
+    drive_mode: str = parameter(
+        'position', 'position: the loops of the drives follow the reference, feedforward helps '
+                    'them; torque: feedforward_torque is the command, the loops take over where '
+                    'it is missing', choices=tuple(LAW_OF_MODE))
     publish_rate_hz: float = parameter(1000.0, 'samples a second of simulated time, Hz', 1.0, 1e4)
     real_time_factor: float = parameter(1.0, 'simulated seconds a second; 0 = as fast as it can',
                                         0.0)
@@ -87,7 +94,8 @@ class SimulationNode(Par4Node):
         return build_simulation(
             self._robot, model, asked.fidelity, 1.0 / asked.publish_rate_hz, asked.seed,
             torque_noise=asked.torque_noise, correlation_time=asked.noise_correlation_time,
-            position_noise=asked.position_noise, stamp_jitter=asked.stamp_jitter)
+            law=LAW_OF_MODE[asked.drive_mode], position_noise=asked.position_noise,
+            stamp_jitter=asked.stamp_jitter)
 
     def _publish(self, now_ns: int, sample: Sample) -> None:
         self._samples.publish(now_ns, sample)

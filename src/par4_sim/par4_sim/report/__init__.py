@@ -1,0 +1,1 @@
+"""What a tool tells its user: words, pictures, pages and files that every report shares."""

@@ -1,0 +1,44 @@
+"""An outcome in words: one sentence, the findings behind it, and what to do next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Standing = Literal['good', 'fair', 'bad']
+
+
+@dataclass(frozen=True)
+class Remark:
+    """One finding in words.
+
+    Attributes:
+        good: False where it weakens the result.
+        text: a sentence.
+        advice: what to do next; empty if nothing follows from it.
+    """
+
+    good: bool
+    text: str
+    advice: str = ''
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a tool found, in words.
+
+    Attributes:
+        sentence: all of it, with its numbers.
+        standing: how far the result serves its purpose.
+        remarks: the findings behind it.
+    """
+
+    sentence: str
+    standing: Standing
+    remarks: tuple[Remark, ...]
+
+    @property
+    def advice(self) -> tuple[str, ...]:
+        """What to do next, troubles first."""
+        ordered = sorted(self.remarks, key=lambda remark: remark.good)
+        return tuple(dict.fromkeys(remark.advice for remark in ordered if remark.advice))

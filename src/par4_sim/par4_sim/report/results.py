@@ -1,0 +1,78 @@
+"""The files of a run: what is in them besides the result, and how none is ever half there."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from contextlib import ExitStack
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import Any
+
+import numpy as np
+
+from par4_dynamics.model_file import ModelFile, write_model_file
+from par4_kinematics.errors import InputError
+from par4_kinematics.files import written_atomically
+from par4_kinematics.robot import Axis, Robot
+
+
+def plain(value: Any) -> Any:
+    """Return nested content as JSON takes it: no numpy, and null for NaN and infinity."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def origin(tool: str, machine: Robot | Axis, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return where a result comes from: tool, date, versions, machine, options that are set."""
+    return {
+        'tool': tool, 'date': datetime.now(UTC).isoformat(timespec='seconds'),
+        'versions': {'par4': version('par4_sim'), 'numpy': np.__version__},
+        'robot': machine.name,
+        'options': plain({name: value for name, value in options.items() if value})}
+
+
+def refuse_unwritable(folder: Path) -> None:
+    """See that results can be written to a folder, which need not exist, before any long work.
+
+    Raises:
+        InputError: they cannot.
+    """
+    try:
+        there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+        with TemporaryFile(dir=there):
+            pass
+    except OSError as error:
+        raise InputError(f'{folder}: results cannot be written there '
+                         f'({(error.strerror or str(error)).lower()}); give another folder as '
+                         f'--output') from error
+
+
+def write_results(folder: Path, results: Mapping[str, str | dict | ModelFile | None]) -> None:
+    """Write text, JSON or a model under each name; all are whole before the first is replaced.
+
+    None removes what an earlier run left under that name. Other files in the folder stay.
+    """
+    with ExitStack() as complete:
+        for name, content in results.items():
+            if content is None:
+                continue
+            scratch = complete.enter_context(written_atomically(folder / name))
+            if isinstance(content, ModelFile):
+                write_model_file(scratch, content)
+            elif isinstance(content, dict):
+                scratch.write_text(json.dumps(content, indent=2, allow_nan=False) + '\n', 'utf-8')
+            else:
+                scratch.write_text(content, 'utf-8')
+    for name in (name for name, content in results.items() if content is None):
+        (folder / name).unlink(missing_ok=True)

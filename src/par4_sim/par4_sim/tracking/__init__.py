@@ -1,0 +1,1 @@
+"""How well a machine follows a motion: controllers, models and motions compared."""

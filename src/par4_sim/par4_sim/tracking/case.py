@@ -1,0 +1,167 @@
+"""One run of a comparison: a controller with a model on a motion, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from par4_dynamics.model import Model, read_model
+from par4_kinematics.errors import InputError
+from par4_kinematics.motion import Motion
+from par4_kinematics.robot import Robot
+from par4_sim.laws import LAWS
+from par4_sim.plant import STEP
+from par4_sim.report.words import in_words, listed
+from par4_sim.tracking.learning import CYCLES, Cycle, learn
+from par4_sim.tracking.metrics import BAND, Tracking, tracking_of
+from par4_sim.tracking.run import Run, feedforward_of, record_run
+from par4_sim.tracking.stability import (
+    Margin,
+    gains_of_computed_torque,
+    gains_of_loops,
+    inertias_of_workspace,
+    margin_over,
+)
+
+NO_FEEDFORWARD = 'none'
+LEARNING = 'learning'
+CONTROLLERS = (*LAWS, LEARNING)
+NEED_MODEL = ('computed_torque', 'torque', LEARNING)
+"""Controllers that make no sense without a model."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of a comparison.
+
+    Attributes:
+        controller: of CONTROLLERS.
+        feedforward: name of the model whose torques the drives got, or `NO_FEEDFORWARD`.
+        run: the record; of the last cycle where a motion was learned.
+        tracking: its figures.
+        learned: the cycles of a motion that was learned.
+        margin: of its feedback over the workspace; None where it has none or nobody asked.
+    """
+
+    controller: str
+    feedforward: str
+    run: Run
+    tracking: Tracking
+    learned: tuple[Cycle, ...] = ()
+    margin: Margin | None = None
+
+    @property
+    def label(self) -> str:
+        """What it is called in tables and pictures."""
+        if self.feedforward == NO_FEEDFORWARD:
+            return f'{in_words(self.controller)} alone'
+        return f'{in_words(self.controller)}, {self.feedforward}'
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is compared, and on what.
+
+    Attributes:
+        robot: geometry, drives, limits.
+        machine: as it truly is.
+        motion: asked of it.
+        cycles: how often the motion repeats itself.
+        band: half width of the limit band of overshoot and settling, m.
+        fidelity: of the plant.
+        learning_cycles: how often a learning controller does the motion.
+    """
+
+    robot: Robot
+    machine: Model
+    motion: Motion
+    cycles: int = 1
+    band: float = BAND
+    fidelity: str = 'exact'
+    learning_cycles: int = CYCLES
+
+    def case(self, controller: str, name: str, model: Model | None) -> Case:
+        """Return the case of a controller with the model of that name, or none.
+
+        Raises:
+            InputError: as `record_run`, or a controller without the model it needs.
+            UnreachableError: the machine was driven out of its workspace.
+        """
+        if model is None and controller in NEED_MODEL:
+            raise InputError(f'controller {controller}: it needs a model, found none; give one')
+        torque = None if model is None else feedforward_of(self.robot, model, self.motion)
+        learned: tuple[Cycle, ...] = ()
+        if controller == LEARNING:
+            learning = learn(self.robot, self.machine, self.motion, torque, model,
+                             self.learning_cycles, self.fidelity)
+            run, learned = learning.run, learning.cycles
+        else:
+            run = record_run(self.robot, self.machine, self.motion, torque, self.fidelity,
+                             controller, model)
+        return Case(controller, name, run, tracking_of(run, self.cycles, self.band), learned)
+
+    def margin(self, controller: str, model: Model | None) -> Margin | None:
+        """Return the margin of a controller's feedback over the workspace."""
+        if controller == 'torque':
+            return None
+        if controller == 'computed_torque':
+            gains, known = gains_of_computed_torque(self.robot, model), model
+        else:
+            gains, known = gains_of_loops(self.robot.drives), None
+        return margin_over(gains, inertias_of_workspace(self.robot, self.machine, known), STEP,
+                           self.robot.drives.current_lag)
+
+
+def model_name(name_or_path: str) -> str:
+    """Return what to call a model: its built-in name, or that of its file without the ending.
+
+    A file model.yaml is called after its folder, as `par4_identify` writes one into each.
+    """
+    path = Path(name_or_path)
+    return path.parent.name if path.stem == 'model' and path.parent.name else path.stem
+
+
+def models_named(names: Sequence[str], robot: Robot) -> dict[str, Model | None]:
+    """Return the models of built-in names or files by what to call them; None for none.
+
+    Raises:
+        InputError: a model that cannot be read, or two of one name.
+    """
+    models: dict[str, Model | None] = {}
+    for name in names:
+        called = model_name(name)
+        if called in models:
+            raise InputError(f'--feedforward {name}: another model is called {called} already; '
+                             f'rename one of the files')
+        models[called] = None if name == NO_FEEDFORWARD else read_model(name, robot)
+    return models
+
+
+def compared(plan: Plan, controllers: Sequence[str], models: Mapping[str, Model | None],
+             progress: Callable[[str], None] = lambda _: None) -> list[Case]:
+    """Return the cases of every controller with every model.
+
+    What needs a model is left out where there is none.
+
+    Args:
+        plan: what is compared on.
+        controllers: of CONTROLLERS.
+        models: name -> model, None for none.
+        progress: told what is being simulated.
+
+    Raises:
+        InputError: nothing is left to compare, or as `Plan.case`.
+    """
+    pairs = [(controller, name, model) for controller in controllers
+             for name, model in models.items()
+             if model is not None or controller not in NEED_MODEL]
+    if not pairs:
+        raise InputError(f'controller {listed(list(controllers))}: needs a model, found '
+                         f'--feedforward {NO_FEEDFORWARD}; give a model.yaml or table1')
+    cases = []
+    for controller, name, model in pairs:
+        progress(f'simulating {in_words(controller)} with feedforward {name}')
+        cases.append(replace(plan.case(controller, name, model),
+                             margin=plan.margin(controller, model)))
+    return cases

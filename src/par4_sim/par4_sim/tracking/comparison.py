@@ -1,0 +1,119 @@
+"""A comparison in words, as a table, and as `tracking.json`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from par4_kinematics.motion import Motion
+from par4_kinematics.robot import Robot
+from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.results import plain
+from par4_sim.report.words import in_words, number, percent
+from par4_sim.tracking.case import Case
+
+MILLI = 1e3
+
+
+def outcome_of_tracking(cases: Sequence[Case], motion: Motion, machine: str, robot: Robot
+                        ) -> Outcome:
+    """Return what a comparison found, in words; at least one case."""
+    best, worst = (choose(cases, key=lambda case: case.tracking.rms) for choose in (min, max))
+    sentence = (f'{_sentence(best.label)} follows {motion.name} on {machine} with '
+                f'{_millimetres(best.tracking.rms)} rms and {_millimetres(best.tracking.peak)} '
+                f'peak error')
+    if best is not worst:
+        sentence += (f'; {worst.label} with {_millimetres(worst.tracking.rms)} rms, '
+                     f'{number(worst.tracking.rms / best.tracking.rms, 2)} times as much')
+    limited = [case for case in cases if case.tracking.saturated > 0.0]
+    lost = [case for case in cases if case.tracking.missing_effort > 0]
+    remarks = [
+        *(Remark(False, f'{_sentence(case.label)}: torque or speed was limited in '
+                        f'{percent(case.tracking.saturated)} of all samples.',
+                 'Slow the motion down, or raise the limits of the robot file.')
+          for case in limited),
+        *(Remark(False, f'{_sentence(case.label)}: {case.tracking.missing_effort} reference points '
+                        f'came without feedforward torque.') for case in lost),
+        *([] if limited else [Remark(True, 'No torque and no speed was limited.')]),
+        Remark(True, f'The largest torque was '
+                     f'{number(max(case.tracking.peak_torque for case in cases))} N m.'),
+        *_margins_in_words(cases),
+        *(_learning_in_words(case, robot) for case in cases if case.learned)]
+    return Outcome(f'{sentence}.', 'good' if not limited and not lost else 'fair', tuple(remarks))
+
+
+def tracking_json(cases: Sequence[Case], motion: Motion, robot: Robot, cycles: int, band: float,
+                  provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `tracking.json`."""
+    return plain({
+        'schema': 'par4/tracking/1', 'robot': robot.name,
+        'motion': {'name': motion.name, 'duration': motion.duration, 'cycles': cycles},
+        'band': band,
+        'runs': [{'controller': case.controller, 'feedforward': case.feedforward}
+                 | asdict(case.tracking)
+             | {'margin': case.margin and asdict(case.margin),
+                'learned': [asdict(cycle) for cycle in case.learned]} for case in cases],
+        'provenance': provenance})
+
+
+LEAST_MODULUS = 0.2
+"""Distance from -1 below which a loop is nearly unstable: errors are amplified five times."""
+
+
+def _margins_in_words(cases: Sequence[Case]) -> list[Remark]:
+    """Return a remark for each feedback that the cases have, once."""
+    margins = {case.controller if case.controller == 'computed_torque' else 'loops': case.margin
+               for case in cases if case.margin}
+    return [Remark(margin.modulus >= LEAST_MODULUS, (
+        f'Over the workspace the open loop of {in_words(name)} stays {number(margin.modulus, 2)} '
+        f'from -1; all gains may rise {number(margin.gain, 2)} times, and a further delay of '
+        f'{number(MILLI * margin.delay, 2)} ms is borne.'),
+        '' if margin.modulus >= LEAST_MODULUS else 'Lower the gains of the drives, or keep to a '
+                                                   'smaller workspace.')
+        for name, margin in margins.items()]
+
+
+def _learning_in_words(case: Case, robot: Robot) -> Remark:
+    counts = robot.drives.encoder_counts
+    first, last = case.learned[0], case.learned[-1]
+    size = (f'{number(last.joint_rms * counts / (2.0 * math.pi), 2)} encoder counts' if counts else
+            f'{number(last.joint_rms, 2)} rad')
+    return Remark(last.rms <= first.rms, (
+        f'{_sentence(case.label)}: within {len(case.learned)} cycles the error of D fell from '
+        f'{_millimetres(first.rms)} to {_millimetres(last.rms)} rms, that of the joints to {size} '
+        f'rms.'))
+
+
+def _sentence(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+def _millimetres(value: float) -> str:
+    return f'{number(MILLI * value)} mm'
+
+
+COLUMNS: tuple[tuple[str, str, float], ...] = (
+    ('rms error, mm', 'rms', MILLI), ('peak error, mm', 'peak', MILLI),
+    ('beyond the ends, mm', 'excursion', MILLI), ('overshoot, mm', 'overshoot', MILLI),
+    ('settling time, ms', 'settling_time', MILLI), ('arrival, ms', 'arrival', MILLI),
+    ('peak torque, N m', 'peak_torque', 1.0), ('rms torque, N m', 'rms_torque', 1.0),
+    ('energy a cycle, J', 'energy', 1.0), ('driving, J', 'driving_energy', 1.0))
+"""Heading, field of `Tracking` and factor of the columns of the table."""
+FIELDS = tuple(field for _, field, _ in COLUMNS)
+
+
+BRIEF = ('rms', 'peak', 'settling_time', 'peak_torque', 'energy')
+"""Fields whose columns fit a terminal."""
+
+
+def headings_of(fields: Sequence[str]) -> list[str]:
+    """Return the headings of the columns of these fields."""
+    return [heading for heading, field, _ in COLUMNS if field in fields]
+
+
+def cells_of(case: Case, fields: Sequence[str]) -> list[str]:
+    """Return the cells of a case in the columns of these fields."""
+    return [number(factor * getattr(case.tracking, field))
+            for _, field, factor in COLUMNS if field in fields]

@@ -1,0 +1,142 @@
+"""How fast a motion can be done: by pace, until a limit is broken.
+
+The motion keeps its path and the shape of its timing; at pace p it takes 1/p of the time with p
+times the speed and p^2 times the acceleration. The fastest pace that keeps torque, joint speed and
+a peak error of D is found by bisection, below the pace at which the motion would take the time
+that nothing can be faster than.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from par4_dynamics.model import Model
+from par4_kinematics.errors import Par4Error
+from par4_kinematics.motion import Motion, check_limits
+from par4_sim.tracking.case import NEED_MODEL, Case, Plan
+from par4_sim.tracking.metrics import errors_of, longest_axis
+
+PEAK = 0.5e-3
+"""Default limit of the peak error of D, m."""
+RESOLUTION = 2e-3
+"""Relative, of the pace."""
+SLOWEST = 0.1
+"""Pace below which nothing is looked for."""
+
+
+@dataclass(frozen=True)
+class Reached:
+    """The fastest that a controller does a motion.
+
+    Attributes:
+        case: that run.
+        pace: over the motion that was given.
+        acceleration: largest along the longest direction of the path, m/s2.
+        limited_by: what breaks first just above that pace, where and when.
+    """
+
+    case: Case
+    pace: float
+    acceleration: float
+    limited_by: str
+
+
+@dataclass(frozen=True)
+class Unreached:
+    """A controller that keeps the limits at no pace.
+
+    Attributes:
+        controller, feedforward: as of a `Case`.
+        limited_by: what breaks even at the slowest pace, where and when.
+    """
+
+    controller: str
+    feedforward: str
+    limited_by: str
+
+
+def at_pace(motion: Motion, pace: float) -> Motion:
+    """Return the motion done `pace` times as fast."""
+    return replace(
+        motion, t=motion.t / pace, qd=pace * motion.qd, qdd=pace ** 2 * motion.qdd,
+        xd=pace * motion.xd, xdd=pace ** 2 * motion.xdd)
+
+
+def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bound: float,
+                 peak: float = PEAK) -> Reached | Unreached:
+    """Return the fastest that a controller does the motion of a plan within its limits.
+
+    Args:
+        plan: robot, machine and motion.
+        controller, name, model: as `Plan.case`.
+        bound: time that no controller can undercut, s.
+        peak: limit of the peak error of D, m.
+    """
+    def tried(pace: float) -> tuple[Case | None, str]:
+        asked = replace(plan, motion=at_pace(plan.motion, pace))
+        try:
+            check_limits(asked.motion, plan.robot)
+            case = asked.case(controller, name, model)
+        except Par4Error as error:
+            return None, str(error)
+        return case, _broken(case, peak)
+
+    high = plan.motion.duration / bound
+    low, (case, broken) = min(1.0, high), tried(min(1.0, high))
+    reason = 'the bound of time-optimal motion'
+    while broken:
+        high, reason = low, broken
+        if low < SLOWEST:
+            return Unreached(controller, name, broken)
+        low *= 0.7
+        case, broken = tried(low)
+    while high / low > 1.0 + RESOLUTION:
+        middle = 0.5 * (low + high)
+        found, broken = tried(middle)
+        if broken:
+            high, reason = middle, broken
+        else:
+            low, case = middle, found
+    axis = longest_axis(case.run)
+    return Reached(case, low, float(np.abs(case.run.motion.xdd[:, axis]).max()), reason)
+
+
+def fastest_cases(plan: Plan, controllers: Sequence[str], models: Mapping[str, Model | None],
+                  bound: float, peak: float = PEAK,
+                  progress: Callable[[str], None] = lambda _: None
+                  ) -> list[Reached | Unreached]:
+    """Return the fastest of every controller with every model; see `fastest_case`."""
+    reached: list[Reached | Unreached] = []
+    for controller in controllers:
+        for name, model in models.items():
+            if model is not None or controller not in NEED_MODEL:
+                progress(f'looking for the fastest pace of {controller} with {name}')
+                reached.append(fastest_case(plan, controller, name, model, bound, peak))
+    return reached
+
+
+def _broken(case: Case, peak: float) -> str:
+    """Return which limit a run breaks first, where and when; empty if none."""
+    run = case.run
+    distance = np.linalg.norm(errors_of(run), axis=1)
+    over = np.flatnonzero(distance > peak)
+    found = []
+    if len(over):
+        t, place = run.motion.t[over[0]], run.motion.x[over[0], :3]
+        found.append((t, f'error of D above {1e3 * peak:.3g} mm at {t:.4f} s, at '
+                         f'{_point(place)}'))
+    if case.tracking.saturated > 0.0:
+        limit = np.abs(run.command).max()
+        row, joint = np.unravel_index(
+            np.argmax(np.abs(run.command) >= limit * (1.0 - 1e-9)), run.command.shape)
+        t = run.t[row]
+        found.append((t, f'torque of joint {joint} above {limit:.4g} N m at {t:.4f} s, at '
+                         f'{_point(run.pose[row, :3])}'))
+    return min(found)[1] if found else ''
+
+
+def _point(place: np.ndarray) -> str:
+    return f'({", ".join(f"{value:.3f}" for value in place)}) m'

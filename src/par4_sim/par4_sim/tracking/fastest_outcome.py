@@ -1,0 +1,106 @@
+"""What `par4_fastest` found: in words, as a table, and as `fastest.json`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from par4_dynamics.state import GRAVITY
+from par4_kinematics.motion import Motion
+from par4_kinematics.robot import Robot
+from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.page import rendered
+from par4_sim.report.results import plain
+from par4_sim.report.words import in_words, joint_labels, number, percent
+from par4_sim.tracking.fastest import Reached, Unreached
+from par4_sim.tracking.time_optimal import Fastest
+
+HEADINGS = ('time, s', 'acceleration, G', 'bound / time', 'peak error, mm', 'peak torque, N m')
+
+
+def outcome_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest, motion: Motion,
+                       limit: float, peak: float) -> Outcome:
+    """Return what was found, in words.
+
+    Args:
+        found: of each controller with each model.
+        fastest: of the path.
+        motion: at its own pace.
+        limit: of torque, N m.
+        peak: limit of the error, m.
+    """
+    reached = [item for item in found if isinstance(item, Reached)]
+    bound = Remark(True, (
+        f'Nothing that keeps {number(limit)} N m follows this path in less than '
+        f'{number(fastest.bound, 4)} s; a motion that keeps them takes '
+        f'{number(fastest.duration, 4)} s, {percent(fastest.duration / fastest.bound - 1.0)} more. '
+        f'The bound knows no error: whoever tracks needs torque in reserve.'))
+    within = f'within {number(limit)} N m and a peak error of {number(1e3 * peak)} mm'
+    if not reached:
+        return Outcome(f'No controller does {motion.name} {within} at any pace.', 'bad', (
+            bound, Remark(False, 'Every run breaks the limit of the error, however slow.',
+                          'Give a model as --feedforward, or allow a larger error.')))
+    best = min(reached, key=lambda item: item.case.run.motion.duration)
+    time = best.case.run.motion.duration
+    return Outcome(
+        f'{motion.name.capitalize()} is done in {number(time, 4)} s with '
+        f'{number(best.acceleration / GRAVITY)} G by {best.case.label}, {within}; nothing is '
+        f'faster than {number(fastest.bound, 4)} s.', 'good',
+        (bound, *(Remark(isinstance(item, Reached), f'{_label(item)}: limited by '
+                                                    f'{item.limited_by}.') for item in found)))
+
+
+def _label(item: Reached | Unreached) -> str:
+    return f'{in_words(item.controller)}, {item.feedforward}' if isinstance(item, Unreached) else (
+        item.case.label)
+
+
+def rows_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest
+                    ) -> list[tuple[str, list[str]]]:
+    """Return a label and the cells of `HEADINGS` for each."""
+    rows = []
+    for item in found:
+        if isinstance(item, Unreached):
+            rows.append((_label(item), ['never', *[''] * (len(HEADINGS) - 1)]))
+            continue
+        tracking, time = item.case.tracking, item.case.run.motion.duration
+        rows.append((_label(item), [
+            number(time, 4), number(item.acceleration / GRAVITY), percent(fastest.bound / time),
+            number(1e3 * tracking.peak), number(tracking.peak_torque)]))
+    return rows
+
+
+def fastest_json(found: Sequence[Reached | Unreached], fastest: Fastest, motion: Motion,
+                 robot: Robot, limit: float, peak: float, provenance: Mapping[str, Any]
+                 ) -> dict[str, Any]:
+    """Return `fastest.json`; time and what follows from it are null where no pace is slow enough.
+    """
+    def run(item: Reached | Unreached) -> dict[str, Any]:
+        if isinstance(item, Unreached):
+            return {'controller': item.controller, 'feedforward': item.feedforward, 'time': None,
+                    'pace': None, 'acceleration': None, 'peak': None, 'peak_torque': None,
+                    'limited_by': item.limited_by}
+        case = item.case
+        return {'controller': case.controller, 'feedforward': case.feedforward,
+                'time': case.run.motion.duration, 'pace': item.pace,
+                'acceleration': item.acceleration, 'peak': case.tracking.peak,
+                'peak_torque': case.tracking.peak_torque, 'limited_by': item.limited_by}
+
+    return plain({
+        'schema': 'par4/fastest/1', 'robot': robot.name,
+        'motion': {'name': motion.name, 'duration': motion.duration},
+        'limits': {'torque': limit, 'peak': peak},
+        'bound': fastest.bound, 'time_optimal': fastest.duration,
+        'runs': [run(item) for item in found], 'provenance': provenance})
+
+
+def report_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest, outcome: Outcome,
+                      motion: Motion, robot: Robot, provenance: Mapping[str, Any]) -> str:
+    """Return the report, a page of words and the table."""
+    # the plot library is slow to load
+    from par4_sim.tracking.plots import torque_over_path
+    return rendered(
+        'par4_sim.tracking', 'fastest.html', outcome,
+        f'Fastest pace of {motion.name} on {robot.name}', 'What it rests on', provenance,
+        headings=HEADINGS, rows=rows_of_fastest(found, fastest),
+        torque=torque_over_path(fastest, joint_labels(robot)))

@@ -1,0 +1,113 @@
+"""Iterative learning: a motion is repeated, and each cycle corrects the torque of the next.
+
+    tau_ff[k + 1] = tau_ff[k] + Q(feedback[k] + M(q_ref) eddot[k]),  e = q_ref - q
+
+feedback[k] is what the drives asked for in cycle k beside the feedforward; M eddot is what was
+missing of the acceleration. With the right M and without Q the machine then follows exactly: the
+law inverts the closed loop. What M gets wrong by a share of r leaves r of the error, cycle after
+cycle. Q, a Gaussian low-pass filter without delay, keeps out what the encoders' steps make of
+eddot. Only what a real drive tells is used: encoder positions and the command. Every cycle begins
+at rest, as pick and place does.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from par4_dynamics.mechanism import joint_mass_matrix
+from par4_dynamics.model import Model
+from par4_kinematics.motion import Motion
+from par4_kinematics.robot import Robot
+from par4_sim.plant import STEP
+from par4_sim.tracking.metrics import errors_of
+from par4_sim.tracking.run import Run, record_run
+
+CUTOFF_HZ = 100.0
+"""Of Q: at this frequency half of the power passes. Far above the loops' bandwidth of some 15 Hz,
+far below the 500 Hz that samples a millisecond apart can carry."""
+CYCLES = 10
+"""Default number of cycles."""
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """How one cycle was followed.
+
+    Attributes:
+        rms: error of D, m.
+        joint_rms, joint_peak: error of the joint positions that the encoders tell, rad.
+    """
+
+    rms: float
+    joint_rms: float
+    joint_peak: float
+
+
+@dataclass(frozen=True)
+class Learning:
+    """A motion learned.
+
+    Attributes:
+        run: the last cycle.
+        cycles: all of them.
+    """
+
+    run: Run
+    cycles: tuple[Cycle, ...]
+
+
+def learn(robot: Robot, machine: Model, motion: Motion, feedforward: np.ndarray, model: Model,
+          cycles: int = CYCLES, fidelity: str = 'exact') -> Learning:
+    """Return what repeating a motion makes of it.
+
+    Args:
+        robot: geometry, drives, limits.
+        machine: as it truly is.
+        motion: from rest to rest.
+        feedforward: torques of the first cycle at the samples of the motion, (m, 4) N m.
+        model: whose inertia the law takes.
+        cycles: how often the motion is done, at least once.
+        fidelity: of the plant.
+    """
+    inertia = joint_mass_matrix(robot.geometry, model.lumped_bodies(), motion.x)
+    history = []
+    for _ in range(cycles):
+        run = record_run(robot, machine, motion, feedforward, fidelity)
+        error = _joint_error(run)
+        moving = error[:len(motion.t)]
+        history.append(Cycle(float(np.sqrt(np.mean(np.sum(errors_of(run) ** 2, axis=1)))),
+                             float(np.sqrt(np.mean(moving ** 2))), float(np.abs(moving).max())))
+        feedforward = _corrected(run, error, inertia)
+    return Learning(run, tuple(history))
+
+
+def _joint_error(run: Run) -> np.ndarray:
+    """Return q_ref - q, rad, at the period of the motion, standing still after its end, (n, 4)."""
+    motion = run.motion
+    t = np.arange(int(run.t[-1] / motion.period + 1e-9) + 1) * motion.period
+    wanted = np.concatenate((motion.q, np.repeat(motion.q[-1:], len(t) - len(motion.t), axis=0)))
+    return wanted - _at(t, run.t, run.q)
+
+
+def _corrected(run: Run, error: np.ndarray, inertia: np.ndarray) -> np.ndarray:
+    """Return the torques (m, 4), N m, of the next cycle."""
+    motion = run.motion
+    width = math.sqrt(math.log(2.0)) / (2.0 * math.pi * CUTOFF_HZ)  # s, standard deviation
+    given = _at(run.t, motion.t, run.feedforward)
+    feedback = gaussian_filter1d(run.command - given, width / STEP, axis=0, mode='nearest')
+    missing = gaussian_filter1d(error, width / motion.period, axis=0, order=2, mode='nearest')
+    missing = missing[:len(motion.t)] / motion.period ** 2
+    learned = (run.feedforward + _at(motion.t, run.t, feedback)
+               + np.einsum('nij,nj->ni', inertia, missing))
+    # what held the machine at rest before: nothing is left to the integrals
+    learned[0] = run.command[0]
+    return learned
+
+
+def _at(t: np.ndarray, known: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return values (n, 4) at times t, linearly interpolated."""
+    return np.stack([np.interp(t, known, column) for column in values.T], axis=1)

@@ -1,0 +1,119 @@
+"""How well a motion was followed, in numbers.
+
+Errors are distances of D from where it should be at the same time, over the whole motion.
+
+Overshoot and settling are those of ISO 9283 (position overshoot, position stabilization time),
+about the position that is attained at the end, for each of x, y and z on its own, the worst of
+which counts: a path with a lift may pass beside a ball around the attained position. The settling
+time runs from the instant at which D first crosses the limit band to the instant from which it
+stays inside; the overshoot is the largest distance after that crossing, 0 where D does not leave
+the band again. The Adept cycle is not one that ISO 9283 prescribes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from par4_sim.tracking.run import Run
+
+BAND = 0.5e-3
+"""Default half width of the limit band, m."""
+ATTAINED = 0.1
+"""Seconds at the end of a record over which the attained position is averaged."""
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Figures of one run; m, s, N m, J.
+
+    Attributes:
+        rms, peak: error of D over the whole motion at equal times, m.
+        excursion: how far D goes beyond the ends of the desired path, along its longest
+            direction among x, y and z, m: the overshoot that the paper's Fig. 4 shows.
+        overshoot: of ISO 9283, at the end of the motion, m.
+        settling_time: position stabilization time of ISO 9283, s.
+        arrival: from the end of the motion asked for to where D stays in the limit band, s; 0
+            where it is there earlier.
+        peak_torque, rms_torque: over joints and the time of the motion, N m.
+        energy: net mechanical work of the four motors a cycle, J: over a closed cycle it is what
+            friction takes.
+        driving_energy: what the motors put in a cycle while they drive, J: what it costs where
+            nothing is fed back while they brake.
+        saturated: share of joint samples in which a torque or a speed was limited.
+        missing_effort: reference points that came without their feedforward torque.
+    """
+
+    rms: float
+    peak: float
+    excursion: float
+    overshoot: float
+    settling_time: float
+    arrival: float
+    peak_torque: float
+    rms_torque: float
+    energy: float
+    driving_energy: float
+    saturated: float
+    missing_effort: int
+
+
+def errors_of(run: Run) -> np.ndarray:
+    """Return the error vectors of D at the samples of the motion, (m, 3) m: obtained - desired."""
+    motion = run.motion
+    return np.stack([np.interp(motion.t, run.t, run.pose[:, axis]) - motion.x[:, axis]
+                     for axis in range(3)], axis=1)
+
+
+def longest_axis(run: Run) -> int:
+    """Return along which of x, y and z, 0 to 2, the desired path is longest."""
+    return int(np.argmax(np.ptp(run.motion.x[:, :3], axis=0)))
+
+
+def tracking_of(run: Run, cycles: int = 1, band: float = BAND) -> Tracking:
+    """Return the figures of a run.
+
+    Args:
+        run: the record.
+        cycles: how often the motion repeats itself; energies are those of one.
+        band: half width of the limit band, m.
+    """
+    distance = np.linalg.norm(errors_of(run), axis=1)
+    axis = longest_axis(run)
+    wanted, came = run.motion.x[:, axis], run.pose[:, axis]
+    excursion = max(came.max() - wanted.max(), wanted.min() - came.min(), 0.0)
+    overshoot, settling_time, arrival = _stop_of(run, band)
+    moving = (run.t >= 0.0) & (run.t <= run.motion.duration)
+    power = np.sum(run.torque * run.qd, axis=1)
+    driving = np.sum(np.maximum(run.torque * run.qd, 0.0), axis=1)
+    saturated = run.counts['saturated_commands'] + run.counts['saturated_speeds']
+    return Tracking(
+        float(np.sqrt(np.mean(distance ** 2))), float(distance.max()), float(excursion),
+        overshoot, settling_time, arrival, float(np.abs(run.torque[moving]).max()),
+        float(np.sqrt(np.mean(run.torque[moving] ** 2))),
+        float(np.trapezoid(power, run.t)) / cycles, float(np.trapezoid(driving, run.t)) / cycles,
+        saturated / run.torque.size, run.counts.get('missing_effort', 0))
+
+
+def _stop_of(run: Run, band: float) -> tuple[float, float, float]:
+    """Return overshoot, settling time and arrival of the stop at the end of the motion."""
+    wanted, place = run.motion.x[:, :3], run.pose[:, :3]
+    deviation = place - place[run.t > run.t[-1] - ATTAINED].mean(axis=0)
+    overshoot = settling_time = arrival = 0.0
+    for axis in range(3):
+        # the last way to the end begins where the desired path is last farthest from it
+        away = np.abs(wanted[:, axis] - wanted[-1, axis])
+        leaving = run.motion.t[len(away) - 1 - int(np.argmax(away[::-1]))]
+        left = run.t >= leaving
+        side = np.sign(deviation[left][0, axis])
+        crossed = left & ((np.abs(deviation[:, axis]) <= band)
+                          | (np.sign(deviation[:, axis]) != side))
+        entered = int(np.argmax(crossed))
+        outside = np.flatnonzero(np.abs(deviation[entered:, axis]) > band)
+        stays = entered + (int(outside[-1]) + 1 if len(outside) else 0)
+        if len(outside):
+            overshoot = max(overshoot, float(np.abs(deviation[entered:, axis]).max()))
+        settling_time = max(settling_time, float(run.t[stays] - run.t[entered]))
+        arrival = max(arrival, float(run.t[stays]))
+    return overshoot, settling_time, max(arrival - run.motion.duration, 0.0)

@@ -1,0 +1,132 @@
+"""The bound of time-optimal motion, and the fastest pace within torque and error."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from par4_dynamics.model import read_model
+from par4_kinematics.adept import adept_motion
+from par4_kinematics.errors import InputError
+from par4_kinematics.geometry import HOME
+from par4_kinematics.motion import Motion, waypoints_motion
+from par4_sim.commands.fastest import fastest
+from par4_sim.tracking.case import Plan
+from par4_sim.tracking.fastest import Reached, Unreached, at_pace, fastest_case
+from par4_sim.tracking.time_optimal import fastest_along, motion_of
+from robots import OTHER, REFERENCE, other_model
+
+MACHINE = read_model('table1_full', REFERENCE)
+SMOOTH = adept_motion(REFERENCE, jerk=30_000.0)
+LIMIT = 200.0
+
+
+def needed(robot, model, motion):
+    return model.torque_of_joints(robot.geometry, motion.q, motion.qd, motion.qdd)
+
+
+@pytest.fixture(scope='module')
+def shortest():
+    return fastest_along(REFERENCE, MACHINE, SMOOTH, LIMIT)
+
+
+def test_the_bound_and_a_motion_that_keeps_the_limits_enclose_the_shortest_time(shortest):
+    assert shortest.bound < shortest.duration < 1.02 * shortest.bound
+    for profile in shortest.profiles:
+        assert np.abs(profile.torque).max() < 1.001 * LIMIT
+        speed = np.abs(profile.path(profile.s, 1)).max(axis=1) * profile.sd
+        assert speed.max() <= REFERENCE.limits.joint_speed * (1.0 + 1e-9)
+
+
+def test_nearly_everywhere_some_limit_is_met(shortest):
+    """Pontryagin: a time-optimal motion is bang-bang; what meets no limit could be faster."""
+    for profile in shortest.profiles:
+        torque = np.abs(profile.torque).max(axis=1) > 0.98 * LIMIT
+        speed = np.abs(profile.path(profile.s[:-1], 1)).max(axis=1) * profile.sd[:-1] > (
+            0.98 * REFERENCE.limits.joint_speed)
+        assert np.mean(torque | speed) > 0.97
+
+
+@pytest.mark.parametrize(('robot', 'model', 'limit'), [
+    (REFERENCE, MACHINE, 120.0), (REFERENCE, MACHINE, 300.0), (OTHER, other_model(), 60.0)])
+def test_no_motion_of_that_path_within_the_limit_is_faster(robot, model, limit):
+    """Other timings of the same path, at the pace at which they just need the torque."""
+    home = np.array(HOME if robot is REFERENCE else (0.0, 0.0, -0.55, 0.0))
+    poses = home + np.array(((0.0, 0.0, 0.0, 0.0), (0.12, 0.05, 0.04, 0.2)))
+    for jerk in (3e3, 3e5):
+        motion = waypoints_motion(robot, poses, acceleration=100.0, speed=4.0, jerk=jerk,
+                                  theta_speed=50.0, theta_acceleration=500.0, theta_jerk=1e5)
+        found = fastest_along(robot, model, motion, limit)
+        low, high = 0.01, 100.0
+        while high / low > 1.001:
+            middle = np.sqrt(low * high)
+            keeps = np.abs(needed(robot, model, at_pace(motion, middle))).max() < limit
+            low, high = (middle, high) if keeps else (low, middle)
+        assert motion.duration / low > found.bound
+        assert found.duration < 1.03 * found.bound
+
+
+def test_without_friction_and_with_torque_to_spare_time_goes_with_the_root_of_the_limit():
+    values = {**MACHINE.values, 'coulomb_friction': np.zeros(4), 'viscous_friction': np.zeros(4)}
+    free = replace(MACHINE, values=values)
+    robot = REFERENCE.model_copy(update={
+        'limits': REFERENCE.limits.model_copy(update={'joint_speed': 1e3})})
+    times = [fastest_along(robot, free, SMOOTH, limit).bound for limit in (2e3, 8e3)]
+    assert times[0] / times[1] == pytest.approx(2.0, rel=0.01)
+
+
+def test_the_time_optimal_motion_keeps_path_and_torque(shortest):
+    motion = motion_of(shortest, REFERENCE, 'time optimal', period=0.25e-3)
+    assert motion.duration == pytest.approx(shortest.duration, abs=1e-3)
+    np.testing.assert_allclose(motion.q[[0, -1]], SMOOTH.q[[0, -1]], atol=1e-9)
+    np.testing.assert_allclose(motion.qd[[0, -1]], 0.0, atol=1e-9)
+    # where it is, the given motion has been: the same path
+    apart = np.linalg.norm(motion.x[::20, None, :3] - SMOOTH.x[None, :, :3], axis=2).min(axis=1)
+    assert apart.max() < 2.5e-3  # half the distance between samples of the given motion
+    rows = slice(4, -4)
+    assert np.abs(needed(REFERENCE, MACHINE, motion)[rows]).max() < 1.05 * LIMIT
+
+
+def test_a_limit_that_does_not_hold_the_machine_is_named_with_joint_and_place():
+    with pytest.raises(InputError, match=r'joint \d needs .* N m at \d+ % of the way'):
+        fastest_along(REFERENCE, MACHINE, SMOOTH, 3.0)
+    moving = Motion('moving', SMOOTH.t[50:], *(getattr(SMOOTH, name)[50:] for name in (
+        'q', 'qd', 'qdd', 'x', 'xd', 'xdd')))
+    with pytest.raises(InputError, match='must begin and end at rest'):
+        fastest_along(REFERENCE, MACHINE, moving, LIMIT)
+
+
+def test_twenty_g_within_half_a_millimetre_and_two_hundred_newton_metres(shortest):
+    found = fastest_case(Plan(REFERENCE, MACHINE, SMOOTH), 'loops', 'exact', MACHINE,
+                         shortest.bound)
+    assert isinstance(found, Reached)
+    assert found.acceleration > 20.0 * 9.81
+    assert found.case.tracking.peak < 0.5e-3
+    assert found.case.tracking.peak_torque < LIMIT
+    assert found.case.run.motion.duration > shortest.bound
+    assert 'torque of joint' in found.limited_by
+
+
+def test_loops_alone_keep_half_a_millimetre_at_no_pace(shortest):
+    found = fastest_case(Plan(REFERENCE, MACHINE, SMOOTH), 'loops', 'none', None, shortest.bound)
+    assert isinstance(found, Unreached)
+    assert 'error of D above 0.5 mm' in found.limited_by
+
+
+def test_the_command_writes_bound_and_runs(tmp_path):
+    done = CliRunner().invoke(fastest, [
+        'adept', '--jerk', '30000', '--feedforward', 'table1_full', '--feedforward', 'table1',
+        '--output', str(tmp_path / 'out')])
+    assert done.exit_code == 0, done.output
+    content = json.loads((tmp_path / 'out' / 'fastest.json').read_text())
+    assert content['schema'] == 'par4/fastest/1'
+    times = [run['time'] for run in content['runs']]
+    assert content['bound'] < content['time_optimal'] < times[0] < times[1]
+    assert all(run['peak'] <= 0.5e-3 for run in content['runs'])
+    page = (tmp_path / 'out' / 'report.html').read_text()
+    assert page.count('<img src="data:image/svg+xml;base64,') == 1
+    assert 'nothing is faster than' in done.output

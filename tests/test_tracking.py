@@ -1,0 +1,191 @@
+"""How well motions are followed: what the figures mean, and laws that every run obeys."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from par4_dynamics.model import read_model
+from par4_kinematics.adept import adept_motion
+from par4_kinematics.circle import circle_motion
+from par4_kinematics.errors import InputError
+from par4_kinematics.motion import Motion
+from par4_sim.commands.track import track
+from par4_sim.tracking.metrics import errors_of, tracking_of
+from par4_sim.tracking.run import Run, feedforward_of, record_run
+from robots import REFERENCE, model_with
+
+MACHINE = read_model('table1_full', REFERENCE)
+PAPERS_RUN = adept_motion(REFERENCE)
+
+
+def recorded(motion, feedforward=None, machine=MACHINE, robot=REFERENCE):
+    torque = None if feedforward is None else feedforward_of(robot, feedforward, motion)
+    return record_run(robot, machine, motion, torque)
+
+
+@pytest.fixture(scope='module')
+def alone():
+    return recorded(PAPERS_RUN)
+
+
+@pytest.fixture(scope='module')
+def helped():
+    return recorded(PAPERS_RUN, MACHINE)
+
+
+def test_the_papers_run_overshoots_and_a_model_removes_it(alone, helped):
+    """Fig. 4: "the overshoot is important"; a dynamic model "should give better results"."""
+    without, exact = tracking_of(alone), tracking_of(helped)
+    paper = tracking_of(recorded(PAPERS_RUN, read_model('table1', REFERENCE)))
+    assert 0.012 < without.rms < 0.016
+    assert without.excursion > 0.015
+    assert without.overshoot > 0.015
+    assert exact.rms < paper.rms < 0.4e-3
+    assert paper.excursion < 1e-3
+    assert max(without.peak_torque, exact.peak_torque) < 150.0
+    assert without.saturated == exact.saturated == 0.0
+
+
+@pytest.mark.parametrize('run_name', ['alone', 'helped'])
+def test_over_a_closed_cycle_the_motors_work_is_what_friction_takes(run_name, request):
+    run = request.getfixturevalue(run_name)
+    speed = np.abs(run.qd)
+    friction = np.sum(MACHINE.values['coulomb_friction'] * speed
+                      + MACHINE.values['viscous_friction'] * speed ** 2, axis=1)
+    found = tracking_of(run)
+    assert found.energy == pytest.approx(np.trapezoid(friction, run.t), rel=5e-3)
+    assert found.driving_energy > 1.5 * found.energy
+    assert tracking_of(run, cycles=4).energy == pytest.approx(found.energy / 4.0)
+
+
+def test_without_an_integral_the_lag_is_the_torque_over_both_gains():
+    """Slowly e = (tau - tau at the start) / (velocity_gain position_gain): the error constant.
+
+    The drives begin settled, with the torque that holds the machine at the start.
+    """
+    drives = REFERENCE.drives.model_copy(update={'integral_gain': 0.0, 'encoder_counts': 0})
+    robot = REFERENCE.model_copy(update={'drives': drives})
+    motion = circle_motion(robot, radius=0.1, speed=0.2)
+    run = recorded(motion, robot=robot)
+    rows = slice(400, -400)
+    q = np.stack([np.interp(motion.t, run.t, run.q[:, joint]) for joint in range(4)], axis=1)
+    lag = (motion.q - q)[rows]
+    torque = feedforward_of(robot, MACHINE, motion)
+    expected = (torque[rows] - torque[0]) / (drives.velocity_gain * drives.position_gain)
+    sliding = np.abs(motion.qd[rows]) > 0.15  # the jump of Coulomb friction is no slow torque
+    np.testing.assert_allclose(lag[sliding], expected[sliding], atol=0.1 * np.abs(expected).max())
+    assert np.corrcoef(lag[sliding], expected[sliding])[0, 1] > 0.995
+
+
+def test_a_machine_at_rest_does_not_stir_when_feedforward_sets_in():
+    """The integrals hold the weight; torque that comes for the first point is not added to it."""
+    run = recorded(PAPERS_RUN, MACHINE)
+    np.testing.assert_allclose(run.pose[run.t < 0.0], np.broadcast_to(
+        PAPERS_RUN.x[0], (80, 4)), atol=2e-6)
+    half_a_count = math.pi / REFERENCE.drives.encoder_counts
+    np.testing.assert_allclose(run.command[0], run.feedforward[0], atol=1.1 * half_a_count * (
+        REFERENCE.drives.velocity_gain * REFERENCE.drives.position_gain))
+
+
+def swinging(decay: float, rate: float, size: float, axis: int = 0) -> Run:
+    """Return a run that arrives in time and then swings about the end, by formula."""
+    t = 0.25e-3 * np.arange(4001)
+    asked = 1e-3 * np.arange(501)
+    x = np.zeros((len(asked), 4))
+    x[:, axis] = 0.3 * np.minimum(asked / 0.4, 1.0)
+    pose = np.zeros((len(t), 4))
+    after = np.maximum(t - 0.4, 0.0)
+    pose[:, axis] = 0.3 * np.minimum(t / 0.4, 1.0) + size * np.exp(-decay * after) * np.sin(
+        rate * after)
+    still, torque = np.zeros_like(x), np.zeros((len(t), 4))
+    counts = {'saturated_commands': 0, 'saturated_speeds': 0}
+    return Run(Motion('ramp', asked, still, still, still, x, still, still), t, pose, torque,
+               torque, torque, torque, None, counts)
+
+
+@pytest.mark.parametrize('axis', [0, 1, 2])
+def test_overshoot_and_settling_time_are_those_of_iso_9283(axis):
+    decay, rate, size, band = 20.0, 100.0, 5e-3, 0.5e-3
+    found = tracking_of(swinging(decay, rate, size, axis), band=band)
+    top = math.atan(rate / decay) / rate
+    assert found.overshoot == pytest.approx(size * math.exp(-decay * top) * math.sin(rate * top),
+                                            rel=1e-3)
+    after = np.linspace(0.0, 0.5, 500_001)
+    last = after[np.abs(size * np.exp(-decay * after) * np.sin(rate * after)) > band][-1]
+    entering = band / (0.3 / 0.4)  # before the end of the ramp
+    assert found.settling_time == pytest.approx(last + entering, abs=1e-3)
+    assert found.arrival == pytest.approx(max(0.4 + last - 0.5, 0.0), abs=1e-3)
+    assert found.excursion == pytest.approx(found.overshoot, rel=1e-4)
+
+
+def test_a_swing_within_the_limit_band_is_no_overshoot():
+    found = tracking_of(swinging(20.0, 100.0, 0.4e-3))
+    assert found.overshoot == 0.0
+    assert found.settling_time == pytest.approx(0.0, abs=1e-3)
+
+
+def test_errors_are_taken_at_equal_times():
+    """A pure delay of d on a ramp of speed v is an error of v d."""
+    run = swinging(20.0, 100.0, 0.0)
+    late = replace(run, pose=np.concatenate((np.zeros((40, 4)), run.pose[:-40])))
+    error = errors_of(late)[50:400]
+    np.testing.assert_allclose(error[:, 0], -0.01 * 0.3 / 0.4, rtol=1e-6)
+    np.testing.assert_array_equal(error[:, 1:], 0.0)
+
+
+def test_what_is_limited_shows():
+    drives = REFERENCE.drives.model_copy(update={'torque_limit': 60.0})
+    found = tracking_of(recorded(PAPERS_RUN, MACHINE, robot=REFERENCE.model_copy(
+        update={'drives': drives})))
+    assert found.saturated > 0.02
+    assert found.peak_torque <= 60.0
+    assert found.peak > 5e-3
+
+
+def told(*arguments):
+    return CliRunner().invoke(track, [str(part) for part in arguments])
+
+
+def test_the_command_writes_the_contract(tmp_path):
+    done = told('adept', '--feedforward', 'none', '--feedforward', 'table1', '--cycles', 2,
+                '--jerk', 30000, '--output', tmp_path / 'out')
+    assert done.exit_code == 0, done.output
+    content = json.loads((tmp_path / 'out' / 'tracking.json').read_text())
+    assert content['schema'] == 'par4/tracking/1'
+    assert [(run['controller'], run['feedforward']) for run in content['runs']] == [
+        ('loops', 'none'), ('loops', 'table1')]
+    for run in content['runs']:
+        assert {'rms', 'peak', 'overshoot', 'settling_time', 'peak_torque', 'rms_torque',
+                'energy'} <= run.keys()
+        assert all(math.isfinite(value) for value in run.values() if isinstance(value, float))
+    assert content['motion'] == {'name': 'adept', 'duration': 0.5, 'cycles': 2}
+    page = (tmp_path / 'out' / 'report.html').read_text()
+    assert page.count('<img src="data:image/svg+xml;base64,') == 2
+    assert 'http' not in page.replace('http-equiv', '')
+    assert 'loops alone' in done.output
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    (('excitation', '--cycles', 2), 'cycles: for the motion adept'),
+    (('adept', '--acceleration', 30), 'round trip of 0.25 s'),
+    (('adept', '--feedforward', 'nothing'), 'nothing: no such file'),
+    (('nowhere.yaml',), 'nowhere.yaml: no such file')])
+def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, arguments, message):
+    done = told(*arguments, '--output', tmp_path / 'out')
+    assert isinstance(done.exception, InputError)
+    assert message in str(done.exception)
+    assert '\n' not in str(done.exception)
+    assert not (tmp_path / 'out').exists()
+
+
+def test_a_payload_that_the_model_does_not_know_costs_accuracy():
+    machine = model_with(MACHINE, 'payload', mass=0.5, half=1.0)
+    blind = tracking_of(recorded(PAPERS_RUN, MACHINE, machine))
+    aware = tracking_of(recorded(PAPERS_RUN, machine, machine))
+    assert blind.rms > 3.0 * aware.rms
