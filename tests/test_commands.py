@@ -26,9 +26,12 @@ from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file
 from par4_dynamics.parameters import Parameter
 from par4_identification.commands import diagnose, identify, validate
-from par4_identification.diagnosis.diagnosis import Cause, Diagnosis, Holdout, Remaining
+from par4_identification.diagnosis.answer import Cause, Diagnosis, Holdout, Remaining
 from par4_identification.diagnosis.floor import noise_floor
 from par4_identification.diagnosis.holdout import Gain
+from par4_identification.diagnosis.judgement import UnnamedCause
+from par4_identification.diagnosis.unnamed import KINDS
+from par4_identification.diagnosis.unrelated import Line, Unrelated
 from par4_identification.identification import identify as fit_parameters
 from par4_identification.log import read_log
 from par4_identification.outcome.diagnosis import (
@@ -367,11 +370,12 @@ def test_validation_of_a_machine_at_rest_says_so(bags, tmp_path):
 
 def test_diagnosis_json_has_the_keys_of_the_contract(diagnosed):
     content = json.loads((diagnosed.folder / 'diagnosis.json').read_text())
-    assert list(content) == ['schema', 'verdict', 'causes', 'holdout', 'remaining',
+    assert list(content) == ['schema', 'verdict', 'causes', 'unnamed', 'holdout', 'remaining',
                              'next_experiment', 'extended_model', 'simulation']
     assert list(content['holdout']) == ['baseline_rms', 'extended_rms', 'noise_floor_rms',
                                         'explained_fraction', 'explained_fraction_ci']
-    assert list(content['remaining']) == ['significant', 'looks_like']
+    assert list(content['remaining']) == ['significant', 'looks_like', 'wandering_rms',
+                                          'correlation_time', 'lines', 'bursts']
     assert list(content['causes'][0]) == [
         'effect', 'joints', 'parameters', 'indistinguishable_from', 'visible_fraction', 'p_value']
     assert content['verdict'] == 'explained'
@@ -598,17 +602,23 @@ def cause(name: str, joints=(0, 1, 2, 3), twins=(), **parameters) -> Cause:
     values = {key: Parameter(value=value, std=value if np.isscalar(value) else tuple(
         abs(part) for part in value), unit=units[key]) for key, value in parameters.items()}
     return Cause(CATALOGUE[name], tuple(joints), values, tuple(twins), 0.9, 1e-9,
-                 Gain(0.5, 0.4, 0.6))
+                 812.4, None, Gain(0.5, 0.4, 0.6))
 
 
-def diagnosis(verdict: str, causes=(), looks_like=None, reasons=(), excess=1.1,
-              nearest=None) -> Diagnosis:
-    remaining = Remaining(looks_like is not None, looks_like, Gain(0.2, 0.1, 0.3), excess,
-                          nearest=nearest and CATALOGUE[nearest])
+PHRASES = {kind.name: kind.phrase for kind in KINDS}
+
+
+def diagnosis(verdict: str, causes=(), kind=None, nearest=None, wandering=0.0, lines=(),
+              bursts=()) -> Diagnosis:
+    unnamed = () if kind is None else (
+        UnnamedCause(kind, PHRASES[kind], (1,), 0.31, 0.05, 812.0),)
+    alone = Unrelated(np.full(4, wandering), 0.05 if wandering else 0.0, tuple(lines),
+                      tuple(bursts))
+    remaining = Remaining(1.1, alone, nearest and CATALOGUE[nearest])
     holdout = Holdout((), (), (), np.full(4, 0.52), np.full(4, 0.11), np.full(4, 0.1), 0.99,
                       (0.98, 0.995))
-    return Diagnosis(verdict, tuple(causes), tuple(reasons), (), holdout, remaining, {}, {}, None,
-                     ())
+    return Diagnosis(verdict, tuple(causes), unnamed, (), holdout, remaining, {}, {}, None, (),
+                     None, ())
 
 
 STRIBECK = cause('stribeck', (1, 3), ('cogging',), stribeck_torque=(1.2, 1.2),
@@ -626,8 +636,11 @@ COGS = cause('cogging', amplitude=(0.61, 0.61, 0.6, 0.62), periods=22.0, phase=(
         '1.2 N m of Stribeck friction with velocity 0.12 rad/s on joints 1 and 3; with it',)),
     (diagnosis('partly_explained', [COGS, STRIBECK], 'speed'), 'fair', (
         'on all joints and 1.2 N m', 'with them', 'a function of joint speed remains')),
-    (diagnosis('unknown', looks_like='time'), 'fair', ('no cause in the library', 'a drift')),
-    (diagnosis('unknown', excess=2.5), 'fair', ('follows nothing in the motion',)),
+    (diagnosis('unknown', kind='time'), 'fair', ('no cause in the library', 'a drift')),
+    (diagnosis('clean', wandering=0.3), 'good', ('noise that wanders',)),
+    (diagnosis('unknown', lines=[Line(12.34, np.full(4, 0.2))]), 'fair', (
+        'a disturbance of 12.3 Hz that follows nothing in the motion',)),
+    (diagnosis('unknown', bursts=[(1.5, 2.0)]), 'fair', ('a burst of noise at 1.50 s',)),
     (diagnosis('unknown', nearest='stribeck'), 'fair', (
         'looks like Stribeck friction, which does not pass as a cause.',)),
 ])

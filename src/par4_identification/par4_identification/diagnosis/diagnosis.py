@@ -227,8 +227,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
                         for part in (evidence, pool.heldout)), floor, rules)
     remaining = Remaining(
         float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30))), alone,
-        None if causes else _nearest(search, model))
-    incomplete = bool(unnamed or loose or alone.lines or alone.bursts)
+        None if causes else _nearest(search))
+    incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest)
     return Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
         rejected=tuple(search.journal.rejected),
@@ -252,12 +252,16 @@ def _verdict(named: bool, incomplete: bool) -> Verdict:
     return 'unknown' if incomplete else 'clean'
 
 
-def _nearest(search: Search, model: Model) -> Effect | None:
-    """Return the effect that explains most of the rows to fit, if any explains enough."""
+def _nearest(search: Search) -> Effect | None:
+    """Return the effect that rows to fit and rows held out know best though it is no cause."""
     found = search.candidates.all_of(project(search.pool.evidence, ()), set())
     best = max(found, key=lambda item: item.gain, default=None)
-    needed = search.requirement(model).fit
-    return best.hypothesis.effect if best is not None and best.gain > needed else None
+    if best is None:
+        return None
+    needed = search.requirement((best.hypothesis,))
+    fit_gain, gain = search.gains(best.hypothesis, ())
+    evident = fit_gain > needed.fit and gain > needed.heldout
+    return best.hypothesis.effect if evident else None
 
 
 def _rattle(search: Search, model: Model) -> Rattle | None:

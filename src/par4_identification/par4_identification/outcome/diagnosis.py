@@ -45,8 +45,10 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
     before, after, noise = (f'{number(over_joints(rms), 2)} {unit}' for rms in (
         holdout.baseline_rms, holdout.extended_rms, holdout.noise_floor_rms))
     remarks = _remarks(diagnosis, machine, experiment)
-    beside = ' and '.join([*(item.phrase for item in diagnosis.unnamed),
-                           *_phrases_of_unrelated(diagnosis.remaining.unrelated)])
+    nearest = diagnosis.remaining.nearest
+    beside = (' and '.join([*(item.phrase for item in diagnosis.unnamed),
+                            *_phrases_of_unrelated(diagnosis.remaining.unrelated)])
+              or (nearest and f'{nearest.phrase}, which does not pass as a cause'))
     if diagnosis.verdict == 'clean':
         wandering = ('' if not diagnosis.remaining.unrelated.wanders else
                      ', most of it noise that wanders and follows nothing in the motion')
