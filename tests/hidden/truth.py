@@ -11,8 +11,10 @@ the hiders, through `physics.Torques`; regressors of the diagnosis take no part.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from itertools import combinations
 
 import numpy as np
 from scipy.linalg import solve_triangular, toeplitz
@@ -20,7 +22,7 @@ from scipy.optimize import lsq_linear
 
 from hidden.hiders import HIDERS, JOINTS, Column, Hider, Scene, Values, on, part
 from hidden.machines import Known
-from hidden.physics import Torques, in_band, rate
+from hidden.physics import OutOfReach, Torques, in_band, rate
 from hidden.recording import PERIOD, Recording
 from par4_sim.machine import Machine
 
@@ -41,6 +43,12 @@ SLOW = 0.02
 """rad/s: a slower joint does not say what its friction is, nor do rows that its filter touches."""
 REACH = 23
 """Samples that the band's filter remembers."""
+MOST = 50.0
+"""Largest factor on the mean size of an effect when it is tried on other joints."""
+PATIENCE = 2
+"""Effects at once of which each tries all of its shapes."""
+GREY = 2.0
+"""Log-likelihood that a joint must be worth to belong to an effect for certain."""
 MEMORY = 100
 """Rows after which noise is taken for forgotten."""
 
@@ -69,19 +77,27 @@ def usable(reading: np.ndarray) -> np.ndarray:
 
 
 def true_noise(recording: Recording, known: Known) -> np.ndarray:
-    """Return what no model could explain, (n, 4) N m: noise, wandering load, encoder counts.
+    """Return what no model could explain at the rows of the log (n, 4), N m.
 
-    Counts are felt through the inertia that the base model takes from the told positions.
+    That is noise, wandering load and encoder counts, which are felt through the inertia that the
+    base model takes from the told positions.
     """
+    every = recording.every
     smooth = part(known.machine, 'friction', coulomb=np.zeros(4))
-    told = in_band(recording.log.q, 4.0 * BAND, PERIOD)
-    felt = [Torques(recording.t, q).recorded(smooth) for q in (told, recording.reading)]
-    return recording.noise + recording.wander + felt[1] - felt[0]
+    told = in_band(recording.counted[::every], min(4.0 * BAND, 0.4 / (every * PERIOD)),
+                   every * PERIOD)
+    felt = [Torques(recording.t[::every], q).recorded(smooth)
+            for q in (told, recording.reading[::every])]
+    return (recording.noise + recording.wander)[::every] + felt[1] - felt[0]
 
 
-def whitener_of(noise: np.ndarray, valid: np.ndarray) -> Whitener:
-    """Return the whitener of a noise (n, 4) at the valid samples (n, 4)."""
-    told = in_band(noise, BAND, PERIOD)[::EVERY]
+def whitener_of(noise: np.ndarray, valid: np.ndarray, every: int = 1) -> Whitener:
+    """Return the whitener of a noise at the valid samples (n, 4).
+
+    Args:
+        noise: at every `every`-th sample, (n / every, 4) N m.
+    """
+    told = in_band(noise, BAND, every * PERIOD)[::EVERY // every]
     rows, inverses = [], []
     for joint in JOINTS:
         taken = np.flatnonzero(valid[::EVERY, joint])
@@ -117,7 +133,7 @@ class Truth:
         self._hidden = dict(hidden)
         self._torques = Torques(recording.t, recording.reading)
         self._valid = usable(recording.reading)
-        self._white = whitener_of(true_noise(recording, known), self._valid)
+        self._white = whitener_of(true_noise(recording, known), self._valid, recording.every)
         self._plain = self._torques.recorded(known.machine)
         self._scene = Scene(
             float(np.ptp(recording.reading, axis=0).min()),
@@ -127,7 +143,8 @@ class Truth:
             for machine in base_variants(known.machine)], axis=1)
         self._base = np.linalg.qr(base)[0]
         self._left = self._projected(np.concatenate(self._white(
-            recording.torque - recording.wander - self._plain)))
+            recording.torque - recording.wander - recording.outside - self._plain)))
+        self._strange = self._projected(np.concatenate(self._white(recording.outside)))
         self._shapes: dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}
 
     def _projected(self, rows: np.ndarray) -> np.ndarray:
@@ -174,19 +191,22 @@ class Truth:
     def rest(self, names: Sequence[str]) -> float:
         """Return half the squared length of what these effects together leave of the truth.
 
-        The shape of each is that which leaves least beside the first shape of the others.
+        The shape of each is that which leaves least beside the last shape of the others; of many
+        effects the hidden ones keep their own shape.
         """
         if not names:
             return self.evidence
         chosen = [self.shapes(name)[-1] for name in names]
         best = np.inf
         for position, name in enumerate(names):
+            if name in self._hidden and len(names) > PATIENCE:
+                continue
             trials = []
             for shape in self.shapes(name):
                 trial = [*chosen[:position], shape, *chosen[position + 1:]]
                 trials.append((self.fitted(trial), shape))
             best, chosen[position] = min(trials, key=lambda trial: trial[0])
-        return best
+        return best if np.isfinite(best) else self.fitted(chosen)
 
     def fitted(self, parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> float:
         """Return half the squared length of what these columns together leave of the truth."""
@@ -201,6 +221,104 @@ class Truth:
         fit = lsq_linear(r, seen, (low * length, high * length), method='bvls')
         return outside + float(fit.cost)
 
+    @property
+    def strangeness(self) -> float:
+        """Log-likelihood ratio of the cause outside the library over the base model."""
+        return 0.5 * float(self._strange @ self._strange)
+
+    def impostors(self) -> list[str]:
+        """Return the effects that explain the cause outside the library to within `TWIN`."""
+        own, self._left = self._left, self._strange
+        try:
+            return [name for name in HIDERS
+                    if name not in CHAOTIC and self.rest([name]) <= TWIN]
+        finally:
+            self._left = own
+
+    def carried(self) -> dict[str, float]:
+        """Return the share of the evidence that the true model without each effect leaves."""
+        hidden = list(self._hidden.items())
+        whole = self._torques.recorded(build(self._known.machine, hidden))
+        shares = {}
+        for name in self._hidden:
+            without = self._torques.recorded(build(
+                self._known.machine, [item for item in hidden if item[0] != name]))
+            lost = self._projected(np.concatenate(self._white(whole - without)))
+            shares[name] = 0.5 * float(lost @ lost) / self.evidence
+        return shares
+
+    def joint_sets(self, name: str) -> list[list[int]] | None:
+        """Return the sets of joints that are right answers to where a hidden effect is.
+
+        These are, of the sets that explain within `TWIN` of the best one, the smallest ones, and
+        those that no set of fewer joints equals to within `GREY`. Shapes are the true ones, other
+        effects are there besides. None: the effect has no joints of its own, or rattles.
+        """
+        hider = HIDERS[name]
+        if not hider.per_joint or name in CHAOTIC:
+            return None
+        sets = [joints for size in range(1, 5) for joints in combinations(JOINTS, size)]
+        left = dict(zip(sets, self._rests_on(hider, sets)))
+        best = min(left.values())
+        near = [joints for joints in sets if left[joints] <= best + TWIN]
+        fewest = min(map(len, near))
+        return [list(joints) for joints in near if len(joints) == fewest or not any(
+            left[other] <= left[joints] + GREY for other in sets if len(other) < len(joints))]
+
+    def _rests_on(self, hider: Hider, sets: Sequence[tuple[int, ...]]) -> list[float]:
+        """Return half the squared lengths that an effect on some joints leaves of the truth."""
+        columns, owners = self._unit_columns(hider)
+        least = min(column.low for column in hider.family(self._scene)[0])
+        low, high = [0.0 if least == 0.0 else -MOST] * len(owners), [MOST] * len(owners)
+        for other in self._hidden:
+            if other != hider.name:
+                true = self.shapes(other)[-1]
+                columns.extend(true[0].T)
+                owners += [None] * true[0].shape[1]
+                low, high = [*low, *true[1]], [*high, *true[2]]
+        q, r = np.linalg.qr(np.stack(columns, axis=1))
+        seen, low, high = q.T @ self._left, np.array(low), np.array(high)
+        outside = 0.5 * max(float(self._left @ self._left - seen @ seen), 0.0)
+        rests = []
+        for joints in sets:
+            own = [index for index, owner in enumerate(owners) if owner is None or owner in joints]
+            fit = lsq_linear(r[:, own], seen, (low[own], high[own]), method='bvls')
+            rests.append(outside + float(fit.cost))
+        return rests
+
+    def _unit_columns(self, hider: Hider) -> tuple[list[np.ndarray], list[int | None]]:
+        """Return an effect's columns (m,) on each joint in its true shape, and their joints."""
+        values = self._hidden[hider.name]
+        turns = (0.0, 0.5 * np.pi) if 'phase' in values else (0.0,)
+        columns, owners = [], []
+        for size in hider.sizes:
+            if not np.any(values.get(size, 0.0)):
+                continue
+            true = np.asarray(values[size], dtype=float)
+            full = np.where(true, true, np.abs(true[true != 0.0]).mean())
+            for turn in turns:
+                shape = {key: np.zeros(4) if key in hider.sizes else value
+                         for key, value in values.items()}
+                if turn:
+                    shape['phase'] = values['phase'] + turn
+                for joints in ([JOINTS] if hider.own_joints else [[joint] for joint in JOINTS]):
+                    unit = {**shape, size: on(joints, full[list(joints)])}
+                    told = self._white(self._reachable(hider, unit, size))
+                    for joint in joints:
+                        rows = told if not hider.own_joints else [
+                            one if joint == other else np.zeros_like(one)
+                            for other, one in enumerate(told)]
+                        columns.append(self._projected(np.concatenate(rows)))
+                        owners.append(joint)
+        return columns, owners
+
+    def _reachable(self, hider: Hider, values: Values, size: str) -> np.ndarray:
+        """Return the torque of an effect, a tenth of its size where its machine cannot move so."""
+        try:
+            return self.torque(hider, values)
+        except OutOfReach:
+            return 10.0 * self.torque(hider, {**values, size: 0.1 * np.asarray(values[size])})
+
     def strength(self, name: str) -> float:
         """Return the log-likelihood that a hidden effect is worth beside the others hidden."""
         others = [other for other in self._hidden if other != name]
@@ -212,6 +330,11 @@ class Truth:
         own = self.rest([*others, name])
         return [rival for rival in HIDERS if rival not in (*self._hidden, *CHAOTIC)
                 and self.rest([*others, rival]) <= own + TWIN]
+
+
+def build(machine: Machine, hidden: Iterable[tuple[str, Values]]) -> Machine:
+    """Return a machine with effects (name, values) built in, one after the other."""
+    return reduce(lambda built, item: HIDERS[item[0]].build(built, item[1]), hidden, machine)
 
 
 def base_variants(machine: Machine) -> list[Machine]:
