@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hidden.hiders import JOINTS, Values, coulomb, on, signs
+from hidden.hiders import JOINTS, RATED, Values, coulomb, on, signs
 from hidden.machines import Known
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.position import inverse_kinematics
@@ -78,7 +78,7 @@ def _hysteresis(_known: Known, values: Values, step: float) -> Act:
 BOUC_WEN = Outside(
     'bouc_wen', ('speed', 'position', 'drift'),
     lambda random, known, joints: {
-        'torque': on(joints, random.uniform(0.3, 0.8, len(joints)) * coulomb(known)[joints]),
+        'torque': on(joints, random.uniform(0.15, 0.5, len(joints)) * coulomb(known)[joints]),
         'distance': random.uniform(0.05, 0.2), 'order': random.uniform(1.5, 3.0),
         'width': random.uniform(0.6, 0.9)},
     starts=_hysteresis)
@@ -100,7 +100,7 @@ def _home(known: Known) -> np.ndarray:
 TIGHT_SPOT = Outside(
     'tight_spot', ('position', 'speed', 'periodic', 'platform'),
     lambda random, known, joints: {
-        'torque': _some(random, joints, 0.5, 2.0),
+        'torque': _some(random, joints, 0.3, 1.2),
         'place': _home(known) + random.uniform(-0.2, 0.2, LEGS),
         'width': random.uniform(0.05, 0.15)},
     starts=_tight)
@@ -118,7 +118,7 @@ def _uneven(_known: Known, values: Values, _step: float) -> Act:
 FRICTION_WAVE = Outside(
     'friction_wave', ('periodic', 'position', 'speed'),
     lambda random, known, joints: {
-        'torque': on(joints, random.uniform(0.3, 0.7, len(joints)) * coulomb(known)[joints]),
+        'torque': on(joints, random.uniform(0.15, 0.5, len(joints)) * coulomb(known)[joints]),
         'periods': float(random.integers(6, 25)), 'phase': random.uniform(-3.1, 3.1, LEGS)},
     starts=_uneven)
 
@@ -137,7 +137,7 @@ def _high(known: Known, values: Values, _step: float) -> Act:
 HEIGHT_FRICTION = Outside(
     'height_friction', ('speed', 'platform', 'position', 'drift'),
     lambda random, known, joints: {
-        'torque': on(joints, random.uniform(0.5, 1.2, len(joints)) * coulomb(known)[joints])},
+        'torque': on(joints, random.uniform(0.3, 0.8, len(joints)) * coulomb(known)[joints])},
     starts=_high)
 
 
@@ -155,7 +155,7 @@ def _bumper(_known: Known, values: Values, _step: float) -> Act:
 
 def _draw_bumper(random, known, joints):
     side = signs(random, JOINTS)
-    return {'stiffness': _some(random, joints, 5.0, 30.0), 'damping': random.uniform(0.0, 0.02),
+    return {'stiffness': _some(random, joints, 3.0, 15.0), 'damping': random.uniform(0.0, 0.02),
             'place': _home(known) + side * random.uniform(0.05, 0.2, LEGS), 'side': side}
 
 
@@ -216,7 +216,7 @@ def _draw_tether(random, known, _joints):
     aside = known.robot.limits.workspace.radius * random.uniform(0.5, 1.0)
     heading = random.uniform(-math.pi, math.pi)
     anchor = home + (aside * math.cos(heading), aside * math.sin(heading), 0.4)
-    return {'anchor': anchor, 'stiffness': random.uniform(60.0, 200.0),
+    return {'anchor': anchor, 'stiffness': random.uniform(30.0, 120.0),
             'length': float(np.linalg.norm(home - anchor)) + random.uniform(0.0, 0.03)}
 
 
@@ -252,7 +252,7 @@ def _warming(_known: Known, values: Values, step: float) -> Act:
     keep = math.exp(-step / values['time'])
 
     def act(_plant: Plant, torque: np.ndarray) -> np.ndarray:
-        heat[:] = keep * heat + (1.0 - keep) * (torque / 5.0) ** 2
+        heat[:] = keep * heat + (1.0 - keep) * (2.0 * torque / RATED) ** 2
         return torque * np.minimum(values['loss'] * heat, 0.5)
 
     return act
@@ -260,7 +260,7 @@ def _warming(_known: Known, values: Values, step: float) -> Act:
 
 GAIN_DRIFT = Outside(
     'gain_drift', ('torque', 'time', 'drift', 'load', 'acceleration', 'platform'),
-    lambda random, _known, joints: {'loss': _some(random, joints, 0.05, 0.2),
+    lambda random, _known, joints: {'loss': _some(random, joints, 0.03, 0.1),
                                     'time': random.uniform(3.0, 15.0)},
     starts=_warming)
 
@@ -295,7 +295,7 @@ def _slewing(_known: Known, values: Values, step: float) -> Act:
 
 SLEW = Outside(
     'slew', ('torque', 'rate', 'load', 'acceleration', 'platform', 'speed'),
-    lambda random, _known, joints: {'slew': random.uniform(60.0, 200.0),
+    lambda random, _known, joints: {'slew': random.uniform(1e3, 3e3),
                                     'joints': np.array(joints)},
     starts=_slewing)
 
