@@ -90,6 +90,19 @@ def kind_and_seed(path: Path) -> tuple[str, int]:
     return kind, int(seed)
 
 
+def sampled_paths(folder: Path, kinds: Sequence[str], limit: int | None
+                  ) -> list[tuple[Path, tuple[str, int]]]:
+    """Return the recordings of a folder with kind and seed, kinds in turn, `limit` at most.
+
+    So the first ones are a sample of all.
+    """
+    found = []
+    for row, kind in enumerate(kinds):
+        own = sorted((kind_and_seed(path)[1], path) for path in folder.glob(f'{kind}-*.npz'))
+        found += [(index, row, path, (kind, seed)) for index, (seed, path) in enumerate(own)]
+    return [(path, key) for _, _, path, key in sorted(found)[:limit]]
+
+
 def outcomes_of(work: Callable[[object], Outcome], items: Sequence[object],
                 arguments: argparse.Namespace) -> Iterator[Outcome]:
     """Yield the outcome of each item as it comes, from this process or from dask's workers."""
@@ -241,18 +254,11 @@ def main() -> None:
     parser = parser_of_arguments()
     arguments = parser.parse_args()
     if arguments.command == 'score':
-        paths = [path for path in arguments.recordings.glob('*-*.npz')
-                 if kind_and_seed(path)[0] in arguments.kinds]
-        if not paths:
+        found = sampled_paths(arguments.recordings, arguments.kinds, arguments.limit)
+        if not found:
             parser.error(f'{arguments.recordings}: no recordings of {", ".join(arguments.kinds)}; '
                          f'make some with record')
-        # kinds mixed, so that the first ones are a sample of all
-        row = {key: index for kind in KINDS for index, key in enumerate(sorted(
-            key for key in map(kind_and_seed, paths) if key[0] == kind))}
-        paths = sorted(paths, key=lambda path: (row[kind_and_seed(path)],
-                                                KINDS.index(kind_and_seed(path)[0])))
-        paths = paths[:arguments.limit]
-        keys = list(map(kind_and_seed, paths))
+        paths, keys = zip(*found)
         study(scored, paths, keys, min(seed for _, seed in keys), arguments, parser)
         return
     tasks = tasks_of_study(arguments.scale, arguments.first_seed, arguments.kinds,

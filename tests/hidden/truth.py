@@ -17,7 +17,8 @@ from functools import reduce
 from itertools import combinations
 
 import numpy as np
-from scipy.linalg import solve_triangular, toeplitz
+from scipy.linalg import cholesky_banded
+from scipy.linalg.lapack import dtbtrs
 from scipy.optimize import lsq_linear
 
 from hidden.hiders import HIDERS, JOINTS, Column, Hider, Scene, Values, on, part
@@ -55,16 +56,21 @@ MEMORY = 100
 
 @dataclass(frozen=True)
 class Whitener:
-    """Rows of a recording in units of its noise."""
+    """Rows of a recording in units of its noise.
+
+    Attributes:
+        rows: samples taken of each joint.
+        roots: of their covariances, lower and banded (MEMORY, rows).
+    """
 
     rows: tuple[np.ndarray, ...]
-    inverses: tuple[np.ndarray, ...]
+    roots: tuple[np.ndarray, ...]
 
     def __call__(self, torque: np.ndarray) -> list[np.ndarray]:
         """Return torque (n, 4) of all samples as independent rows of unit noise, by joint."""
         told = in_band(torque, BAND, PERIOD)
-        return [inverse @ told[rows, joint]
-                for joint, (rows, inverse) in enumerate(zip(self.rows, self.inverses))]
+        return [dtbtrs(root, told[rows, joint][:, None], uplo='L')[0][:, 0]
+                for joint, (rows, root) in enumerate(zip(self.rows, self.roots))]
 
 
 def usable(reading: np.ndarray) -> np.ndarray:
@@ -98,7 +104,7 @@ def whitener_of(noise: np.ndarray, valid: np.ndarray, every: int = 1) -> Whitene
         noise: at every `every`-th sample, (n / every, 4) N m.
     """
     told = in_band(noise, BAND, every * PERIOD)[::EVERY // every]
-    rows, inverses = [], []
+    rows, roots = [], []
     for joint in JOINTS:
         taken = np.flatnonzero(valid[::EVERY, joint])
         inside = np.where(valid[::EVERY, joint], told[:, joint], 0.0)
@@ -109,13 +115,17 @@ def whitener_of(noise: np.ndarray, valid: np.ndarray, every: int = 1) -> Whitene
         lags = np.arange(MEMORY)
         window = np.where(lags < MEMORY / 2, 1 - 6 * (lags / MEMORY) ** 2 * (1 - lags / MEMORY),
                           2 * (1 - lags / MEMORY) ** 3)
-        covariance = np.zeros(len(inside))
-        covariance[:MEMORY] = window * sums[:MEMORY] / np.maximum(counts[0], 1.0)
+        covariance = window * sums[:MEMORY] / np.maximum(counts[0], 1.0)
         covariance[0] *= 1.001
         rows.append(taken * EVERY)
-        root = np.linalg.cholesky(toeplitz(covariance)[np.ix_(taken, taken)])
-        inverses.append(solve_triangular(root, np.eye(len(root)), lower=True))
-    return Whitener(tuple(rows), tuple(inverses))
+        # rows far apart share no noise: below the diagonal the covariance is a band
+        band = np.zeros((MEMORY, len(taken)))
+        for below in range(min(MEMORY, len(taken))):
+            lag = taken[below:] - taken[:len(taken) - below]
+            near = lag < MEMORY
+            band[below, :len(lag)][near] = covariance[lag[near]]
+        roots.append(cholesky_banded(band, lower=True))
+    return Whitener(tuple(rows), tuple(roots))
 
 
 class Truth:
