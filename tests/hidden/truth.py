@@ -44,10 +44,10 @@ SLOW = 0.02
 """rad/s: a slower joint does not say what its friction is, nor do rows that its filter touches."""
 REACH = 23
 """Samples that the band's filter remembers."""
+RANK = 1e-10
+"""Share of the largest eigenvalue below which columns of unit length have no direction left."""
 MOST = 50.0
 """Largest factor on the mean size of an effect when it is tried on other joints."""
-PATIENCE = 2
-"""Effects at once of which each tries all of its shapes."""
 GREY = 2.0
 """Log-likelihood that a joint must be worth to belong to an effect for certain."""
 MEMORY = 100
@@ -135,6 +135,9 @@ class Truth:
         recording: of the machine with its effects.
         known: the machine without them.
         hidden: (name, values) of the effects.
+
+    Attributes:
+        left: what the base model leaves of the torque of the effects, whitened rows (m,).
     """
 
     def __init__(self, recording: Recording, known: Known,
@@ -152,7 +155,7 @@ class Truth:
             np.concatenate(self._white(self._torques.recorded(machine) - self._plain))
             for machine in base_variants(known.machine)], axis=1)
         self._base = np.linalg.qr(base)[0]
-        self._left = self._projected(np.concatenate(self._white(
+        self.left = self._projected(np.concatenate(self._white(
             recording.torque - recording.wander - recording.outside - self._plain)))
         self._strange = self._projected(np.concatenate(self._white(recording.outside)))
         self._shapes: dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}
@@ -163,7 +166,7 @@ class Truth:
     @property
     def evidence(self) -> float:
         """Log-likelihood ratio of all that is hidden over the base model."""
-        return 0.5 * float(self._left @ self._left)
+        return 0.5 * float(self.left @ self.left)
 
     def torque(self, hider: Hider, values: Values) -> np.ndarray:
         """Return the torque (n, 4), N m, that an effect adds on the motion as it happened."""
@@ -174,13 +177,13 @@ class Truth:
         if name not in self._shapes:
             hider = HIDERS[name]
             if name in CHAOTIC:
-                return [(self._left[:, None], np.zeros(1), np.ones(1))]
+                return [(self.left[:, None], np.zeros(1), np.ones(1))]
             family = hider.family(self._scene)
             if name in self._hidden:
                 family = [*family, [Column(self._hidden[name], 0.0, 2.0)]]
             self._shapes[name] = [self.columns(hider, shape) for shape in family]
             if name in LOOSE and list(self._hidden) == [name]:
-                self._shapes[name].append((self._left[:, None], np.zeros(1), np.ones(1)))
+                self._shapes[name].append((self.left[:, None], np.zeros(1), np.ones(1)))
         return self._shapes[name]
 
     def columns(self, hider: Hider, shape: list[Column]
@@ -198,38 +201,28 @@ class Truth:
         low, high = np.array(bounds).T
         return self._projected(np.stack(rows, axis=1)), low, high
 
-    def rest(self, names: Sequence[str]) -> float:
-        """Return half the squared length of what these effects together leave of the truth.
+    def rest(self, name: str | None = None, beside: Sequence[str] = (), limit: float = np.inf
+             ) -> float:
+        """Return half the squared length of what effects together leave of the truth.
 
-        The shape of each is that which leaves least beside the last shape of the others; of many
-        effects the hidden ones keep their own shape.
+        Args:
+            name: an effect in whichever of its shapes leaves least; None for nothing.
+            beside: hidden effects, there besides in their own shapes.
+            limit: above which the answer may be lower than what bounded factors leave.
         """
-        if not names:
-            return self.evidence
-        chosen = [self.shapes(name)[-1] for name in names]
-        best = np.inf
-        for position, name in enumerate(names):
-            if name in self._hidden and len(names) > PATIENCE:
-                continue
-            trials = []
-            for shape in self.shapes(name):
-                trial = [*chosen[:position], shape, *chosen[position + 1:]]
-                trials.append((self.fitted(trial), shape))
-            best, chosen[position] = min(trials, key=lambda trial: trial[0])
-        return best if np.isfinite(best) else self.fitted(chosen)
+        taken = self._beside(beside)
+        left = self.left - taken @ (taken.T @ self.left)
+        if name is None:
+            return 0.5 * float(left @ left)
+        return min(least_squares(columns - taken @ (taken.T @ columns), left, low, high, limit)
+                   for columns, low, high in self.shapes(name))
 
-    def fitted(self, parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> float:
-        """Return half the squared length of what these columns together leave of the truth."""
-        columns = np.concatenate([part[0] for part in parts], axis=1)
-        low, high = (np.concatenate([part[index] for part in parts]) for index in (1, 2))
-        length = np.linalg.norm(columns, axis=0)
-        length = np.where(length > 1e-9, length, 1.0)
-        columns = columns / length
-        q, r = np.linalg.qr(columns)
-        seen = q.T @ self._left
-        outside = 0.5 * max(float(self._left @ self._left - seen @ seen), 0.0)
-        fit = lsq_linear(r, seen, (low * length, high * length), method='bvls')
-        return outside + float(fit.cost)
+    def _beside(self, names: Sequence[str]) -> np.ndarray:
+        """Return an orthonormal basis (m, k) of the torques of hidden effects."""
+        columns = [self.shapes(name)[-1][0] for name in names]
+        if not columns:
+            return np.zeros((len(self.left), 0))
+        return np.linalg.qr(np.concatenate(columns, axis=1))[0]
 
     @property
     def strangeness(self) -> float:
@@ -238,12 +231,12 @@ class Truth:
 
     def impostors(self) -> list[str]:
         """Return the effects that explain the cause outside the library to within `TWIN`."""
-        own, self._left = self._left, self._strange
+        own, self.left = self.left, self._strange
         try:
             return [name for name in HIDERS
-                    if name not in CHAOTIC and self.rest([name]) <= TWIN]
+                    if name not in CHAOTIC and self.rest(name, limit=TWIN) <= TWIN]
         finally:
-            self._left = own
+            self.left = own
 
     def carried(self) -> dict[str, float]:
         """Return the share of the evidence that the true model without each effect leaves."""
@@ -279,25 +272,19 @@ class Truth:
         """Return half the squared lengths that an effect on some joints leaves of the truth."""
         columns, owners = self._unit_columns(hider)
         least = min(column.low for column in hider.family(self._scene)[0])
-        low, high = [0.0 if least == 0.0 else -MOST] * len(owners), [MOST] * len(owners)
-        for other in self._hidden:
-            if other != hider.name:
-                true = self.shapes(other)[-1]
-                columns.extend(true[0].T)
-                owners += [None] * true[0].shape[1]
-                low, high = [*low, *true[1]], [*high, *true[2]]
-        q, r = np.linalg.qr(np.stack(columns, axis=1))
-        seen, low, high = q.T @ self._left, np.array(low), np.array(high)
-        outside = 0.5 * max(float(self._left @ self._left - seen @ seen), 0.0)
+        taken = self._beside([other for other in self._hidden if other != hider.name])
+        columns = columns - taken @ (taken.T @ columns)
+        left = self.left - taken @ (taken.T @ self.left)
         rests = []
         for joints in sets:
-            own = [index for index, owner in enumerate(owners) if owner is None or owner in joints]
-            fit = lsq_linear(r[:, own], seen, (low[own], high[own]), method='bvls')
-            rests.append(outside + float(fit.cost))
+            own = np.isin(owners, joints)
+            high = np.full(own.sum(), MOST)
+            rests.append(least_squares(columns[:, own], left,
+                                       np.zeros_like(high) if least == 0.0 else -high, high))
         return rests
 
-    def _unit_columns(self, hider: Hider) -> tuple[list[np.ndarray], list[int | None]]:
-        """Return an effect's columns (m,) on each joint in its true shape, and their joints."""
+    def _unit_columns(self, hider: Hider) -> tuple[np.ndarray, list[int]]:
+        """Return an effect's columns (m, k) on each joint in its true shape, and their joints."""
         values = self._hidden[hider.name]
         turns = (0.0, 0.5 * np.pi) if 'phase' in values else (0.0,)
         columns, owners = [], []
@@ -320,7 +307,7 @@ class Truth:
                             for other, one in enumerate(told)]
                         columns.append(self._projected(np.concatenate(rows)))
                         owners.append(joint)
-        return columns, owners
+        return np.stack(columns, axis=1), owners
 
     def _reachable(self, hider: Hider, values: Values, size: str) -> np.ndarray:
         """Return the torque of an effect, a tenth of its size where its machine cannot move so."""
@@ -332,14 +319,39 @@ class Truth:
     def strength(self, name: str) -> float:
         """Return the log-likelihood that a hidden effect is worth beside the others hidden."""
         others = [other for other in self._hidden if other != name]
-        return self.rest(others) - self.rest([*others, name])
+        return self.rest(None, others) - self.rest(name, others)
 
     def twins(self, name: str) -> list[str]:
         """Return the effects that explain a hidden one to within `TWIN`, beside the others."""
         others = [other for other in self._hidden if other != name]
-        own = self.rest([*others, name])
+        limit = self.rest(name, others) + TWIN
         return [rival for rival in HIDERS if rival not in (*self._hidden, *CHAOTIC)
-                and self.rest([*others, rival]) <= own + TWIN]
+                and self.rest(rival, others, limit) <= limit]
+
+
+def least_squares(columns: np.ndarray, target: np.ndarray, low: np.ndarray, high: np.ndarray,
+                  limit: float = np.inf) -> float:
+    """Return half the squared length of what bounded factors on columns leave of a target.
+
+    Args:
+        columns, target: (m, k) and (m,).
+        low, high: of the factors, (k,).
+        limit: if even free factors leave more, what these leave is returned.
+    """
+    length = np.linalg.norm(columns, axis=0)
+    length = np.where(length > 1e-9, length, 1.0)
+    columns = columns / length
+    weights, axes = np.linalg.eigh(columns.T @ columns)
+    kept = weights > RANK * weights[-1]
+    roots, axes = np.sqrt(weights[kept]), axes[:, kept]
+    reached = axes.T @ (columns.T @ target) / roots
+    free = 0.5 * max(float(target @ target - reached @ reached), 0.0)
+    factors = axes @ (reached / roots)
+    if free > limit or np.all((factors >= low * length) & (factors <= high * length)):
+        return free
+    fit = lsq_linear(roots[:, None] * axes.T, reached, (low * length, high * length),
+                     method='bvls')
+    return free + float(fit.cost)
 
 
 def build(machine: Machine, hidden: Iterable[tuple[str, Values]]) -> Machine:
