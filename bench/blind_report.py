@@ -101,14 +101,16 @@ def outside_table(outcomes: Sequence[Outcome]) -> str:
 
 
 def coverage_table(outcomes: Sequence[Outcome]) -> str:
-    """Return how often 95 % intervals hold the truth, by effect and parameter."""
-    numbers = defaultdict(list)
+    """Return how often 95 % intervals hold the truth, by effect, parameters in words."""
+    numbers: dict[str, dict[str, list[bool]]] = defaultdict(lambda: defaultdict(list))
     for outcome in outcomes:
         for number in compared(outcome):
-            numbers[number.effect, number.parameter].append(number.covered)
-    rows = [(f'`{effect}`', parameter, rate(covered))
-            for (effect, parameter), covered in sorted(numbers.items())]
-    return table(('effect', 'parameter', 'intervals that hold the truth'), rows)
+            numbers[number.effect][number.parameter].append(number.covered)
+    return table(('effect', 'intervals that hold the truth', 'by parameter'), [
+        (f'`{effect}`', rate([flag for flags in own.values() for flag in flags]),
+         ', '.join(f'{parameter} {sum(flags)} of {len(flags)}'
+                   for parameter, flags in sorted(own.items())))
+        for effect, own in sorted(numbers.items())])
 
 
 def real_table(outcomes: Sequence[Outcome]) -> str:

@@ -20,16 +20,10 @@ from hidden.scenario import (
     truth_of,
 )
 from hidden.scoring import outcome_of
-from hidden.study import COUNTS, made, tasks_of_study
+from hidden.study import COUNTS, diagnosis_of, made, tasks_of_study
 from hidden.truth import VISIBLE
 
-from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
 from par4_identification.log import Log
-
-
-def diagnosis_of(scenario, fit, heldout, missing=()):
-    library = {name: effect for name, effect in LIBRARY.items() if name not in missing}
-    return diagnose([fit.log], scenario.known.robot, holdout_logs=[heldout.log], library=library)
 
 
 def diagnosed(task: Task):

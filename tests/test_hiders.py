@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hidden.hiders import HIDERS, Column, on
+from hidden.hider import Column, on
+from hidden.hiders import HIDERS
 from hidden.machines import known_machine
 from hidden.physics import Torques, rate
 from hidden.recording import record

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from hidden.hiders import on
+from hidden.hider import on
 from hidden.machines import known_machine
 from hidden.outside import OUTSIDE
 from hidden.recording import record

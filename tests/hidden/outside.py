@@ -15,7 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hidden.hiders import JOINTS, RATED, Values, coulomb, on, signs
+from hidden.friction_hiders import coulomb
+from hidden.hider import JOINTS, Values, on, signs
+from hidden.hiders import RATED
 from hidden.machines import Known
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.position import inverse_kinematics

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from hidden.hiders import Values
+from hidden.hider import Values
 from hidden.machines import Known
 from hidden.outside import Act, Outside
 from hidden.physics import Torques, in_band

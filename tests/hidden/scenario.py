@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hidden.hiders import DIMENSIONS, HIDERS, JOINTS, Hider, Values, on, scaled, signs
+from hidden.hider import JOINTS, Hider, Values, on, scaled, signs
+from hidden.hiders import DIMENSIONS, HIDERS
 from hidden.machines import Known, known_machine
 from hidden.motions import ODD_SHAPES, SHAPES, draw_motion
 from hidden.outside import OUTSIDE, Outside

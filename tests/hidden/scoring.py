@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ import par4_identification.diagnosis
 from hidden.kept import Kept, hash_of
 from par4_identification.diagnosis.diagnosis import LIBRARY, Diagnosis, diagnose
 from par4_identification.diagnosis.rules import Rules
+from par4_identification.log import Log
+from par4_kinematics.robot import Robot
 
 RATTLING = ('backlash',)
 """Effects of which the true machine itself would not do the same a second time."""
@@ -29,15 +32,19 @@ def decisions() -> str:
 
 def outcome_of(kept: Kept, rules: Rules | None = None) -> dict[str, Any]:
     """Return what is hidden in a scenario and what the diagnosis says of it."""
-    library = {name: effect for name, effect in LIBRARY.items()
-               if name not in kept.truth['missing']}
     started = time.process_time()
-    diagnosis = diagnose([kept.fit], kept.robot, holdout_logs=[kept.heldout], library=library,
-                         rules=rules)
+    diagnosis = diagnosed(kept.fit, kept.heldout, kept.robot, kept.truth['missing'], rules)
     spent = round(time.process_time() - started, 2)
     return {**kept.truth, 'generator': kept.generator, **told(diagnosis),
             'gain': gain_of_truth(kept, diagnosis),
             'seconds': {**kept.truth['seconds'], 'diagnose': spent}}
+
+
+def diagnosed(fit: Log, heldout: Log, robot: Robot, missing: Sequence[str] = (),
+              rules: Rules | None = None) -> Diagnosis:
+    """Return the diagnosis of two logs by a library that lacks some names."""
+    library = {name: effect for name, effect in LIBRARY.items() if name not in missing}
+    return diagnose([fit], robot, holdout_logs=[heldout], library=library, rules=rules)
 
 
 def told(diagnosis: Diagnosis) -> dict[str, Any]:

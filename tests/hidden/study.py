@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from hidden.hiders import HIDERS, Values
+from hidden.hider import Values
+from hidden.hiders import HIDERS
 from hidden.kept import Kept, generator_hash
 from hidden.outside import OUTSIDE
+from hidden.recording import Recording
 from hidden.scenario import (
     KINDS,
     LARGE,
@@ -23,7 +25,9 @@ from hidden.scenario import (
     record_scenario,
     truth_of,
 )
+from hidden.scoring import diagnosed
 from hidden.truth import CHAOTIC, VISIBLE, Truth, true_noise
+from par4_identification.diagnosis.diagnosis import Diagnosis
 
 COUNTS = {'single': 420, 'pair': 115, 'removed': 110, 'clean': 400, 'below': 50, 'rods': 55,
           'triple': 125, 'company': 165, 'outside': 75, 'realistic': 105, 'wander': 100,
@@ -111,6 +115,12 @@ def made(task: Task) -> Kept:
                           'truth': round(judged - recorded, 2)}
     return Kept(content, scenario.known.robot, fit.log, heldout.log,
                 true_noise(heldout, scenario.known), generator_hash())
+
+
+def diagnosis_of(scenario: Scenario, fit: Recording, heldout: Recording,
+                 missing: Sequence[str] = ()) -> Diagnosis:
+    """Return the diagnosis of two recordings by a library that lacks some names."""
+    return diagnosed(fit.log, heldout.log, scenario.known.robot, missing)
 
 
 def _plain(values: Values) -> dict[str, Any]:

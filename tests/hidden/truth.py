@@ -21,7 +21,8 @@ from scipy.linalg import cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 from scipy.optimize import lsq_linear
 
-from hidden.hiders import HIDERS, JOINTS, Column, Hider, Scene, Values, on, part
+from hidden.hider import JOINTS, Column, Hider, Scene, Values, on, part
+from hidden.hiders import HIDERS
 from hidden.machines import Known
 from hidden.physics import OutOfReach, Torques, in_band, rate
 from hidden.recording import PERIOD, Recording
