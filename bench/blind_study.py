@@ -201,7 +201,7 @@ def study(work: Callable[[object], Outcome], items: Sequence[object],
     if stale:
         print(f'{stale} of {len(outcomes)} recordings were made by other sources of the '
               f'generator or the simulation; `record` makes them anew')
-    if outcomes and arguments.output:
+    if arguments.output and any('error' not in outcome for outcome in outcomes):
         arguments.output.write_text(report(outcomes, header, len(items)), encoding='utf-8')
         print(arguments.output)
     print(one_line(outcomes))

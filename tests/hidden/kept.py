@@ -21,7 +21,7 @@ from par4_identification.log import Log
 from par4_kinematics.files import written_atomically
 from par4_kinematics.robot import Robot
 
-SCORING = ('study.py', 'scoring.py', 'kept.py', '__init__.py')
+SCORING = ('scoring.py', 'kept.py', '__init__.py')
 """Files of this package that draw, record and judge nothing."""
 
 

@@ -59,7 +59,8 @@ def told(diagnosis: Diagnosis) -> dict[str, Any]:
                        for name, parameter in cause.parameters.items()},
             'stds': {name: _numbers(parameter.std)
                      for name, parameter in cause.parameters.items()},
-            'margin': getattr(cause, 'margin', None), 'rival': getattr(cause, 'rival', None)}
+            'margin': _numbers(getattr(cause, 'margin', None)),
+            'rival': getattr(cause, 'rival', None)}
             for cause in getattr(diagnosis, 'causes', ())],
         'unnamed': [{
             'kind': item.kind, 'phrase': item.phrase, 'joints': list(item.joints),
