@@ -377,7 +377,8 @@ def test_diagnosis_json_has_the_keys_of_the_contract(diagnosed):
     assert list(content['remaining']) == ['significant', 'looks_like', 'wandering_rms',
                                           'correlation_time', 'lines', 'bursts']
     assert list(content['causes'][0]) == [
-        'effect', 'joints', 'parameters', 'indistinguishable_from', 'visible_fraction', 'p_value']
+        'effect', 'joints', 'parameters', 'indistinguishable_from', 'visible_fraction', 'p_value',
+        'margin', 'rival']
     assert content['verdict'] == 'explained'
     assert content['causes'][0]['effect'] == 'cogging'
     assert content['causes'][0]['parameters']['amplitude']['value'] == pytest.approx(

@@ -9,8 +9,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hidden.scenario import Task, draw_scenario, record_scenario, truth_of
-from hidden.study import COUNTS, diagnosis_of, tasks_of_study
+from hidden.kept import Kept, generator_hash, read_kept
+from hidden.scenario import (
+    KINDS,
+    LARGE,
+    Task,
+    draw_scenario,
+    planned_strength,
+    record_scenario,
+    truth_of,
+)
+from hidden.scoring import outcome_of
+from hidden.study import COUNTS, diagnosis_of, made, tasks_of_study
 from hidden.truth import VISIBLE
 
 from par4_identification.log import Log
@@ -64,11 +74,18 @@ def test_an_effect_outside_the_library_ends_as_unknown():
 
 
 @pytest.mark.parametrize(('seed', 'coloured'), [(305000, False), (305001, True)])
-def test_a_clean_machine_is_not_accused(seed, coloured):
-    _, diagnosis = diagnosed(Task('clean', seed, None, coloured))
-    assert diagnosis.causes == ()
+def test_a_clean_machine_is_not_accused(seed, coloured, tmp_path):
+    scenario = made(Task('clean', seed, None, coloured))
+    kept = read_kept(scenario.write(tmp_path))
+    assert kept.generator == generator_hash()
+    assert kept.robot == scenario.robot
+    for written, read in ((scenario.fit, kept.fit), (scenario.heldout, kept.heldout)):
+        for field in ('t', 'q', 'tau'):
+            np.testing.assert_array_equal(getattr(read, field), getattr(written, field))
+    outcome = outcome_of(kept)
+    assert outcome['causes'] == []
     # noise that wanders by itself may exceed the floor, but is nobody's function of the motion
-    assert diagnosis.verdict in (('clean', 'unknown') if coloured else ('clean',))
+    assert outcome['verdict'] in (('clean', 'unknown') if coloured else ('clean',))
 
 
 def test_a_bag_holds_what_is_recorded_in_memory():
@@ -101,3 +118,50 @@ def test_a_study_is_the_same_list_of_distinct_tasks():
     assert len(counts) == 29
     assert max(counts) - min(counts) <= 1
     assert min(task.seed for task in tasks) >= 1_000_000
+    assert len({task.outside for task in tasks if task.kind == 'company'}) >= 10
+    assert all((task.outside is None) == (task.kind not in (
+        'company', 'outside', 'lines', 'bursts')) for task in tasks)
+    some = tasks_of_study(1.0, 1_000_000, ('single',), 10)
+    assert some == [task for task in tasks if task.kind == 'single'][:10]
+
+
+def drawn(kind, seed, effect=None, outside=None):
+    return draw_scenario(Task(kind, seed, effect, True, outside=outside))
+
+
+def test_kinds_are_drawn_as_they_are_described():
+    triple = drawn('triple', 1, 'cogging')
+    assert len({name for name, _ in triple.hidden}) == 3
+    for seed in (1, 2):
+        names = [name for name, _ in drawn('realistic', seed).hidden]
+        assert 4 <= len(set(names)) == len(names) <= 8
+        assert {'joint_friction_difference', 'joint_inertia_difference'} <= set(names)
+    company = drawn('company', 3, 'stribeck', 'dead_band')
+    assert company.outside[0].name == 'dead_band'
+    assert [name for name, _ in company.hidden] == ['stribeck']
+    wander = drawn('wander', 4)
+    assert wander.wander.level.min() >= 0.05
+    assert not wander.hidden
+    odd = [drawn('coarse', seed, 'torque_offset') for seed in range(5, 9)]
+    assert all(item.known.robot.drives.encoder_counts == 8192 or item.every > 1
+               or item.shape in ('cycles', 'slow') for item in odd)
+    for effect in LARGE:
+        large = drawn('large', 7, effect)
+        usual = drawn('single', 7, effect)
+        sizes = [max(np.abs(value).max() for value in scenario.hidden[0][1].values())
+                 for scenario in (large, usual)]
+        assert sizes[0] > 2.0 * sizes[1]
+        assert planned_strength(effect, large.hidden[0][1], large.known, large.motions[0],
+                                np.full(4, 0.1)) > 10 * VISIBLE
+
+
+def test_a_file_of_another_generator_is_told(tmp_path):
+    t = np.arange(3.0)
+    log = Log('fit', ('a', 'b', 'c', 'd'), 5, 1.0, t, np.zeros((3, 4)), np.ones((3, 4)),
+              (slice(0, 3),), None, None)
+    robot = draw_scenario(Task('clean', 1, None, False)).known.robot
+    kept = Kept({'kind': 'clean', 'seed': 1}, robot, log, log, np.zeros((3, 4)), 'other')
+    read = read_kept(kept.write(tmp_path))
+    assert read.generator == 'other' != generator_hash()
+    assert read.fit.segments == (slice(0, 3),)
+    assert set(KINDS) == set(COUNTS)

@@ -8,11 +8,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hidden.hiders import HIDERS, Column, on
+from hidden.hider import Column, on
+from hidden.hiders import HIDERS
 from hidden.machines import known_machine
 from hidden.physics import Torques, rate
 from hidden.recording import record
-from hidden.truth import CHAOTIC, TWIN, VISIBLE, Truth
+from hidden.truth import (
+    CHAOTIC,
+    EVERY,
+    TWIN,
+    VISIBLE,
+    Truth,
+    build,
+    least_squares,
+    true_noise,
+    whitener_of,
+)
 
 from par4_dynamics.state import GRAVITY, state_of_joints
 from par4_kinematics.excitation import excitation_motion
@@ -206,12 +217,10 @@ def motion():
                              acceleration=40.0)
 
 
-def recorded(known, motion, hidden):
-    machine = known.machine
-    for name, values in hidden:
-        machine = HIDERS[name].build(machine, values)
-    return record(known, machine, motion, fidelity='exact', noise=Noise(torque_noise=0.05), seed=1,
-                  feedforward=known.model, wander=None, name='fit')
+def recorded(known, motion, hidden, every=1):
+    return record(known, build(known.machine, hidden), motion, fidelity='exact',
+                  noise=Noise(torque_noise=0.05), seed=1, feedforward=known.model, wander=None,
+                  name='fit', every=every)
 
 
 @pytest.mark.parametrize(('name', 'values', 'twins'), [
@@ -223,7 +232,7 @@ def test_the_truth_of_a_recording_is_the_effect_that_made_it(motion, name, value
     known = known_machine('reference')
     truth = Truth(recorded(known, motion, [(name, values)]), known, [(name, values)])
     assert truth.evidence > 20 * VISIBLE
-    assert truth.rest([name]) < 0.2 * truth.evidence
+    assert truth.rest(name) < 0.2 * truth.evidence
     assert truth.strength(name) > 0.8 * truth.evidence
     assert set(truth.twins(name)) == twins
 
@@ -233,14 +242,69 @@ def test_arms_behind_springs_follow_their_motors(motion):
     recording = recorded(known, motion, [('elastic_transmission', hidden)])
     truth = Truth(recording, known, [('torque_offset', {'offset': on(ALL, 0.1)})])
     columns = truth.columns(HIDERS['elastic_transmission'], [Column(hidden, 0.9, 1.1)])
-    assert truth.fitted([columns]) < 0.02 * truth.evidence
+    assert least_squares(columns[0], truth.left, *columns[1:]) < 0.02 * truth.evidence
 
 
 def test_a_clean_recording_holds_nothing(motion):
     known = known_machine('reference')
     truth = Truth(recorded(known, motion, []), known, [])
     quiet = [name for name in HIDERS if name not in (*CHAOTIC, 'elastic_transmission')]
-    worth = {name: truth.evidence - truth.rest([name]) for name in quiet}
+    worth = {name: truth.evidence - truth.rest(name) for name in quiet}
     # sampling and sticking leave traces, which some shapes follow; none as far as to be visible
     assert max(worth.values()) < VISIBLE, worth
     assert TWIN < VISIBLE
+
+
+@pytest.mark.parametrize(('name', 'values', 'sets'), [
+    # what three joints share the base parameters take, so that the fourth is the odd one
+    ('drive_gain_error', {'relative': on([0, 1, 3], 0.05)}, [[2]]),
+    ('joint_friction_difference', {'coulomb': on([1, 3], 0.2), 'viscous': on([1, 3], 0.1)},
+     [[0, 2], [1, 3]]),
+    # none is between: any three differ from the fourth
+    ('joint_inertia_difference', {'actuator_inertia': on([0, 1, 2], (0.005, 0.003, -0.002))},
+     [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]),
+    ('encoder_offset', {'offset': on([1], 5e-3)}, [[1]]),
+])
+def test_joints_are_the_fewest_that_explain_alike(motion, name, values, sets):
+    known, hidden = known_machine('reference'), [(name, values)]
+    assert Truth(recorded(known, motion, hidden), known, hidden).joint_sets(name) == sets
+
+
+def test_effects_carry_what_the_model_without_them_leaves(motion):
+    known = known_machine('reference')
+    hidden = [('cogging', {'amplitude': on(ALL, 0.3), 'periods': 40.0, 'phase': np.zeros(4)}),
+              ('external_force', {'x': 1.0, 'y': 0.0, 'z': 0.0}),
+              ('theta_inertia', {'theta_inertia': 1e-6})]
+    truth = Truth(recorded(known, motion, hidden), known, hidden)
+    shares = truth.carried()
+    alone = Truth(recorded(known, motion, hidden[:1]), known, hidden[:1])
+    # these laws have little in common: what is left without one is what it is worth alone
+    assert shares['cogging'] == pytest.approx(alone.evidence / truth.evidence, rel=0.05)
+    assert sum(shares.values()) == pytest.approx(1.0, abs=0.05)
+    assert shares['theta_inertia'] < 1e-3
+
+
+def test_a_slow_logger_tells_less_of_the_same(motion):
+    known, hidden = known_machine('reference'), [('torque_offset', {'offset': on([0], 0.2)})]
+    whole, fifth = (recorded(known, motion, hidden, every) for every in (1, 5))
+    np.testing.assert_array_equal(fifth.log.q, whole.log.q[::5])
+    np.testing.assert_array_equal(fifth.log.tau, whole.log.tau[::5])
+    assert fifth.log.period == pytest.approx(5 * whole.log.period)
+    assert len(true_noise(fifth, known)) == len(fifth.log.t)
+    # a fifth of the samples of a white noise holds it five times as loud in the band
+    evidence = [Truth(item, known, hidden).evidence for item in (whole, fifth)]
+    assert 3.0 < evidence[0] / evidence[1] < 7.0
+
+
+def test_whitened_noise_is_white():
+    random = np.random.default_rng(4)
+    noise = np.zeros((60_000, 4))
+    for row in range(1, len(noise)):
+        noise[row] = 0.97 * noise[row - 1] + random.standard_normal(4)
+    valid = np.ones(noise.shape, dtype=bool)
+    valid[20_000:25_000, 1] = False
+    first, second = noise[:30_000], noise[30_000:]
+    for joint, rows in enumerate(whitener_of(first, valid[:30_000])(second)):
+        assert len(rows) == valid[:30_000:EVERY, joint].sum()
+        assert rows.std() == pytest.approx(1.0, abs=0.08)
+        assert abs(np.corrcoef(rows[1:], rows[:-1])[0, 1]) < 0.06

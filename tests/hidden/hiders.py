@@ -1,246 +1,44 @@
-"""What may be hidden: each effect as parts of a machine, its usual sizes, its family of shapes.
-
-A hider knows how to build a machine with the effect and how large the effect usually is. It knows
-no torque: that is what the machine makes of it, see `physics`.
-"""
+"""What may be hidden: each effect of the library as parts of a machine, see `hider`."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from hidden.machines import Known
+from hidden.friction_hiders import (
+    COULOMB_ASYMMETRY,
+    FRICTION_DRIFT,
+    JOINT_FRICTION_DIFFERENCE,
+    LOAD_DEPENDENT_FRICTION,
+    NONLINEAR_VISCOUS,
+    PRESLIDING,
+    STRIBECK,
+    VISCOUS_ASYMMETRY,
+)
+from hidden.hider import (
+    JOINTS,
+    Column,
+    Family,
+    Hider,
+    Scene,
+    Values,
+    all_joints,
+    each_joint,
+    field_hider,
+    on,
+    part,
+    signs,
+)
 from par4_kinematics.geometry import LEGS
 from par4_sim.machine import Harmonic, Machine
 
-Values = dict[str, np.ndarray | float]
-"""Parameter -> one number, or (4,) for the joints."""
-JOINTS = tuple(range(LEGS))
 RATED = 20.0
 """N m: motors of this size; their cogging and ripple are shares of it."""
 DIMENSIONS = ('arm_length', 'forearm_length', 'base_radius', 'platform_radius',
               'platform_bar_length')
-
-
-@dataclass(frozen=True)
-class Column:
-    """One direction in which an effect can be larger.
-
-    Attributes:
-        values: of the effect, of a usual size.
-        low, high: bounds of the factor on them.
-    """
-
-    values: Values
-    low: float = -5.0
-    high: float = 5.0
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What a family may depend on.
-
-    Attributes:
-        reach: least range of a joint, rad.
-        periods: a turn, of waves that are hidden.
-    """
-
-    reach: float
-    periods: tuple[float, ...] = ()
-
-
-Family = list[list[Column]]
-"""One list of columns for each shape: torques of a shape add up, shapes exclude each other."""
-
-
-@dataclass(frozen=True)
-class Hider:
-    """One effect.
-
-    Attributes:
-        name: as `diagnosis.json` has it.
-        build: (machine, values) -> machine with the effect.
-        draw: (random, known, joints (k,)) -> values of a usual size.
-        sizes: parameters that scale the effect; the others shape it.
-        family: scene -> shapes and columns.
-        own_joints: whether what it does to a joint shows in that joint's torque alone; a column
-            of the family is then one for each joint.
-        per_joint: whether each joint has it or not.
-    """
-
-    name: str
-    build: Callable[[Machine, Values], Machine]
-    draw: Callable[[np.random.Generator, Known, np.ndarray], Values]
-    sizes: tuple[str, ...]
-    family: Callable[[Scene], Family]
-    own_joints: bool = False
-    per_joint: bool = True
-
-
-def part(machine: Machine, name: str, **added) -> Machine:
-    """Return the machine with a part whose fields are changed."""
-    return replace(machine, **{name: replace(getattr(machine, name), **added)})
-
-
-def on(joints, values) -> np.ndarray:
-    """Return (4,) with values on some joints."""
-    full = np.zeros(LEGS)
-    full[list(joints)] = values
-    return full
-
-
-def signs(random: np.random.Generator, joints) -> np.ndarray:
-    """Return +-1 for each joint."""
-    return random.choice((-1.0, 1.0), len(joints))
-
-
-def field_hider(name: str, part_name: str, fields: dict[str, str],
-                draw, units: list[list[tuple[Values, float, float]]], sizes, **kind) -> Hider:
-    """Return a hider whose parameters are fields of one part of the machine.
-
-    Args:
-        fields: parameter -> field.
-        units: shapes; each a list of usual values with the bounds of their factor.
-    """
-    def build(machine: Machine, values: Values) -> Machine:
-        own = getattr(machine, part_name)
-        changed = {}
-        for parameter, value in values.items():
-            old = getattr(own, fields[parameter])
-            additive = parameter in sizes
-            changed[fields[parameter]] = old + value if additive else value
-        return part(machine, part_name, **changed)
-
-    def family(_scene):
-        return [[Column(*unit) for unit in shape] for shape in units]
-
-    return Hider(name, build, draw, sizes, family, **kind)
-
-
-def all_joints(values: Values, sizes: tuple[str, ...], low: float = -5.0, high: float = 5.0):
-    """Return the same values on all joints, to be split."""
-    return [({key: on(JOINTS, value) if key in sizes else value
-              for key, value in values.items()}, low, high)]
-
-
-def each_joint(values: Values, sizes: tuple[str, ...], low: float = -5.0, high: float = 5.0):
-    """Return the same values on each joint alone."""
-    return [({key: on([joint], value) if key in sizes else value
-              for key, value in values.items()}, low, high) for joint in JOINTS]
-
-
-def coulomb(known: Known) -> np.ndarray:
-    """Return f_c (4,), N m."""
-    return known.model.values['coulomb_friction']
-
-
-def viscous(known: Known) -> np.ndarray:
-    """Return f_v (4,), N m s/rad."""
-    return known.model.values['viscous_friction']
-
-
-# --- friction of the joints -------------------------------------------------------------------
-
-STRIBECK = field_hider(
-    'stribeck', 'friction',
-    {'stribeck_torque': 'stribeck_torque', 'stribeck_velocity': 'stribeck_velocity'},
-    lambda random, known, joints: {
-        'stribeck_torque': on(joints, random.uniform(0.2, 0.6, len(joints))
-                              * coulomb(known)[joints]),
-        'stribeck_velocity': np.full(LEGS, np.exp(random.uniform(np.log(0.02), np.log(0.3))))},
-    [all_joints({'stribeck_torque': 0.5, 'stribeck_velocity': np.full(LEGS, speed)},
-                ('stribeck_torque',), 0.0)
-     for speed in (0.02, 0.035, 0.06, 0.1, 0.17, 0.3, 0.5)],
-    ('stribeck_torque',), own_joints=True)
-
-COULOMB_ASYMMETRY = field_hider(
-    'coulomb_asymmetry', 'friction', {'asymmetry': 'coulomb_asymmetry'},
-    lambda random, known, joints: {'asymmetry': on(
-        joints, signs(random, joints) * random.uniform(0.05, 0.2, len(joints))
-        * coulomb(known)[joints])},
-    [all_joints({'asymmetry': 0.3}, ('asymmetry',))], ('asymmetry',), own_joints=True)
-
-VISCOUS_ASYMMETRY = field_hider(
-    'viscous_asymmetry', 'friction', {'asymmetry': 'viscous_asymmetry'},
-    lambda random, known, joints: {'asymmetry': on(
-        joints, signs(random, joints) * random.uniform(0.05, 0.2, len(joints))
-        * viscous(known)[joints])},
-    [all_joints({'asymmetry': 0.2}, ('asymmetry',))], ('asymmetry',), own_joints=True)
-
-
-def _nonlinear_viscous(random, known, joints):
-    share = random.uniform(0.1, 0.3, len(joints)) * viscous(known)[joints]
-    if random.uniform() < 0.5:
-        # that share of the viscous torque at 2 rad/s
-        return {'quadratic': on(joints, share / 2.0)}
-    exponent = random.choice((0.35, 0.5, 1.5, 2.5))
-    return {'torque': on(joints, share * 2.0 ** (1.0 - exponent)),
-            'exponent': np.full(LEGS, exponent)}
-
-
-NONLINEAR_VISCOUS = field_hider(
-    'nonlinear_viscous', 'friction',
-    {'quadratic': 'quadratic', 'torque': 'power_torque', 'exponent': 'power_exponent'},
-    _nonlinear_viscous,
-    [all_joints({'quadratic': 0.2}, ('quadratic',))]
-    + [all_joints({'torque': 0.3, 'exponent': np.full(LEGS, exponent)}, ('torque',))
-       for exponent in (0.25, 0.35, 0.5, 0.7, 1.4, 1.7, 2.4, 2.8)],
-    ('quadratic', 'torque'), own_joints=True)
-
-LOAD_DEPENDENT_FRICTION = field_hider(
-    'load_dependent_friction', 'friction', {'coefficient': 'load_coefficient'},
-    lambda random, _known, joints: {'coefficient': on(
-        joints, random.uniform(0.01, 0.1, len(joints)))},
-    [all_joints({'coefficient': 0.03}, ('coefficient',), 0.0)], ('coefficient',), own_joints=True)
-
-
-def _draw_warming(random, _known, _joints):
-    """A warm lubricant is thinner; the friction between surfaces falls less or not at all."""
-    viscous = random.uniform(0.1, 0.4)
-    return {'drop': random.uniform(0.0, 1.0) * viscous, 'viscous_drop': viscous,
-            'time_constant': random.uniform(2.0, 20.0)}
-
-
-FRICTION_DRIFT = field_hider(
-    'friction_drift', 'friction',
-    {'drop': 'dry_drop', 'viscous_drop': 'flowing_drop', 'time_constant': 'warming_time'},
-    _draw_warming,
-    [[({size: 0.2, 'time_constant': constant}, 0.0, 5.0) for size in ('drop', 'viscous_drop')]
-     for constant in (0.8, 1.5, 3.0, 6.0, 12.0, 25.0, 50.0)],
-    ('drop', 'viscous_drop'), per_joint=False)
-
-PRESLIDING = field_hider(
-    'presliding', 'friction', {'distance': 'presliding_distance'},
-    lambda random, _known, _joints: {
-        'distance': 1e-3 * np.exp(random.uniform(np.log(0.5), np.log(10.0)))},
-    [[({'distance': 1e-3 * distance}, 0.9, 1.1)]
-     for distance in (0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0, 11.0)],
-    ('distance',), per_joint=False)
-
-
-def _friction_difference(machine: Machine, values: Values) -> Machine:
-    friction = machine.friction
-    return part(machine, 'friction', coulomb=friction.coulomb + values.get('coulomb', 0.0),
-                viscous=friction.viscous + values.get('viscous', 0.0))
-
-
-def _draw_friction_difference(random, known, joints):
-    joints = joints[:3]  # the same on all joints is the base model's
-    share = signs(random, joints) * random.uniform(0.02, 0.2, len(joints))
-    other = signs(random, joints) * random.uniform(0.02, 0.2, len(joints))
-    return {'coulomb': on(joints, share * coulomb(known)[joints]),
-            'viscous': on(joints, other * viscous(known)[joints])}
-
-
-JOINT_FRICTION_DIFFERENCE = Hider(
-    'joint_friction_difference', _friction_difference, _draw_friction_difference,
-    ('coulomb', 'viscous'),
-    lambda _scene: [[Column({key: on(JOINTS, 0.2)})
-                     for key in ('coulomb', 'viscous')]],
-    own_joints=True)
 
 
 # --- drives, transmissions, record ------------------------------------------------------------
@@ -533,8 +331,3 @@ HIDERS: dict[str, Hider] = {hider.name: hider for hider in (
     JOINT_INERTIA_DIFFERENCE, BASE_TILT, EXTERNAL_FORCE, CABLE_SPRING, PLATFORM_DRAG,
     ENCODER_OFFSET, ENCODER_ECCENTRICITY, GEOMETRY_ERROR)}
 """All of the table but payload (two runs), torque_saturation and quantization (no torque)."""
-
-
-def scaled(hider: Hider, values: Values, factor: float) -> Values:
-    """Return values of another size and the same shape."""
-    return {key: value * factor if key in hider.sizes else value for key, value in values.items()}

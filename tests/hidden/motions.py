@@ -14,6 +14,8 @@ from par4_kinematics.robot import Robot
 from par4_kinematics.workspace import home_pose
 
 SHAPES = ('excitation', 'slow then fast', 'mixed', 'circles')
+ODD_SHAPES = ('cycles', 'slow')
+"""Of motions that nobody chose for identification."""
 PAUSE = 0.4
 """s between the parts of a motion."""
 
@@ -50,6 +52,11 @@ def draw_motion(shape: str, robot: Robot, duration: float, seed: int) -> Motion:
             excitation_motion(robot, 0.55 * duration, seed, slow_fraction=0.7,
                               joint_speed=float(random.uniform(0.8, 2.0)), acceleration=15.0),
             excitation_motion(robot, 0.45 * duration, seed + 1, slow_fraction=0.2, **hard)], robot)
+    if shape == 'slow':
+        return excitation_motion(robot, duration, seed, slow_fraction=0.85, acceleration=8.0,
+                                 joint_speed=float(random.uniform(0.6, 1.2)))
+    if shape == 'cycles':
+        return _cycles(robot, duration, random)
     wandering = excitation_motion(robot, 0.65 * duration, seed, **hard,
                                   slow_fraction=float(random.uniform(0.3, 0.6)))
     length = 0.35 * duration - 1.5

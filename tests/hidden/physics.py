@@ -23,6 +23,7 @@ from par4_dynamics.mechanism import (
     packed_mechanism,
 )
 from par4_kinematics.acceleration import platform_motion
+from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.position import forward_kinematics
 from par4_sim.elastic import split_machine, spring_torque
@@ -44,6 +45,10 @@ RIGID = 1e5
 """N m/rad: of a spring that stands for a rigid joint beside elastic ones."""
 PHASE = 0.35
 """rad: of its vibration in a step."""
+
+
+class OutOfReach(ValueError):
+    """A machine that cannot follow a reading: its legs are too short there."""
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -136,6 +141,7 @@ class Torques:
     reading: np.ndarray
     _mechanisms: dict = field(default_factory=dict)
     _motions: dict = field(default_factory=dict)
+    _frictions: dict = field(default_factory=dict)
 
     @property
     def period(self) -> float:
@@ -152,10 +158,12 @@ class Torques:
             total = self._behind_springs(machine, q)
         for row in machine.loads:
             total = total + np.array([row(*now) for now in zip(self.t, q, rate(q, self.period))])
-        return self._amplified(machine, total, q)
+        return self.amplified(machine, total, q)
 
     def _true_positions(self, machine: Machine) -> np.ndarray:
         sensors = machine.sensors
+        if not np.any(sensors.eccentricity):
+            return self.reading - sensors.encoder_offset
         q = self.reading
         for _ in range(6):
             q = self.reading - sensors.encoder_offset - sensors.eccentricity * np.sin(
@@ -166,8 +174,11 @@ class Torques:
         key = (q.tobytes(), machine.geometry.packed.tobytes())
         if key not in self._motions:
             qd = rate(q, self.period)
-            self._motions[key] = qd, platform_motion(machine.geometry, q, qd,
-                                                     rate(qd, self.period))
+            try:
+                self._motions[key] = qd, platform_motion(machine.geometry, q, qd,
+                                                         rate(qd, self.period))
+            except UnreachableError as error:
+                raise OutOfReach(str(error)) from error
         return self._motions[key]
 
     def _mechanism(self, machine: Machine, q: np.ndarray) -> np.ndarray:
@@ -179,7 +190,8 @@ class Torques:
             torque = np.empty_like(q)
             lost = _mechanism_rows(constants, machine.platform.packed, machine.platform.has_pivots,
                                    motion.x, motion.xd, motion.xdd, q, qd, torque)
-            assert lost < 0, f'sample {lost} is out of reach'
+            if lost >= 0:
+                raise OutOfReach(f'sample {lost} is out of reach')
             self._mechanisms[key] = torque
         torque = self._mechanisms[key].copy()
         for item in machine.harmonics:
@@ -188,9 +200,14 @@ class Torques:
         return torque
 
     def _friction(self, machine: Machine, q: np.ndarray, load: np.ndarray) -> np.ndarray:
-        torque = np.empty_like(q)
-        _friction_rows(machine.friction.packed, self.t, q, rate(q, self.period), load, torque)
-        return torque
+        laws = machine.friction.packed
+        carried = load.tobytes() if np.any(laws[:, LOAD_COEFFICIENT]) else b''
+        key = q.tobytes(), laws.tobytes(), carried
+        if key not in self._frictions:
+            torque = np.empty_like(q)
+            _friction_rows(laws, self.t, q, rate(q, self.period), load, torque)
+            self._frictions[key] = torque
+        return self._frictions[key]
 
     def _behind_springs(self, machine: Machine, q: np.ndarray) -> np.ndarray:
         """Return the motors' torque (n, 4) where the arms follow them over springs and gaps."""
@@ -213,11 +230,13 @@ class Torques:
             machine_constants(driven), Friction().packed, driven.harmonic_rows, springs,
             np.stack((way(middle), way(middle, 1), CubicSpline(self.t, feed)(middle))),
             state, steps, self.period / steps, passed)
-        assert lost < 0, 'the arms leave their reach'
+        if lost >= 0:
+            raise OutOfReach('the arms leave their reach')
         qdd = rate(rate(q, self.period), self.period)
         return passed + motors.inertia * qdd + self._friction(machine, q, passed)
 
-    def _amplified(self, machine: Machine, torque: np.ndarray, q: np.ndarray) -> np.ndarray:
+    def amplified(self, machine: Machine, torque: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """Return the record of a torque (n, 4), N m, that the machine needs at true q (n, 4)."""
         amplifier = machine.amplifier
         wave = np.sin(amplifier.ripple_periods * q + amplifier.ripple_phase)
         asked = torque * (1.0 + amplifier.gain_error) * (1.0 + amplifier.ripple * wave)

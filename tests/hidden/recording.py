@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from hidden.hider import Values
 from hidden.machines import Known
-from hidden.physics import in_band
+from hidden.outside import Act, Outside
+from hidden.physics import Torques, in_band
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints, state_of_platform
 from par4_identification.log import Log
@@ -71,12 +73,19 @@ def drawn(source: NoiseSource, samples: int) -> np.ndarray:
 
 
 class Watched:
-    """A plant whose true positions and torques are kept, a row a step; implements `Plant`."""
+    """A plant whose true positions and torques are kept, a row a step; implements `Plant`.
 
-    def __init__(self, plant: Plant) -> None:
+    Args:
+        plant: the mechanism.
+        act: what torque is lost between drives and plant, None for nothing.
+    """
+
+    def __init__(self, plant: Plant, act: Act | None = None) -> None:
         self._plant = plant
+        self._act = act
         self.positions: list[np.ndarray] = []
         self.torques: list[np.ndarray] = []
+        self.lost: list[np.ndarray] = []
 
     def __getattr__(self, name: str):
         return getattr(self._plant, name)
@@ -85,6 +94,9 @@ class Watched:
         """Keep the positions and advance."""
         self.positions.append(self._plant.q)
         self.torques.append(np.array(tau))
+        if self._act is not None:
+            self.lost.append(np.array(self._act(self._plant, tau)))
+            tau = tau - self.lost[-1]
         self._plant.step(tau)
 
 
@@ -96,18 +108,24 @@ class Recording:
         log: what the diagnosis sees.
         t: time since the machine began, (n,) s.
         reading: of ideal encoders, (n, 4) rad: without counts.
-        torque: recorded, without noise, (n, 4) N m; a wandering load is in it.
+        counted: what the encoders tell, (n, 4) rad, of which the log has every `every`-th sample.
+        every: samples from row to row of the log.
+        torque: recorded, without noise, (n, 4) N m; wandering load and outside cause are in it.
         noise: what the recorder added and what it folds into its band of the drives' answers to
             encoder counts, (n, 4) N m.
         wander: the wandering load, (n, 4) N m, zero without one.
+        outside: what a cause outside the library adds to the recorded torque, (n, 4) N m.
     """
 
     log: Log
     t: np.ndarray
     reading: np.ndarray
+    counted: np.ndarray
+    every: int
     torque: np.ndarray
     noise: np.ndarray
     wander: np.ndarray
+    outside: np.ndarray
 
 
 def holding_torque(known: Known) -> np.ndarray:
@@ -118,26 +136,35 @@ def holding_torque(known: Known) -> np.ndarray:
     return known.model.torque(rest)[0]
 
 
-def simulation_of(known: Known, machine: Machine, fidelity: str, noise: Noise, seed: int
-                  ) -> Simulation:
+def simulation_of(known: Known, machine: Machine, fidelity: str, noise: Noise, seed: int,
+                  outside: tuple[Outside, Values] | None = None) -> Simulation:
     """Return the simulation of a machine at rest, its plant watched."""
     robot = known.robot
-    return Simulation(robot, Watched(build_plant(machine, fidelity)), PERIOD,
+    plant = build_plant(machine, fidelity)
+    act = (outside[0].starts(known, outside[1], plant.dt) if outside and outside[0].starts
+           else None)
+    return Simulation(robot, Watched(plant, act), PERIOD,
                       robot.drives.torque_limit, holding_torque(known), machine.amplifier,
                       machine.sensors, noise, seed)
 
 
 def record(known: Known, machine: Machine, motion: Motion, *, fidelity: str, noise: Noise,
-           seed: int, feedforward: Model | None, wander: Wander | None, name: str) -> Recording:
-    """Return the recording of a motion on a machine; see `Simulation` for what is asked."""
-    simulation = simulation_of(known, machine, fidelity, Noise(), seed)
+           seed: int, feedforward: Model | None, wander: Wander | None, name: str,
+           outside: tuple[Outside, Values] | None = None, every: int = 1) -> Recording:
+    """Return the recording of a motion on a machine; see `Simulation` for what is asked.
+
+    Args:
+        outside: a cause outside the library and its values.
+        every: samples from row to row of the log.
+    """
+    simulation = simulation_of(known, machine, fidelity, Noise(), seed, outside)
     # encoders or dimensions that err see home elsewhere: as into a bag, the drives are led there
     motion = with_approach(motion, known.robot, simulation.q)
     samples = round((motion.duration + 2.0 * DWELL) / PERIOD)
     if wander:
         simulation.close()
         machine = loaded(machine, wander, samples)
-        simulation = simulation_of(known, machine, fidelity, Noise(), seed)
+        simulation = simulation_of(known, machine, fidelity, Noise(), seed, outside)
     plant = simulation.plant
     start = simulation.time + DWELL
     simulation.queue_reference(start + motion.t, motion.q, motion.qd, motion.qdd)
@@ -149,7 +176,8 @@ def record(known: Known, machine: Machine, motion: Motion, *, fidelity: str, noi
     true = np.array(plant.positions[::each][:samples])
     # drives answer encoder counts at every step; what of that a recorder folds into its band
     steps = (np.arange(len(plant.torques)) * plant.dt + plant.torque_offset)
-    smooth = CubicSpline(steps, in_band(np.array(plant.torques), FOLD, plant.dt))
+    fold = min(FOLD, 0.4 / (every * PERIOD))
+    smooth = CubicSpline(steps, in_band(np.array(plant.torques), fold, plant.dt))
     folded = np.array([sample.true_torque for sample in told]) - smooth(
         np.arange(samples) * PERIOD)
     simulation.close()
@@ -157,13 +185,24 @@ def record(known: Known, machine: Machine, motion: Motion, *, fidelity: str, noi
     reading = true + sensors.encoder_offset + sensors.eccentricity * np.sin(
         true + sensors.eccentricity_phase)
     torque = np.array([sample.effort for sample in told])
+    counted = np.array([sample.q for sample in told])
     added = drawn(NoiseSource(noise, PERIOD, seed), samples)
     t = np.arange(samples) * PERIOD
-    log = Log(name=name, joint_names=known.robot.joint_names, start_stamp=told[0].time_ns,
-              period=PERIOD, t=t, q=np.array([sample.q for sample in told]), tau=torque + added,
-              segments=(slice(0, samples),), reference=None, accounts=None)
     path = wander.path(samples) if wander else np.zeros_like(torque)
-    return Recording(log, t, reading, torque - folded, added + folded, path)
+    strange = np.zeros_like(torque)
+    if plant.lost:
+        lost = np.array(plant.lost)
+        lost = 0.5 * (lost + np.concatenate((lost[:1], lost[:-1])))
+        strange = Torques(t, reading).amplified(machine, lost[::each][:samples], true)
+    if outside and outside[0].tells:
+        more = outside[0].tells(outside[1], t, torque, np.random.default_rng((seed, 9)))
+        torque, strange = torque + more, strange + more
+    rows = slice(0, samples, every)
+    log = Log(name=name, joint_names=known.robot.joint_names, start_stamp=told[0].time_ns,
+              period=every * PERIOD, t=t[rows], q=counted[rows], tau=(torque + added)[rows],
+              segments=(slice(0, len(t[rows])),), reference=None, accounts=None)
+    return Recording(log, t, reading, counted, every, torque - folded, added + folded, path,
+                     strange)
 
 
 def loaded(machine: Machine, wander: Wander, samples: int) -> Machine:

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import tempfile
 from dataclasses import dataclass, replace
-from functools import reduce
 from pathlib import Path
 
 import numpy as np
 
-from hidden.hiders import HIDERS, JOINTS, Values, scaled
+from hidden.hider import JOINTS, Hider, Values, on, scaled, signs
+from hidden.hiders import DIMENSIONS, HIDERS
 from hidden.machines import Known, known_machine
-from hidden.motions import SHAPES, draw_motion
-from hidden.physics import Torques, in_band
+from hidden.motions import ODD_SHAPES, SHAPES, draw_motion
+from hidden.outside import OUTSIDE, Outside
+from hidden.physics import OutOfReach, Torques, in_band
 from hidden.recording import PERIOD, Recording, Wander, loaded, record, simulation_of
-from hidden.truth import BAND, CHAOTIC, EVERY, Truth, base_variants, usable
+from hidden.truth import BAND, CHAOTIC, EVERY, Truth, base_variants, build, usable
 from par4_identification.log import read_log
 from par4_kinematics.motion import Motion
 from par4_sim.machine import Machine
 from par4_sim.noise import Noise
 from par4_sim.offline import simulate_to_bag
 
-KINDS = ('single', 'pair', 'removed', 'clean', 'below', 'rods')
+KINDS = ('single', 'pair', 'removed', 'clean', 'below', 'rods', 'triple', 'company', 'outside',
+         'realistic', 'wander', 'lines', 'bursts', 'coarse', 'large')
+"""In the order of their seeds."""
 FIT, HELD_OUT = 16.0, 10.0
 """s"""
 PLANNED = 150.0
@@ -33,18 +36,38 @@ BELOW = 1.0
 """Log-likelihood ratio on the planned motion of an effect below the floor."""
 
 
+LARGE = ('encoder_offset', 'geometry_error', 'drive_gain_error', 'time_offset')
+"""Effects that a careless setup makes large."""
+COARSE_COUNTS, COARSE_EVERY = 8192, (1, 2, 5)
+"""Encoder counts a turn; samples at 1 kHz from row to row of a coarse log."""
+PROMPTED, PROMPT = ('time_offset', 'actuator_lag'), 0.2
+"""Effects that a drive in service has at this share of the largest size; else no other would carry
+a share of the error beside them."""
+UNREAL = (*CHAOTIC, 'elastic_transmission')
+"""Effects that the truth of a machine with many others cannot judge."""
+
+
 @dataclass(frozen=True)
 class Task:
     """One scenario to make.
 
     Attributes:
-        kind: 'single'; 'pair' of effects; 'removed': a single whose name and twins the library
-            lacks; 'clean'; 'below' the noise; 'rods': a machine of real rods and bars.
+        kind: what is hidden:
+            'single', 'pair', 'triple': so many effects of the library;
+            'removed': a single whose name and twins the library lacks;
+            'clean': nothing; 'below': an effect below the noise;
+            'rods': a machine of real rods and bars;
+            'company': one effect beside one cause outside the library; 'outside': that alone;
+            'realistic': four to eight effects, joints that differ among them;
+            'wander', 'lines', 'bursts': nothing, under noise that wanders far, has lines, bursts;
+            'coarse': a single with coarse encoders, a slow logger or an odd motion;
+            'large': a single of the size of a setup mistake.
         seed: of all that is drawn.
         effect: the first that is hidden, where there is one.
         coloured: whether the noise is.
         fidelity: of the plant.
         through_bag: whether the diagnosis reads bags.
+        outside: name of the cause outside the library, where there is one.
     """
 
     kind: str
@@ -53,6 +76,7 @@ class Task:
     coloured: bool
     fidelity: str = 'exact'
     through_bag: bool = False
+    outside: str | None = None
 
 
 @dataclass(frozen=True)
@@ -68,13 +92,17 @@ class Scenario:
     noise: Noise
     wander: Wander | None
     feedforward: bool
+    outside: tuple[Outside, Values] | None = None
+    every: int = 1
 
 
 def draw_scenario(task: Task) -> Scenario:
     """Return the scenario that a task draws."""
     random = np.random.default_rng((task.seed, KINDS.index(task.kind)))
     known = known_machine(random.choice(('reference', 'other', 'other friction')), random)
-    shape = str(random.choice(SHAPES))
+    shape, every = str(random.choice(SHAPES)), 1
+    if task.kind == 'coarse':
+        known, shape, every = _coarsened(known, shape, random)
     motions = tuple(draw_motion(shape, known.robot, duration, 2 * task.seed + 1_000_000_000 * more)
                     for duration, more in ((FIT, 0), (HELD_OUT, 1)))
     level = float(np.exp(random.uniform(np.log(0.02), np.log(0.2))))
@@ -85,27 +113,103 @@ def draw_scenario(task: Task) -> Scenario:
         if which != 0:
             wander = Wander(random.uniform(0.03, 0.1) * random.uniform(0.5, 1.5, 4),
                             float(random.uniform(0.01, 0.1)), task.seed)
+    if task.kind == 'wander':
+        wander = Wander(random.uniform(0.1, 0.4) * random.uniform(0.5, 1.5, 4),
+                        float(np.exp(random.uniform(np.log(0.03), np.log(1.0)))), task.seed)
     noise = Noise(torque_noise=level, correlation_time=memory)
     feedforward = bool(random.uniform() < 0.5)
     floor = np.hypot(level * (1.0 if memory else np.sqrt(2.0 * BAND * PERIOD)),
                      np.zeros(4) if wander is None else wander.level)
-    hidden: list[tuple[str, Values]] = []
+    outside = None
+    if task.outside is not None:
+        cause = OUTSIDE[task.outside]
+        joints = np.sort(random.permutation(4)[:random.integers(1, 5)])
+        outside = cause, cause.draw(random, known, joints)
     if task.kind == 'rods':
         hidden = [('distributed_rods', {'rod_mass': known.robot.bodies.rod_mass})]
         bodies = replace(known.machine.bodies, rod_mass=known.robot.bodies.rod_mass,
                          bar_mass=known.robot.bodies.bar_mass)
         machine = replace(known.machine, bodies=bodies)
     else:
-        names = [] if task.effect is None else [task.effect]
-        if task.kind == 'pair':
-            others = [name for name in HIDERS if name not in (task.effect, *CHAOTIC)]
-            names.append(str(random.choice(others)))
-        hidden = [(name, _drawn_values(name, known, motions[0], floor, random,
-                                       task.kind == 'below')) for name in names]
-        machine = reduce(lambda machine, item: HIDERS[item[0]].build(machine, item[1]), hidden,
-                         known.machine)
+        hidden = _drawn_effects(task, known, motions, floor, random)
+        machine = build(known.machine, hidden)
     return Scenario(task, known, machine, tuple(hidden), shape, motions, noise, wander,
-                    feedforward)
+                    feedforward, outside, every)
+
+
+def _coarsened(known: Known, shape: str, random: np.random.Generator) -> tuple[Known, str, int]:
+    """Return the machine, the motion's shape and the rows of a log that nobody took care of."""
+    counts = COARSE_COUNTS if random.uniform() < 0.6 else known.robot.drives.encoder_counts
+    every = int(random.choice(COARSE_EVERY))
+    if random.uniform() < 0.5:
+        shape = str(random.choice(ODD_SHAPES))
+    elif counts != COARSE_COUNTS and every == 1:
+        every = COARSE_EVERY[-1]
+    drives = known.robot.drives.model_copy(update={'encoder_counts': counts})
+    return (replace(known, robot=known.robot.model_copy(update={'drives': drives})), shape, every)
+
+
+def _drawn_effects(task: Task, known: Known, motions: tuple[Motion, Motion], floor: np.ndarray,
+                   random: np.random.Generator) -> list[tuple[str, Values]]:
+    """Return the effects of a task, as (name, values)."""
+    if task.kind == 'large':
+        return [(task.effect, _large_values(task.effect, known, motions, random))]
+    if task.kind == 'realistic':
+        return _usual_machine(known, random)
+    names = [] if task.effect is None else [task.effect]
+    for _ in range({'pair': 1, 'triple': 2}.get(task.kind, 0)):
+        names.append(str(random.choice([
+            name for name in HIDERS if name not in (*names, *CHAOTIC)])))
+    return [(name, _drawn_values(name, known, motions[0], floor, random, task.kind == 'below'))
+            for name in names]
+
+
+def _drawn_joints(hider: Hider, random: np.random.Generator) -> np.ndarray:
+    joints = np.sort(random.permutation(4)[:4 if random.uniform() < 0.5
+                                           else random.integers(1, 3)])
+    return joints if hider.per_joint else np.array(JOINTS)
+
+
+def _usual_machine(known: Known, random: np.random.Generator) -> list[tuple[str, Values]]:
+    """Return four to eight effects, each as large as usual and none that the others shut out.
+
+    No two joints of a machine are alike; most rods weigh something.
+    """
+    names = ['joint_friction_difference', 'joint_inertia_difference']
+    if random.uniform() < 0.7:
+        names.append('distributed_rods')
+    pool = [name for name in HIDERS if name not in (*names, *UNREAL, 'distributed_rods')]
+    names += map(str, random.choice(pool, random.integers(4, 9) - len(names), replace=False))
+    drawn = []
+    for name in names:
+        hider = HIDERS[name]
+        joints = np.array(JOINTS) if name in names[:2] else _drawn_joints(hider, random)
+        values = hider.draw(random, known, joints)
+        drawn.append((name, scaled(hider, values, PROMPT) if name in PROMPTED else values))
+    return drawn
+
+
+def _large_values(name: str, known: Known, motions: tuple[Motion, Motion],
+                  random: np.random.Generator) -> Values:
+    """Return values of a setup mistake with which the machine still reaches where it is sent."""
+    while True:
+        joints = random.permutation(4)[:random.integers(1, 3)]
+        way = signs(random, joints)
+        values = {
+            'encoder_offset': lambda joints=joints, way=way: {'offset': on(
+                joints, way * np.radians(random.uniform(2.0, 10.0, len(joints))))},
+            'geometry_error': lambda way=way: {
+                str(random.choice(DIMENSIONS)): way[0] * random.uniform(5e-3, 20e-3)},
+            'drive_gain_error': lambda joints=joints, way=way: {'relative': on(
+                joints, way * random.uniform(0.1, 0.5, len(joints)))},
+            'time_offset': lambda: {'delay': random.uniform(0.01, 0.1)}}[name]()
+        machine = HIDERS[name].build(known.machine, values)
+        try:
+            for motion in motions:
+                Torques(motion.t, motion.q).recorded(machine)
+        except OutOfReach:
+            continue
+        return values
 
 
 def _drawn_values(name: str, known: Known, motion: Motion, floor: np.ndarray,
@@ -113,9 +217,7 @@ def _drawn_values(name: str, known: Known, motion: Motion, floor: np.ndarray,
     """Return values of a usual size that show on the planned motion, or of one below the floor."""
     hider = HIDERS[name]
     for _ in range(DRAWS):
-        joints = np.sort(random.permutation(4)[:4 if random.uniform() < 0.5
-                                               else random.integers(1, 3)])
-        values = hider.draw(random, known, joints if hider.per_joint else np.array(JOINTS))
+        values = hider.draw(random, known, _drawn_joints(hider, random))
         if name in CHAOTIC:
             return values
         strength = planned_strength(name, values, known, motion, floor)
@@ -156,7 +258,7 @@ def record_scenario(scenario: Scenario) -> tuple[Recording, Recording]:
         recording = record(
             known, scenario.machine, motion, fidelity=task.fidelity, noise=scenario.noise,
             seed=2 * task.seed + more, feedforward=known.model if scenario.feedforward else None,
-            wander=wander, name=name)
+            wander=wander, name=name, outside=scenario.outside, every=scenario.every)
         if task.through_bag:
             machine = (loaded(scenario.machine, wander, len(recording.t)) if wander
                        else scenario.machine)

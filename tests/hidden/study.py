@@ -1,4 +1,4 @@
-"""One scenario from its seed to its outcome, as plain data; and the list of scenarios of a study.
+"""The list of scenarios of a study, and one of them from its seed to recordings with their truth.
 """
 
 from __future__ import annotations
@@ -6,116 +6,148 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
+from hidden.hider import Values
 from hidden.hiders import HIDERS
+from hidden.kept import Kept, generator_hash
+from hidden.outside import OUTSIDE
 from hidden.recording import Recording
-from hidden.scenario import Scenario, Task, draw_scenario, record_scenario, truth_of
-from hidden.truth import CHAOTIC, VISIBLE, true_noise
-from par4_identification.diagnosis.diagnosis import LIBRARY, Diagnosis, diagnose
+from hidden.scenario import (
+    KINDS,
+    LARGE,
+    UNREAL,
+    Scenario,
+    Task,
+    draw_scenario,
+    record_scenario,
+    truth_of,
+)
+from hidden.scoring import diagnosed
+from hidden.truth import CHAOTIC, VISIBLE, Truth, true_noise
+from par4_identification.diagnosis.diagnosis import Diagnosis
 
-COUNTS = {'single': 420, 'pair': 115, 'removed': 110, 'clean': 400, 'below': 50, 'rods': 55}
-"""At scale 1: somewhat more than asked where some will not be visible; rods are 5 % of all."""
+COUNTS = {'single': 420, 'pair': 115, 'removed': 110, 'clean': 400, 'below': 50, 'rods': 55,
+          'triple': 125, 'company': 165, 'outside': 75, 'realistic': 105, 'wander': 100,
+          'lines': 60, 'bursts': 60, 'coarse': 145, 'large': 60}
+"""At scale 1: somewhat more than asked where some will not be visible; rods are 5 % of the first
+six kinds."""
 EVERY_BULLET, EVERY_BAG = 20, 20
 """One single in so many runs in pybullet, another through bags."""
 STRIDE = 100_000
 """Between the seeds of two kinds."""
+ALWAYS = {'rods': 'distributed_rods'}
+NOTHING = ('clean', 'outside', 'realistic', 'wander', 'lines', 'bursts')
+"""Kinds for which no effect is given."""
+RATTLES = ('single', 'removed')
+"""Kinds that hide rattling gaps, too."""
+RECORDED = {'lines': 'hum', 'bursts': 'bursts'}
 
 
-def tasks_of_study(scale: float, first_seed: int) -> list[Task]:
+def tasks_of_study(scale: float, first_seed: int, kinds: Sequence[str] = KINDS,
+                   number: int | None = None) -> list[Task]:
     """Return the tasks of a study, effects in turn; the same for the same arguments.
 
     The kinds are mixed, so that what is done of a study is a sample of the whole.
+
+    Args:
+        scale: of the counts.
+        first_seed: seeds of a kind begin here or a multiple of `STRIDE` above.
+        kinds: to make.
+        number: of each kind, in place of the counts.
     """
-    names = list(HIDERS)
     tasks = []
-    for row, (kind, count) in enumerate(COUNTS.items()):
-        wanted = max(1, round(scale * count))
-        for index in range(wanted):
-            seed = first_seed + STRIDE * row + index
-            effect = None
-            if kind == 'rods':
-                effect = 'distributed_rods'
-            elif kind != 'clean':
-                usable = [name for name in names if kind in ('single', 'removed')
-                          or name not in CHAOTIC]
-                effect = usable[(index * 7 + row) % len(usable)]
+    for row, kind in enumerate(KINDS):
+        wanted = number or max(1, round(scale * COUNTS[kind]))
+        for index in range(wanted if kind in kinds else 0):
             tasks.append((index / wanted, Task(
-                kind, seed, effect, coloured=index % 2 == 1,
+                kind, first_seed + STRIDE * row + index, _effect(kind, index, row),
+                coloured=kind == 'realistic' or index % 2 == 1,
                 fidelity='fast' if kind == 'single' and index % EVERY_BULLET == 3 else 'exact',
-                through_bag=kind == 'single' and index % EVERY_BAG == 13)))
+                through_bag=kind == 'single' and index % EVERY_BAG == 13,
+                outside=_outside(kind, index))))
     return [task for _, task in sorted(tasks, key=lambda item: item[0])]
 
 
-def outcome_of(task: Task) -> dict:
-    """Return what a scenario held and what the diagnosis made of it, as plain data."""
+def _effect(kind: str, index: int, row: int) -> str | None:
+    if kind in NOTHING:
+        return None
+    names = [name for name in HIDERS if kind in RATTLES or name not in CHAOTIC]
+    if kind == 'large':
+        names = list(LARGE)
+    elif kind == 'company':
+        names = [name for name in names if name not in UNREAL]
+    return ALWAYS.get(kind, names[(index * 7 + row) % len(names)])
+
+
+def _outside(kind: str, index: int) -> str | None:
+    if kind in ('company', 'outside'):
+        return list(OUTSIDE)[index % len(OUTSIDE)]
+    return RECORDED.get(kind)
+
+
+def made(task: Task) -> Kept:
+    """Return the recordings of a task and the truth behind them."""
     started = time.perf_counter()
     scenario = draw_scenario(task)
     fit, heldout = record_scenario(scenario)
     recorded = time.perf_counter()
-    truth = truth_of(scenario, fit) if scenario.hidden else None
-    hidden = []
-    for name, values in scenario.hidden:
-        strength = truth.strength(name)
-        hidden.append({
-            'effect': name, 'values': {key: np.asarray(value).round(9).tolist()
-                                       for key, value in values.items()},
-            'strength': round(strength, 1), 'visible': bool(strength > VISIBLE),
-            'twins': truth.twins(name) if strength > VISIBLE else []})
-    missing = (hidden[0]['effect'], *hidden[0]['twins']) if task.kind == 'removed' else ()
-    judged = time.perf_counter()
-    diagnosis = diagnosis_of(scenario, fit, heldout, missing)
-    done = time.perf_counter()
-    return {
+    truth = truth_of(scenario, fit) if scenario.hidden or scenario.outside else None
+    hidden = [_judged(truth, name, values) for name, values in scenario.hidden]
+    if task.kind == 'realistic':
+        carried = truth_of(scenario, heldout).carried()
+        for item in hidden:
+            item['carried'] = round(carried[item['effect']], 4)
+    content = {
         **asdict(task), 'robot': scenario.known.name, 'geometry': scenario.known.robot.name,
         'motion': scenario.shape, 'feedforward': scenario.feedforward,
+        'encoder_counts': scenario.known.robot.drives.encoder_counts,
+        'rate': round(1.0 / fit.log.period),
         'noise': {'level': scenario.noise.torque_noise, 'memory': scenario.noise.correlation_time,
-                  'wander': scenario.wander.level.tolist() if scenario.wander else None},
-        'hidden': hidden, 'verdict': diagnosis.verdict,
-        'causes': [{'effect': cause.effect.name, 'twins': list(cause.twins),
-                    'joints': list(cause.joints),
-                    'values': {name: np.asarray(parameter.value).round(9).tolist()
-                               for name, parameter in cause.parameters.items()}}
-                   for cause in diagnosis.causes],
-        'reasons': list(diagnosis.reasons),
-        'rejected': [[item.label, item.reason] for item in diagnosis.rejected],
-        'looks_like': diagnosis.remaining.looks_like if diagnosis.remaining else None,
-        'floor_excess': diagnosis.remaining.floor_excess if diagnosis.remaining else None,
-        'gain': gain_of_truth(scenario, heldout, diagnosis),
-        'seconds': {'record': round(recorded - started, 2), 'truth': round(judged - recorded, 2),
-                    'diagnose': round(done - judged, 2)}}
+                  'wander': scenario.wander.level.tolist() if scenario.wander else None,
+                  'wander_memory': scenario.wander.memory if scenario.wander else None},
+        'hidden': hidden, 'strange': _strange(scenario, truth),
+        'missing': _missing(task, hidden)}
+    judged = time.perf_counter()
+    content['seconds'] = {'record': round(recorded - started, 2),
+                          'truth': round(judged - recorded, 2)}
+    return Kept(content, scenario.known.robot, fit.log, heldout.log,
+                true_noise(heldout, scenario.known), generator_hash())
 
 
 def diagnosis_of(scenario: Scenario, fit: Recording, heldout: Recording,
                  missing: Sequence[str] = ()) -> Diagnosis:
     """Return the diagnosis of two recordings by a library that lacks some names."""
-    library = {name: effect for name, effect in LIBRARY.items() if name not in missing}
-    return diagnose([fit.log], scenario.known.robot, holdout_logs=[heldout.log], library=library)
+    return diagnosed(fit.log, heldout.log, scenario.known.robot, missing)
 
 
-def gain_of_truth(scenario: Scenario, heldout: Recording, diagnosis: Diagnosis
-                  ) -> dict[str, float] | None:
-    """Return how far the held-out error fell and would fall with the true model.
+def _plain(values: Values) -> dict[str, Any]:
+    return {key: np.asarray(value).round(9).tolist() for key, value in values.items()}
 
-    Both over the true noise, in mean squares summed over the joints; what the true model leaves is
-    the true noise itself, on the rows that the diagnosis judged. None for what rattles: the true
-    machine itself would not rattle alike a second time.
-    """
-    if (diagnosis.holdout is None or not scenario.hidden
-            or any(name in CHAOTIC for name, _ in scenario.hidden)):
+
+def _judged(truth: Truth, name: str, values: Values) -> dict[str, Any]:
+    """Return what the truth says of a hidden effect."""
+    strength = truth.strength(name)
+    visible = bool(strength > VISIBLE)
+    return {'effect': name, 'values': _plain(values), 'strength': round(strength, 1),
+            'visible': visible, 'twins': truth.twins(name) if visible else [],
+            'joint_sets': truth.joint_sets(name) if visible else None}
+
+
+def _strange(scenario: Scenario, truth: Truth | None) -> dict[str, Any] | None:
+    """Return what the truth says of a cause outside the library."""
+    if scenario.outside is None:
         return None
-    noise = true_noise(heldout, scenario.known)
-    before = after = left = 0.0
-    start = 0
-    for run, old, new in zip(diagnosis.holdout.runs, diagnosis.holdout.baseline,
-                             diagnosis.holdout.extended):
-        own = run.rows(noise[start:start + len(run.state.t)])
-        start += len(run.state.t)
-        for joint in range(4):
-            rows = run.valid[:, joint]
-            level = max(float(np.mean(own[rows, joint] ** 2)), 1e-12) if rows.any() else 1.0
-            before += float(np.sum(old[rows, joint] ** 2)) / level
-            after += float(np.sum(new[rows, joint] ** 2)) / level
-            left += float(np.sum(own[rows, joint] ** 2)) / level
-    return {'found': before - after, 'possible': before - left, 'left': left}
+    cause, values = scenario.outside
+    strength = truth.strangeness
+    visible = bool(strength > VISIBLE)
+    return {'name': cause.name, 'values': _plain(values), 'strength': round(strength, 1),
+            'visible': visible, 'acts_like': list(cause.acts_like),
+            'twins': truth.impostors() if visible and cause.acts_like else []}
+
+
+def _missing(task: Task, hidden: list[dict[str, Any]]) -> list[str]:
+    """Return the names that the library of a scenario lacks."""
+    return [hidden[0]['effect'], *hidden[0]['twins']] if task.kind == 'removed' else []

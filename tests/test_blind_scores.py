@@ -1,0 +1,146 @@
+"""What the blind study counts as right, wrong and covered; and numbers that know other rules."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / 'bench'))
+
+from blind_scores import (
+    carriers,
+    found_of,
+    is_exact,
+    is_false,
+    is_right,
+    joints_told,
+    rate,
+    values_right,
+    wrong_sets,
+)
+from blind_values import compared
+from traced import Traced
+
+
+def cause(effect, joints=(0, 1, 2, 3), twins=(), values=(), stds=()):
+    return {'effect': effect, 'twins': list(twins), 'joints': list(joints),
+            'values': dict(values), 'stds': dict(stds)}
+
+
+def outcome(hidden, causes, strange=None, kind='single'):
+    return {'kind': kind, 'hidden': [{'visible': True, 'twins': [], 'joint_sets': None, **item}
+                                     for item in hidden],
+            'causes': causes, 'strange': strange}
+
+
+def test_each_hidden_effect_needs_a_set_of_its_own():
+    hidden = [{'effect': 'cogging'}, {'effect': 'torque_offset'}]
+    both = outcome(hidden, [cause('coulomb_asymmetry', twins=['torque_offset']), cause('cogging')])
+    assert is_right(both)
+    assert not is_false(both)
+    assert not is_exact(both)
+    one = outcome(hidden, [cause('torque_offset', twins=['cogging']), cause('stribeck')])
+    assert found_of(one, ['cogging', 'torque_offset']) == ['cogging']
+    assert not is_right(one)
+    assert wrong_sets(one) == [{'stribeck'}]
+
+
+def test_a_name_for_what_it_explains_as_well_is_not_wrong():
+    strange = {'name': 'contact', 'visible': True, 'acts_like': [], 'twins': ['cable_spring']}
+    assert not is_false(outcome([], [cause('cable_spring')], strange))
+    assert is_false(outcome([], [cause('cogging')], strange))
+
+
+def test_joints_are_right_if_they_are_one_of_the_fewest_sets():
+    hidden = [{'effect': 'drive_gain_error', 'joint_sets': [[2], [0, 3]]},
+              {'effect': 'distributed_rods'}]
+    told = [outcome(hidden, [cause('drive_gain_error', joints), cause('distributed_rods')])
+            for joints in ((2,), (3, 0), (0, 1, 3))]
+    assert joints_told(told) == [True, True, False]
+
+
+def test_effects_of_a_real_machine_count_from_a_share_on():
+    hidden = [{'effect': 'cogging', 'carried': 0.2}, {'effect': 'base_tilt', 'carried': 0.01}]
+    assert carriers(outcome(hidden, [])) == ['cogging']
+
+
+def numbers_of(effect, hidden, joints, values, stds, kind='single'):
+    return list(compared(outcome([{'effect': effect, 'values': hidden}],
+                                 [cause(effect, joints, (), values, stds)], kind=kind)))
+
+
+def test_values_are_compared_where_they_mean_the_same():
+    (offset,) = numbers_of('torque_offset', {'offset': [0.0, 0.3, 0.0, 0.0]}, [1],
+                           {'offset': [0.33]}, {'offset': [0.02]})
+    assert (offset.truth, offset.covered) == (0.3, True)
+    (wide,) = numbers_of('torque_offset', {'offset': [0.0, 0.3, 0.0, 0.0]}, [1],
+                         {'offset': [0.36]}, {'offset': [0.02]})
+    assert not wide.covered
+    phase = numbers_of('cogging', {'amplitude': [0.1] * 4, 'periods': 12.0, 'phase': [3.1] * 4},
+                       [0], {'phase': [-3.14]}, {'phase': [0.05]})
+    assert phase[0].found == pytest.approx(2.0 * math.pi - 3.14)
+    assert phase[0].covered
+    (stiffness,) = numbers_of('elastic_transmission', {'compliance': [0.0, 0.0, 1e-4, 0.0]}, [2],
+                              {'stiffness': [1.01e4]}, {'stiffness': [100.0]})
+    assert stiffness.truth == pytest.approx(1e4)
+    anchor = numbers_of('cable_spring', {'stiffness': 20.0, 'anchor': [0.1, 0.2, 0.3]},
+                        [0, 1, 2, 3], {'stiffness': [20.0, 21.0, 19.0], 'anchor': [0.1, 0.2, 0.4]},
+                        {'stiffness': [1.0] * 3, 'anchor': [0.01] * 3})
+    assert [number.covered for number in anchor] == [True, True, True, True, True, False]
+
+
+def test_differences_are_measured_against_the_joints_not_named():
+    (gain,) = numbers_of('drive_gain_error', {'relative': [0.05, 0.05, 0.0, 0.05]}, [2],
+                         {'relative': [-0.0476]}, {'relative': [1e-4]})
+    assert gain.truth == pytest.approx(1.0 / 1.05 - 1.0)
+    (friction,) = numbers_of('joint_friction_difference', {'coulomb': [0.2, 0.0, 0.0, 0.0]}, [0],
+                             {'coulomb': [0.2]}, {'coulomb': [0.01]})
+    assert friction.truth == pytest.approx(0.2)
+    assert not numbers_of('joint_friction_difference', {'coulomb': [0.2, 0.1, 0.0, 0.3]},
+                          [0, 1, 2, 3], {'coulomb': [0.1, 0.0, -0.1, 0.2]},
+                          {'coulomb': [0.1] * 4})
+
+
+def test_what_has_no_deviation_is_not_compared():
+    assert not numbers_of('nonlinear_viscous', {'quadratic': [0.1] * 4}, [0],
+                          {'exponent': [2.0]}, {'exponent': [0.0]})
+    assert not numbers_of('backlash', {'gap': [0.1] * 4}, [0], {'gap': [0.2]}, {'gap': [0.01]})
+
+
+def test_values_of_large_causes_must_be_near():
+    def large(value):
+        return outcome([{'effect': 'time_offset', 'values': {'delay': 0.05}}],
+                       [cause('time_offset', (0, 1, 2, 3), (), {'delay': value},
+                              {'delay': 1e-5})])
+    assert values_right(large(0.0512))
+    assert not values_right(large(0.056))
+
+
+def test_rates_have_wilson_intervals():
+    assert rate([True] * 9 + [False]) == '9 of 10, 90.0% (59.6% to 98.2%)'
+    assert rate([]) == '-'
+
+
+def test_a_traced_number_tells_which_changes_would_decide_otherwise():
+    turned = set()
+    rule = Traced(10.0, {'off': 0.0, 'twice': 20.0}, turned)
+    assert rule > 5.0
+    assert turned == {'off'}
+    assert np.float64(15.0) > rule
+    assert turned == {'off', 'twice'}
+    turned.clear()
+    assert not np.float64(50.0) < rule * np.float64(2.0)
+    assert not turned
+    other = Traced(1.0, {'other off': 0.0}, turned)
+    # of two rules the change of either is followed
+    assert max(rule, 30.0 * other) == 30.0
+    assert turned == {'other off'}
+    turned.clear()
+    assert np.float64(2.0) * rule ** 1 < 25.0
+    assert turned == {'twice'}
+    with pytest.raises(TypeError, match='array'):
+        rule * np.ones(3)
