@@ -194,7 +194,7 @@ def test_columns_that_make_no_sense_are_refused(columns, words):
 
 
 @pytest.mark.parametrize(('options', 'words'), [
-    (('--columns', COLUMNS), 'positions of 1 joint: name them by --joints'),
+    (('--columns', COLUMNS), 'no names for 1 columns of positions: name the joints by --joints'),
     (('--columns', COLUMNS, '--joints', 'a,b'), '2 joints (a, b), the positions have 1 columns'),
     (('--columns', COLUMNS, '--joints', 'a', '--robot', 'reference'), 'give one of them'),
     (('--columns', COLUMNS, '--robot', 'reference'), '4 joints'),

@@ -112,8 +112,8 @@ def joint_names(machine: Robot | Axis | None, joints: str | None, count: int) ->
     elif count == LEGS:
         names, source = JOINT_NAMES, 'a Par4'
     else:
-        raise InputError(f'positions of {count} joint{"s"[:count > 1]}: name them by --joints as '
-                         f'in the robot.yaml, or give --robot')
+        raise InputError(f'no names for {count} columns of positions: name the joints by --joints '
+                         f'as in the robot.yaml, or give --robot')
     if len(names) != count or len(set(names)) < count or not all(names):
         raise InputError(f'{source}: {len(names)} joints ({", ".join(names)}), the positions have '
                          f'{count} columns; give one column a joint, each with its own name')
