@@ -29,12 +29,10 @@ from par4_identification.diagnosis.evidence import (
     Fit,
     Hypothesis,
     Whitener,
-    flat_whitener,
     gather,
     project,
     residuals,
     solve,
-    whitener_of_residuals,
 )
 from par4_identification.diagnosis.extended import base_parameters, baseline_with, extended_model
 from par4_identification.diagnosis.floor import noise_floor
@@ -55,6 +53,7 @@ from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.search import Model, Search, others_of
 from par4_identification.diagnosis.unnamed import Kind
 from par4_identification.diagnosis.unrelated import Left, unrelated
+from par4_identification.diagnosis.whitening import whitener_of
 from par4_identification.identification import identify_runs
 from par4_identification.log import Log
 from par4_identification.progress import Progress, silent
@@ -151,7 +150,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
     moved = dithered(observations, machine)
     progress('searching the library for the noise model')
-    whitener = _whitener(observations, sigma, applicable, rules)
+    whitener = whitener_of(observations, sigma, applicable, rules)
 
     progress('searching for causes')
     search = _search(observations, heldout, whitener, applicable, rules,
@@ -178,19 +177,6 @@ def _search(observations: Observations, heldout: Observations, whitener: Whitene
     evidence = gather(observations, whitener, before)
     kept = gather(heldout, replace(whitener, valid=tuple(run.valid for run in heldout.runs)))
     return Search(Candidates(library, evidence, rules), Pool(evidence, kept), rules, moved)
-
-
-def _whitener(observations: Observations, sigma: np.ndarray, library: Mapping[str, Effect],
-              rules: Rules) -> Whitener:
-    """Return the noise that is left where every effect is fitted, each at its best shape.
-
-    A poorer model would take what it lacks for noise.
-    """
-    flat = gather(observations, flat_whitener(observations, sigma))
-    found = Candidates(library, flat, rules).all_of(project(flat, []), set())
-    richest = [item.hypothesis for item in found]
-    left = residuals(observations, richest, solve(flat, richest))
-    return whitener_of_residuals(observations, left, flat.design(richest).shape[1])
 
 
 def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: ModelFile | None,

@@ -276,8 +276,8 @@ def project(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Projection:
     """
     design = evidence.design(hypotheses)
     size = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
-    weight = prior_weights(evidence, hypotheses, design.shape[1])
-    prior = np.diag(np.sqrt(weight))[weight > 0.0]
+    weight = np.sqrt(prior_weights(evidence, hypotheses, design.shape[1])) / size
+    prior = np.diag(weight)[weight > 0.0]
     basis, _ = np.linalg.qr(np.vstack((design / size, prior)))
     basis = basis[:len(design)]
     residual = evidence.target - basis @ (basis.T @ evidence.target)
@@ -286,16 +286,22 @@ def project(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Projection:
 
 def prior_weights(evidence: Evidence, hypotheses: Sequence[Hypothesis], coefficients: int
                   ) -> np.ndarray:
-    """Return the weight (c,) of the prior of each coefficient over the squares of its column."""
+    """Return the weight (c,) of the prior, zero, of each coefficient: squares of a row of its own.
+
+    Only unnamed causes have one. It is that of `PRIOR_ROWS` rows in which a column has its usual
+    size, or that of the cause's columns on the average where it is larger: a column that the
+    motion hardly visits must not be free to be anything where other motions go.
+    """
     weights = np.zeros(coefficients)
     last = coefficients
     for item in reversed(hypotheses):
         block = evidence.block(item.effect, item.shape)
-        first = last - block.columns[0].shape[1] * (
-            1 if item.effect.shared else len(item.joints))
+        squares = np.einsum('jkk->jk', block.gram)
+        own = squares.sum(axis=0) if item.effect.shared else squares[list(item.joints)].ravel()
+        first = last - len(own)
         if isinstance(item.effect, Kind):
-            rows = evidence.rows if item.effect.shared else evidence.rows / (len(evidence.ends) - 1)
-            weights[first:last] = PRIOR_ROWS / max(rows, 1.0)
+            rows = evidence.rows if item.effect.shared else evidence.rows / len(squares)
+            weights[first:last] = PRIOR_ROWS / max(rows, 1.0) * np.maximum(own, own.mean())
         last = first
     return weights
 
@@ -325,7 +331,7 @@ def solve(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Fit:
     """Return the fit of base terms and hypotheses with its covariance."""
     design = evidence.design(hypotheses)
     scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
-    prior = np.diag(prior_weights(evidence, hypotheses, design.shape[1]))
+    prior = np.diag(prior_weights(evidence, hypotheses, design.shape[1]) / scale ** 2)
     inverse = np.linalg.pinv((design / scale).T @ (design / scale) + prior, rcond=1e-12,
                              hermitian=True)
     values = inverse @ ((design / scale).T @ evidence.target) / scale

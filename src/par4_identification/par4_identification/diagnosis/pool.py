@@ -126,7 +126,7 @@ class Pool:
             moment[positions[joint]] += fit.moment[joint][own[joint]]
             told[positions[joint]] += heldout.moment[joint][own[joint]]
         diagonal = np.arange(size)
-        gram[diagonal, diagonal] *= 1.0 + prior_weights(self.evidence, model, size)
+        gram[diagonal, diagonal] += prior_weights(self.evidence, model, size)
         scale = np.sqrt(np.maximum(gram[diagonal, diagonal], 1e-30))
         values = _solve(gram / np.outer(scale, scale), moment / scale) / scale
         absolute = values.copy()
