@@ -214,6 +214,8 @@ class Log:
         segments: contiguous stretches, in order, covering all n samples; filter none across them.
         reference: the motion asked for, if the bag holds one.
         accounts: what was read, repaired and dropped.
+        doubtful: samples at which the torque of a joint must not be compared with a model, because
+            position or torque there are filled in or wrong, (n, J); None where there is none.
     """
 
     name: str
@@ -226,6 +228,7 @@ class Log:
     segments: tuple[slice, ...]
     reference: Reference | None
     accounts: Accounts
+    doubtful: np.ndarray | None = None
 
 
 def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = None) -> Log:
