@@ -123,9 +123,9 @@ def clipped(log: Log, largest: float) -> Log:
 
 
 def standing(log: Log, joints: Sequence[int] | None = None) -> Log:
-    """Return the log of a machine that was never told to move: its first rest, over and over."""
-    rest = max(int(0.3 / log.period), 1)
-    rows = np.arange(len(log.t)) % rest
+    """Return the log of a machine that was never told to move: its rest, over and over."""
+    first, last = round(0.3 / log.period), round(0.45 / log.period)
+    rows = first + np.arange(len(log.t)) % (last - first)
     q, tau = log.q.copy(), log.tau.copy()
     chosen = list(range(q.shape[1]) if joints is None else joints)
     q[:, chosen], tau[:, chosen] = log.q[rows][:, chosen], log.tau[rows][:, chosen]

@@ -10,11 +10,12 @@ setup. Small errors are the library's (encoder_offset, geometry_error) and left 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from par4_dynamics.base_terms import base_columns
 from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
 from par4_dynamics.state import State
 from par4_identification.log import Log
@@ -44,19 +45,19 @@ SETTLED = 1e-5
 FEWER, FEWER_DIMENSION = 0.93, 0.945
 """Most of the squared error in motion that one more error may leave, while zeros and while only
 dimensions are looked for. Effects of the library leave 0.96 and 0.955."""
-FEWER_ZERO = 0.8
-"""The same of all that was found in the first place; an encoder_offset of 0.6 degrees leaves 0.83.
-"""
-BETTER = 0.85
+FEWER_ZERO = 0.92
+"""The same of all that was found in the first place."""
+BETTER = 0.97
 """Most of the squared error of errors found one by one that all zeros together must leave."""
 KEPT = 1.08
 """Factor by which the squared error must rise without an error that is kept."""
-SURE = 21.0
-"""Standard deviations of white residuals by which a mistake stands out; residuals are not white,
-and effects of the library reach 20."""
+SURE = 15.0
+"""Standard deviations of white residuals by which a mistake stands out; residuals are not white."""
+LARGEST_ERROR = 0.3
+"""|residual| / |torque| in motion with which the rest is believed."""
 MOST = 5
 """Errors that are looked for together."""
-SAMPLES, LEAST_RATE = 2000, 3.0
+SAMPLES, LEAST_RATE = 1500, 3.0
 """About how many samples are enough, and the least rate of them, in cut-offs of the torque."""
 TRIED = 2
 """Candidates that are fitted before one is added."""
@@ -103,6 +104,10 @@ def with_dimensions(geometry: Geometry, errors: np.ndarray) -> Geometry:
         for name, error in zip(DIMENSIONS, errors, strict=True)}})
 
 
+def _platform_columns(state: State) -> np.ndarray:
+    return rigid_body_columns(state)[..., list(PLATFORM)]
+
+
 def _pulls(state: State) -> np.ndarray:
     """Return the torque (n, J, 36) of forces on the platform that grow with its position, and of
     offset, weight, inertia and friction of each arm by itself."""
@@ -113,6 +118,19 @@ def _pulls(state: State) -> np.ndarray:
         columns += [np.broadcast_to(joint, state.q.shape), joint * np.cos(state.q),
                     joint * state.qdd, joint * state.qd, joint * np.sign(state.qd)]
     return np.stack(columns, axis=-1)
+
+
+def _turning(state: State) -> np.ndarray:
+    """Return the torque (n, J, 2) of Coulomb and viscous friction about theta."""
+    rate = state.xd[:, 3:]
+    return np.stack([state.torque_of_force(np.eye(LEGS)[3] * part)
+                     for part in (np.sign(rate), rate)], axis=-1)
+
+
+def _rates(rows: Equations) -> np.ndarray:
+    """Return the rate of the torque (m, J), N m/s: what a drive that lags adds."""
+    step = np.gradient(rows.t)
+    return np.gradient(rows.tau, axis=0) / np.maximum(step, 1e-9)[:, None]
 
 
 @dataclass(frozen=True)
@@ -126,26 +144,31 @@ class _Solution:
 class _Problem:
     """The platform's part of (22) as a function of zeros and dimensions.
 
-    What is not to decide is taken out of torque and columns. For zeros that is all that a joint
-    does by itself, with inertia and friction of its own and a quadratic polynomial of the
-    positions; none of this changes with a zero, as a polynomial of shifted positions is one of the
-    positions. Dimensions show in how gravity changes with the pose, so for them it is what pulls at
-    the platform instead (`_pulls`).
+    What is not to decide is taken out of torque and columns: friction about theta, a lag of each
+    drive, and for zeros all that a joint does by itself, with inertia and friction of its own and
+    a quadratic polynomial of the positions; none of this changes with a zero, as a polynomial of
+    shifted positions is one of the positions. Dimensions show in how gravity changes with the pose,
+    so for them it is what pulls at the platform instead (`_pulls`).
     """
 
     def __init__(self, stretches: Sequence[Stretch], geometry: Geometry, rows: Equations,
                  zeros: bool) -> None:
         self._stretches, self._geometry, self._valid = stretches, geometry, rows.valid
+        turning = equations_of(stretches, geometry, columns_of=_turning).columns
+        rates = _rates(rows)
         if zeros:
             self._own = []
             for joint in range(LEGS):
-                own = np.stack([rows.without_slack(rows.columns[:, joint, index], joint)
-                                for index in JOINT_ALONE], axis=1)
-                self._own.append(np.linalg.qr(np.column_stack((rows.slack[joint], own)))[0])
+                own = np.column_stack((rows.columns[:, joint, list(JOINT_ALONE)],
+                                       rates[:, joint], turning[:, joint]))
+                self._own.append(np.linalg.qr(np.column_stack((
+                    rows.slack[joint], rows.without_slack(own, joint))))[0])
         else:
             pulls = equations_of(stretches, geometry, columns_of=_pulls).columns
+            late = rates[..., None] * np.eye(LEGS)
+            everything = np.concatenate((pulls, turning, late), axis=-1)
             self._own = np.linalg.qr(np.concatenate([
-                pulls[self._valid[:, joint], joint] for joint in range(LEGS)]))[0]
+                everything[self._valid[:, joint], joint] for joint in range(LEGS)]))[0]
         self.target = self._reduced(rows.tau)
 
     def _reduced(self, values: np.ndarray) -> np.ndarray:
@@ -159,10 +182,14 @@ class _Problem:
 
     def columns(self, values: np.ndarray) -> np.ndarray:
         """Return the columns (m, J, p), rods and bars among them, for these errors."""
+        return self.rows(values, _platform_columns).columns
+
+    def rows(self, values: np.ndarray, columns_of: Callable[[State], np.ndarray] = base_columns
+             ) -> Equations:
+        """Return the equations for these errors."""
         moved = [replace(part, q=part.q - values[:LEGS]) for part in self._stretches]
-        return equations_of(
-            moved, with_dimensions(self._geometry, values[LEGS:]),
-            columns_of=lambda state: rigid_body_columns(state)[..., list(PLATFORM)]).columns
+        return equations_of(moved, with_dimensions(self._geometry, values[LEGS:]),
+                            columns_of=columns_of)
 
     def slopes(self, values: np.ndarray, chi: np.ndarray, torque: np.ndarray,
                which: Sequence[int]) -> np.ndarray:
@@ -258,10 +285,12 @@ def calibration_of(stretches: Sequence[Stretch], geometry: Geometry, rows: Equat
         nothing = problem.solve((), np.zeros(ERRORS))
         found = _selected(problem, nothing, among, fewer)
         large = (np.abs(found.values) > SMALLEST) & (np.abs(found.values) > SURE * found.std)
-        if large.any() and found.left < least * nothing.left:
-            power = float(problem.target @ problem.target)
-            return Calibration(np.where(large, found.values, 0.0), np.where(large, found.std, 0.0),
-                               math.sqrt(nothing.left / power), math.sqrt(found.left / power))
+        if not large.any() or found.left > least * nothing.left:
+            continue
+        values = np.where(large, found.values, 0.0)
+        after = problem.rows(values).fit().error
+        if after < min(LARGEST_ERROR, rows.fit().error):
+            return Calibration(values, np.where(large, found.std, 0.0), rows.fit().error, after)
     return None
 
 
@@ -283,7 +312,10 @@ def _selected(problem: _Problem, nothing: _Solution, among: Sequence[int], fewer
     for index in list(chosen) if len(chosen) > 1 else ():
         start = now.values.copy()
         start[index] = 0.0
-        without = problem.solve([other for other in chosen if other != index], start)
+        try:
+            without = problem.solve([other for other in chosen if other != index], start)
+        except UnreachableError:  # it is what makes the mechanism close
+            continue
         if without.left < KEPT * now.left:
             now, chosen = without, [other for other in chosen if other != index]
     return now

@@ -57,8 +57,8 @@ def check_setup(logs: Sequence[Log], machine: Robot | Axis, model: Model | None 
             break
         try:
             check = step(check)
-        except np.linalg.LinAlgError:  # data that no equation can be made of are judged later
-            continue
+        except (np.linalg.LinAlgError, UnreachableError):
+            continue  # data that no equation can be made of are judged later
     return check
 
 

@@ -25,7 +25,7 @@ from par4_identification.setup_check.samples import (
     slips,
     spikes,
 )
-from par4_kinematics.robot import Robot
+from par4_kinematics.robot import Axis, Robot
 
 LEAST_SOUND, LEAST_SHARE = 3.0, 0.2
 """s in stretches of at least a second, and share of the log, that must be left."""
@@ -38,7 +38,7 @@ def without_log_faults(check: SetupCheck) -> SetupCheck:
     for number_of_log in range(len(check.logs)):
         for step in (_despiked, _unheld, _unslipped, _unclipped):
             log = check.logs[number_of_log]
-            findings, mended = step(log, check)
+            findings, mended = step(log, check.machine)
             if not findings:
                 continue
             if sound_time(mended) < min(LEAST_SOUND, sound_time(log)) or (
@@ -58,7 +58,7 @@ def joints_in_words(joints: Sequence[int]) -> str:
     return f'joint{"s" if len(joints) > 1 else ""} {listed([str(joint) for joint in joints])}'
 
 
-def _despiked(log: Log, check: SetupCheck) -> tuple[list[Finding], Log]:
+def _despiked(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
     found = []
     for column, name, unit in (('q', 'positions', 'rad'), ('tau', 'torques', 'N m')):
         wrong = spikes(log, column)
@@ -79,7 +79,7 @@ def _despiked(log: Log, check: SetupCheck) -> tuple[list[Finding], Log]:
     return found, log
 
 
-def _unheld(log: Log, check: SetupCheck) -> tuple[list[Finding], Log]:
+def _unheld(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
     stretches = held_stretches(log)
     if not stretches:
         return [], log
@@ -113,7 +113,7 @@ def _unheld(log: Log, check: SetupCheck) -> tuple[list[Finding], Log]:
     return found, filled(log, stretches)
 
 
-def _unslipped(log: Log, check: SetupCheck) -> tuple[list[Finding], Log]:
+def _unslipped(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
     steps = slips(log)
     if not steps:
         return [], log
@@ -130,11 +130,11 @@ def _unslipped(log: Log, check: SetupCheck) -> tuple[list[Finding], Log]:
     return found, unslipped(log, steps)
 
 
-def _unclipped(log: Log, check: SetupCheck) -> tuple[list[Finding], Log]:
+def _unclipped(log: Log, machine: Robot | Axis) -> tuple[list[Finding], Log]:
     flat = flat_tops(log)
-    if isinstance(check.machine, Robot):
+    if isinstance(machine, Robot):
         top = np.abs(log.tau).max(axis=0)
-        flat &= top < AT_LIMIT * check.machine.drives.torque_limit
+        flat &= top < AT_LIMIT * machine.drives.torque_limit
     if not flat.any():
         return [], log
     joints = tuple(int(joint) for joint in np.flatnonzero(flat.any(axis=0)))

@@ -20,9 +20,11 @@ LEAST_MOVING = 1.0
 """s that every joint must move faster than `SLOW`."""
 ILL = 12.0
 """Condition number of J_x, in that of the home pose, beyond which a pose counts as singular."""
+STILL_ILL = 4.0
+"""The same, from which samples on the way to a singular pose are left out."""
 PROBED_HZ = 200.0
 BESIDE = 0.1
-"""s that are left out on either side of a singular pose."""
+"""s that are left out beyond these samples."""
 MOST = 0.5
 """Share of the samples beyond which it is not the pose that is wrong."""
 
@@ -100,7 +102,8 @@ def _near_singular(log: Log, robot: Robot) -> tuple[np.ndarray, int]:
     if not (ill & closed).any():
         return wrong, 0
     reach = round(BESIDE / log.period)
-    for probe in probes[ill]:
-        wrong[max(probe - reach, 0):probe + reach + 1] = True
+    for first, end in runs_of(condition > STILL_ILL * home):
+        if ill[first:end].any():
+            wrong[max(probes[first] - reach, 0):probes[end - 1] + reach + 1] = True
     finite = np.where(np.isfinite(condition), condition, 0.0)
     return wrong, int(probes[int(np.argmax(finite))])

@@ -14,7 +14,7 @@ import numpy as np
 
 from par4_dynamics.base_terms import BASE_TERMS
 from par4_dynamics.model import Model
-from par4_identification.outcome.words import number, percent
+from par4_identification.outcome.words import listed, number, percent
 from par4_identification.setup_check.equations import Equations, equations_of, stretches_of
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_kinematics.errors import UnreachableError
@@ -26,14 +26,15 @@ TOO_LIGHT = 0.8
 """Part of the mass of rods, bars and tool below which a platform cannot weigh."""
 SMALLEST = 1.15
 """Factor from which it is one of the setup."""
-ALIKE = 0.12
-"""Largest deviation of the factors of inertia, masses and friction from their mean, in logarithm:
-a payload changes masses alone, warmth friction alone."""
+ALIKE, FRICTION_ALIKE = 0.12, 0.4
+"""Largest difference of the factors of inertia and masses, in logarithm, and of friction from
+theirs, of the latter: a payload changes masses alone, warmth friction alone, a lag hides it."""
 NEAR_GAIN = 0.08
 """Largest deviation from the gain, in logarithm, of torques that are its unit's mistake."""
-UNSEEN = ('That all torques are too large or too small by one factor cannot be seen in these data: '
-          'every parameter would be so by the same factor. A model of this machine (--model) or, in '
-          'par4_identify, a bag with a known payload (--payload) would show it.')
+UNSEEN = ('Whether all torques are too large or too small by one factor cannot be seen in these '
+          'data: every parameter would be so by the same factor.')
+SHOWN_BY = ('To tell whether all torques are scaled alike, give a model of this machine (--model) '
+            'or, to par4_identify, bags with and without a known payload (--payload).')
 
 
 def scale_findings(check: SetupCheck, model: Model | None) -> SetupCheck:
@@ -95,14 +96,15 @@ def _against_model(check: SetupCheck, values: np.ndarray, model: Model, rows: Eq
     if (parts <= 0.0).any():
         return check
     ratio = np.log(parts[0] / parts[1])
-    factor = float(np.mean(ratio))
-    if abs(factor) < math.log(SMALLEST) or np.abs(ratio - factor).max() > ALIKE:
+    factor = float(np.mean(ratio[:2]))
+    if (abs(factor) < math.log(SMALLEST) or abs(ratio[0] - ratio[1]) > ALIKE
+            or abs(ratio[2] - factor) > max(ALIKE, FRICTION_ALIKE * abs(factor))):
         return check
     joints = tuple(range(rows.tau.shape[1]))
     gains = np.asarray(check.machine.drives.gain, dtype=float)
     gain = float(np.mean(np.log(gains)))
-    told = (f'inertia, masses and friction come out {", ".join(number(float(np.exp(part)), 3) for part in ratio)} '
-            f'times those of the model')
+    factors = listed([number(float(np.exp(part)), 3) for part in ratio])
+    told = f'inertia, masses and friction come out {factors} times those of the model'
     for sign, mend in ((1.0, 'Write volts, not N m, into amplifier_voltage, or set drives.gain of '
                              'the robot file to 1.'),
                        (-1.0, 'Write N m, not volts, into the effort of joint_states, or publish '
@@ -119,9 +121,9 @@ def _against_model(check: SetupCheck, values: np.ndarray, model: Model, rows: Eq
     return check.after([Finding(
         'common_gain', joints, None,
         f'{told}: all torques are recorded {number(common, 3)} times too large '
-        f'(+- {percent(float(np.ptp(ratio)) / 2.0)})' if common > 1.0 else
+        f'(+- {percent(abs(float(ratio[0] - ratio[1])) / 2.0)})' if common > 1.0 else
         f'{told}: all torques are recorded too small by the factor {number(common, 3)} '
-        f'(+- {percent(float(np.ptp(ratio)) / 2.0)})',
+        f'(+- {percent(abs(float(ratio[0] - ratio[1])) / 2.0)})',
         f'Divide drives.gain of the robot file by {number(common, 4)}, or check the scale of the '
         'torque where it is recorded.', True)],
         [replace(log, tau=log.tau / common) for log in check.logs])

@@ -8,7 +8,6 @@ and r.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,7 +43,9 @@ STEPS = 6
 
 @dataclass(frozen=True)
 class Timing:
-    """When the torque of one log was recorded: what belongs to t stands at t + delay + rate (t - t0).
+    """When the torque of one log was recorded.
+
+    What belongs to t stands at t + delay + rate (t - t0).
 
     Attributes:
         delay: at t0, s; positive where torque is late.
@@ -198,12 +199,12 @@ def timing_findings(timing: Timing, log: Log, joints: int) -> list[Finding]:
     found = []
     if timing.rate:
         fast = timing.rate > 0.0
+        over = 1e3 * abs(timing.rate) * (timing.end - timing.start)
         found.append(Finding(
             'clock_drift', everywhere, None,
             f'the clock of the torque runs {percent(abs(timing.rate))} '
             f'{"fast" if fast else "slow"} against that of the positions '
-            f'(+- {percent(timing.std[1])}), {number(1e3 * abs(timing.rate) * (timing.end - timing.start), 2)} ms '
-            f'over this log; {gain}',
+            f'(+- {percent(timing.std[1])}), {number(over, 2)} ms over {log.name}; {gain}',
             'Stamp torques and positions by one clock, or synchronise the two computers.', True))
     if abs(timing.delay) > SMALLEST_DELAY:
         late = timing.delay > 0.0

@@ -21,7 +21,6 @@ from par4_identification.setup_check.equations import (
     Equations,
     Stretch,
     equations_of,
-    fit_of_moments,
     is_physical,
 )
 from par4_identification.setup_check.finding import Finding
@@ -33,7 +32,7 @@ SUSPICIOUS = 0.07
 """|residual| / |torque| in motion below which no plug can be wrong."""
 FEWER = 0.45
 """Most of that error that another wiring may leave."""
-UPSIDE_DOWN = 0.2
+UPSIDE_DOWN = 0.4
 """Most of the unexplained share of the torque that counting all angles the other way may leave, if
 it explains the motion hardly better: gravity tells up from down, and the motion does not."""
 LARGEST_ERROR = 0.35
@@ -192,8 +191,7 @@ def wiring_findings(wiring: Wiring, before: float | None, after: float) -> list[
     exchanged = {name: tuple(joint for joint, place in enumerate(order) if place != joint)
                  for name, (order, _) in _named(wiring)}
     if any(exchanged.values()):
-        what = 'positions and torques' if wiring.positions[0] == wiring.torques[0] else ' and '.join(
-            f'{name}' for name, joints in exchanged.items() if joints)
+        what = ' and '.join(name for name, joints in exchanged.items() if joints)
         joints = tuple(sorted({joint for own in exchanged.values() for joint in own}))
         verb = 'exchanged' if len(joints) == 2 else 'in a wrong order'
         found.append(Finding(
