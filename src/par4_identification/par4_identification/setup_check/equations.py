@@ -85,10 +85,11 @@ def stretches_of(logs: Sequence[Log]) -> list[Stretch]:
             if (segment.stop - segment.start) * log.period < SHORTEST:
                 continue
             q = low_pass(log.q[segment], scale * POSITION_HZ, log.period)
+            reach = round(0.9 / (scale * TORQUE_HZ * log.period))
             known = np.ones_like(q, dtype=bool)
             if log.doubtful is not None:
-                reach = round(0.9 / (scale * TORQUE_HZ * log.period))
                 known = ~_dilated(log.doubtful[segment], reach)
+            known[:reach] = known[len(known) - reach:] = False  # filters know nothing beyond
             parts = (log.t[segment], q, central_difference(q, log.period),
                      second_difference(q, log.period),
                      low_pass(log.tau[segment], 2.0 * scale * TORQUE_HZ, log.period), known)

@@ -95,7 +95,7 @@ def held_stretches(log: Log) -> list[Held]:
 
 def _held_torques(q: np.ndarray, tau: np.ndarray, stands: np.ndarray, offset: int) -> list[Held]:
     """Return where all torques repeat exactly while positions go on, and then jump."""
-    found = []
+    found, counts = [], np.array([resolution(own) for own in q.T])
     for start, last in runs_of(stands):
         end = last + 1
         if end - start < FEWEST or end >= len(q) or (np.diff(q[start:end], axis=0) == 0.0).all():
@@ -103,8 +103,8 @@ def _held_torques(q: np.ndarray, tau: np.ndarray, stands: np.ndarray, offset: in
         jump = np.abs(tau[end] - tau[end - 1]).max()
         usual = np.median(np.abs(np.diff(tau[max(start - 50, 0):start + 1], axis=0)).max(axis=1)) \
             if start > AROUND else 0.0
-        moved = np.abs(q[end - 1] - q[start]).max()
-        if jump > 0.0 and moved > 0.0 and jump > FASTER * usual > 0.0:
+        moved = np.abs(q[end - 1] - q[start])
+        if jump > FASTER * usual > 0.0 and (moved > COUNTS * counts).any():
             found.append(Held(offset + start, offset + end, (), True))
     return found
 
