@@ -123,12 +123,13 @@ def clipped(log: Log, largest: float) -> Log:
 
 
 def standing(log: Log, joints: Sequence[int] | None = None) -> Log:
-    """Return the log of a machine that was never told to move: its rest, over and over."""
-    first, last = round(0.3 / log.period), round(0.45 / log.period)
-    rows = first + np.arange(len(log.t)) % (last - first)
+    """Return the log of a machine that was never told to move: readings flicker by a count."""
+    random = np.random.default_rng(len(log.t))
     q, tau = log.q.copy(), log.tau.copy()
-    chosen = list(range(q.shape[1]) if joints is None else joints)
-    q[:, chosen], tau[:, chosen] = log.q[rows][:, chosen], log.tau[rows][:, chosen]
+    for joint in range(q.shape[1]) if joints is None else joints:
+        count = np.min(np.abs(np.diff(q[:, joint]))[np.diff(q[:, joint]) != 0.0])
+        q[:, joint] = q[0, joint] + count * random.integers(-1, 2, len(q))
+        tau[:, joint] = tau[0, joint] + 0.05 * random.standard_normal(len(q))
     return replace(log, q=q, tau=tau)
 
 

@@ -33,7 +33,8 @@ PLATFORM = tuple(index for index in range(len(COLUMNS)) if index not in JOINT_AL
 DIMENSIONS = ('arm_length', 'forearm_length', 'base_radius', 'platform_bar_length')
 """Base and platform radius act by their difference alone, so one of them stands for both."""
 ERRORS = LEGS + len(DIMENSIONS)
-SMALLEST = np.array((math.radians(1.0),) * LEGS + (4e-3,) * len(DIMENSIONS))
+BAR = ERRORS - 1
+SMALLEST = np.array((math.radians(1.0),) * LEGS + (6e-3,) * len(DIMENSIONS))
 """rad and m from which an error is a mistake of the setup."""
 SMALL_STEP = np.array((1e-4,) * ERRORS)
 """rad and m of the finite differences."""
@@ -42,16 +43,17 @@ LARGEST = np.array((math.radians(20.0),) * LEGS + (0.08,) * len(DIMENSIONS))
 STEPS = 7
 SETTLED = 1e-5
 """rad and m."""
-FEWER, FEWER_DIMENSION = 0.93, 0.945
+FEWER, FEWER_DIMENSION, FEWER_BAR = 0.93, 0.965, 0.93
 """Most of the squared error in motion that one more error may leave, while zeros and while only
-dimensions are looked for. Effects of the library leave 0.96 and 0.955."""
+dimensions are looked for, and where it is the bar's. Effects of the library leave 0.96, 0.972 and
+0.955."""
 FEWER_ZERO = 0.92
 """The same of all that was found in the first place."""
 BETTER = 0.97
 """Most of the squared error of errors found one by one that all zeros together must leave."""
 KEPT = 1.08
 """Factor by which the squared error must rise without an error that is kept."""
-SURE = 15.0
+SURE = 11.0
 """Standard deviations of white residuals by which a mistake stands out; residuals are not white."""
 LARGEST_ERROR = 0.3
 """|residual| / |torque| in motion with which the rest is believed."""
@@ -299,15 +301,23 @@ def _selected(problem: _Problem, nothing: _Solution, among: Sequence[int], fewer
     """Return the errors that each explain much, found one by one, or all zeros together."""
     now, chosen = nothing, []
     while len(chosen) < MOST:
-        trials = [(problem.solve([*chosen, index], now.values), index)
-                  for index in problem.nearest(now, chosen, among)[:TRIED]]
+        try:
+            trials = [(problem.solve([*chosen, index], now.values), index)
+                      for index in problem.nearest(now, chosen, among)[:TRIED]]
+        except UnreachableError:  # an error more and the mechanism does not close
+            break
         trial, index = min(trials, key=lambda item: item[0].left)
-        if trial.left > fewer * now.left or (np.abs(trial.values) > LARGEST).any():
+        least = FEWER_BAR if index == BAR else fewer
+        if trial.left > least * now.left or (np.abs(trial.values) > LARGEST).any():
             break
         now, chosen = trial, [*chosen, index]
-    if 0 in among and chosen:
-        zeros = problem.solve(range(LEGS), np.zeros(ERRORS))
-        if zeros.left < BETTER * now.left and (np.abs(zeros.values) < LARGEST).all():
+    if 0 in among:
+        try:
+            zeros = problem.solve(range(LEGS), np.zeros(ERRORS))
+        except UnreachableError:
+            zeros = nothing
+        least = BETTER if chosen else FEWER_ZERO
+        if zeros.left < least * now.left and (np.abs(zeros.values) < LARGEST).all():
             now, chosen = zeros, list(range(LEGS))
     for index in list(chosen) if len(chosen) > 1 else ():
         start = now.values.copy()

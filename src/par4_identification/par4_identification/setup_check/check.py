@@ -18,6 +18,7 @@ from par4_identification.setup_check.calibration import calibration_findings, ca
 from par4_identification.setup_check.equations import (
     Equations,
     Stretch,
+    closing,
     equations_of,
     stretches_of,
 )
@@ -36,6 +37,8 @@ from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import Geometry
 from par4_kinematics.robot import Axis, Robot
 
+BEYOND_DOUBT = 0.985
+"""Share of the torque that a wiring explains from which nothing else need be asked."""
 Step = Callable[[SetupCheck], SetupCheck]
 
 
@@ -89,9 +92,24 @@ def _wired(check: SetupCheck) -> SetupCheck:
         return check
     logs = [rewired(log, wiring) for log in check.logs]
     after = equations_or_none(stretches_of(logs), geometry)
+    if after is not None and after.explained() < BEYOND_DOUBT and _explained_otherwise(
+            check) > after.explained():
+        return check
     return check.after(wiring_findings(
         wiring, None if now is None else now.explained(),
         0.0 if after is None else after.explained()), logs)
+
+
+def _explained_otherwise(check: SetupCheck) -> float:
+    """Return the most that any other mistake explains of the torque with the present wiring."""
+    rivals = [check]
+    for step in (passing_singular_poses, _timed, _calibrated):
+        try:
+            rivals += [step(rivals[-1])]
+        except (np.linalg.LinAlgError, UnreachableError):
+            continue
+    rows = [equations_or_none(stretches_of(rival.logs), _geometry(rival)) for rival in rivals]
+    return max((own.explained() for own in rows if own is not None), default=0.0)
 
 
 def rewired(log: Log, wiring: Wiring) -> Log:
@@ -120,7 +138,7 @@ def _calibrated(check: SetupCheck) -> SetupCheck:
     """Return the check with large errors of zeros and dimensions mended."""
     if not isinstance(check.machine, Robot):
         return check
-    stretches = stretches_of(check.logs)
+    stretches = [closing(part, check.machine.geometry) for part in stretches_of(check.logs)]
     rows = equations_or_none(stretches, check.machine.geometry)
     calibration = None if rows is None else calibration_of(stretches, check.machine.geometry, rows)
     if calibration is None:

@@ -22,6 +22,7 @@ from par4_dynamics.state import State, state_of_joints
 from par4_identification.filtering import central_difference, low_pass, second_difference
 from par4_identification.log import Log
 from par4_kinematics.geometry import Geometry
+from par4_kinematics.position import closes
 
 POSITION_HZ, TORQUE_HZ = 80.0, 20.0
 """Low-passes of positions and of torques and columns."""
@@ -96,6 +97,23 @@ def stretches_of(logs: Sequence[Log]) -> list[Stretch]:
             found.append(Stretch(number, every * log.period, *(part[::every] for part in parts),
                                  scale * TORQUE_HZ))
     return found
+
+
+def closing(stretch: Stretch, geometry: Geometry) -> Stretch:
+    """Return the stretch in which samples that no pose closes stand where the last one before does.
+
+    They are marked as unknown. Zeros that are far off open the mechanism at the ends of its reach;
+    the rest of the samples tells them.
+    """
+    closed = closes(geometry, stretch.q)
+    if closed.all() or not closed.any():
+        return stretch
+    rows = np.maximum.accumulate(np.where(closed, np.arange(len(closed)), 0))
+    rows = np.where(closed[rows], rows, int(np.argmax(closed)))
+    q = stretch.q[rows]
+    reach = round(0.9 / (stretch.cutoff_hz * stretch.period))
+    open_too = _dilated(np.repeat(~closed[:, None], q.shape[1], axis=1), reach)
+    return replace(stretch, q=q, known=stretch.known & ~open_too)
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ def passing_singular_poses(check: SetupCheck) -> SetupCheck:
     if not isinstance(check.machine, Robot):
         return check
     for number_of_log, log in enumerate(check.logs):
-        wrong, worst = _near_singular(log, check.machine)
+        wrong, worst = near_singular(log, check.machine)
         share = float(wrong.mean())
         if not 0.0 < share < MOST:
             continue
@@ -85,7 +85,7 @@ def passing_singular_poses(check: SetupCheck) -> SetupCheck:
     return check
 
 
-def _near_singular(log: Log, robot: Robot) -> tuple[np.ndarray, int]:
+def near_singular(log: Log, robot: Robot) -> tuple[np.ndarray, int]:
     """Return which samples (n,) are near a singular pose, and the nearest one."""
     every = max(1, round(1.0 / (PROBED_HZ * log.period)))
     probes = np.arange(0, len(log.q), every)

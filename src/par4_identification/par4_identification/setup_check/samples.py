@@ -22,6 +22,9 @@ COUNTS = 6.0
 """Counts of an encoder above which a change is a jump."""
 FASTER = 3.0
 """Ratio of a jump to what the joint travels in a sample, beside it."""
+BRIEF, UNMOVED = 0.06, 4.0
+"""s up to which a joint cannot have turned round unseen, and ratio of a jump to what the joint
+travels in that time at the speed beside it, from which the jump is no end of a held reading."""
 STOPPED = 3.0
 """Counts a sample from which no drive stops a joint within a sample."""
 TRAVEL = 0.1
@@ -138,7 +141,10 @@ def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, in
         if end < len(own):
             jump = abs(own[end] - own[end - 1])
             after = abs(own[min(end + AROUND, len(own) - 1)] - own[end]) / AROUND
-            if jump > COUNTS * count and jump > FASTER * max(before, after):
+            speed = max(before, after)
+            short = (end - start) * period < BRIEF
+            if jump > COUNTS * count and jump > FASTER * speed and not (
+                    short and jump > UNMOVED * speed * (end - start)):
                 found.append((start, end))
                 continue
         travel = np.ptp(np.delete(q[start:end], joint, axis=1), axis=0).max(initial=0.0)
