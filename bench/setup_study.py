@@ -47,8 +47,8 @@ from par4_identification.setup_check.unusable import diagnosed_if_sound
 from par4_kinematics.robot import Robot
 
 ROOT = Path(__file__).parents[1]
-SCORING_SEED = 8_500_000
-"""Seeds below are for developing."""
+SCORING_SEED = 8_510_000
+"""Seeds below are for developing: 8,500,000 to 8,500,011 showed that rattling loads have spikes."""
 RECORDINGS = 400
 """At scale 1."""
 MISTAKEN, EACH = 0.25, 4
@@ -263,7 +263,7 @@ def outcomes_of(index: int, seed: int, mistaken: bool) -> list[dict]:
                  ) if index % 2 else None
     scenario = draw_scenario(Task('single' if effect else 'clean', seed, effect,
                                   coloured=bool(random.integers(2))))
-    diagnosed = mistaken and index % EVERY_DIAGNOSED == 1
+    diagnosed = mistaken and index % EVERY_DIAGNOSED == 9
     logs = [_recorded(scenario, number) for number in range(2 if diagnosed else 1)]
     started = time.perf_counter()
     good = check_setup(logs, scenario.known.robot)

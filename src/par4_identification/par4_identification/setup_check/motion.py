@@ -48,7 +48,7 @@ def moving(check: SetupCheck) -> SetupCheck:
         'not_moving', still, None,
         f'{who} {verb} for longer than {number(float(time[list(still)].max()), 2)} s in all; a '
         'resting joint tells neither its inertia nor its friction',
-        'Check that the drives are switched on and that the motion was sent; record a motion of '
+        'Check that the drives are on and that the motion was sent, then record a longer motion of '
         'all joints, as par4_excite designs it.', False, True)])
 
 

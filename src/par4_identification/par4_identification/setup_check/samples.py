@@ -37,10 +37,10 @@ BEYOND = 12.0
 """Ratio of a wrong sample to the scatter about the median of its neighbours."""
 OFTEN = 0.01
 """Share of samples from which deviations are no spikes but noise."""
-PART_OF_RANGE = 0.25
+PART_OF_RANGE = 0.45
 """Least spike of a torque, of its largest usual size; drives that answer single encoder counts
-give pulses of a tenth."""
-RARE = 2.5
+give pulses of a tenth, loads that rattle of a third."""
+RARE = 4.0
 """Ratio of a torque's spike to what two samples in a thousand exceed: gaps and springs ring."""
 WIDEST = 3
 """Samples of one spike."""
