@@ -39,6 +39,8 @@ from par4_kinematics.robot import Axis, Robot
 
 BEYOND_DOUBT = 0.985
 """Share of the torque that a wiring explains from which nothing else need be asked."""
+SOUND = 0.1
+"""|residual| / |torque| in motion of what is left beside singular poses that are believed."""
 Step = Callable[[SetupCheck], SetupCheck]
 
 
@@ -53,8 +55,8 @@ def check_setup(logs: Sequence[Log], machine: Robot | Axis, model: Model | None 
     """
     check = SetupCheck((), tuple(logs), machine)
     steps: tuple[Step, ...] = (
-        in_si, without_log_faults, moving, _wired, passing_singular_poses, _timed, _calibrated,
-        lambda check: scale_findings(check, model))
+        in_si, without_log_faults, moving, _wired, _past_singular_poses, _timed, _calibrated,
+        passing_singular_poses, lambda check: scale_findings(check, model))
     for step in steps:
         if check.useless:
             break
@@ -120,6 +122,23 @@ def rewired(log: Log, wiring: Wiring) -> Log:
     doubtful = None if log.doubtful is None else np.repeat(
         log.doubtful.any(axis=1)[:, None], q.shape[1], axis=1)
     return replace(log, q=q, tau=tau, doubtful=doubtful)
+
+
+def _past_singular_poses(check: SetupCheck) -> SetupCheck:
+    """Return the check without singular poses if the rest is sound.
+
+    Wrong zeros move the platform, and may move it into poses that it never saw; such data are
+    looked at again when the zeros are right.
+    """
+    found = passing_singular_poses(check)
+    if found is check:
+        return check
+    rows = equations_or_none(stretches_of(found.logs), _geometry(found))
+    if rows is None or rows.fit().error > SOUND:
+        return check
+    with_zeros = _calibrated(check)
+    elsewhere = with_zeros is not check and passing_singular_poses(with_zeros) is with_zeros
+    return check if elsewhere else found
 
 
 def _timed(check: SetupCheck) -> SetupCheck:

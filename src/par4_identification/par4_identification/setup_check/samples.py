@@ -82,13 +82,15 @@ def held_stretches(log: Log) -> list[Held]:
         frozen = [_frozen_runs(q, joint, log.period) for joint in range(q.shape[1])]
         stands = (np.diff(tau, axis=0) == 0.0).all(axis=1)
         still = np.diff(q, axis=0) == 0.0
-        together: dict[int, list[tuple[int, int]]] = {}  # what goes on at the same row
+        together: dict[int, list[tuple[int, int, bool]]] = {}  # what goes on at the same row
         for joint, runs in enumerate(frozen):
-            for start, end in runs:
-                together.setdefault(end, []).append((start, joint))
+            for start, end, sudden in runs:
+                together.setdefault(end, []).append((start, joint, sudden))
         for end, starts in sorted(together.items()):
-            start = max(begun for begun, _ in starts)
-            joints = {joint for _, joint in starts}
+            start = max(begun for begun, _, _ in starts)
+            joints = {joint for _, joint, _ in starts}
+            if len(joints) == 1 and starts[0][2]:
+                continue  # a slip after a rest
             joints |= set(np.flatnonzero(still[start:end - 1].all(axis=0)).tolist())
             found.append(Held(segment.start + start, segment.start + end, tuple(sorted(joints)),
                               bool(stands[start:end - 1].all())))
@@ -129,8 +131,11 @@ def resolution(q: np.ndarray) -> float:
     return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
 
 
-def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, int]]:
-    """Return the runs over which a joint's reading repeats though the joint must move."""
+def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, int, bool]]:
+    """Return the runs over which a joint's reading repeats though the joint must move.
+
+    With each goes whether its end is so sudden that the joint cannot have moved so far meanwhile.
+    """
     own, count = q[:, joint], resolution(q[:, joint])
     found = []
     for start, last in runs_of(np.diff(own) == 0.0):
@@ -143,15 +148,14 @@ def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, in
             after = abs(own[min(end + AROUND, len(own) - 1)] - own[end]) / AROUND
             speed = max(before, after)
             short = (end - start) * period < BRIEF
-            if jump > COUNTS * count and jump > FASTER * speed and not (
-                    short and jump > UNMOVED * speed * (end - start)):
-                found.append((start, end))
+            if jump > COUNTS * count and jump > FASTER * speed:
+                found.append((start, end, short and jump > UNMOVED * speed * (end - start)))
                 continue
         travel = np.ptp(np.delete(q[start:end], joint, axis=1), axis=0).max(initial=0.0)
         stopped = before > STOPPED * count > 0.0
         if (stopped and travel > TRAVEL) or (
                 travel > LONG_TRAVEL and (end - start) * period > LONG):
-            found.append((start, end))
+            found.append((start, end, False))
     return found
 
 
