@@ -381,8 +381,9 @@ Written by `bench/setup_study.py`, good or bad. {header['date']}; {header['machi
 Each recording is of a machine and a motion of `tests/hidden` (two robots, four shapes of motion,
 white and coloured noise, 16 s of log). The check sees it as it was recorded, and every fourth one
 with {EACH} mistakes made to it by `tests/mistakes.py`, one at a time. Right: exactly this kind is
-found, on the right joints. The log of a singular pose is calculated and hides nothing. A pair of legs exchanged in positions and torques alike is the mirror
-image of the other pair exchanged, so either counts.
+found, on the right joints. The log of a singular pose is calculated and hides nothing. A pair of
+legs exchanged in positions and torques alike is the mirror image of the other pair exchanged, so
+either counts.
 
 ## What was to be reached
 
