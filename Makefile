@@ -8,13 +8,14 @@ PACKAGES := par4_kinematics par4_dynamics par4_sim par4_identification
 unexport PYTHONPATH
 unexport PYTHONHOME
 
-.PHONY: help setup demo test lint bench blind docs clean
+.PHONY: help setup demo test lint bench blind setup_study docs clean
 
 help:
 	@echo 'make demo   install and run the main job end to end (results in demo_output/)'
 	@echo 'make test   install and run the tests'
 	@echo 'make setup  install into $(VENV) only'
 	@echo 'make bench  measure accuracy and speed'
+	@echo 'make setup_study  make mistakes of the setup and count what is told: docs/setup_study.md'
 	@echo 'make blind  hide effects and count what is found: docs/blind_study.md (hours; ARGUMENTS=...)'
 	@echo 'make lint   check style'
 	@echo 'make docs   regenerate docs/interface.md and docs/effects.md'
@@ -50,6 +51,9 @@ bench: setup
 
 blind: setup
 	$(BIN)/python bench/blind_study.py $(ARGUMENTS)
+
+setup_study: setup
+	$(BIN)/python bench/setup_study.py $(ARGUMENTS)
 
 docs: setup
 	$(BIN)/python -m par4_kinematics.interface > docs/interface.md

@@ -167,7 +167,7 @@ def checked_page(path: Path, least_images: int) -> Page:
 def test_identification_json_has_the_keys_of_the_contract(identified):
     content = json.loads((identified.folder / 'identification.json').read_text())
     assert list(content) == ['schema', 'parameters', 'condition_number', 'residual_rms',
-                             'relative_error', 'data', 'estimator', 'offsets']
+                             'relative_error', 'data', 'estimator', 'offsets', 'setup']
     assert content['schema'] == 'par4/identification/1'
     for parameter in content['parameters'].values():
         assert list(parameter) == ['value', 'std', 'relative_std', 'unit']
@@ -334,7 +334,7 @@ def test_validation_of_a_good_model_on_another_bag(identified, bags, tmp_path):
     assert done.code == 0, done.err
     content = json.loads((tmp_path / 'validation.json').read_text())
     assert list(content) == ['schema', 'rms', 'relative_error', 'r2', 'overall',
-                             'without_standstill', 'data']
+                             'without_standstill', 'data', 'setup']
     for errors in (content, content['without_standstill']):
         assert [len(errors[name]) for name in ('rms', 'relative_error', 'r2')] == [4, 4, 4]
         total = errors['overall']
@@ -371,7 +371,7 @@ def test_validation_of_a_machine_at_rest_says_so(bags, tmp_path):
 def test_diagnosis_json_has_the_keys_of_the_contract(diagnosed):
     content = json.loads((diagnosed.folder / 'diagnosis.json').read_text())
     assert list(content) == ['schema', 'verdict', 'causes', 'unnamed', 'holdout', 'remaining',
-                             'next_experiment', 'extended_model', 'simulation']
+                             'next_experiment', 'extended_model', 'setup', 'simulation']
     assert list(content['holdout']) == ['baseline_rms', 'extended_rms', 'noise_floor_rms',
                                         'explained_fraction', 'explained_fraction_ci']
     assert list(content['remaining']) == ['significant', 'looks_like', 'wandering_rms',

@@ -405,6 +405,26 @@ def test_positions_are_needed(tmp_path):
         read_log(tmp_path / 'bag', ROBOT)
 
 
+def test_a_topic_on_another_clock_is_moved_by_its_receipt(tmp_path):
+    """Ten hours apart, received within a millisecond of each other."""
+    shift = 36_000 * 10 ** 9
+    stamp = even()
+    path = bag(tmp_path / 'bag', stamp, voltage_stamp=stamp + shift, voltage=true_torque(stamp)
+               / GAIN, received=stamp + 10 ** 6, voltage_received=stamp + 10 ** 6)
+    log = read_log(path, ROBOT)
+    assert_true(log)
+    assert log.accounts.clock_offset == pytest.approx(-36_000.0, abs=1e-3)
+    assert any('another clock' in finding for finding in log.accounts.findings())
+
+
+def test_two_machines_on_one_topic_are_told(tmp_path):
+    stamp = even(2 * COUNT, PERIOD // 2)
+    position = true_position(stamp)
+    position[1::2] += 0.5
+    with pytest.raises(InputError, match='jump to and fro .*two machines'):
+        read_log(bag(tmp_path / 'bag', stamp, position), ROBOT)
+
+
 def test_too_few_samples_are_refused(tmp_path):
     read_log(bag(tmp_path / 'enough', even(100)), ROBOT)
     for name, stamp, voltage_stamp in (

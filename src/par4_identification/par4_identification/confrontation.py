@@ -288,7 +288,8 @@ def _stretch(log: Log, robot: Robot, models: tuple[Model, Model] | None,
                          f'held out; give a longer bag')
     first = int(np.searchsorted(log.t, chosen[0] - 0.5 * log.period))
     rows = slice(first, first + len(chosen))
-    return replace(log, t=log.t[rows], q=log.q[rows], tau=log.tau[rows],
+    doubtful = None if log.doubtful is None else log.doubtful[rows]
+    return replace(log, t=log.t[rows], q=log.q[rows], tau=log.tau[rows], doubtful=doubtful,
                    segments=(slice(0, len(chosen)),), reference=None)
 
 

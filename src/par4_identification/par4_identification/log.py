@@ -51,6 +51,11 @@ MOST_CONFLICTS = 0.05
 """Fraction of samples with the stamp but not the values of another above which a log is refused."""
 DISAGREEMENT = 0.01
 """Relative difference of effort and G V above which it is reported."""
+APART = 0.25
+"""s by which the clocks of two topics must differ, as their receipt tells, to be two clocks."""
+JUMP, MOST_TO_AND_FRO = 1e-3, 0.05
+"""rad of a jump to and fro from sample to sample, and share of such samples, that two sources in
+one topic make."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +120,8 @@ class Accounts:
         ignored_topics: type by name.
         unreadable: messages that could not be decoded, by topic.
         reference: 'absent', 'read', or why it was ignored.
+        clock_offset: by which the stamps of the torque were moved because its topic has another
+            clock, s.
     """
 
     bag: str
@@ -137,6 +144,7 @@ class Accounts:
     ignored_topics: dict[str, str]
     unreadable: dict[str, int]
     reference: str
+    clock_offset: float = 0.0
 
     def to_json(self) -> dict[str, Any]:
         """Return the accounts as plain dicts, lists, numbers and strings."""
@@ -170,6 +178,9 @@ class Accounts:
             (unmeasured, 'samples dropped where no torque was measured')) if count]
         if self.segments > 1:
             found.append(f'gaps cut the log into {self.segments} segments')
+        if self.clock_offset:
+            found.append(f'{self.torque.topic} has another clock than {self.position.topic}; moved '
+                         f'by {self.clock_offset:.6g} s, as its receipt tells')
         if self.resampled:
             found.append(f'uneven stamps (spacing +- {self.position.jitter_rms:.3g} s rms), '
                          f'resampled every {self.period:.6g} s')
@@ -214,6 +225,8 @@ class Log:
         segments: contiguous stretches, in order, covering all n samples; filter none across them.
         reference: the motion asked for, if the bag holds one.
         accounts: what was read, repaired and dropped.
+        doubtful: samples at which the torque of a joint must not be compared with a model, because
+            position or torque there are filled in or wrong, (n, J); None where there is none.
     """
 
     name: str
@@ -226,6 +239,7 @@ class Log:
     segments: tuple[slice, ...]
     reference: Reference | None
     accounts: Accounts
+    doubtful: np.ndarray | None = None
 
 
 def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = None) -> Log:
@@ -253,7 +267,8 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
                          'record a topic with positions')
     clock = _Clock(rows.received, rows.stamp, rows.values)
     position = _series(path, rows, clock)
-    torque, source, disagreement = _torque(path, bag, machine, clock)
+    _refuse_two_sources(path, position)
+    torque, source, disagreement, offset = _torque(path, bag, machine, clock)
     grid = _grid(position)
 
     parts, short, without_torque = [], grid.short, 0
@@ -284,7 +299,8 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
         position=position.counts, torque=torque.counts, reordered=_reordered(states, joints),
         ignored_joints=tuple(sorted({name for names in states.layouts for name in names}
                                     - set(joints))),
-        ignored_topics=bag.ignored, unreadable=bag.unreadable, reference=reference_note)
+        ignored_topics=bag.ignored, unreadable=bag.unreadable, reference=reference_note,
+        clock_offset=offset)
     return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,
                tuple(slice(start, end) for start, end in pairwise(ends)), reference, accounts)
 
@@ -355,6 +371,18 @@ class _Clock:
         candidates = stamp[:, None] + self._shifts
         distance = np.abs(candidates - self.at_receipt(received)[:, None])
         return candidates[np.arange(len(stamp)), np.argmin(distance, axis=1)]
+
+    def offset(self, rows: _Rows) -> int:
+        """Return by how much, ns, stamps of another clock must be moved to be on this one.
+
+        Both clocks are compared with the one that told when messages were received; zero where
+        they agree to `APART`, or where a clock was set back as well.
+        """
+        if len(self.joins):
+            return 0
+        own = float(np.median(self._received - (self._time - self._shifts[0])))
+        other = float(np.median(rows.received - rows.stamp))
+        return 0 if abs(other - own) < 1e9 * APART else round(other - own)
 
     def run(self, time: np.ndarray) -> np.ndarray:
         """Return the number of the run that each time belongs to."""
@@ -469,6 +497,23 @@ def _series(path: str | Path, rows: _Rows, clock: _Clock) -> _Series:
     return _Series(stamp[order], rows.values[order], 1e9 * counts.period, counts)
 
 
+def _refuse_two_sources(path: str | Path, position: _Series) -> None:
+    """Refuse positions that jump to and fro between two machines.
+
+    Raises:
+        InputError: they do.
+    """
+    step = np.diff(position.values, axis=0)
+    there, back = np.abs(step[:-1]), np.abs(step[1:])
+    returned = np.abs(step[:-1] + step[1:]) < 0.3 * np.minimum(there, back)
+    to_and_fro = (returned & (np.minimum(there, back) > JUMP)).any(axis=1)
+    if to_and_fro.sum() > MOST_TO_AND_FRO * len(step):
+        raise InputError(
+            f'{path}: positions on {position.counts.topic} jump to and fro in {to_and_fro.sum()} '
+            f'of {len(step)} samples (two machines or simulations on one topic); record one source '
+            'at a time, in a namespace or ROS_DOMAIN_ID of its own')
+
+
 def spacing_counts(stamp: np.ndarray, run: np.ndarray | None = None) -> dict[str, float]:
     """Return `gaps`, `longest_gap` (s), `lost`, `period` (s) and `jitter_rms` (s) of stamps.
 
@@ -546,8 +591,9 @@ def _grid(position: _Series) -> _Grid:
 
 
 def _torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock: _Clock
-            ) -> tuple[_Series, str, tuple[float, ...] | None]:
-    """Return the torques, their source, and how far the other source disagrees.
+            ) -> tuple[_Series, str, tuple[float, ...] | None, float]:
+    """Return the torques, their source, how far the other source disagrees, and by how many
+    seconds the stamps of the torques were moved to the clock of the positions.
 
     Raises:
         InputError: there is none.
@@ -562,11 +608,12 @@ def _torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock: _Clock
         raise InputError(f'{path}: no torque, neither {AMPLIFIER_VOLTAGE.name} nor effort in '
                          f'{states.topic}; record one of them')
     if rows is None:
-        return effort, 'effort', None
-    voltage = _series(path, rows, clock)
+        return effort, 'effort', None, 0.0
+    offset = clock.offset(rows)
+    voltage = _series(path, replace(rows, stamp=rows.stamp + offset), clock)
     torque = replace(voltage, values=voltage.values * machine.drive_gain)
-    return torque, AMPLIFIER_VOLTAGE.name, None if effort is None else _disagreement(
-        torque, effort, clock)
+    disagreement = None if effort is None else _disagreement(torque, effort, clock)
+    return torque, AMPLIFIER_VOLTAGE.name, disagreement, 1e-9 * offset
 
 
 def _disagreement(torque: _Series, effort: _Series, clock: _Clock) -> tuple[float, ...] | None:

@@ -167,8 +167,8 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
         'over_motion': '', 'experiment': _experiment_cells(experiment, names),
         'simulation': confrontation_cells(confrontation, names)}
     if isinstance(diagnosis, Unusable):
-        runs = diagnosis.fit_runs
-        content['motion'] = measured_motion(
+        runs = diagnosis.fit_runs  # none where a log cannot even be filtered
+        content['motion'] = runs and measured_motion(
             _joined_time(runs), *(np.concatenate([getattr(run, part) for run in runs])
                                   for part in ('speed', 'tau')), names)
     else:

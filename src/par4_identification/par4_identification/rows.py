@@ -134,6 +134,9 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
     near = _within(reach, slow)
     moving = np.abs(state.qd) >= conditioning.low_speed / 4
     resting = ~_within(2 * reach, moving)
+    if log.doubtful is not None:
+        doubted = _within(2 * reach, log.doubtful[segment])
+        near, resting = near | doubted, resting & ~doubted
     first = 2 * reach
     window = slice(first, len(state.t) - first, every)
     return Run(

@@ -200,6 +200,26 @@ def forward_kinematics(geometry: Geometry, q: ArrayLike, start: ArrayLike = HOME
     return x.reshape((*leading, LEGS))
 
 
+def closes(geometry: Geometry, q: ArrayLike) -> np.ndarray:
+    """Return whether the mechanism closes with joint positions q (..., 4) in its working mode.
+
+    Raises:
+        InputError: wrong shape or a value that is not finite.
+    """
+    rows, leading = as_rows(q, 'joint positions q')
+    x, closed = np.empty_like(rows), np.ones(len(rows), dtype=bool)
+    home, cosines, sines = mid_height_home(geometry), np.cos(rows), np.sin(rows)
+    begin = 0
+    while begin < len(rows):
+        # a row that does not close ends a pass; the next one begins behind it
+        row = _forward_rows(geometry.packed, cosines[begin:], sines[begin:], home, home, x[begin:])
+        if row < 0:
+            break
+        closed[begin + row] = False
+        begin += row + 1
+    return closed.reshape(leading)
+
+
 def mid_height_home(geometry: Geometry) -> np.ndarray:
     """Return a pose (4,) on the axis with the arms near the horizontal, whatever the size."""
     across = (geometry.base_radius + geometry.arm_length - geometry.platform_radius)

@@ -23,6 +23,9 @@ from par4_identification.outcome.confrontation import (
 from par4_identification.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
 from par4_identification.outcome.next_experiment import MOTION_FILE
 from par4_identification.outcome.results import model_in_units, provenance
+from par4_identification.outcome.setup import setup_json, with_setup
+from par4_identification.setup_check.check import check_setup
+from par4_identification.setup_check.unusable import diagnosed_if_sound
 from par4_kinematics.motion_file import write_motion
 from par4_kinematics.robot import read_machine
 from par4_sim.commands.entry import run
@@ -64,16 +67,20 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, m
     """Name what a model gets wrong about the machine that made the bags."""
     machine = read_machine(robot)
     baseline = None if model is None else read_model_file(model)
-    if baseline is not None:
-        build_model(machine, baseline)  # refuses a model of another machine before any long work
+    # refuses a model of another machine before any long work
+    known = None if baseline is None else build_model(machine, baseline)
     refuse_unwritable(output)
     with Console(stderr=True).status('reading the bags') as status:
         logs = []
         for bag in distinct_bags((*bags, *holdout)):
             status.update(f'reading {bag}')
             logs.append(read_log(bag, machine, namespace))
-        diagnosis = diagnose(logs[:len(bags)], machine, baseline, logs[len(bags):],
-                             progress=status.update)
+        status.update('looking for mistakes of the setup')
+        check = check_setup(logs, machine, known)
+        logs, machine = check.logs, check.machine
+        diagnosis = diagnosed_if_sound(check, lambda sound: diagnose(
+            sound.logs[:len(bags)], sound.machine, baseline, sound.logs[len(bags):],
+            progress=status.update))
         experiment = confrontation = extended = None
         if isinstance(diagnosis, Diagnosis):
             status.update('looking for the motion that would tell twins apart')
@@ -85,6 +92,7 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, m
         outcome = outcome_of_diagnosis(diagnosis, machine, experiment)
         outcome = replace(outcome, remarks=(*outcome.remarks,
                                             *remarks_of_confrontation(confrontation)))
+        outcome = with_setup(outcome, check, 'diagnosis')
         origin = provenance('par4_diagnose', machine, (*bags, *holdout),
                             {'holdout': holdout, 'model': model, 'namespace': namespace})
         status.update('drawing the report')
@@ -92,6 +100,7 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, m
         from par4_identification.report import report_of_diagnosis
         results = {
             'diagnosis.json': {**diagnosis_json(diagnosis, machine, experiment),
+                               'setup': setup_json(check),
                                'simulation': simulation_json(confrontation)},
             'extended_model.yaml': extended and model_in_units(
                 extended.model_copy(update={'provenance': origin}), machine),
@@ -105,6 +114,8 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, m
         for left in (output / MOTION_FILE, (output / MOTION_FILE).with_suffix('.csv')):
             left.unlink(missing_ok=True)
     console = Console(highlight=False)
+    for line in outcome.first:
+        console.print(line, soft_wrap=not console.is_terminal, markup=False)
     console.print(f'{diagnosis.verdict}: {outcome.sentence}',
                   soft_wrap=not console.is_terminal, markup=False)
     console.print(f'results and report: {output}', soft_wrap=True, markup=False)

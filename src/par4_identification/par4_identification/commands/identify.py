@@ -25,6 +25,9 @@ from par4_identification.outcome.identification import (
 )
 from par4_identification.outcome.loads import known_payloads, weighed_payload
 from par4_identification.outcome.results import model_in_units, provenance
+from par4_identification.outcome.setup import setup_json, with_setup
+from par4_identification.setup_check.check import check_setup
+from par4_identification.setup_check.unusable import sound_or_refused
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.commands.entry import run
@@ -72,10 +75,13 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
         for bag in distinct_bags(bags):
             status.update(f'reading {bag}')
             logs.append(read_log(bag, machine, namespace))
+        status.update('looking for mistakes of the setup')
+        check = check_setup(logs, machine)
+        logs, machine = check.logs, check.machine
         status.update('identifying')
         bare = [log for log in logs if log.name not in loaded]
-        identification = identify(bare, machine, rigid_body, masses,
-                                  fitting=Fitting(estimator, per_joint, offsets))
+        identification = sound_or_refused(check, lambda: identify(
+            bare, machine, rigid_body, masses, fitting=Fitting(estimator, per_joint, offsets)))
         model_file = model_in_units(identification.model_file(provenance(
             'par4_identify', machine, bags,
             {'rigid_body': rigid_body, 'payload': masses, 'unknown_payload': loaded,
@@ -90,7 +96,8 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
             identification.runs, [log for log in logs if log.name in loaded], machine, rigid_body)
         found = (*gain_remarks, *mass_remarks)
         outcome = outcome_of_identification(identification, floor, machine, bare)
-        outcome = replace(outcome, remarks=(*outcome.remarks, *found))
+        outcome = with_setup(replace(outcome, remarks=(*outcome.remarks, *found)), check,
+                             'identification')
         rows = table_of_parameters(identification, machine, truth)
         page = None
         if report:
@@ -102,9 +109,12 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
         write_results(output, {
             'model.yaml': model_file,
             'identification.json': {**identification_json(identification, machine, logs),
+                                    'setup': setup_json(check),
                                     **gain_fields, **mass_fields},
             'report.html': page})
     console = Console(highlight=False)
+    for line in outcome.first:
+        console.print(line, soft_wrap=not console.is_terminal, markup=False)
     console.print(terminal_table(rows))
     findings = [remark.text for remark in (*estimator_remarks(identification, machine), *found)
                 if remark.good]

@@ -12,8 +12,11 @@ from par4_dynamics.model_file import read_model_file
 from par4_identification.diagnosis.floor import noise_floor
 from par4_identification.log import read_log
 from par4_identification.outcome.results import bag_sha256, bags_of
+from par4_identification.outcome.setup import setup_json, with_setup
 from par4_identification.outcome.validation import outcome_of_validation, validation_json
 from par4_identification.rows import runs_of_log
+from par4_identification.setup_check.check import check_setup
+from par4_identification.setup_check.unusable import sound_or_refused
 from par4_identification.validation import validate
 from par4_kinematics.robot import read_machine
 from par4_sim.commands.entry import run
@@ -35,20 +38,27 @@ def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str 
     refuse_unwritable(output)
     with Console(stderr=True).status(f'reading {bag}') as status:
         log = read_log(bag, machine, namespace)
+        status.update('looking for mistakes of the setup')
+        check = check_setup([log], machine, built)
+        (log,), machine = check.logs, check.machine
+        built = build_model(machine, model_file)
         status.update('calculating the torque')
-        validation = validate(log, machine, built)
+        validation = sound_or_refused(check, lambda: validate(log, machine, built))
         runs = runs_of_log(log, machine)
         floor = noise_floor(runs, machine, built)
         seen = bag_sha256(bag) in bags_of(model_file)
-        outcome = outcome_of_validation(validation, floor, machine, log, seen)
+        outcome = with_setup(outcome_of_validation(validation, floor, machine, log, seen), check,
+                             'validation')
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
         from par4_identification.report import report_of_validation
         write_results(output, {
-            'validation.json': validation_json(validation, log),
+            'validation.json': {**validation_json(validation, log), 'setup': setup_json(check)},
             'report.html': report_of_validation(validation, outcome, runs, floor, machine, log,
                                                 model_file)})
     console = Console(highlight=False)
+    for line in outcome.first:
+        console.print(line, soft_wrap=not console.is_terminal, markup=False)
     console.print(outcome.sentence, soft_wrap=not console.is_terminal, markup=False)
     console.print(f'results and report: {output}', soft_wrap=True, markup=False)
 

@@ -31,11 +31,13 @@ class Outcome:
         sentence: all of it, with its numbers.
         standing: how far the result serves its purpose.
         remarks: the findings behind it.
+        first: what was wrong with setup or log and is to be read before all else, sentences.
     """
 
     sentence: str
     standing: Standing
     remarks: tuple[Remark, ...]
+    first: tuple[str, ...] = ()
 
     @property
     def advice(self) -> tuple[str, ...]:

@@ -1,0 +1,40 @@
+"""Mistakes of the setup and faults of the log in words, said before anything else, and in JSON."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from par4_identification.setup_check.finding import SetupCheck
+from par4_identification.setup_check.scale import SHOWN_BY
+from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.results import plain
+
+
+def setup_lines(check: SetupCheck, work: str) -> tuple[str, ...]:
+    """Return what is to be read first, a paragraph a finding.
+
+    Args:
+        check: of setup and logs.
+        work: what went on with the mended data, as 'diagnosis'.
+    """
+    lines = []
+    for finding in check.findings:
+        went_on = f' The {work} went on with this mended.' if finding.certain else ''
+        lines.append(f'Before anything else: {finding.evidence}.{went_on} {finding.mend}')
+    return tuple(lines)
+
+
+def with_setup(outcome: Outcome, check: SetupCheck, work: str) -> Outcome:
+    """Return the outcome with what was wrong with the setup in front of it."""
+    remarks = tuple(Remark(True, text, SHOWN_BY) for text in check.remarks)
+    standing = outcome.standing
+    if check.findings and standing == 'good':
+        standing = 'fair'
+    return replace(outcome, first=setup_lines(check, work), standing=standing,
+                   remarks=(*outcome.remarks, *remarks))
+
+
+def setup_json(check: SetupCheck) -> list[dict[str, Any]]:
+    """Return the field `setup` of the results."""
+    return plain([finding.to_json() for finding in check.findings])

@@ -1,0 +1,167 @@
+"""The look at setup and log before anything else: what is wrong, and the data with it mended.
+
+The order matters: units before all that is measured in them, faults of the samples before any
+model, the wiring before what a model says of times, times before zeros and dimensions, the scale
+last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from par4_dynamics.model import Model
+from par4_identification.log import Log
+from par4_identification.setup_check.calibration import calibration_findings, calibration_of
+from par4_identification.setup_check.equations import (
+    Equations,
+    Stretch,
+    closing,
+    equations_of,
+    stretches_of,
+)
+from par4_identification.setup_check.finding import SetupCheck
+from par4_identification.setup_check.log_faults import without_log_faults
+from par4_identification.setup_check.motion import moving, passing_singular_poses
+from par4_identification.setup_check.scale import scale_findings
+from par4_identification.setup_check.timing import on_time, timing_findings, timing_of
+from par4_identification.setup_check.units import in_si
+from par4_identification.setup_check.wiring import (
+    Wiring,
+    believed_wiring,
+    wiring_findings,
+)
+from par4_kinematics.errors import UnreachableError
+from par4_kinematics.geometry import Geometry
+from par4_kinematics.robot import Axis, Robot
+
+BEYOND_DOUBT = 0.985
+"""Share of the torque that a wiring explains from which nothing else need be asked."""
+SOUND = 0.1
+"""|residual| / |torque| in motion of what is left beside singular poses that are believed."""
+Step = Callable[[SetupCheck], SetupCheck]
+
+
+def check_setup(logs: Sequence[Log], machine: Robot | Axis, model: Model | None = None
+                ) -> SetupCheck:
+    """Return the mistakes of the setup and the faults of the logs, with what is certain mended.
+
+    Args:
+        logs: as they were read.
+        machine: as the robot file has it.
+        model: known of this machine; without one a common factor of all torques hardly shows.
+    """
+    check = SetupCheck((), tuple(logs), machine)
+    steps: tuple[Step, ...] = (
+        in_si, without_log_faults, moving, _wired, _past_singular_poses, _timed, _calibrated,
+        passing_singular_poses, lambda check: scale_findings(check, model))
+    for step in steps:
+        if check.useless:
+            break
+        try:
+            check = step(check)
+        except (np.linalg.LinAlgError, UnreachableError):
+            continue  # data that no equation can be made of are judged later
+    return check
+
+
+def equations_or_none(stretches: Sequence[Stretch], geometry: Geometry | None
+                      ) -> Equations | None:
+    """Return the rows of (22); None without any, or where the mechanism does not close."""
+    if not stretches:
+        return None
+    try:
+        rows = equations_of(stretches, geometry)
+    except UnreachableError:
+        return None
+    return rows if (rows.valid.sum(axis=0) >= 50).all() else None
+
+
+def _geometry(check: SetupCheck) -> Geometry | None:
+    return check.machine.geometry if isinstance(check.machine, Robot) else None
+
+
+def _wired(check: SetupCheck) -> SetupCheck:
+    """Return the check with joints and signs put right."""
+    stretches, geometry = stretches_of(check.logs), _geometry(check)
+    if not stretches:
+        return check
+    now = equations_or_none(stretches, geometry)
+    wiring = believed_wiring(stretches, geometry, now)
+    if wiring is None:
+        return check
+    logs = [rewired(log, wiring) for log in check.logs]
+    after = equations_or_none(stretches_of(logs), geometry)
+    if after is not None and after.explained() < BEYOND_DOUBT and _explained_otherwise(
+            check) > after.explained():
+        return check
+    return check.after(wiring_findings(
+        wiring, None if now is None else now.explained(),
+        0.0 if after is None else after.explained()), logs)
+
+
+def _explained_otherwise(check: SetupCheck) -> float:
+    """Return the most that any other mistake explains of the torque with the present wiring."""
+    rivals = [check]
+    for step in (passing_singular_poses, _timed, _calibrated):
+        try:
+            rivals += [step(rivals[-1])]
+        except (np.linalg.LinAlgError, UnreachableError):
+            continue
+    rows = [equations_or_none(stretches_of(rival.logs), _geometry(rival)) for rival in rivals]
+    return max((own.explained() for own in rows if own is not None), default=0.0)
+
+
+def rewired(log: Log, wiring: Wiring) -> Log:
+    """Return the log with each reading at its joint and with its sign."""
+    (places, turns), (order, signs) = wiring.positions, wiring.torques
+    q = np.asarray(turns) * log.q[:, list(places)]
+    tau = np.asarray(signs) * log.tau[:, list(order)]
+    doubtful = None if log.doubtful is None else np.repeat(
+        log.doubtful.any(axis=1)[:, None], q.shape[1], axis=1)
+    return replace(log, q=q, tau=tau, doubtful=doubtful)
+
+
+def _past_singular_poses(check: SetupCheck) -> SetupCheck:
+    """Return the check without singular poses if the rest is sound.
+
+    Wrong zeros move the platform, and may move it into poses that it never saw; such data are
+    looked at again when the zeros are right.
+    """
+    found = passing_singular_poses(check)
+    if found is check:
+        return check
+    rows = equations_or_none(stretches_of(found.logs), _geometry(found))
+    if rows is None or rows.fit().error > SOUND:
+        return check
+    with_zeros = _calibrated(check)
+    elsewhere = with_zeros is not check and passing_singular_poses(with_zeros) is with_zeros
+    return check if elsewhere else found
+
+
+def _timed(check: SetupCheck) -> SetupCheck:
+    """Return the check with every torque at the time of its positions."""
+    for number, log in enumerate(check.logs):
+        rows = equations_or_none(stretches_of([log]), _geometry(check))
+        timing = None if rows is None else timing_of(rows)
+        if timing is not None:
+            logs = list(check.logs)
+            logs[number] = on_time(log, timing)
+            check = check.after(timing_findings(timing, log, log.q.shape[1]), logs)
+    return check
+
+
+def _calibrated(check: SetupCheck) -> SetupCheck:
+    """Return the check with large errors of zeros and dimensions mended."""
+    if not isinstance(check.machine, Robot):
+        return check
+    stretches = [closing(part, check.machine.geometry) for part in stretches_of(check.logs)]
+    rows = equations_or_none(stretches, check.machine.geometry)
+    calibration = None if rows is None else calibration_of(stretches, check.machine.geometry, rows)
+    if calibration is None:
+        return check
+    return check.after(calibration_findings(calibration, check.machine),
+                       [calibration.mended(log) for log in check.logs],
+                       calibration.right_robot(check.machine))

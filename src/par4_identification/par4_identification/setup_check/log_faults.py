@@ -1,0 +1,154 @@
+"""Faults of the samples as findings, and the logs without them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from par4_identification.log import Log
+from par4_identification.setup_check.finding import Finding, SetupCheck
+from par4_identification.setup_check.repair import (
+    despiked,
+    doubted,
+    filled,
+    sound_time,
+    unslipped,
+)
+from par4_identification.setup_check.samples import (
+    Held,
+    flat_tops,
+    held_stretches,
+    resolution,
+    slips,
+    spikes,
+)
+from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.words import listed, number, percent
+
+LEAST_SOUND, LEAST_SHARE = 3.0, 0.2
+"""s in stretches of at least a second, and share of the log, that must be left."""
+AT_LIMIT = 0.98
+"""Share of the torque limit from which a flat torque is that of an amplifier at its limit."""
+
+
+def without_log_faults(check: SetupCheck) -> SetupCheck:
+    """Return the check with faults of the samples found, filled in or cut out."""
+    for number_of_log in range(len(check.logs)):
+        for step in (_despiked, _unheld, _unslipped, _unclipped):
+            log = check.logs[number_of_log]
+            findings, mended = step(log, check.machine)
+            if not findings:
+                continue
+            if sound_time(mended) < min(LEAST_SOUND, sound_time(log)) or (
+                    sound_time(mended) < LEAST_SHARE * sound_time(log)):
+                findings = [Finding(finding.finding, finding.joints, finding.when,
+                                    f'{finding.evidence}; too little of the log is left',
+                                    finding.mend, False, True) for finding in findings]
+                mended = log
+            logs = list(check.logs)
+            logs[number_of_log] = mended
+            check = check.after(findings, logs)
+    return check
+
+
+def joints_in_words(joints: Sequence[int]) -> str:
+    """Return 'joint 2' or 'joints 0 and 1'."""
+    return f'joint{"s" if len(joints) > 1 else ""} {listed([str(joint) for joint in joints])}'
+
+
+def _despiked(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
+    found = []
+    for column, name, unit in (('q', 'positions', 'rad'), ('tau', 'torques', 'N m')):
+        wrong = spikes(log, column)
+        if not wrong.any():
+            continue
+        joints = tuple(int(joint) for joint in np.flatnonzero(wrong.any(axis=0)))
+        mended = despiked(log, column, wrong)
+        size = float(np.abs(getattr(log, column) - getattr(mended, column)).max())
+        rows = np.flatnonzero(wrong.any(axis=1))
+        found.append(Finding(
+            'spikes', joints, _span(log, rows[0], rows[-1]),
+            f'{int(wrong.sum())} single {name} of {joints_in_words(joints)} in {log.name} lie up '
+            f'to {number(size, 2)} {unit} off their neighbours and come back at once; they are '
+            'interpolated',
+            'Look for a loose plug, a missing shield or a lost bit on the way of these readings.',
+            True))
+        log = mended
+    return found, log
+
+
+def _unheld(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
+    stretches = held_stretches(log)
+    if not stretches:
+        return [], log
+    everything = log.q.shape[1]
+    frozen: dict[int, list[Held]] = {}
+    held = []
+    for item in stretches:
+        if item.torque or len(item.joints) == everything > 1:
+            held.append(item)
+        else:
+            for joint in item.joints:
+                frozen.setdefault(joint, []).append(item)
+    found = []
+    if held:
+        lost = sum(item.end - item.start - 1 for item in held) * log.period
+        longest = max(item.end - item.start - 1 for item in held) * log.period
+        found.append(Finding(
+            'held_samples', tuple(range(everything)), _span(log, held[0].start, held[-1].end),
+            f'{len(held)} times the log {log.name} repeats its readings while the machine moves '
+            f'and then jumps, for up to {number(1e3 * longest, 3)} ms, {number(lost, 2)} s in all; '
+            'these stretches are left out',
+            'Record on a less busy machine or with a longer queue, and do not publish a reading '
+            'twice: repeated readings look like play in the joints.', True))
+    for joint, own in sorted(frozen.items()):
+        lost = sum(item.end - item.start - 1 for item in own) * log.period
+        found.append(Finding(
+            'frozen_encoder', (joint,), _span(log, own[0].start, own[-1].end),
+            f'the position of joint {joint} in {log.name} stands still to the last count for '
+            f'{number(lost, 2)} s while the machine moves; this stretch is left out',
+            f'Check plug, cable and supply of the encoder of joint {joint}.', True))
+    return found, filled(log, stretches)
+
+
+def _unslipped(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
+    steps = slips(log)
+    if not steps:
+        return [], log
+    found = []
+    for row, joint, step in steps:
+        count = resolution(log.q[:, joint])
+        found.append(Finding(
+            'encoder_slip', (joint,), _span(log, row, len(log.t) - 1),
+            f'the position of joint {joint} in {log.name} jumps by '
+            f'{number(math.degrees(step), 3)} +- {number(math.degrees(2.0 * count), 1)} degrees '
+            f'within a sample at {number(float(log.t[row]), 4)} s and stays there; from then on '
+            'the step is taken off',
+            f'Tighten the coupling of the encoder of joint {joint} and set its zero anew.', True))
+    return found, unslipped(log, steps)
+
+
+def _unclipped(log: Log, machine: Robot | Axis) -> tuple[list[Finding], Log]:
+    flat = flat_tops(log)
+    if isinstance(machine, Robot):
+        top = np.abs(log.tau).max(axis=0)
+        flat &= top < AT_LIMIT * machine.drives.torque_limit
+    if not flat.any():
+        return [], log
+    joints = tuple(int(joint) for joint in np.flatnonzero(flat.any(axis=0)))
+    level = [number(float(np.abs(log.tau[:, joint]).max()), 3) for joint in joints]
+    rows = np.flatnonzero(flat.any(axis=1))
+    return [Finding(
+        'clipped', joints, _span(log, rows[0], rows[-1]),
+        f'the torque of {joints_in_words(joints)} in {log.name} stands at exactly '
+        f'{listed(list(dict.fromkeys(level)))} N m for {percent(float(flat.any(axis=1).mean()))} '
+        'of the time, as at the end of a converter; these samples are left out',
+        'Widen the range of the converter or of the message that carries the torque, or move more '
+        'gently.', True)], doubted(log, flat)
+
+
+def _span(log: Log, first: int, last: int) -> tuple[float, float]:
+    last = min(int(last), len(log.t) - 1)
+    return round(float(log.t[int(first)]), 3), round(float(log.t[last]), 3)

@@ -1,0 +1,234 @@
+"""Faults that the samples tell by themselves, without any model.
+
+An encoder that freezes and a logger that holds repeat a reading exactly while the machine moves,
+and jump when they go on; a slip jumps and stays; a spike jumps and comes back; a converter that
+clips repeats its largest value. Encoder counts repeat readings too, but then the next one is a
+count away: a jump must be many counts and many times what the joint travels in a sample.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from par4_identification.log import Log
+
+FEWEST = 4
+"""Samples in a row that a held reading repeats."""
+AROUND = 5
+"""Samples on either side from which the speed of a joint is taken."""
+COUNTS = 6.0
+"""Counts of an encoder above which a change is a jump."""
+FASTER = 3.0
+"""Ratio of a jump to what the joint travels in a sample, beside it."""
+BRIEF, UNMOVED = 0.06, 4.0
+"""s up to which a joint cannot have turned round unseen, and ratio of a jump to what the joint
+travels in that time at the speed beside it, from which the jump is no end of a held reading."""
+STOPPED = 3.0
+"""Counts a sample from which no drive stops a joint within a sample."""
+TRAVEL = 0.1
+"""rad that other joints travel while a reading that stopped at once stands still."""
+LONG_TRAVEL, LONG = 0.4, 0.5
+"""The same, and for how long, s, where the reading stopped at rest."""
+SMALLEST_SLIP = 3e-3
+"""rad; what is smaller belongs to the noise of a reading."""
+BEYOND = 12.0
+"""Ratio of a wrong sample to the scatter about the median of its neighbours."""
+OFTEN = 0.01
+"""Share of samples from which deviations are no spikes but noise."""
+PART_OF_RANGE = 0.45
+"""Least spike of a torque, of its largest usual size; drives that answer single encoder counts
+give pulses of a tenth, loads that rattle of a third."""
+RARE = 4.0
+"""Ratio of a torque's spike to what two samples in a thousand exceed: gaps and springs ring."""
+WIDEST = 3
+"""Samples of one spike."""
+AGREE = 0.3
+"""Most by which the neighbours of a spike may differ, of its size."""
+FLAT, FLATS, FLAT_RUNS = 4, 20, 3
+"""Samples in a row at the largest value, in all, and times, that make a clipped torque."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """A stretch over which readings repeat.
+
+    Attributes:
+        start, end: rows; the reading of `start` is the last true one, `end` is the first new one.
+        joints: whose positions repeat; empty where only torques do.
+        torque: whether the torques of all joints repeat too.
+    """
+
+    start: int
+    end: int
+    joints: tuple[int, ...]
+    torque: bool
+
+
+def runs_of(mask: np.ndarray) -> list[tuple[int, int]]:
+    """Return start and end (excluded) of every run of true values."""
+    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
+    return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]
+
+
+def held_stretches(log: Log) -> list[Held]:
+    """Return where readings repeat though the machine moves, in order."""
+    found = []
+    for segment in log.segments:
+        q, tau = log.q[segment], log.tau[segment]
+        if len(q) < 4 * AROUND:
+            continue
+        frozen = [_frozen_runs(q, joint, log.period) for joint in range(q.shape[1])]
+        stands = (np.diff(tau, axis=0) == 0.0).all(axis=1)
+        still = np.diff(q, axis=0) == 0.0
+        together: dict[int, list[tuple[int, int, bool]]] = {}  # what goes on at the same row
+        for joint, runs in enumerate(frozen):
+            for start, end, sudden in runs:
+                together.setdefault(end, []).append((start, joint, sudden))
+        for end, starts in sorted(together.items()):
+            start = max(begun for begun, _, _ in starts)
+            joints = {joint for _, joint, _ in starts}
+            if len(joints) == 1 and starts[0][2]:
+                continue  # a slip after a rest
+            joints |= set(np.flatnonzero(still[start:end - 1].all(axis=0)).tolist())
+            found.append(Held(segment.start + start, segment.start + end, tuple(sorted(joints)),
+                              bool(stands[start:end - 1].all())))
+        found += _held_torques(q, tau, stands, segment.start)
+    return _distinct(found)
+
+
+def _held_torques(q: np.ndarray, tau: np.ndarray, stands: np.ndarray, offset: int) -> list[Held]:
+    """Return where all torques repeat exactly while positions go on, and then jump."""
+    found, counts = [], np.array([resolution(own) for own in q.T])
+    for start, last in runs_of(stands):
+        end = last + 1
+        if end - start < FEWEST or end >= len(q) or (np.diff(q[start:end], axis=0) == 0.0).all():
+            continue
+        jump = np.abs(tau[end] - tau[end - 1]).max()
+        usual = np.median(np.abs(np.diff(tau[max(start - 50, 0):start + 1], axis=0)).max(axis=1)) \
+            if start > AROUND else 0.0
+        moved = np.abs(q[end - 1] - q[start])
+        if jump > FASTER * usual > 0.0 and (moved > COUNTS * counts).any():
+            found.append(Held(offset + start, offset + end, (), True))
+    return found
+
+
+def _distinct(found: list[Held]) -> list[Held]:
+    """Return the stretches of which none lies in another that holds as many joints."""
+    kept: list[Held] = []
+    for item in sorted(found, key=lambda held: (-len(held.joints), held.start, -held.end)):
+        if not any(other.start <= item.start and item.end <= other.end
+                   and set(item.joints) <= set(other.joints) for other in kept):
+            kept.append(item)
+    return sorted(kept, key=lambda held: held.start)
+
+
+def resolution(q: np.ndarray) -> float:
+    """Return the smallest usual step of a reading (n,), rad; one count of an encoder."""
+    steps = np.abs(np.diff(q))
+    steps = steps[steps > 0.0]
+    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
+
+
+def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, int, bool]]:
+    """Return the runs over which a joint's reading repeats though the joint must move.
+
+    With each goes whether its end is so sudden that the joint cannot have moved so far meanwhile.
+    """
+    own, count = q[:, joint], resolution(q[:, joint])
+    found = []
+    for start, last in runs_of(np.diff(own) == 0.0):
+        end = last + 1  # the first row with another reading
+        if end - start < FEWEST:
+            continue
+        before = abs(own[start] - own[max(start - AROUND, 0)]) / AROUND
+        if end < len(own):
+            jump = abs(own[end] - own[end - 1])
+            after = abs(own[min(end + AROUND, len(own) - 1)] - own[end]) / AROUND
+            speed = max(before, after)
+            short = (end - start) * period < BRIEF
+            if jump > COUNTS * count and jump > FASTER * speed:
+                found.append((start, end, short and jump > UNMOVED * speed * (end - start)))
+                continue
+        travel = np.ptp(np.delete(q[start:end], joint, axis=1), axis=0).max(initial=0.0)
+        stopped = before > STOPPED * count > 0.0
+        if (stopped and travel > TRAVEL) or (
+                travel > LONG_TRAVEL and (end - start) * period > LONG):
+            found.append((start, end, False))
+    return found
+
+
+def slips(log: Log) -> list[tuple[int, int, float]]:
+    """Return row, joint and size, rad, of readings that jump and stay."""
+    found = []
+    for segment in log.segments:
+        q = log.q[segment]
+        if len(q) < 4 * AROUND:
+            continue
+        step = np.diff(q, axis=0)
+        for joint in range(q.shape[1]):
+            own = step[:, joint]
+            usual = _neighbours(own)
+            jump = own - usual
+            scatter = np.quantile(np.abs(jump), 0.995)
+            for row in np.flatnonzero(np.abs(jump) > max(
+                    SMALLEST_SLIP, BEYOND * scatter, COUNTS * resolution(q[:, joint]))):
+                if row >= AROUND and row < len(own) - AROUND:
+                    found.append((segment.start + int(row) + 1, joint, float(jump[row])))
+    return found
+
+
+def _neighbours(values: np.ndarray) -> np.ndarray:
+    """Return the median of the neighbours of each value (n,), itself left out."""
+    padded = np.pad(values, AROUND, mode='edge')
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
+    return np.median(np.delete(windows, AROUND, axis=1), axis=1)
+
+
+def spikes(log: Log, column: str) -> np.ndarray:
+    """Return which samples (n, J) of 'q' or 'tau' stand out of their neighbours and come back."""
+    values = getattr(log, column)
+    found = np.zeros(values.shape, dtype=bool)
+    for segment in log.segments:
+        part = values[segment]
+        if len(part) < 4 * AROUND:
+            continue
+        away = np.abs(part - _median_of_seven(part))
+        for joint in range(part.shape[1]):
+            own, size = away[:, joint], part[:, joint]
+            scatter = max(1.4826 * float(np.median(own)), float(np.quantile(own, 0.99)) / 2.6)
+            least = max(BEYOND * scatter, max(SMALLEST_SLIP, COUNTS * resolution(size))
+                        if column == 'q' else
+                        max(PART_OF_RANGE * float(np.quantile(np.abs(size), 0.999)),
+                            RARE * float(np.quantile(own, 0.998))))
+            mask = own > least
+            if np.count_nonzero(mask) > OFTEN * len(own):
+                continue
+            for start, end in runs_of(mask):
+                # drives answer encoder counts by pulses; a spike has neighbours that agree
+                beside = size[max(start - 1, 0)], size[min(end, len(size) - 1)]
+                if end - start <= WIDEST and abs(beside[1] - beside[0]) < AGREE * own[
+                        start:end].max():
+                    found[segment.start + start:segment.start + end, joint] = True
+    return found
+
+
+def _median_of_seven(values: np.ndarray) -> np.ndarray:
+    """Return the median of each value (n, J) and its three neighbours on either side."""
+    padded = np.pad(values, ((3, 3), (0, 0)), mode='reflect')
+    return np.median(np.lib.stride_tricks.sliding_window_view(padded, 7, axis=0), axis=-1)
+
+
+def flat_tops(log: Log) -> np.ndarray:
+    """Return which torques (n, J) stand at their largest value as those of a full converter do."""
+    size = np.abs(log.tau)
+    top = size.max(axis=0)
+    flat = np.zeros(size.shape, dtype=bool)
+    for joint in range(size.shape[1]):
+        if top[joint] == 0.0 or np.ptp(log.tau[:, joint]) == 0.0:
+            continue
+        runs = [run for run in runs_of(size[:, joint] == top[joint]) if run[1] - run[0] >= FLAT]
+        if len(runs) >= FLAT_RUNS and sum(end - start for start, end in runs) >= FLATS:
+            flat[:, joint] = size[:, joint] == top[joint]
+    return flat

@@ -1,0 +1,129 @@
+"""All torques too large or too small by one factor.
+
+(20) is homogeneous: a factor of all torques is one of all base parameters, and no motion tells it.
+What tells it are numbers from elsewhere: the torque limit of the drives, masses that the platform
+cannot go below, or a model that is known of this machine.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from par4_dynamics.base_terms import BASE_TERMS
+from par4_dynamics.model import Model
+from par4_identification.setup_check.equations import Equations, equations_of, stretches_of
+from par4_identification.setup_check.finding import Finding, SetupCheck
+from par4_kinematics.errors import UnreachableError
+from par4_kinematics.robot import Robot
+from par4_sim.report.words import listed, number, percent
+
+BEYOND_LIMIT = 1.1
+"""Ratio of the largest usual torque to the limit of the drives that no measurement allows."""
+TOO_LIGHT = 0.8
+"""Part of the mass of rods, bars and tool below which a platform cannot weigh."""
+SMALLEST = 1.15
+"""Factor from which it is one of the setup."""
+ALIKE, FRICTION_ALIKE = 0.12, 0.4
+"""Largest difference of the factors of inertia and masses, in logarithm, and of friction from
+theirs, of the latter: a payload changes masses alone, warmth friction alone, a lag hides it."""
+NEAR_GAIN = 0.08
+"""Largest deviation from the gain, in logarithm, of torques that are its unit's mistake."""
+UNSEEN = ('Whether all torques are too large or too small by one factor cannot be seen in these '
+          'data: every parameter would be so by the same factor.')
+SHOWN_BY = ('To tell whether all torques are scaled alike, give a model of this machine (--model) '
+            'or, to par4_identify, bags with and without a known payload (--payload).')
+
+
+def scale_findings(check: SetupCheck, model: Model | None) -> SetupCheck:
+    """Return the check with a common factor of all torques found, if anything tells it."""
+    machine = check.machine
+    if not isinstance(machine, Robot):
+        return check
+    stretches = stretches_of(check.logs)
+    try:
+        rows = equations_of(stretches, machine.geometry) if stretches else None
+    except UnreachableError:
+        rows = None
+    if rows is None or not rows.valid.any():
+        return check
+    values = _plain_values(rows)
+    if model is not None:
+        return _against_model(check, values, model, rows)
+    check = replace(check, remarks=(*check.remarks, UNSEEN))
+    gain = float(np.exp(np.mean(np.log(machine.drives.gain))))
+    largest = max(float(np.quantile(np.abs(log.tau), 0.9995)) for log in check.logs)
+    limit = machine.drives.torque_limit
+    bodies = machine.bodies
+    least = 4.0 * bodies.rod_mass + 2.0 * bodies.bar_mass + bodies.tool_mass
+    platform = float(values[1] + values[2])
+    joints = tuple(range(rows.tau.shape[1]))
+    if largest > BEYOND_LIMIT * limit:
+        return check.after([Finding(
+            'wrong_unit', joints, None,
+            f'torques reach {number(largest, 3)} N m, the drives of the robot file at most '
+            f'{number(limit, 3)} N m; divided by the gain of {number(gain, 3)} N m/V they would '
+            f'reach {number(largest / gain, 3)} N m',
+            'If amplifier_voltage carries N m, write volts into it or set drives.gain to 1; else '
+            'check drives.gain and drives.torque_limit of the robot file.', False, True)])
+    if 0.0 < platform < TOO_LIGHT * least:
+        return check.after([Finding(
+            'wrong_unit', joints, None,
+            f'the platform would weigh {number(platform, 2)} kg, its rods, bars and tool alone '
+            f'weigh {number(least, 2)} kg in the robot file; multiplied by the gain of '
+            f'{number(gain, 3)} N m/V it would be {number(platform * gain, 2)} kg',
+            'If the effort of joint_states carries volts, write N m into it, or publish the volts '
+            'as amplifier_voltage; else check drives.gain and bodies of the robot file.', False,
+            True)])
+    return check
+
+
+def _plain_values(rows: Equations) -> np.ndarray:
+    """Return the base parameters (p,) that explain the torque best, nothing taken out."""
+    columns, target = rows.columns[rows.valid], rows.tau[rows.valid]
+    return np.linalg.lstsq(columns, target, rcond=1e-10)[0]
+
+
+def _against_model(check: SetupCheck, values: np.ndarray, model: Model, rows: Equations
+                   ) -> SetupCheck:
+    """Return the check with the factor by which all parameters differ from those of a model."""
+    known = np.array([float(np.mean(model.values[term.name])) for term in BASE_TERMS])
+    speed = float(np.median(np.abs(rows.columns[..., 5][rows.valid])))
+    parts = np.array([(part[0], part[1] + part[2], part[4] + speed * part[5])
+                      for part in (values, known)])  # inertia, mass, friction
+    if (parts <= 0.0).any():
+        return check
+    ratio = np.log(parts[0] / parts[1])
+    factor = float(np.mean(ratio[:2]))
+    if (abs(factor) < math.log(SMALLEST) or abs(ratio[0] - ratio[1]) > ALIKE
+            or abs(ratio[2] - factor) > max(ALIKE, FRICTION_ALIKE * abs(factor))):
+        return check
+    joints = tuple(range(rows.tau.shape[1]))
+    gains = np.asarray(check.machine.drives.gain, dtype=float)
+    gain = float(np.mean(np.log(gains)))
+    factors = listed([number(float(np.exp(part)), 3) for part in ratio])
+    told = f'inertia, masses and friction come out {factors} times those of the model'
+    for sign, mend in ((1.0, 'Write volts, not N m, into amplifier_voltage, or set drives.gain of '
+                             'the robot file to 1.'),
+                       (-1.0, 'Write N m, not volts, into the effort of joint_states, or publish '
+                              'the volts as amplifier_voltage.')):
+        if abs(factor - sign * gain) < NEAR_GAIN:
+            scale = gains ** -sign
+            unit = 'N m where volts belong' if sign > 0 else 'volts where N m belong'
+            return check.after([Finding(
+                'wrong_unit', joints, None,
+                f'{told}, which is the gain of the drives{"" if sign > 0 else ", inverted"}: the '
+                f'log carries {unit}', mend, True)],
+                [replace(log, tau=log.tau * scale) for log in check.logs])
+    common = float(np.exp(factor))
+    return check.after([Finding(
+        'common_gain', joints, None,
+        f'{told}: all torques are recorded {number(common, 3)} times too large '
+        f'(+- {percent(abs(float(ratio[0] - ratio[1])) / 2.0)})' if common > 1.0 else
+        f'{told}: all torques are recorded too small by the factor {number(common, 3)} '
+        f'(+- {percent(abs(float(ratio[0] - ratio[1])) / 2.0)})',
+        f'Divide drives.gain of the robot file by {number(common, 4)}, or check the scale of the '
+        'torque where it is recorded.', True)],
+        [replace(log, tau=log.tau / common) for log in check.logs])

@@ -1,0 +1,218 @@
+"""Torque recorded at another time than the positions: by a delay, or by a clock that drifts.
+
+Torque is taken from times t + d and compared with (20), whose parameters are refitted at every d:
+with the columns fixed, a delay only changes the moments W^T tau. A grid over +-200 ms finds the
+valley, Gauss and Newton find its bottom: tau(t + d + r (t - t_c)) is linear in small changes of d
+and r.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from par4_identification.log import Log
+from par4_identification.setup_check.equations import Equations, Fit
+from par4_identification.setup_check.finding import Finding
+from par4_sim.report.words import number, percent
+
+LONGEST = 0.25
+"""s; delays are looked for up to here."""
+GRID = 0.01
+"""s between the delays that are tried."""
+SMALLEST_DELAY = 0.01
+"""s; smaller ones are left to the diagnosis, which tells delays from lags."""
+SMALLEST_DRIFT = 0.007
+"""s by which a drifting clock must err over the log."""
+SMALLEST_RATE = 2.5e-4
+"""Relative error of a clock below which a quartz may be as it is."""
+LARGEST_RATE = 0.02
+"""Relative error of a clock beyond which it is no clock."""
+FEWER = 0.6
+"""Most of the squared error in motion that a delay may leave."""
+FEWER_BY_DRIFT = 0.9
+"""Most of what a constant delay leaves that a drift may leave; friction that warms leaves as much
+as 0.85, but at rates below `SMALLEST_RATE`."""
+SURE = 15.0
+"""Standard deviations by which a drift must stand out; residuals are not white."""
+STEPS = 6
+"""Of Gauss and Newton."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the torque of one log was recorded.
+
+    What belongs to t stands at t + delay + rate (t - t0).
+
+    Attributes:
+        delay: at t0, s; positive where torque is late.
+        rate: by which the torque's clock runs fast.
+        start: t0, the first row, s.
+        end: the last row, s.
+        std: of delay and rate.
+        before, after: fits without and with it.
+    """
+
+    delay: float
+    rate: float
+    start: float
+    end: float
+    std: tuple[float, float]
+    before: Fit
+    after: Fit
+
+    def late(self, t: np.ndarray) -> np.ndarray:
+        """Return by how much the torque of times t (n,) is recorded late, s."""
+        return self.delay + self.rate * (t - self.start)
+
+
+def timing_of(rows: Equations) -> Timing | None:
+    """Return delay and drift of the torque of one log; None where it is on time.
+
+    Args:
+        rows: of one log.
+    """
+    before = rows.fit()
+    torque = _Torque(rows)
+    inside = torque.inside(LONGEST)
+    if inside.sum() < 200:
+        return None
+    rows = replace(rows, valid=rows.valid & inside[:, None])
+    if (rows.valid.sum(axis=0) < 50).any():
+        return None
+    grid = GRID * np.arange(-round(LONGEST / GRID), round(LONGEST / GRID) + 1)
+    left = [rows.fit(torque.at(np.full(len(rows.t), delay))).error for delay in grid]
+    start, end = float(rows.t[0]), float(rows.t[-1])
+    middle = 0.5 * (start + end)
+    now = rows.fit()
+    delay, _, delay_std, _, fit = _refined(rows, torque, float(grid[np.argmin(left)]), middle,
+                                           drifts=False)
+    drifting = _refined(rows, torque, delay, middle, drifts=True)
+    late, rate, _, rate_std, own = drifting
+    drifts = (abs(rate) * (end - start) > SMALLEST_DRIFT
+              and SMALLEST_RATE < abs(rate) < LARGEST_RATE and abs(rate) > SURE * rate_std
+              and own.left < FEWER_BY_DRIFT * fit.left and own.physical)
+    if drifts:
+        return Timing(late - rate * (middle - start), rate, start, end,
+                      (drifting[2], rate_std), before, own)
+    if abs(delay) > SMALLEST_DELAY and fit.left < FEWER * now.left and fit.physical and (
+            abs(delay) < LONGEST):
+        return Timing(delay, 0.0, start, end, (delay_std, 0.0), before, fit)
+    return None
+
+
+class _Torque:
+    """The torque of a log at other times than those of its rows."""
+
+    def __init__(self, rows: Equations) -> None:
+        # one spline a stretch: nothing is interpolated across a gap
+        step = np.diff(rows.t)
+        cuts = np.flatnonzero(step > 1.5 * np.median(step)) + 1
+        self._parts = np.split(np.arange(len(rows.t)), cuts)
+        self._t = rows.t
+        self._splines = [CubicSpline(rows.t[part], rows.tau[part]) for part in self._parts
+                         if len(part) > 3]
+        self._parts = [part for part in self._parts if len(part) > 3]
+        self._shape = rows.tau.shape
+
+    def inside(self, margin: float) -> np.ndarray:
+        """Return the rows (m,) that are so far from the ends of their stretch, s."""
+        kept = np.zeros(self._shape[0], dtype=bool)
+        for part in self._parts:
+            time = self._t[part]
+            kept[part] = (time >= time[0] + margin) & (time <= time[-1] - margin)
+        return kept
+
+    def at(self, late: np.ndarray, order: int = 0) -> np.ndarray:
+        """Return the torque (m, J) or its rate at t + late (m,); ends are held."""
+        values = np.zeros(self._shape)
+        for part, spline in zip(self._parts, self._splines):
+            time = np.clip(self._t[part] + late[part], self._t[part[0]], self._t[part[-1]])
+            values[part] = spline(time, order)
+        return values
+
+
+def _refined(rows: Equations, torque: _Torque, delay: float, middle: float, drifts: bool
+             ) -> tuple[float, float, float, float, Fit]:
+    """Return delay at `middle`, rate, their standard deviations and the fit (Gauss, Newton)."""
+    values = np.array((delay, 0.0))
+    free = 2 if drifts else 1
+    covariance = np.full((2, 2), np.inf)
+    for _ in range(STEPS):
+        late = values[0] + values[1] * (rows.t - middle)
+        slope = torque.at(late, 1)
+        columns = np.stack((slope, slope * (rows.t - middle)[:, None]), axis=-1)[..., :free]
+        target = torque.at(late)
+        # tau(t + late) + columns @ step = W chi
+        parts = [np.column_stack((rows.moving_columns[joint], -rows.without_slack(
+            columns[:, joint], joint))) for joint in range(target.shape[1])]
+        wanted = np.concatenate([rows.without_slack(target[:, joint], joint)
+                                 for joint in range(target.shape[1])])
+        system = np.concatenate(parts)
+        solution, _, rank, _ = np.linalg.lstsq(system, wanted, rcond=1e-10)
+        step = solution[-free:]
+        left = wanted - system @ solution
+        information = np.linalg.pinv(system.T @ system, rcond=1e-12, hermitian=True)
+        covariance = information[-free:, -free:] * float(left @ left) / max(
+            len(left) - rank, 1)
+        values[:free] += np.clip(step, -0.5 * GRID, 0.5 * GRID)
+    late = values[0] + values[1] * (rows.t - middle)
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return (float(values[0]), float(values[1]), float(std[0]),
+            float(std[1]) if drifts else 0.0, rows.fit(torque.at(late)))
+
+
+def on_time(log: Log, timing: Timing) -> Log:
+    """Return the log with its torque moved to the time of the positions; ends without it are cut.
+
+    Where torque would come from beyond a stretch, the samples are cut off.
+    """
+    kept, tau, segments, end = [], [], [], 0
+    for segment in log.segments:
+        time = log.t[segment]
+        wanted = time + timing.late(time)
+        rows = np.flatnonzero((wanted >= time[0]) & (wanted <= time[-1]))
+        if len(rows) < 4:
+            continue
+        kept.append(segment.start + rows)
+        tau.append(CubicSpline(time, log.tau[segment])(wanted[rows]))
+        segments.append(slice(end, end + len(rows)))
+        end += len(rows)
+    rows = np.concatenate(kept)
+    doubtful = log.doubtful
+    if doubtful is not None:  # of the time of the torque as well as of that of the positions
+        moved = np.searchsorted(log.t, log.t[rows] + timing.late(log.t[rows])).clip(
+            0, len(log.t) - 1)
+        doubtful = doubtful[rows] | doubtful[moved]
+    return replace(log, t=log.t[rows], q=log.q[rows], tau=np.concatenate(tau),
+                   segments=tuple(segments), doubtful=doubtful)
+
+
+def timing_findings(timing: Timing, log: Log, joints: int) -> list[Finding]:
+    """Return what the time of a log's torque says, as findings."""
+    everywhere = tuple(range(joints))
+    gain = (f'so moved, the rigid bodies leave {percent(timing.after.error)} of the torque in '
+            f'motion instead of {percent(timing.before.error)}')
+    found = []
+    if timing.rate:
+        fast = timing.rate > 0.0
+        over = 1e3 * abs(timing.rate) * (timing.end - timing.start)
+        found.append(Finding(
+            'clock_drift', everywhere, None,
+            f'the clock of the torque runs {percent(abs(timing.rate))} '
+            f'{"fast" if fast else "slow"} against that of the positions '
+            f'(+- {percent(timing.std[1])}), {number(over, 2)} ms over {log.name}; {gain}',
+            'Stamp torques and positions by one clock, or synchronise the two computers.', True))
+    if abs(timing.delay) > SMALLEST_DELAY:
+        late = timing.delay > 0.0
+        found.append(Finding(
+            'delay', everywhere, None,
+            f'the torque of {log.name} is recorded {number(1e3 * abs(timing.delay), 3)} ms '
+            f'{"after" if late else "before"} the positions it belongs to '
+            f'(+- {number(1e3 * timing.std[0], 2)} ms); {gain}',
+            f'Stamp both when they are measured, or take {number(abs(timing.delay), 3)} s '
+            f'{"off" if late else "on top of"} the stamps of the torque.', True))
+    return found

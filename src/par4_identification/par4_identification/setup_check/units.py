@@ -1,0 +1,83 @@
+"""Degrees where radians belong, milliseconds where seconds do."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from par4_identification.log import Log
+from par4_identification.setup_check.finding import Finding, SetupCheck
+from par4_kinematics.position import closes
+from par4_kinematics.robot import Robot
+from par4_sim.report.words import number
+
+TURN = 3.5
+"""rad; no arm of a Par4 comes so far from the horizontal."""
+LEAST_CLOSED = 0.95
+"""Share of samples with which the mechanism closes once they are in radians."""
+PROBES = 200
+SLOWEST, FASTEST = 0.05, 5e-6
+"""s; periods beyond which stamps count another unit."""
+THOUSAND = 1e3
+QUICKER = 3.0
+"""Most by which a joint may exceed the speed limit of the robot file."""
+
+
+def in_si(check: SetupCheck) -> SetupCheck:
+    """Return the check with positions in radians and times in seconds."""
+    if not isinstance(check.machine, Robot):
+        return check
+    for number_of_log, log in enumerate(check.logs):
+        mended = log
+        for finding, mend in (_milliseconds(mended, check.machine),
+                              _degrees(mended, check.machine)):
+            if finding is not None:
+                mended = mend(mended)
+                logs = list(check.logs)
+                logs[number_of_log] = mended
+                already = any(other.finding == finding.finding
+                              and other.mend == finding.mend for other in check.findings)
+                check = check.after(() if already else (finding,), logs)
+    return check
+
+
+def _degrees(log: Log, robot: Robot):
+    """Return the finding that positions are in degrees, and how to mend it; or None."""
+    probes = log.q[::max(1, len(log.q) // PROBES)]
+    largest = float(np.quantile(np.abs(probes), 0.95))
+    if largest < TURN or np.mean(closes(robot.geometry, np.radians(probes))) < LEAST_CLOSED:
+        return None, None
+    joints = tuple(range(log.q.shape[1]))
+    return Finding(
+        'wrong_unit', joints, None,
+        f'positions reach {number(largest, 3)}, which as radians is more than half a turn of an '
+        f'arm, and as degrees {number(math.radians(largest), 3)} rad, with which the mechanism '
+        'closes',
+        'Write positions in radians into joint_states: value in degrees * pi / 180.', True
+    ), lambda log: replace(log, q=np.radians(log.q))
+
+
+def _milliseconds(log: Log, robot: Robot):
+    """Return the finding that stamps count another unit, and how to mend it; or None."""
+    if FASTEST < log.period < SLOWEST:
+        return None, None
+    factor = 1.0 / THOUSAND if log.period >= SLOWEST else THOUSAND
+    period = factor * log.period
+    speed = np.abs(np.diff(log.q, axis=0)) / period
+    fastest = float(np.quantile(speed, 0.99)) if len(speed) else 0.0
+    if not (FASTEST < period < SLOWEST and 0.0 < fastest < QUICKER * robot.limits.joint_speed):
+        return None, None
+    joints = tuple(range(log.q.shape[1]))
+    unit = 'milliseconds' if factor < 1.0 else 'thousands of seconds'
+    return Finding(
+        'wrong_unit', joints, None,
+        f'samples are {number(log.period, 3)} s apart by their stamps, at which the joints would '
+        f'move at {number(factor * fastest, 2)} rad/s; the stamps count {unit}, samples being '
+        f'{number(1e3 * period, 3)} ms apart and speeds up to {number(fastest, 2)} rad/s',
+        'Fill sec and nanosec of the header stamp from seconds and nanoseconds.', True
+    ), lambda log: replace(
+        log, t=factor * log.t, period=period,
+        reference=None if log.reference is None else replace(
+            log.reference, t=factor * log.reference.t))
