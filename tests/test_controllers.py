@@ -205,7 +205,10 @@ def test_learning_takes_the_error_down_to_the_encoders_within_ten_cycles():
     resolution = 2.0 * math.pi / REFERENCE.drives.encoder_counts
     start = feedforward_of(REFERENCE, TABLE_1, SMOOTH)
     for feedforward in (start, np.zeros_like(start)):
-        cycles = learn(REFERENCE, MACHINE, SMOOTH, feedforward, TABLE_1, cycles=10).cycles
+        learning = learn(REFERENCE, MACHINE, SMOOTH, feedforward, TABLE_1, cycles=10)
+        cycles = learning.cycles
+        # what is learned does not push the machine once it stands
+        assert np.ptp(learning.run.q[learning.run.t > SMOOTH.duration], axis=0).max() < 1e-3
         assert cycles[0].joint_rms > 5.0 * resolution
         assert max(cycle.joint_rms for cycle in cycles[5:]) < resolution
         assert max(cycle.joint_peak for cycle in cycles[5:]) < 2.0 * resolution

@@ -103,8 +103,8 @@ def _corrected(run: Run, error: np.ndarray, inertia: np.ndarray) -> np.ndarray:
     missing = missing[:len(motion.t)] / motion.period ** 2
     learned = (run.feedforward + _at(motion.t, run.t, feedback)
                + np.einsum('nij,nj->ni', inertia, missing))
-    # what held the machine at rest before: nothing is left to the integrals
-    learned[0] = run.command[0]
+    # what holds the machine at rest before and after: nothing is left to the integrals
+    learned[[0, -1]] = run.command[[0, -1]]
     return learned
 
 
