@@ -146,7 +146,7 @@ def check_limits(motion: Motion, robot: Robot) -> None:
     """Refuse a motion that leaves the robot's joint range, joint speed or workspace.
 
     Raises:
-        InputError: names sample, quantity, value and limit.
+        InputError: names the limit that is broken first, when, where, and how far in the end.
     """
     limits = robot.limits
     space = limits.workspace
@@ -159,14 +159,22 @@ def check_limits(motion: Motion, robot: Robot) -> None:
         ('z of D', motion.x[:, 2], space.z[0], space.z[1], 'm'),
         ('theta', motion.x[:, 3], -space.theta, space.theta, 'rad'),
     )
+    broken = []
     for name, values, lowest, highest, unit in checks:
-        outside = np.maximum(values - highest, lowest - values)
-        worst = np.unravel_index(np.argmax(outside), outside.shape)
-        if outside[worst] > 1e-6:
-            raise InputError(
-                f'motion {motion.name}: {name} {values[worst]:.4g} {unit} at '
-                f'{motion.t[worst[0]]:.3f} s is outside {lowest:g} to {highest:g} {unit} of robot '
-                f'{robot.name}; make the motion smaller or slower, or widen the limits')
+        outside = np.maximum(values - highest, lowest - values).reshape(len(motion.t), -1)
+        first = np.flatnonzero((outside > 1e-6).any(axis=1))
+        if len(first):
+            worst = values.reshape(outside.shape)[np.unravel_index(np.argmax(outside),
+                                                                   outside.shape)]
+            broken.append((first[0], f'{name} {worst:.4g} {unit}',
+                           f'{lowest:g} to {highest:g} {unit}'))
+    if broken:
+        row, found, allowed = min(broken, key=lambda item: item[0])
+        place = ', '.join(f'{value:.3f}' for value in motion.x[row])
+        raise InputError(
+            f'motion {motion.name}: {found} is outside {allowed} of robot {robot.name}, from '
+            f'{motion.t[row]:.3f} s on, at the pose ({place}); make the motion smaller or slower, '
+            f'or widen the limits')
 
 
 PLATFORM_COLUMNS = tuple(f'{name}{suffix}' for suffix in ('', 'd', 'dd') for name in POSE_NAMES)

@@ -59,9 +59,9 @@ def fastest(motion: str, robot: str, machine: str, controller: tuple[str, ...],
             best_of,
             fastest_json,
             outcome_of_fastest,
-            report_of_fastest,
             rows_of_fastest,
         )
+        from par4_sim.tracking.fastest_report import report_of_fastest
         from par4_sim.tracking.time_optimal import (  # toppra is slow to load
             fastest_along,
             motion_of,
@@ -73,7 +73,7 @@ def fastest(motion: str, robot: str, machine: str, controller: tuple[str, ...],
                             learning_cycles=learning_cycles) for name in timing}
         found = fastest_cases(plans, controller, models, bound.bound, 1e-3 * peak, status.update)
         status.update('drawing the report')
-        outcome = outcome_of_fastest(found, bound, played, limit, 1e-3 * peak)
+        outcome = outcome_of_fastest(found, bound, played, asked, limit, 1e-3 * peak)
         provenance = origin('par4_fastest', asked, {
             'motion': motion, 'machine': machine, 'controller': list(controller),
             'feedforward': list(feedforward), 'timing': list(timing), 'peak_mm': peak,

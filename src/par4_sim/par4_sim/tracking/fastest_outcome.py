@@ -9,9 +9,8 @@ from par4_dynamics.state import GRAVITY
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 from par4_sim.report.outcome import Outcome, Remark
-from par4_sim.report.page import rendered
 from par4_sim.report.results import plain
-from par4_sim.report.words import in_words, joint_labels, number, percent
+from par4_sim.report.words import in_words, number, percent
 from par4_sim.tracking.fastest import TIMINGS, Reached, Unreached
 from par4_sim.tracking.time_optimal import Fastest
 
@@ -20,21 +19,23 @@ HEADINGS = ('time, s', 'peak, G', 'bound / time', 'error, mm', 'torque, N m')
 
 
 def outcome_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest, motion: Motion,
-                       limit: float, peak: float) -> Outcome:
+                       robot: Robot, limit: float, peak: float) -> Outcome:
     """Return what was found, in words.
 
     Args:
         found: of each controller with each model.
         fastest: of the path.
         motion: at its own pace.
+        robot: whose joint speed is limited.
         limit: of torque, N m.
         peak: limit of the error, m.
     """
     best = best_of(found)
     bound = Remark(True, (
-        f'Nothing that keeps {number(limit)} N m follows this path in less than '
-        f'{number(fastest.bound, 4)} s; a motion that keeps them takes '
-        f'{number(fastest.duration, 4)} s, {percent(fastest.duration / fastest.bound - 1.0)} more. '
+        f'Nothing that keeps {number(limit)} N m and {number(robot.limits.joint_speed)} rad/s '
+        f'follows this path in less than {number(fastest.bound, 4)} s; a motion that keeps them '
+        f'takes {number(fastest.duration, 4)} s, '
+        f'{percent(fastest.duration / fastest.bound - 1.0)} more. '
         f'The bound knows no error: whoever tracks needs torque in reserve.'))
     within = f'within {number(limit)} N m and a peak error of {number(1e3 * peak)} mm'
     if best is None:
@@ -102,15 +103,3 @@ def fastest_json(found: Sequence[Reached | Unreached], fastest: Fastest, motion:
         'limits': {'torque': limit, 'peak': peak},
         'bound': fastest.bound, 'time_optimal': fastest.duration,
         'runs': [run(item) for item in found], 'provenance': provenance})
-
-
-def report_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest, outcome: Outcome,
-                      motion: Motion, robot: Robot, provenance: Mapping[str, Any]) -> str:
-    """Return the report, a page of words and the table."""
-    # the plot library is slow to load
-    from par4_sim.tracking.plots import torque_over_path
-    return rendered(
-        'par4_sim.tracking', 'fastest.html', outcome,
-        f'Fastest pace of {motion.name} on {robot.name}', 'What it rests on', provenance,
-        names_of=NAMES, headings=HEADINGS, rows=rows_of_fastest(found, fastest),
-        torque=torque_over_path(fastest, joint_labels(robot)))
