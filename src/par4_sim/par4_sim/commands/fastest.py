@@ -90,7 +90,7 @@ def fastest(motion: str, robot: str, machine: str, controller: tuple[str, ...],
     for name in NAMES:
         table.add_column(name, no_wrap=True)
     for heading in HEADINGS:
-        table.add_column(heading, justify='right')
+        table.add_column(heading, justify='right', min_width=7)
     for names, cells in rows_of_fastest(found, bound):
         table.add_row(*names, *cells)
     console.print(table)
