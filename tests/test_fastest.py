@@ -14,6 +14,7 @@ from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import HOME
 from par4_kinematics.motion import Motion, waypoints_motion
+from par4_kinematics.motion_file import read_motion
 from par4_sim.commands.fastest import fastest
 from par4_sim.tracking.case import Plan
 from par4_sim.tracking.fastest import Reached, Unreached, at_pace, fastest_case
@@ -119,13 +120,17 @@ def test_loops_alone_keep_half_a_millimetre_at_no_pace(shortest):
 
 def test_the_command_writes_bound_and_runs(tmp_path):
     done = CliRunner().invoke(fastest, [
-        'adept', '--jerk', '30000', '--feedforward', 'table1_full', '--feedforward', 'table1',
-        '--output', str(tmp_path / 'out')])
+        'adept', '--jerk', '30000', '--feedforward', 'table1_full', '--output',
+        str(tmp_path / 'out')])
     assert done.exit_code == 0, done.output
     content = json.loads((tmp_path / 'out' / 'fastest.json').read_text())
     assert content['schema'] == 'par4/fastest/1'
     times = [run['time'] for run in content['runs']]
-    assert content['bound'] < content['time_optimal'] < times[0] < times[1]
+    assert [run['timing'] for run in content['runs']] == ['own', 'time_optimal']
+    assert content['bound'] < content['time_optimal'] < times[1] < times[0]
+    assert times[1] < 1.05 * content['bound']  # the bound is nearly reached, with 0.5 mm
+    played = read_motion(tmp_path / 'out' / 'fastest.yaml', REFERENCE)
+    assert played.duration == pytest.approx(times[1], rel=1e-6)
     assert all(run['peak'] <= 0.5e-3 for run in content['runs'])
     page = (tmp_path / 'out' / 'report.html').read_text()
     assert page.count('<img src="data:image/svg+xml;base64,') == 1

@@ -29,7 +29,7 @@ from par4_kinematics.motion_file import (
     write_motion,
     write_recipe,
 )
-from par4_kinematics.robot import Robot, read_robot
+from par4_kinematics.robot import Robot, Workspace, read_robot
 from par4_kinematics.time_laws import Quintic, SCurve, Trapezoid
 from par4_kinematics.workspace import home_pose
 
@@ -393,12 +393,47 @@ def test_excitation_of_a_robot_that_cannot_is_refused():
         excitation_motion(copied(REFERENCE, joint_position=(-1.0, 0.41)), 10.0)
 
 
+def test_blended_waypoints_pass_the_corner_without_a_stop_and_save_time():
+    corner = HOME + np.array(((-0.1, -0.05, 0, 0), (0.1, -0.05, 0, 0), (0.1, 0.1, 0, 0.3)))
+    square, blended = (waypoints_motion(REFERENCE, corner, blend=blend) for blend in (0.0, 1.0))
+    for motion in (square, blended):
+        np.testing.assert_allclose(motion.x[[0, -1]], corner[[0, -1]], atol=1e-9)
+        for order, of in (('xd', 'x'), ('xdd', 'xd')):  # derivatives, also across the corner
+            steps = np.diff(getattr(motion, of), axis=0) / motion.period
+            middle = 0.5 * (getattr(motion, order)[1:] + getattr(motion, order)[:-1])
+            np.testing.assert_allclose(steps, middle, atol=2e-2 * np.abs(middle).max())
+    speed = [np.linalg.norm(motion.xd[len(motion.t) // 4:-len(motion.t) // 4, :3], axis=1).min()
+             for motion in (square, blended)]
+    assert speed[0] < 0.01 < 0.2 < speed[1]
+    assert blended.duration < 0.8 * square.duration
+    nearest = np.linalg.norm(blended.x[:, :3] - corner[1, :3], axis=1).min()
+    assert 1e-3 < nearest < 0.05
+    acceleration = np.linalg.norm(blended.xdd[:, :3], axis=1).max()
+    assert acceleration < 1.001 * math.sqrt(2.0) * 10.0
+    for wrong in ({'blend': 1.2}, {'blend': -0.1}, {'blend': 0.5, 'dwell': 0.1}):
+        with pytest.raises(InputError, match='blend must be 0 to 1'):
+            waypoints_motion(REFERENCE, corner, **wrong)
+
+
 @pytest.mark.parametrize(('part', 'limits', 'message'), [
-    ('joint position', {'joint_position': (-1.0, 0.5)}, r'rad at .* is outside -1 to 0\.5 rad'),
+    ('joint position', {'joint_position': (-1.0, 0.5)}, r'rad is outside -1 to 0\.5 rad'),
     ('joint speed', {'joint_speed': 2.0}, 'is outside -2 to 2 rad/s')])
 def test_check_limits_names_what_is_outside(part, limits, message):
     with pytest.raises(InputError, match=rf'motion adept: {part} .*{message}'):
         check_limits(adept_motion(REFERENCE), copied(REFERENCE, **limits))
+
+
+def test_check_limits_names_the_limit_that_is_broken_first_when_and_where():
+    """Speed is exceeded on the way, theta only at the end of it."""
+    motion = adept_motion(REFERENCE, theta_swing=math.pi / 2.0)
+    too_fast = np.abs(motion.qd).max(axis=1) > 5.0
+    too_far = np.abs(motion.x[:, 3]) > 0.7
+    assert too_far[0]  # it begins turned
+    with pytest.raises(InputError, match=r'theta .* from 0\.000 s on, at the pose \(-0\.152'):
+        check_limits(motion, copied(REFERENCE, joint_speed=5.0, workspace=Workspace(theta=0.7)))
+    first = motion.t[np.argmax(too_fast)]
+    with pytest.raises(InputError, match=rf'joint speed -?\d.* from {first:.3f} s on'):
+        check_limits(motion, copied(REFERENCE, joint_speed=5.0))
 
 
 def test_the_reference_robot_holds_the_range_of_theta_of_the_paper():
@@ -408,7 +443,6 @@ def test_the_reference_robot_holds_the_range_of_theta_of_the_paper():
         check_limits(adept_motion(robot, theta_swing=math.pi / 2.0), robot)
         with pytest.raises(InputError, match='theta'):
             check_limits(adept_motion(robot, theta_swing=1.001 * math.pi / 2.0), robot)
-
 
 
 @pytest.mark.parametrize(('poses', 'part'), [

@@ -124,6 +124,19 @@ def test_overshoot_and_settling_time_are_those_of_iso_9283(axis):
     assert found.excursion == pytest.approx(found.overshoot, rel=1e-4)
 
 
+def test_a_path_that_wanders_settles_on_its_last_way_only():
+    """Passing the attained position earlier, on the way to elsewhere, is no first crossing."""
+    run = swinging(20.0, 100.0, 0.0)
+    wave = 0.1 * np.sin(2.0 * np.pi * 3.0 * np.minimum(run.motion.t, 0.4))
+    x = run.motion.x.copy()
+    x[:, 0] = wave
+    pose = run.pose.copy()
+    pose[:, 0] = np.interp(run.t, run.motion.t, wave)
+    found = tracking_of(replace(run, motion=replace(run.motion, x=x), pose=pose))
+    assert found.overshoot == 0.0
+    assert found.settling_time == pytest.approx(0.0, abs=1e-3)
+
+
 def test_a_swing_within_the_limit_band_is_no_overshoot():
     found = tracking_of(swinging(20.0, 100.0, 0.4e-3))
     assert found.overshoot == 0.0

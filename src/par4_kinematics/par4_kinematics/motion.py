@@ -93,8 +93,8 @@ def motion_of_joints(name: str, geometry: Geometry, t: ArrayLike, q: ArrayLike, 
 def waypoints_motion(robot: Robot, poses: Sequence[Sequence[float]], *, speed: float = 1.0,
                      acceleration: float = 10.0, jerk: float = 500.0, theta_speed: float = 3.0,
                      theta_acceleration: float = 30.0, theta_jerk: float = 1500.0,
-                     dwell: float = 0.0, period: float = 1e-3) -> Motion:
-    """Return straight jerk-limited moves from pose to pose, at rest in each.
+                     dwell: float = 0.0, blend: float = 0.0, period: float = 1e-3) -> Motion:
+    """Return straight jerk-limited moves from pose to pose, at rest in each or past them.
 
     Args:
         robot: the machine.
@@ -102,10 +102,14 @@ def waypoints_motion(robot: Robot, poses: Sequence[Sequence[float]], *, speed: f
         speed, acceleration, jerk: limits of D, m/s, m/s2, m/s3.
         theta_speed, theta_acceleration, theta_jerk: limits of theta, rad/s, rad/s2, rad/s3.
         dwell: rest in each pose but the first, s.
+        blend: how far a move begins before the one before it has ended, from 0, at rest in every
+            pose, to 1, by half of the shorter of both; the path then cuts the corner, where speed
+            and acceleration add up to at most twice, at right angles sqrt(2) of, their limits.
         period: seconds between samples.
 
     Raises:
-        InputError: poses of another shape or all the same, or limits that are not positive.
+        InputError: poses of another shape or all the same, limits that are not positive, or a
+            blend outside 0 to 1 or beside a dwell.
         UnreachableError: a sample that a leg cannot reach.
     """
     widths = {len(pose) for pose in poses}
@@ -118,11 +122,16 @@ def waypoints_motion(robot: Robot, poses: Sequence[Sequence[float]], *, speed: f
         require_positive(dict(zip(('speed', 'acceleration', 'jerk'), limits, strict=True)), what)
     if not 0.0 <= dwell < math.inf:
         raise InputError(f'waypoints: dwell must be 0 s or more, found {dwell}')
-    moves, end = [], 0.0
+    if not 0.0 <= blend <= 1.0 or (blend > 0.0 and dwell > 0.0):
+        raise InputError(f'waypoints: blend must be 0 to 1, and 0 beside a dwell, found {blend:g} '
+                         f'with a dwell of {dwell:g} s')
+    moves, end, before = [], 0.0, 0.0
     for step in steps:
         law = _move_law(step, of_d, of_theta)
-        moves.append((end, step, law))
-        end += dwell + (law.duration if law else 0.0)
+        duration = law.duration if law else 0.0
+        start = end - 0.5 * blend * min(before, duration)
+        moves.append((start, step, law))
+        end, before = start + duration + dwell, duration
     t = sample_times(end, period)
     x = np.zeros((3, len(t), 4))
     x[0] = poses[0]
@@ -146,7 +155,7 @@ def check_limits(motion: Motion, robot: Robot) -> None:
     """Refuse a motion that leaves the robot's joint range, joint speed or workspace.
 
     Raises:
-        InputError: names sample, quantity, value and limit.
+        InputError: names the limit that is broken first, when, where, and how far in the end.
     """
     limits = robot.limits
     space = limits.workspace
@@ -159,14 +168,22 @@ def check_limits(motion: Motion, robot: Robot) -> None:
         ('z of D', motion.x[:, 2], space.z[0], space.z[1], 'm'),
         ('theta', motion.x[:, 3], -space.theta, space.theta, 'rad'),
     )
+    broken = []
     for name, values, lowest, highest, unit in checks:
-        outside = np.maximum(values - highest, lowest - values)
-        worst = np.unravel_index(np.argmax(outside), outside.shape)
-        if outside[worst] > 1e-6:
-            raise InputError(
-                f'motion {motion.name}: {name} {values[worst]:.4g} {unit} at '
-                f'{motion.t[worst[0]]:.3f} s is outside {lowest:g} to {highest:g} {unit} of robot '
-                f'{robot.name}; make the motion smaller or slower, or widen the limits')
+        outside = np.maximum(values - highest, lowest - values).reshape(len(motion.t), -1)
+        first = np.flatnonzero((outside > 1e-6).any(axis=1))
+        if len(first):
+            worst = values.reshape(outside.shape)[np.unravel_index(np.argmax(outside),
+                                                                   outside.shape)]
+            broken.append((first[0], f'{name} {worst:.4g} {unit}',
+                           f'{lowest:g} to {highest:g} {unit}'))
+    if broken:
+        row, found, allowed = min(broken, key=lambda item: item[0])
+        place = ', '.join(f'{value:.3f}' for value in motion.x[row])
+        raise InputError(
+            f'motion {motion.name}: {found} is outside {allowed} of robot {robot.name}, from '
+            f'{motion.t[row]:.3f} s on, at the pose ({place}); make the motion smaller or slower, '
+            f'or widen the limits')
 
 
 PLATFORM_COLUMNS = tuple(f'{name}{suffix}' for suffix in ('', 'd', 'dd') for name in POSE_NAMES)

@@ -7,6 +7,8 @@ at the rate of the drive, inside the compiled control step, and is chosen there 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numba
 import numpy as np
@@ -52,7 +54,7 @@ def hand_over(target, state, per_torque, dt):
         state[FEEDFORWARD, joint] = target[8 + joint]
 
 
-class Controller:
+class Controller(ABC):
     """Four drives: target and encoder readings in, torque command out.
 
     The velocity that they see is the one that the amplifier's own fine interpolation gives.
@@ -67,7 +69,7 @@ class Controller:
         command: torque asked of the amplifiers after clipping (4,), N m; volts times gain.
     """
 
-    number: int
+    number: ClassVar[int]
 
     def __init__(self, gains: np.ndarray, geometry: np.ndarray | None = None,
                  bodies: np.ndarray | None = None) -> None:
@@ -83,9 +85,9 @@ class Controller:
         return self.number, self.gains, self.geometry, self.bodies
 
     @property
+    @abstractmethod
     def per_torque(self) -> float:
         """What one unit of the integral makes, N m; 0 without an integral."""
-        raise NotImplementedError
 
     @property
     def saturated_commands(self) -> int:

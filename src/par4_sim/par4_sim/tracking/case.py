@@ -38,7 +38,7 @@ class Case:
     Attributes:
         controller: of CONTROLLERS.
         feedforward: name of the model whose torques the drives got, or `NO_FEEDFORWARD`.
-        run: the record; of the last cycle where a motion was learned.
+        run: the record; of the best cycle where a motion was learned.
         tracking: its figures.
         learned: the cycles of a motion that was learned.
         margin: of its feedback over the workspace; None where it has none or nobody asked.

@@ -77,7 +77,7 @@ def _margins_in_words(cases: Sequence[Case]) -> list[Remark]:
 
 def _learning_in_words(case: Case, robot: Robot) -> Remark:
     counts = robot.drives.encoder_counts
-    first, last = case.learned[0], case.learned[-1]
+    first, last = case.learned[0], min(case.learned, key=lambda cycle: cycle.joint_rms)
     size = (f'{number(last.joint_rms * counts / (2.0 * math.pi), 2)} encoder counts' if counts else
             f'{number(last.joint_rms, 2)} rad')
     return Remark(last.rms <= first.rms, (

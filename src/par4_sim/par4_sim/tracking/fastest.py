@@ -1,9 +1,9 @@
-"""How fast a motion can be done: by pace, until a limit is broken.
+"""How fast a path can be followed: by pace, until a limit is broken.
 
-The motion keeps its path and the shape of its timing; at pace p it takes 1/p of the time with p
-times the speed and p^2 times the acceleration. The fastest pace that keeps torque, joint speed and
-a peak error of D is found by bisection, below the pace at which the motion would take the time
-that nothing can be faster than.
+A motion keeps its path and the shape of its timing, its own or the time-optimal one; at pace p it
+takes 1/p of the time with p times the speed and p^2 times the acceleration. The fastest pace that
+keeps torque, joint speed and a peak error of D is found by bisection, below the pace at which the
+motion would take the time that nothing can be faster than.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ from par4_kinematics.motion import Motion, check_limits
 from par4_sim.tracking.case import NEED_MODEL, Case, Plan
 from par4_sim.tracking.metrics import errors_of, longest_axis
 
+OWN, TIME_OPTIMAL = 'own', 'time_optimal'
+TIMINGS = {OWN: 'own timing', TIME_OPTIMAL: 'time-optimal'}
+"""How a path is timed, in words: as the motion that was given, or as time-optimal motion."""
 PEAK = 0.5e-3
 """Default limit of the peak error of D, m."""
 RESOLUTION = 2e-3
@@ -32,12 +35,14 @@ class Reached:
     """The fastest that a controller does a motion.
 
     Attributes:
+        timing: of the motion that was given, of TIMINGS.
         case: that run.
         pace: over the motion that was given.
         acceleration: largest along the longest direction of the path, m/s2.
         limited_by: what breaks first just above that pace, where and when.
     """
 
+    timing: str
     case: Case
     pace: float
     acceleration: float
@@ -49,10 +54,12 @@ class Unreached:
     """A controller that keeps the limits at no pace.
 
     Attributes:
+        timing: of the motion that was given, of TIMINGS.
         controller, feedforward: as of a `Case`.
         limited_by: what breaks even at the slowest pace, where and when.
     """
 
+    timing: str
     controller: str
     feedforward: str
     limited_by: str
@@ -66,7 +73,7 @@ def at_pace(motion: Motion, pace: float) -> Motion:
 
 
 def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bound: float,
-                 peak: float = PEAK) -> Reached | Unreached:
+                 peak: float = PEAK, timing: str = OWN) -> Reached | Unreached:
     """Return the fastest that a controller does the motion of a plan within its limits.
 
     Args:
@@ -74,6 +81,7 @@ def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bo
         controller, name, model: as `Plan.case`.
         bound: time that no controller can undercut, s.
         peak: limit of the peak error of D, m.
+        timing: what the motion of the plan has.
     """
     def tried(pace: float) -> tuple[Case | None, str]:
         asked = replace(plan, motion=at_pace(plan.motion, pace))
@@ -90,7 +98,7 @@ def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bo
     while broken:
         high, reason = low, broken
         if low < SLOWEST:
-            return Unreached(controller, name, broken)
+            return Unreached(timing, controller, name, broken)
         low *= 0.7
         case, broken = tried(low)
     while high / low > 1.0 + RESOLUTION:
@@ -101,20 +109,30 @@ def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bo
         else:
             low, case = middle, found
     axis = longest_axis(case.run)
-    return Reached(case, low, float(np.abs(case.run.motion.xdd[:, axis]).max()), reason)
+    return Reached(timing, case, low, float(np.abs(case.run.motion.xdd[:, axis]).max()), reason)
 
 
-def fastest_cases(plan: Plan, controllers: Sequence[str], models: Mapping[str, Model | None],
-                  bound: float, peak: float = PEAK,
+def fastest_cases(plans: Mapping[str, Plan], controllers: Sequence[str],
+                  models: Mapping[str, Model | None], bound: float, peak: float = PEAK,
                   progress: Callable[[str], None] = lambda _: None
                   ) -> list[Reached | Unreached]:
-    """Return the fastest of every controller with every model; see `fastest_case`."""
+    """Return the fastest of every controller with every model in every timing of a path.
+
+    Args:
+        plans: timing -> plan with the motion of that timing.
+        controllers, models: as `compared`.
+        bound, peak: as `fastest_case`.
+        progress: told what is being simulated.
+    """
     reached: list[Reached | Unreached] = []
-    for controller in controllers:
-        for name, model in models.items():
-            if model is not None or controller not in NEED_MODEL:
-                progress(f'looking for the fastest pace of {controller} with {name}')
-                reached.append(fastest_case(plan, controller, name, model, bound, peak))
+    for timing, plan in plans.items():
+        for controller in controllers:
+            for name, model in models.items():
+                if model is not None or controller not in NEED_MODEL:
+                    progress(f'looking for the fastest pace of {controller} with {name}, '
+                             f'{TIMINGS[timing]}')
+                    reached.append(fastest_case(plan, controller, name, model, bound, peak,
+                                                timing))
     return reached
 
 

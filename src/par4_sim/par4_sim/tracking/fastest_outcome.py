@@ -9,64 +9,76 @@ from par4_dynamics.state import GRAVITY
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 from par4_sim.report.outcome import Outcome, Remark
-from par4_sim.report.page import rendered
 from par4_sim.report.results import plain
-from par4_sim.report.words import in_words, joint_labels, number, percent
-from par4_sim.tracking.fastest import Reached, Unreached
+from par4_sim.report.words import in_words, number, percent
+from par4_sim.tracking.fastest import TIMINGS, Reached, Unreached
 from par4_sim.tracking.time_optimal import Fastest
 
-HEADINGS = ('time, s', 'acceleration, G', 'bound / time', 'peak error, mm', 'peak torque, N m')
+NAMES = ('controller', 'feedforward', 'timing')
+HEADINGS = ('time, s', 'peak, G', 'bound / time', 'error, mm', 'torque, N m')
 
 
 def outcome_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest, motion: Motion,
-                       limit: float, peak: float) -> Outcome:
+                       robot: Robot, limit: float, peak: float) -> Outcome:
     """Return what was found, in words.
 
     Args:
         found: of each controller with each model.
         fastest: of the path.
         motion: at its own pace.
+        robot: whose joint speed is limited.
         limit: of torque, N m.
         peak: limit of the error, m.
     """
-    reached = [item for item in found if isinstance(item, Reached)]
+    best = best_of(found)
     bound = Remark(True, (
-        f'Nothing that keeps {number(limit)} N m follows this path in less than '
-        f'{number(fastest.bound, 4)} s; a motion that keeps them takes '
-        f'{number(fastest.duration, 4)} s, {percent(fastest.duration / fastest.bound - 1.0)} more. '
+        f'Nothing that keeps {number(limit)} N m and {number(robot.limits.joint_speed)} rad/s '
+        f'follows this path in less than {number(fastest.bound, 4)} s; a motion that keeps them '
+        f'takes {number(fastest.duration, 4)} s, '
+        f'{percent(fastest.duration / fastest.bound - 1.0)} more. '
         f'The bound knows no error: whoever tracks needs torque in reserve.'))
     within = f'within {number(limit)} N m and a peak error of {number(1e3 * peak)} mm'
-    if not reached:
+    if best is None:
         return Outcome(f'No controller does {motion.name} {within} at any pace.', 'bad', (
             bound, Remark(False, 'Every run breaks the limit of the error, however slow.',
                           'Give a model as --feedforward, or allow a larger error.')))
-    best = min(reached, key=lambda item: item.case.run.motion.duration)
     time = best.case.run.motion.duration
     return Outcome(
         f'{motion.name.capitalize()} is done in {number(time, 4)} s with '
-        f'{number(best.acceleration / GRAVITY)} G by {best.case.label}, {within}; nothing is '
+        f'{number(best.acceleration / GRAVITY)} G by {_label(best)}, {within}; nothing is '
         f'faster than {number(fastest.bound, 4)} s.', 'good',
         (bound, *(Remark(isinstance(item, Reached), f'{_label(item)}: limited by '
                                                     f'{item.limited_by}.') for item in found)))
 
 
+def best_of(found: Sequence[Reached | Unreached]) -> Reached | None:
+    """Return the fastest of all; None if no controller keeps the limits at any pace."""
+    reached = [item for item in found if isinstance(item, Reached)]
+    return min(reached, key=lambda item: item.case.run.motion.duration, default=None)
+
+
+def _names(item: Reached | Unreached) -> tuple[str, str, str]:
+    """Return the cells of `NAMES`."""
+    part = item if isinstance(item, Unreached) else item.case
+    return in_words(part.controller), part.feedforward, TIMINGS[item.timing]
+
+
 def _label(item: Reached | Unreached) -> str:
-    return f'{in_words(item.controller)}, {item.feedforward}' if isinstance(item, Unreached) else (
-        item.case.label)
+    return ', '.join(_names(item))
 
 
 def rows_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest
-                    ) -> list[tuple[str, list[str]]]:
-    """Return a label and the cells of `HEADINGS` for each."""
+                    ) -> list[tuple[tuple[str, ...], list[str]]]:
+    """Return the cells of `NAMES` and of `HEADINGS` for each."""
     rows = []
     for item in found:
-        if isinstance(item, Unreached):
-            rows.append((_label(item), ['never', *[''] * (len(HEADINGS) - 1)]))
-            continue
-        tracking, time = item.case.tracking, item.case.run.motion.duration
-        rows.append((_label(item), [
-            number(time, 4), number(item.acceleration / GRAVITY), percent(fastest.bound / time),
-            number(1e3 * tracking.peak), number(tracking.peak_torque)]))
+        cells = ['never', *[''] * (len(HEADINGS) - 1)]
+        if isinstance(item, Reached):
+            tracking, time = item.case.tracking, item.case.run.motion.duration
+            cells = [number(time, 4), number(item.acceleration / GRAVITY),
+                     percent(fastest.bound / time), number(1e3 * tracking.peak),
+                     number(tracking.peak_torque)]
+        rows.append((_names(item), cells))
     return rows
 
 
@@ -76,15 +88,14 @@ def fastest_json(found: Sequence[Reached | Unreached], fastest: Fastest, motion:
     """Return `fastest.json`; time and what follows from it are null where no pace is slow enough.
     """
     def run(item: Reached | Unreached) -> dict[str, Any]:
+        part = item if isinstance(item, Unreached) else item.case
+        told = {'controller': part.controller, 'feedforward': part.feedforward,
+                'timing': item.timing, 'limited_by': item.limited_by}
         if isinstance(item, Unreached):
-            return {'controller': item.controller, 'feedforward': item.feedforward, 'time': None,
-                    'pace': None, 'acceleration': None, 'peak': None, 'peak_torque': None,
-                    'limited_by': item.limited_by}
-        case = item.case
-        return {'controller': case.controller, 'feedforward': case.feedforward,
-                'time': case.run.motion.duration, 'pace': item.pace,
-                'acceleration': item.acceleration, 'peak': case.tracking.peak,
-                'peak_torque': case.tracking.peak_torque, 'limited_by': item.limited_by}
+            return told | dict.fromkeys(('time', 'pace', 'acceleration', 'peak', 'peak_torque'))
+        return told | {'time': item.case.run.motion.duration, 'pace': item.pace,
+                       'acceleration': item.acceleration, 'peak': item.case.tracking.peak,
+                       'peak_torque': item.case.tracking.peak_torque}
 
     return plain({
         'schema': 'par4/fastest/1', 'robot': robot.name,
@@ -92,15 +103,3 @@ def fastest_json(found: Sequence[Reached | Unreached], fastest: Fastest, motion:
         'limits': {'torque': limit, 'peak': peak},
         'bound': fastest.bound, 'time_optimal': fastest.duration,
         'runs': [run(item) for item in found], 'provenance': provenance})
-
-
-def report_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest, outcome: Outcome,
-                      motion: Motion, robot: Robot, provenance: Mapping[str, Any]) -> str:
-    """Return the report, a page of words and the table."""
-    # the plot library is slow to load
-    from par4_sim.tracking.plots import torque_over_path
-    return rendered(
-        'par4_sim.tracking', 'fastest.html', outcome,
-        f'Fastest pace of {motion.name} on {robot.name}', 'What it rests on', provenance,
-        headings=HEADINGS, rows=rows_of_fastest(found, fastest),
-        torque=torque_over_path(fastest, joint_labels(robot)))

@@ -8,6 +8,10 @@ law inverts the closed loop. What M gets wrong by a share of r leaves r of the e
 cycle. Q, a Gaussian low-pass filter without delay, keeps out what the encoders' steps make of
 eddot. Only what a real drive tells is used: encoder positions and the command. Every cycle begins
 at rest, as pick and place does.
+
+A machine that does not do at all frequencies below the cut-off what the model says, because it is
+elastic or has play, would be driven further from cycle to cycle. So a cycle that is worse than the
+best is not learned from: the next corrects the best one again, with half the cut-off.
 """
 
 from __future__ import annotations
@@ -52,7 +56,7 @@ class Learning:
     """A motion learned.
 
     Attributes:
-        run: the last cycle.
+        run: the cycle with the smallest error of the joints.
         cycles: all of them.
     """
 
@@ -74,15 +78,20 @@ def learn(robot: Robot, machine: Model, motion: Motion, feedforward: np.ndarray,
         fidelity: of the plant.
     """
     inertia = joint_mass_matrix(robot.geometry, model.lumped_bodies(), motion.x)
-    history = []
+    best, history, cutoff_hz = None, [], CUTOFF_HZ
     for _ in range(cycles):
         run = record_run(robot, machine, motion, feedforward, fidelity)
         error = _joint_error(run)
         moving = error[:len(motion.t)]
-        history.append(Cycle(float(np.sqrt(np.mean(np.sum(errors_of(run) ** 2, axis=1)))),
-                             float(np.sqrt(np.mean(moving ** 2))), float(np.abs(moving).max())))
-        feedforward = _corrected(run, error, inertia)
-    return Learning(run, tuple(history))
+        cycle = Cycle(float(np.sqrt(np.mean(np.sum(errors_of(run) ** 2, axis=1)))),
+                      float(np.sqrt(np.mean(moving ** 2))), float(np.abs(moving).max()))
+        if best is None or cycle.joint_rms < min(past.joint_rms for past in history):
+            best = run
+        else:
+            cutoff_hz *= 0.5
+        history.append(cycle)
+        feedforward = _corrected(best, _joint_error(best), inertia, cutoff_hz)
+    return Learning(best, tuple(history))
 
 
 def _joint_error(run: Run) -> np.ndarray:
@@ -93,18 +102,19 @@ def _joint_error(run: Run) -> np.ndarray:
     return wanted - _at(t, run.t, run.q)
 
 
-def _corrected(run: Run, error: np.ndarray, inertia: np.ndarray) -> np.ndarray:
+def _corrected(run: Run, error: np.ndarray, inertia: np.ndarray, cutoff_hz: float
+               ) -> np.ndarray:
     """Return the torques (m, 4), N m, of the next cycle."""
     motion = run.motion
-    width = math.sqrt(math.log(2.0)) / (2.0 * math.pi * CUTOFF_HZ)  # s, standard deviation
+    width = math.sqrt(math.log(2.0)) / (2.0 * math.pi * cutoff_hz)  # s, standard deviation
     given = _at(run.t, motion.t, run.feedforward)
     feedback = gaussian_filter1d(run.command - given, width / STEP, axis=0, mode='nearest')
     missing = gaussian_filter1d(error, width / motion.period, axis=0, order=2, mode='nearest')
     missing = missing[:len(motion.t)] / motion.period ** 2
     learned = (run.feedforward + _at(motion.t, run.t, feedback)
                + np.einsum('nij,nj->ni', inertia, missing))
-    # what held the machine at rest before: nothing is left to the integrals
-    learned[0] = run.command[0]
+    # what holds the machine at rest before and after: nothing is left to the integrals
+    learned[[0, -1]] = run.command[[0, -1]]
     return learned
 
 

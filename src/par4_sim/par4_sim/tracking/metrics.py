@@ -20,6 +20,8 @@ from par4_sim.tracking.run import Run
 
 BAND = 0.5e-3
 """Default half width of the limit band, m."""
+STILL = 1e-12
+"""m: smaller steps of a desired coordinate are rounding."""
 ATTAINED = 0.1
 """Seconds at the end of a record over which the attained position is averaged."""
 
@@ -102,10 +104,7 @@ def _stop_of(run: Run, band: float) -> tuple[float, float, float]:
     deviation = place - place[run.t > run.t[-1] - ATTAINED].mean(axis=0)
     overshoot = settling_time = arrival = 0.0
     for axis in range(3):
-        # the last way to the end begins where the desired path is last farthest from it
-        away = np.abs(wanted[:, axis] - wanted[-1, axis])
-        leaving = run.motion.t[len(away) - 1 - int(np.argmax(away[::-1]))]
-        left = run.t >= leaving
+        left = run.t >= run.motion.t[_last_way(wanted[:, axis])]
         side = np.sign(deviation[left][0, axis])
         crossed = left & ((np.abs(deviation[:, axis]) <= band)
                           | (np.sign(deviation[:, axis]) != side))
@@ -117,3 +116,13 @@ def _stop_of(run: Run, band: float) -> tuple[float, float, float]:
         settling_time = max(settling_time, float(run.t[stays] - run.t[entered]))
         arrival = max(arrival, float(run.t[stays]))
     return overshoot, settling_time, max(arrival - run.motion.duration, 0.0)
+
+
+def _last_way(wanted: np.ndarray) -> int:
+    """Return the row of a desired coordinate (m,) from which it only goes towards its end."""
+    steps = np.diff(wanted)
+    moving = np.flatnonzero(np.abs(steps) > STILL)
+    if not len(moving):
+        return len(wanted) - 1
+    back = moving[steps[moving] * steps[moving[-1]] < 0.0]
+    return int(back[-1]) + 1 if len(back) else 0

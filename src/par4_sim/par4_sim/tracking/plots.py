@@ -10,7 +10,6 @@ from par4_sim.report.drawing import CURVE, drawn, envelope, image, legend
 from par4_sim.tracking.case import Case
 from par4_sim.tracking.comparison import MILLI
 from par4_sim.tracking.metrics import errors_of, longest_axis
-from par4_sim.tracking.time_optimal import Fastest
 
 COLOURS = ('#c8102e', '#1a56a8', '#2a7a4b', '#d9822b', '#7a3e9d', '#008b9a', '#8a6d3b', '#d0559b')
 SHOWN = 0.1
@@ -108,19 +107,4 @@ def errors_by_cycle(cases: Sequence[Case]) -> str:
         axis_of.set_ylabel('rms error of D, mm')
         legend(figure, tuple((case.label, colour) for case, colour in
                              zip(cases, colours_of(cases), strict=True)))
-        return image(figure)
-
-
-def torque_over_path(fastest: Fastest, joints: Sequence[str]) -> str:
-    """Return the torque of the time-optimal motion along its path, a picture a stretch."""
-    profiles = fastest.profiles[:4]
-    with drawn(3.0) as figure:
-        axes = figure.subplots(1, len(profiles), squeeze=False, sharey=True)[0]
-        for row, (axis_of, profile) in enumerate(zip(axes, profiles, strict=True), start=1):
-            for torque, colour in zip(profile.torque.T, COLOURS, strict=False):
-                axis_of.plot(100.0 * profile.s[:-1], torque, color=colour)
-            axis_of.set_title(f'way {row}, {profile.duration:.4f} s')
-            axis_of.set_xlabel('share of the way, %')
-        axes[0].set_ylabel('torque, N m')
-        legend(figure, tuple(zip(joints, COLOURS, strict=False)))
         return image(figure)

@@ -130,6 +130,7 @@ def motion_of(fastest: Fastest, robot: Robot, name: str, period: float = 1e-3) -
         part = (q, slope * sd[:, None], bend * sd[:, None] ** 2 + slope * sdd[:, None])
         parts.append([values[1:] if parts else values for values in part])
     q, qd, qdd = (np.concatenate(column) for column in zip(*parts, strict=True))
+    qdd[[0, -1]] = 0.0  # as every motion here: at rest before its first sample and after its last
     return motion_of_joints(name, robot.geometry, period * np.arange(len(q)), q, qd, qdd)
 
 
