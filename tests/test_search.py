@@ -22,13 +22,13 @@ from par4_identification.diagnosis.evidence import (
 )
 from par4_identification.diagnosis.gate import WORST_ERROR, unusable
 from par4_identification.diagnosis.holdout import blocks_of_runs
-from par4_identification.diagnosis.judgement import judge, named_of, unnamed_cause
+from par4_identification.diagnosis.judgement import judge, unnamed_cause
 from par4_identification.diagnosis.law import Dithered
 from par4_identification.diagnosis.observations import observe
 from par4_identification.diagnosis.pool import Pool
 from par4_identification.diagnosis.requirement import requirement_of
 from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.search import Search
+from par4_identification.diagnosis.search import Search, named_of
 from par4_identification.diagnosis.unnamed import Kind, kinds_of
 from par4_identification.identification import identify_runs
 from par4_identification.noise import ArNoise
@@ -217,8 +217,7 @@ def test_a_strong_cause_asks_more_of_a_weak_one_by_the_squares_of_its_torque():
     strong, rules = (cause('torque_offset'),), Rules()
     alone, beside = (requirement_of(search.pool, part, rules) for part in ((), strong))
     explained = search.pool.fit(()).fit_squares - search.pool.fit(strong).fit_squares
-    left = search.pool.fit(()).fit_squares - search.pool.fit(strong).fit_squares
-    expected = 0.5 * (rules.named_error ** 2 * explained - rules.noise_error * left)
+    expected = 0.5 * rules.named_error ** 2 * explained
     assert beside.fit - alone.fit == pytest.approx(expected, rel=1e-6)
     assert beside.inflation == pytest.approx(beside.fit / rules.evidence)
 

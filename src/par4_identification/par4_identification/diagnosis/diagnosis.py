@@ -41,8 +41,8 @@ from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
 from par4_identification.diagnosis.judgement import (
     Judgement,
     judge,
-    named_of,
     unnamed_cause,
+    unnamed_of,
 )
 from par4_identification.diagnosis.law import Dithered, dithered
 from par4_identification.diagnosis.observations import Observations, observe, with_nominal
@@ -50,7 +50,7 @@ from par4_identification.diagnosis.pool import Pool
 from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.retimed import beside_retimed
 from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.search import Model, Search, others_of
+from par4_identification.diagnosis.search import Model, Search, named_of, others_of
 from par4_identification.diagnosis.unnamed import Kind
 from par4_identification.diagnosis.unrelated import Left, unrelated
 from par4_identification.diagnosis.whitening import whitener_of
@@ -162,7 +162,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         progress('searching again beside the causes found')
         better = build_model(machine, extended_model(
             baseline, rigid_body, search.pool.evidence, named,
-            solve(search.pool.evidence, model)))
+            solve(search.pool.evidence, (*named, *unnamed_of(model)))))
         observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
         search = _search(observations, heldout, whitener, applicable, rules,
                          moved.with_nominal(better), search.pool.evidence)

@@ -53,9 +53,9 @@ class UnnamedCause:
     margin: float
 
 
-def named_of(model: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Return the causes with a name."""
-    return [item for item in model if not isinstance(item.effect, Kind)]
+def unnamed_of(model: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return the causes without a name."""
+    return [item for item in model if isinstance(item.effect, Kind)]
 
 
 def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:

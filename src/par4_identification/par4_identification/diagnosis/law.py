@@ -44,12 +44,14 @@ class Dithered:
         """Return the motions with the torque of `model` as nominal torque."""
         return Dithered(tuple(with_nominal(draw, model) for draw in self.draws))
 
-    def obeys(self, projection: Projection, hypothesis: Hypothesis, time: float) -> bool:
+    def obeys(self, projection: Projection, hypothesis: Hypothesis, time: float,
+              inflation: float = 1.0) -> bool:
         """Return whether a torque read `time` (s) away has the second order of that effect.
 
         Beside the effect's own column that of d2(torque)/dt2 is free. Its coefficient is 0 for the
         true effect; a lag in place of a delay, or the reverse, gives +-time^2 / 2. Without draws
-        nothing is held against the effect.
+        nothing is held against the effect. `inflation` of the variances, by what the model may get
+        wrong, asks the same of the second order (`Requirement.inflation`).
         """
         if not self.draws:
             return True
@@ -67,7 +69,7 @@ class Dithered:
             return True
         both = np.linalg.solve(gram, moment)
         gain = 0.5 * float(both @ moment - moment[0] ** 2 / gram[0, 0])
-        return gain < SURE or abs(both[1]) < WRONG * 0.5 * time ** 2
+        return gain < inflation * SURE or abs(both[1]) < WRONG * 0.5 * time ** 2
 
     def _noise(self, evidence: Evidence, function: Callable[[State], np.ndarray]
                ) -> list[np.ndarray]:

@@ -48,16 +48,15 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
     base, only_named, whole = (pool.fit(part) for part in ((), named, model))
     common = _common(pool, model, cause)
     parts = []
-    for torque, squares in zip(pool.torque_squares, (
-            [fit.fit_squares for fit in (base, only_named, whole)],
-            [fit.heldout_squares for fit in (base, only_named, whole)])):
+    for torque, rows, squares in zip(
+            pool.torque_squares, (pool.evidence.rows, pool.heldout.rows), (
+                [fit.fit_squares for fit in (base, only_named, whole)],
+                [fit.heldout_squares for fit in (base, only_named, whole)])):
         by_unnamed = max(squares[1] - squares[2], 0.0)
         by_named = max(squares[0] - squares[2] - by_unnamed, 0.0)
-        parts.append(0.5 * (
-            rules.base_error ** 2 * torque
-            + rules.noise_error * squares[2]
-            + rules.named_error ** 2 * by_named
-            + (common * rules.unnamed_error) ** 2 * by_unnamed))
+        parts.append(0.5 * (rules.base_error ** 2 * torque + rules.noise_error * rows
+                            + rules.named_error ** 2 * by_named
+                            + (common * rules.unnamed_error) ** 2 * by_unnamed))
     return Requirement(rules.evidence + parts[0], rules.margin + parts[1],
                        1.0 + parts[0] / rules.evidence)
 

@@ -21,7 +21,7 @@ class Rules:
         twin: difference in log-likelihood within which two names explain alike.
         base_error: share (rms) of the measured torque that sampling, filters and base terms get
             wrong.
-        noise_error: share of the squares that are left by which the noise model may be wrong.
+        noise_error: share of the squares of the noise by which its model may be wrong.
         named_error: share (rms) of the torque of named causes that may be wrong.
         unnamed_error: share (rms) of the torque of unnamed causes that may be wrong.
         floor_excess: rms of what is left over the noise floor beyond which it is described, as

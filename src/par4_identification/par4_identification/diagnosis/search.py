@@ -95,10 +95,10 @@ class Search:
                 if better is None:
                     return model
                 grown = better
-            (added,) = names_of(grown) - names_of(model)
+            added = names_of(grown) - names_of(model)
             trial = self.tested(grown)
             if names_of(trial) in visited:
-                refused.add(added)
+                refused |= added
                 continue
             visited.add(names_of(trial))
             model = trial
@@ -258,7 +258,8 @@ class Search:
         fit = solve(evidence, [*others, hypothesis])
         reason = self._implausible(hypothesis, others, fit)
         if reason is None and effect.retimes and not self._dithered.obeys(
-                project(evidence, others), hypothesis, float(fit.coefficients[-1][0, 0])):
+                project(evidence, others), hypothesis, float(fit.coefficients[-1][0, 0]),
+                self.requirement((*others, hypothesis)).inflation):
             reason = ('the torque is read at another time, but in second order of that time it '
                       'does not follow this law')
         return reason
@@ -289,22 +290,43 @@ class Search:
     def _with_a_swap(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
         """Return a model in which a cause gave way to what explains decidedly more in its place."""
         needed = self.requirement(model)
-        for item in model:
-            if isinstance(item.effect, Kind):
-                continue
+        for item in named_of(model):
             others = others_of(model, item)
             for rival in self.rivals(item, others):
-                if rival.hypothesis is None or not rival.believable:
+                if rival.hypothesis is None or isinstance(rival.hypothesis.effect, Kind):
                     continue
                 swapped = (*others, rival.hypothesis)
-                if names_of(swapped) in visited:
-                    continue
-                unnamed = isinstance(rival.hypothesis.effect, Kind)
-                better = (-rival.margin > needed.heldout + self.rules.margin if unnamed else
-                          -rival.margin - rival.fit_margin > needed.inflation * self.rules.twin)
-                if better:
+                if (rival.believable and names_of(swapped) not in visited and
+                        -rival.margin - rival.fit_margin > needed.inflation * self.rules.twin):
                     return swapped
-        return None
+        return self._with_unnamed_instead(model, visited)
+
+    def _with_unnamed_instead(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
+        """Return a model in which one unnamed cause does better than the names it makes needless.
+
+        Several names can together imitate a cause outside the library so well that nothing is left
+        for an unnamed cause beside them; one that contains the cause does better without them. In
+        the place of several it need only do as well, as one cause is likelier than several that
+        happen to make up its torque.
+        """
+        here = self.pool.fit(model).heldout_squares
+        decidedly = here - 2.0 * (self.requirement(model).heldout + self.rules.margin)
+        found = []
+        for kind in self._kinds:
+            if kind.name in names_of(model) or kind.left_by_filters:
+                continue
+            instead = Hypothesis(kind, {}, self._joints)
+            trial = (*model, instead)
+            while names := named_of(trial):
+                worst = min(names, key=lambda item, trial=trial: self._standing(item, trial))
+                if self._standing(worst, trial) > 1.0:
+                    break
+                trial = others_of(trial, worst)
+            several = len(model) + 1 - len(trial) > 1
+            squares = self.pool.fit(trial).heldout_squares
+            if squares < (here if several else decidedly) and names_of(trial) not in visited:
+                found.append((squares, trial))
+        return min(found, key=lambda item: item[0])[1] if found else None
 
     def rivals(self, cause: Hypothesis, others: Model) -> list[Rival]:
         """Return what could stand in a cause's place, the strongest first."""
@@ -332,6 +354,11 @@ class Search:
 def names_of(model: Sequence[Hypothesis]) -> frozenset[str]:
     """Return the names of effects and the kinds of unnamed causes in a model."""
     return frozenset(item.effect.name for item in model)
+
+
+def named_of(model: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return the causes with a name."""
+    return [item for item in model if not isinstance(item.effect, Kind)]
 
 
 def others_of(model: Model, cause: Hypothesis) -> Model:
