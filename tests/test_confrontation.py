@@ -268,11 +268,10 @@ def test_feedforward_from_the_extended_model_helps_the_machine_that_hides_the_ef
     assert np.all(error(model_before(result)) > 2.0 * error(result.extended_model))
 
 
-def test_an_axis_has_no_plant_and_unusable_data_no_model(diagnosed):
+def test_an_axis_has_no_plant(diagnosed):
     _, result, logs = diagnosed
     axis = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=35.0)
     assert confront_diagnosis(result, axis, logs) is None
-    assert confront_diagnosis(replace(result, extended_model=None), REFERENCE, logs) is None
     assert simulation_json(None) is None
     assert remarks_of_confrontation(None) == ()
 

@@ -53,7 +53,7 @@ DISAGREEMENT = 0.01
 """Relative difference of effort and G V above which it is reported."""
 APART = 0.25
 """s by which the clocks of two topics must differ, as their receipt tells, to be two clocks."""
-JUMP, MOST_TO_AND_FRO = 1e-3, 0.05
+JUMP, MOST_TO_AND_FRO = 1e-2, 0.05
 """rad of a jump to and fro from sample to sample, and share of such samples, that two sources in
 one topic make."""
 

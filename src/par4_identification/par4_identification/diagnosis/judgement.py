@@ -62,11 +62,10 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
     """Return a named cause of a model against its rivals."""
     others = others_of(model, cause)
     rivals = [rival for rival in search.rivals(cause, others) if rival.believable]
-    needed = search.requirement(model)
     twins = tuple(
         rival.hypothesis.effect.name for rival in rivals
         if rival.hypothesis is not None and not isinstance(rival.hypothesis.effect, Kind)
-        and (rival.fit_margin < search.rules.twin * needed.inflation
+        and (rival.fit_margin < search.rules.twin
              or (rival.hypothesis.effect.retimes and cause.effect.retimes)))
     best = rivals[0]
     gain, _ = search.gains(cause, others)

@@ -25,7 +25,7 @@ class Requirement:
     Attributes:
         fit: on the rows to fit.
         heldout: on rows that no fit has seen.
-        inflation: of the variances of fitted values, by the same error.
+        inflation: of the variances of fitted values, by the errors of the causes' torques.
     """
 
     fit: float
@@ -47,18 +47,19 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
     named = [item for item in model if not isinstance(item.effect, Kind)]
     base, only_named, whole = (pool.fit(part) for part in ((), named, model))
     common = _common(pool, model, cause)
-    parts = []
+    parts, causes = [], []
     for torque, rows, squares in zip(
             pool.torque_squares, (pool.evidence.rows, pool.heldout.rows), (
                 [fit.fit_squares for fit in (base, only_named, whole)],
                 [fit.heldout_squares for fit in (base, only_named, whole)])):
         by_unnamed = max(squares[1] - squares[2], 0.0)
         by_named = max(squares[0] - squares[2] - by_unnamed, 0.0)
-        parts.append(0.5 * (rules.base_error ** 2 * torque + rules.noise_error * rows
-                            + rules.named_error ** 2 * by_named
-                            + (common * rules.unnamed_error) ** 2 * by_unnamed))
+        causes.append(0.5 * (rules.named_error ** 2 * by_named
+                             + (common * rules.unnamed_error) ** 2 * by_unnamed))
+        parts.append(causes[-1] + 0.5 * (rules.base_error ** 2 * torque
+                                         + rules.noise_error * rows))
     return Requirement(rules.evidence + parts[0], rules.margin + parts[1],
-                       1.0 + parts[0] / rules.evidence)
+                       1.0 + causes[0] / rules.evidence)
 
 
 def _common(pool: Pool, model: Sequence[Hypothesis], cause: Hypothesis | None) -> float:

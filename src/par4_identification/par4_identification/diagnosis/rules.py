@@ -28,7 +28,7 @@ class Rules:
             noise that wanders, lines or bursts.
     """
 
-    evidence: float = 40.0
+    evidence: float = 25.0
     margin: float = 8.0
     price: float = 6.5
     twin: float = 10.0
