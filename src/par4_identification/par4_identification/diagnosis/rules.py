@@ -19,6 +19,7 @@ class Rules:
         price: log-likelihood that each coefficient must be worth beside the others; of equal
             explanations the one with the fewest coefficients, hence joints, is taken.
         twin: difference in log-likelihood within which two names explain alike.
+        equal: difference in log-likelihood within which the simpler of two names goes first.
         base_error: share (rms) of the measured torque that sampling, filters and base terms get
             wrong.
         noise_error: share of the squares of the noise by which its model may be wrong.
@@ -32,6 +33,7 @@ class Rules:
     margin: float = 8.0
     price: float = 6.5
     twin: float = 10.0
+    equal: float = 2.0
     base_error: float = 3e-4
     noise_error: float = 0.006
     named_error: float = 0.035

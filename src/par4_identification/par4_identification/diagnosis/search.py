@@ -108,10 +108,13 @@ class Search:
         """Return the model with the most likely name that can be confirmed."""
         projection = project(self.pool.evidence, model)
         found = self.candidates.all_of(projection, {*names_of(model), *refused})
-        scored = [(self._score(item), item) for item in found]
-        scored = sorted((item for item in scored if item[0] > self.rules.evidence),
-                        key=lambda item: -item[0])
-        for _, candidate in scored:
+        scored = [(self._score(item), item) for item in found if item.gain > self.rules.evidence]
+        scored = [item for item in scored if item[0] > 0.0]
+        while scored:
+            most = max(score for score, _ in scored)
+            # of equals the first of the library, which is the simplest
+            score, candidate = next(item for item in scored if item[0] > most - self.rules.equal)
+            scored.remove((score, candidate))
             hypothesis = self.with_needed_joints(candidate.hypothesis, model)
             if self._is_confirmed(hypothesis, model):
                 return (*model, hypothesis)
