@@ -262,7 +262,7 @@ class Search:
         reason = self._implausible(hypothesis, others, fit)
         if reason is None and effect.retimes and not self._dithered.obeys(
                 project(evidence, others), hypothesis, float(fit.coefficients[-1][0, 0]),
-                self.requirement((*others, hypothesis)).inflation):
+                self.requirement(others).inflation):
             reason = ('the torque is read at another time, but in second order of that time it '
                       'does not follow this law')
         return reason
