@@ -130,8 +130,7 @@ def test_a_single_log_is_cut_and_its_last_third_held_out():
     hidden = draw('torque_offset', 3)
     log = log_of_machine(hidden.robot, hidden.machine, hidden.model, duration=18.0, seed=81)
     result = diagnose([log], hidden.robot)
-    cause, = result.causes
-    assert {cause.effect.name, *cause.twins} == {'torque_offset', 'coulomb_asymmetry'}
+    assert names(result) == ['torque_offset']
     rows_fit = sum(run.valid.any(axis=1).sum() for run in result.fit_runs)
     rows_held = sum(run.valid.any(axis=1).sum() for run in result.holdout.runs)
     assert 0.2 < rows_held / (rows_fit + rows_held) < 0.5
