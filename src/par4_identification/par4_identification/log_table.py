@@ -107,6 +107,7 @@ def _archive(path: Path) -> Mapping[str, np.ndarray]:
                 return {name: archive[name] for name in archive.files}
         return {name: values for name, values in loadmat(path).items()
                 if not name.startswith('__')}
+    # loadmat raises NotImplementedError for MATLAB 7.3 files, which are HDF5
     except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile, MatReadError) as error:
         raise InputError(f'{path}: cannot be read ({" ".join(str(error).split())}); give an '
                          f'archive of plain numbers') from error
