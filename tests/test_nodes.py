@@ -68,6 +68,8 @@ AWAY_Q = inverse_kinematics(ROBOT.geometry, home_pose(ROBOT) + (0.12, -0.06, 0.0
 DEADLINE = 90.0
 """Seconds after which something that should happen counts as not happening."""
 COUNTER = itertools.count()
+WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:])
+"""Number of the process that runs these tests beside others."""
 MODULES = {
     'par4_kinematics': 'par4_kinematics.ros.kinematics_node',
     'par4_motion': 'par4_kinematics.ros.motion_node',
@@ -84,7 +86,8 @@ class Bench:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.domain = 1 + (11 * os.getpid() + next(COUNTER)) % 100  # above 101: ephemeral ports
+        # even and odd: of two processes that run the tests; above 101: ephemeral ports
+        self.domain = 1 + 2 * ((11 * os.getpid() + next(COUNTER)) % 50) + WORKER % 2
         self.environment = os.environ | {'ROS_DOMAIN_ID': str(self.domain),
                                          'ROS_LOG_DIR': str(folder / 'log')}
         self.children: list[subprocess.Popen] = []

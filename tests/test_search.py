@@ -29,7 +29,7 @@ from par4_identification.diagnosis.pool import Pool
 from par4_identification.diagnosis.requirement import requirement_of
 from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.search import Search, named_of
-from par4_identification.diagnosis.unnamed import Kind, kinds_of
+from par4_identification.diagnosis.unnamed import Kind, Kinds
 from par4_identification.identification import identify_runs
 from par4_identification.noise import ArNoise
 from par4_identification.rows import runs_of_log
@@ -72,7 +72,8 @@ def search_of(*effects, library=(), beside=None, rules=None):
 def search_on(evidence, heldout, library=(), rules=None):
     rules = rules or Rules()
     effects = {name: CATALOGUE[name] for name in library}
-    return Search(Candidates(effects, evidence, rules), Pool(evidence, heldout), rules, Dithered())
+    return Search(Candidates(effects, evidence, rules), Pool(evidence, heldout), rules, Dithered(),
+                  Kinds(evidence.observations))
 
 
 def cause(name, joints=EVERY, **shape):
@@ -112,7 +113,8 @@ def test_a_pool_fits_what_least_squares_fit():
 def test_the_prior_of_an_unnamed_cause_counts_as_rows_of_zeros():
     search = search_of(LOADED)
     evidence = search.pool.evidence
-    kind = next(kind for kind in kinds_of(evidence.observations, residuals(
+    kinds = Kinds(evidence.observations)
+    kind = next(kind for kind in kinds.beside(evidence.observations, residuals(
         evidence.observations, [], solve(evidence, []))) if kind.name == 'speed')
     hypothesis = Hypothesis(kind, {}, EVERY)
     design = evidence.design([hypothesis])

@@ -51,7 +51,7 @@ from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.retimed import beside_retimed
 from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.search import Model, Search, named_of, others_of
-from par4_identification.diagnosis.unnamed import Kind
+from par4_identification.diagnosis.unnamed import Kind, Kinds
 from par4_identification.diagnosis.unrelated import Left, unrelated
 from par4_identification.diagnosis.whitening import whitener_of
 from par4_identification.identification import identify_runs
@@ -150,11 +150,12 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
     moved = dithered(observations, machine)
     progress('searching the library for the noise model')
-    whitener = whitener_of(observations, sigma, applicable, rules)
+    kinds = Kinds(observations)
+    whitener = whitener_of(observations, sigma, applicable, kinds, rules)
 
     progress('searching for causes')
     search = _search(observations, heldout, whitener, applicable, rules,
-                     moved.with_nominal(base_model))
+                     moved.with_nominal(base_model), kinds)
     model = search.run()
     named = named_of(model)
     if named:
@@ -165,18 +166,18 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
             solve(search.pool.evidence, (*named, *unnamed_of(model)))))
         observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
         search = _search(observations, heldout, whitener, applicable, rules,
-                         moved.with_nominal(better), search.pool.evidence)
+                         moved.with_nominal(better), kinds, search.pool.evidence)
         model = search.run(tuple(item for item in model if not isinstance(item.effect, Kind)))
     return _answer(search, model, machine, baseline, rigid_body, tuple(fit_runs), progress)
 
 
 def _search(observations: Observations, heldout: Observations, whitener: Whitener,
             library: Mapping[str, Effect], rules: Rules, moved: Dithered,
-            before: Evidence | None = None) -> Search:
+            kinds: Kinds, before: Evidence | None = None) -> Search:
     """Return a search over whitened rows; `before` is that of the same rows, for its columns."""
     evidence = gather(observations, whitener, before)
     kept = gather(heldout, replace(whitener, valid=tuple(run.valid for run in heldout.runs)))
-    return Search(Candidates(library, evidence, rules), Pool(evidence, kept), rules, moved)
+    return Search(Candidates(library, evidence, rules), Pool(evidence, kept), rules, moved, kinds)
 
 
 def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: ModelFile | None,

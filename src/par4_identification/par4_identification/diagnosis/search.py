@@ -21,7 +21,7 @@ from par4_identification.diagnosis.law import Dithered
 from par4_identification.diagnosis.pool import Fitted, Pool
 from par4_identification.diagnosis.requirement import Requirement, requirement_of
 from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.unnamed import Kind, kinds_of
+from par4_identification.diagnosis.unnamed import Kind, Kinds
 
 Model = tuple[Hypothesis, ...]
 """Causes, named and unnamed, that stand beside the base terms."""
@@ -71,16 +71,18 @@ class Search:
         pool: fits.
         rules: what a cause must show.
         dithered: what encoder counts may have made of the motion.
+        kinds: of unnamed causes.
     """
 
-    def __init__(self, candidates: Candidates, pool: Pool, rules: Rules, dithered: Dithered
-                 ) -> None:
+    def __init__(self, candidates: Candidates, pool: Pool, rules: Rules, dithered: Dithered,
+                 kinds: Kinds) -> None:
         self.candidates = candidates
         self.pool = pool
         self.rules = rules
         self.journal = Journal()
         self._dithered = dithered
         self._joints = tuple(range(pool.evidence.observations.joints))
+        self._all_kinds = kinds
         self._kinds: tuple[Kind, ...] = ()
 
     def run(self, start: Model = ()) -> Model:
@@ -97,10 +99,12 @@ class Search:
                 grown = better
             added = names_of(grown) - names_of(model)
             trial = self.tested(grown)
-            if names_of(trial) in visited:
+            known = names_of(trial) in visited
+            # what was tried is noted, too, or a swap that comes to nothing would be tried for ever
+            visited |= {names_of(grown), names_of(trial)}
+            if known:
                 refused |= added
                 continue
-            visited.add(names_of(trial))
             model = trial
             refused.clear()  # beside other causes a candidate may look better
 
@@ -135,7 +139,7 @@ class Search:
         left = residuals(self.pool.evidence.observations, model,
                          solve(self.pool.evidence, model))
         here = self.pool.fit(model)
-        self._kinds = kinds_of(self.pool.evidence.observations, left)
+        self._kinds = self._all_kinds.beside(self.pool.evidence.observations, left)
         found = []
         for kind in self._kinds:
             if kind.name in names_of(model) | refused:

@@ -33,7 +33,7 @@ READING_DEGREE = 3
 
 @dataclass(frozen=True)
 class Ranges:
-    """Scales of the fit data that make the blocks the same functions on other data."""
+    """Scales of the fit data, and periods, that make a kind the same function on other data."""
 
     q: tuple[np.ndarray, np.ndarray]
     qd: np.ndarray
@@ -42,8 +42,7 @@ class Ranges:
     x: tuple[np.ndarray, np.ndarray] | None
     xd: np.ndarray | None
     xdd: np.ndarray | None
-    periods: tuple[tuple[int, ...], ...]
-    torque_periods: tuple[tuple[int, ...], ...]
+    periods: tuple[tuple[int, ...], ...] = ()
 
 
 def splines(values: np.ndarray, low: np.ndarray, high: np.ndarray, count: int) -> np.ndarray:
@@ -99,7 +98,7 @@ def _periodic(state: State, ranges: Ranges) -> np.ndarray:
 
 
 def _torque(state: State, ranges: Ranges) -> np.ndarray:
-    return state.nominal.delivered[..., None] * _waves(state, ranges.torque_periods)
+    return state.nominal.delivered[..., None] * _waves(state, ranges.periods)
 
 
 def _rate(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
@@ -212,21 +211,44 @@ KINDS = (
     Kind('memory', 'friction that remembers the way the joint came', _memory))
 
 
-def kinds_of(observations: Observations, left: Sequence[np.ndarray]) -> tuple[Kind, ...]:
-    """Return the kinds that a machine can have, scaled to its motion.
+class Kinds:
+    """The kinds that a machine can have, scaled to its motion.
+
+    A kind is the same object as long as its periods are, so that its columns are made once.
 
     Args:
         observations: the rows to fit.
-        left: what the causes known so far leave of them, (m, J) of each run, N m; its strongest
-            periods are those of the periodic kinds.
     """
-    ranges = ranges_of(observations, left)
-    return tuple(replace(kind, ranges=ranges) for kind in KINDS
-                 if ranges.x is not None or not kind.needs_platform)
+
+    def __init__(self, observations: Observations) -> None:
+        self._ranges = ranges_of(observations)
+        self._made: dict[tuple, Kind] = {}
+
+    def beside(self, observations: Observations, left: Sequence[np.ndarray]) -> tuple[Kind, ...]:
+        """Return the kinds beside causes that are known.
+
+        Args:
+            observations: the rows to fit.
+            left: what the known causes leave of them, (m, J) of each run, N m; its strongest
+                periods are those of the periodic kinds.
+        """
+        low, high = self._ranges.q
+        load = [run.rows(run.state.nominal.delivered) * part
+                for run, part in zip(observations.runs, left)]
+        periods = {_periodic: _strongest_periods(observations, left, high - low),
+                   _torque: _strongest_periods(observations, load, high - low)}
+        return tuple(self._kind(kind, periods.get(kind.function, ())) for kind in KINDS
+                     if self._ranges.x is not None or not kind.needs_platform)
+
+    def _kind(self, kind: Kind, periods: tuple[tuple[int, ...], ...]) -> Kind:
+        key = kind.name, periods
+        if key not in self._made:
+            self._made[key] = replace(kind, ranges=replace(self._ranges, periods=periods))
+        return self._made[key]
 
 
-def ranges_of(observations: Observations, left: Sequence[np.ndarray]) -> Ranges:
-    """Return the scales of fit data and the periods that residuals `left` (m, J) show most."""
+def ranges_of(observations: Observations) -> Ranges:
+    """Return the scales of fit data, without periods."""
     states = [run.state for run in observations.runs]
 
     def largest(name):
@@ -238,15 +260,10 @@ def ranges_of(observations: Observations, left: Sequence[np.ndarray]) -> Ranges:
                 np.max([getattr(state, name).max(axis=0) for state in states], axis=0))
 
     platform = states[0].x is not None
-    low, high = span('q')
     return Ranges(
         span('q'), largest('qd'), largest('qdd'), float(max(state.t[-1] for state in states)),
         span('x') if platform else None, largest('xd') if platform else None,
-        largest('xdd') if platform else None,
-        _strongest_periods(observations, left, high - low),
-        _strongest_periods(observations, [
-            run.rows(run.state.nominal.delivered) * residual
-            for run, residual in zip(observations.runs, left)], high - low))
+        largest('xdd') if platform else None)
 
 
 def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], span: np.ndarray

@@ -19,7 +19,7 @@ from par4_identification.diagnosis.evidence import (
 )
 from par4_identification.diagnosis.observations import Observations
 from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.unnamed import PRIOR_ROWS, kinds_of
+from par4_identification.diagnosis.unnamed import PRIOR_ROWS, Kinds
 
 WORTH = 0.1
 """Share of the squares of rows it was not fitted to that an unnamed function must take away."""
@@ -30,7 +30,7 @@ HALF = 1.0
 
 
 def whitener_of(observations: Observations, sigma: np.ndarray, library: Mapping[str, Effect],
-                rules: Rules) -> Whitener:
+                kinds: Kinds, rules: Rules) -> Whitener:
     """Return the noise model of what neither effects nor unnamed functions explain.
 
     A poorer model would take what it lacks for noise, and whitening would then hide it.
@@ -39,21 +39,21 @@ def whitener_of(observations: Observations, sigma: np.ndarray, library: Mapping[
         observations: rows to fit.
         sigma: size of the residuals of the base model, (J,), N m.
         library: effects, each of which is fitted at its best shape.
+        kinds: of unnamed functions.
         rules: for the search of shapes.
     """
     flat = gather(observations, flat_whitener(observations, sigma))
     found = Candidates(library, flat, rules).all_of(project(flat, []), set())
     richest = [item.hypothesis for item in found]
     left = residuals(observations, richest, solve(flat, richest))
-    return whitener_of_residuals(observations, _without_unnamed(observations, left),
+    return whitener_of_residuals(observations, _without_unnamed(observations, left, kinds),
                                  flat.design(richest).shape[1])
 
 
-def _without_unnamed(observations: Observations, left: tuple[np.ndarray, ...]
+def _without_unnamed(observations: Observations, left: tuple[np.ndarray, ...], kinds: Kinds
                      ) -> tuple[np.ndarray, ...]:
     """Return residuals (m, J) without the unnamed functions that one half tells of the other."""
-    kinds = kinds_of(observations, left)
-    rows = [observations.effect_rows(kind, {}) for kind in kinds]
+    rows = [observations.effect_rows(kind, {}) for kind in kinds.beside(observations, left)]
     lengths = np.cumsum([len(part) for part in left])[:-1]
     kept = np.concatenate(left)
     time = np.concatenate([run.t for run in observations.runs])
