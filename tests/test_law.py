@@ -20,6 +20,7 @@ from par4_identification.diagnosis.law import DRAWS, Dithered, dithered
 from par4_identification.diagnosis.pool import Pool
 from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.search import Search
+from par4_identification.diagnosis.unnamed import Kinds
 from par4_kinematics.workspace import home_pose
 from robots import OTHER, REFERENCE, other_model
 
@@ -85,9 +86,9 @@ class Case:
         if effect.expanded:
             hypothesis = replace(hypothesis, shape={'expanded_at': 0.0})
             for _ in range(4):
-                time = float(self.projection.estimate(hypothesis)[0])
+                time = float(self.projection.estimate(hypothesis.effect, hypothesis.shape)[0])
                 hypothesis = replace(hypothesis, shape={'expanded_at': time})
-        return hypothesis, float(self.projection.estimate(hypothesis)[0])
+        return hypothesis, float(self.projection.estimate(hypothesis.effect, hypothesis.shape)[0])
 
     def obeys(self, name, against=None):
         """Return whether the record has the second order of that effect."""
@@ -134,11 +135,13 @@ def test_laws_that_counts_hide_are_twins_whatever_the_first_order_prefers(counts
     case, heldout = (Case('reference', 'time_offset', -1.5e-3, counts, seed=seed)
                      for seed in (3, 4))
     names = ('actuator_lag', 'time_offset')
-    gains = [case.projection.gain(case.hypothesis(name)[0]) for name in names]
+    laws = [case.hypothesis(name)[0] for name in names]
+    gains = [case.projection.gain(law.effect, law.shape) for law in laws]
     assert gains[1] - gains[0] > 50.0 * Rules().twin
     evidence = case.projection.evidence
     search = Search(Candidates({name: CATALOGUE[name] for name in names}, evidence, Rules()),
-                    Pool(evidence, heldout.projection.evidence), Rules(), case.dithered)
+                    Pool(evidence, heldout.projection.evidence), Rules(), case.dithered,
+                    Kinds(evidence.observations))
     offset = case.hypothesis('time_offset')[0]
     assert judge(search, offset, (offset,)).twins == twins
 

@@ -33,15 +33,38 @@ class ArNoise:
             values.append(float(self.coefficients @ values[-1:-order - 1:-1]))
         return np.array(values[:lags])
 
-    def whiten(self, columns: np.ndarray, valid: np.ndarray) -> np.ndarray:
-        """Return the standardised innovations (n, k) of columns (n, k); zero where not valid.
-
-        A Kalman filter treats invalid rows as missing, which is exact: nothing is joined and
-        nothing is lost at the edges.
-        """
+    def whitening(self, valid: np.ndarray) -> Whitening:
+        """Return the filter that whitens series of which some rows (n,) are valid."""
         companion = _companion(self.coefficients)
-        initial = _stationary_covariance(companion, self.variance)
-        return _whiten(np.ascontiguousarray(columns), valid, companion, self.variance, initial)
+        gain, scale = _gains(valid, companion, self.variance,
+                             _stationary_covariance(companion, self.variance))
+        return Whitening(np.ascontiguousarray(self.coefficients), gain, scale)
+
+    def whiten(self, columns: np.ndarray, valid: np.ndarray) -> np.ndarray:
+        """Return the standardised innovations (n, k) of columns (n, k); zero where not valid."""
+        return self.whitening(valid).of(columns)
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """The Kalman filter that turns a series with missing rows into standardised innovations.
+
+    It treats invalid rows as missing, which is exact: nothing is joined and nothing is lost at the
+    edges. Its gains are those of the noise and of the rows, whatever the series.
+
+    Attributes:
+        coefficients: of the autoregression, (p,).
+        gain: of each row, (n, p); zero where the row is missing.
+        scale: one over the standard deviation of the innovation, (n,); zero where it is missing.
+    """
+
+    coefficients: np.ndarray
+    gain: np.ndarray
+    scale: np.ndarray
+
+    def of(self, columns: np.ndarray) -> np.ndarray:
+        """Return the standardised innovations (n, k) of columns (n, k); zero where missing."""
+        return _whiten(np.ascontiguousarray(columns), self.coefficients, self.gain, self.scale)
 
 
 def _companion(coefficients: np.ndarray) -> np.ndarray:
@@ -62,38 +85,23 @@ def _stationary_covariance(companion: np.ndarray, variance: float) -> np.ndarray
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _whiten(columns, valid, companion, variance, initial):
-    n, width = columns.shape
-    order = companion.shape[0]
-    white = np.zeros((n, width))
-    state = np.zeros((order, width))  # row (newest + i) % order is the value i rows ago
-    innovation, ahead = np.empty(width), np.empty(width)
+def _gains(valid, companion, variance, initial):
+    """Return the gains (n, p) of a Kalman filter and one over its innovations' deviations (n,)."""
+    n, order = len(valid), companion.shape[0]
+    gains, scale = np.zeros((n, order)), np.zeros(n)
     covariance, half = initial.copy(), np.empty((order, order))
-    newest = 0
     for row in range(n):
         if valid[row]:
             spread = covariance[0, 0]
-            scale = 1.0 / np.sqrt(spread)
-            for column in range(width):
-                innovation[column] = columns[row, column] - state[newest, column]
-                white[row, column] = innovation[column] * scale
+            scale[row] = 1.0 / np.sqrt(spread)
             for i in range(order):
                 gain = covariance[i, 0] / spread
-                place = (newest + i) % order
-                for column in range(width):
-                    state[place, column] += gain * innovation[column]
+                # rounding is left where the last rows are all known
+                gains[row, i] = gain if abs(gain) > 1e-14 else 0.0
             for i in range(order):
                 for j in range(order):
                     half[i, j] = covariance[i, j] - covariance[i, 0] * covariance[0, j] / spread
             covariance[:] = half
-        # predict: the companion shifts and puts the new value in front, over the oldest one
-        ahead[:] = 0.0
-        for i in range(order):
-            place = (newest + i) % order
-            for column in range(width):
-                ahead[column] += companion[0, i] * state[place, column]
-        newest = (newest + order - 1) % order
-        state[newest, :] = ahead
         for i in range(order):
             for j in range(order):
                 if i > 0:
@@ -113,6 +121,36 @@ def _whiten(columns, valid, companion, variance, initial):
                         total += half[i, k] * companion[0, k]
                     covariance[i, j] = total
         covariance[0, 0] += variance
+    return gains, scale
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _whiten(columns, coefficients, gains, scale):
+    n, width = columns.shape
+    order = len(coefficients)
+    white = np.zeros((n, width))
+    state = np.zeros((order, width))  # row (newest + i) % order is the value i rows ago
+    innovation, ahead = np.empty(width), np.empty(width)
+    newest = 0
+    for row in range(n):
+        if scale[row] > 0.0:
+            for column in range(width):
+                innovation[column] = columns[row, column] - state[newest, column]
+                white[row, column] = innovation[column] * scale[row]
+            for i in range(order):
+                gain = gains[row, i]
+                if gain != 0.0:
+                    place = (newest + i) % order
+                    for column in range(width):
+                        state[place, column] += gain * innovation[column]
+        # predict: the companion shifts and puts the new value in front, over the oldest one
+        ahead[:] = 0.0
+        for i in range(order):
+            place = (newest + i) % order
+            for column in range(width):
+                ahead[column] += coefficients[i] * state[place, column]
+        newest = (newest + order - 1) % order
+        state[newest, :] = ahead
     return white
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -44,7 +45,6 @@ class Candidates:
 
     def __init__(self, library: Mapping[str, Effect], evidence: Evidence, rules: Rules) -> None:
         self.library = library
-        self._evidence = evidence
         self._rules = rules
         self._joints = tuple(range(evidence.observations.joints))
         self._shapes = {name: shapes_of(evidence.observations, effect)
@@ -72,15 +72,10 @@ class Candidates:
         if not shapes:
             return None
 
-        self._evidence.keep(effect, shapes)
-
-        def squares(shape):
-            return projection.gain(Hypothesis(effect, shape, self._joints))
-
-        shape, best = best_shape(effect, shapes, squares)
+        shape, best = best_shape(effect, shapes, partial(projection.gains, effect))
         if effect.expanded:
             shape = self_consistent(projection, effect, shape)
-            best = squares(shape)
+            best = projection.gain(effect, shape)
         return Candidate(Hypothesis(effect, shape, self._joints), 0.5 * best, len(shapes))
 
     def _twisting(self, effect: ElasticTransmission, projection: Projection) -> Candidate | None:
@@ -88,9 +83,9 @@ class Candidates:
 
         They are looked for only where the first order of a twist explains something.
         """
-        if 0.5 * projection.gain(Hypothesis(effect, {}, self._joints)) < self._rules.evidence:
+        if 0.5 * projection.gain(effect, {}) < self._rules.evidence:
             return None
-        found = compliances(projection)
+        found = compliances(projection, 2.0 * self._rules.evidence)
         if found is None:
             return None
         compliance, squares = found

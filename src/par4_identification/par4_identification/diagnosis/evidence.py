@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.state import State
 from par4_identification.diagnosis.observations import Observations, lasting
 from par4_identification.diagnosis.unnamed import PRIOR_ROWS, Kind
-from par4_identification.noise import ArNoise, fit_noise
+from par4_identification.noise import ArNoise, Whitening, fit_noise
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,14 @@ class Whitener:
 
     def whiten(self, rows: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Return for each joint the whitened rows (n, k) of all runs, (m, J, k) a run."""
-        return [np.concatenate([noise.whiten(part[:, joint], valid[:, joint])
-                                for part, valid in zip(rows, self.valid)])
+        return [np.concatenate([whitening.of(part[:, joint])
+                                for part, whitening in zip(rows, of_runs)])
+                for joint, of_runs in enumerate(self._whitenings)]
+
+    @cached_property
+    def _whitenings(self) -> list[list[Whitening]]:
+        """The filter of each joint for each run."""
+        return [[noise.whitening(valid[:, joint]) for valid in self.valid]
                 for joint, noise in enumerate(self.noise)]
 
 
@@ -107,6 +113,19 @@ class Block:
 
 
 @dataclass(frozen=True)
+class Stack:
+    """Whitened columns of an effect at s shapes side by side, all joints.
+
+    Attributes:
+        columns: (n_j, s K) of each joint.
+        gram: those of a shape among each other, (s, J, K, K).
+    """
+
+    columns: tuple[np.ndarray, ...]
+    gram: np.ndarray
+
+
+@dataclass(frozen=True)
 class Evidence:
     """The whitened problem: target and base columns of all joints stacked.
 
@@ -143,10 +162,28 @@ class Evidence:
         white = self.whitener.whiten([np.concatenate(parts, axis=2) for parts in zip(*rows)])
         width = rows[0][0].shape[2]
         for number, shape in enumerate(missing):
-            columns = tuple(np.ascontiguousarray(part[:, number * width:(number + 1) * width])
-                            for part in white)
+            columns = tuple(part[:, number * width:(number + 1) * width] for part in white)
             self._kept[effect, tuple(sorted(shape.items()))] = Block(
                 columns, np.stack([part.T @ part for part in columns]))
+
+    def stack(self, effect: Effect, shapes: Sequence[Shape]) -> Stack:
+        """Return the whitened columns of an effect at many shapes side by side; put so once."""
+        names = tuple(tuple(sorted(shape.items())) for shape in shapes)
+        key = effect, ('stack', *names)
+        if key not in self._kept:
+            self.keep(effect, shapes)
+            blocks = [self._kept[effect, name] for name in names]
+            stack = Stack(tuple(np.hstack(parts) for parts in zip(*(
+                block.columns for block in blocks))), np.stack([block.gram for block in blocks]))
+            if len(blocks) == 1:
+                return stack
+            self._kept[key] = stack
+            width = blocks[0].gram.shape[-1]
+            for number, (name, block) in enumerate(zip(names, blocks)):  # held once
+                own = slice(number * width, (number + 1) * width)
+                self._kept[effect, name] = Block(
+                    tuple(part[:, own] for part in stack.columns), block.gram)
+        return self._kept[key]
 
     def torque(self, key: tuple, torque: Callable[[State], np.ndarray]) -> np.ndarray:
         """Return the whitened, stacked rows (N,) of a torque; computed once for a key.
@@ -206,49 +243,75 @@ def gather(observations: Observations, whitener: Whitener, before: Evidence | No
 
 @dataclass(frozen=True)
 class Projection:
-    """What is left of the target after a design, and the design's orthonormal basis.
+    """What is left of the target after a design; computed where it is asked for.
 
     Attributes:
         evidence: whose target.
         hypotheses: in the design, beside the base columns.
-        basis: (N, c).
-        residual: (N,).
     """
 
     evidence: Evidence
     hypotheses: tuple[Hypothesis, ...]
-    basis: np.ndarray
-    residual: np.ndarray
 
-    def gain(self, hypothesis: Hypothesis) -> float:
-        """Return twice the gain in log-likelihood by adding a hypothesis."""
-        gram, moment, size = self._normal_equations(hypothesis)
-        return quadratic(gram, moment, size)
+    @cached_property
+    def basis(self) -> np.ndarray:
+        """Orthonormal basis of the design, (N, c).
 
-    def estimate(self, hypothesis: Hypothesis) -> np.ndarray:
-        """Return the coefficients of an added hypothesis, in the order of its stacked columns."""
-        gram, moment, _ = self._normal_equations(hypothesis)
-        return np.linalg.lstsq(gram, moment, rcond=1e-9)[0]
+        The prior of unnamed causes counts as rows of its own, which no other column has.
+        """
+        design = self.evidence.design(self.hypotheses)
+        size = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
+        weight = np.sqrt(prior_weights(self.evidence, self.hypotheses, len(size))) / size
+        prior = np.diag(weight)[weight > 0.0]
+        basis, _ = np.linalg.qr(np.vstack((design / size, prior)))
+        return basis[:len(design)]
 
-    def _normal_equations(self, hypothesis: Hypothesis
-                          ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return gram matrix and moments of what the design leaves of the columns, and their size.
+    @cached_property
+    def residual(self) -> np.ndarray:
+        """What is left of the target, (N,)."""
+        return self.rest(self.evidence.target)
+
+    def gains(self, effect: Effect, shapes: Sequence[Shape]) -> np.ndarray:
+        """Return twice the gain in log-likelihood by an effect on all joints at each shape, (s,).
 
         Linear algebra of small matrices, joint by joint: what a joint's columns do to the others
         goes through the basis alone.
         """
-        block = self.evidence.block(hypothesis.effect, hypothesis.shape)
-        insides, moments = [], []
-        for joint in hypothesis.joints:
-            rows = slice(self.evidence.ends[joint], self.evidence.ends[joint + 1])
-            insides.append(self.basis[rows].T @ block.columns[joint])
-            moments.append(block.columns[joint].T @ self.residual[rows])
-        own = block.gram[list(hypothesis.joints)]
-        if hypothesis.effect.shared:
-            inside, moment, gram = sum(insides), sum(moments), own.sum(axis=0)
-        else:
-            inside, moment, gram = np.hstack(insides), np.concatenate(moments), block_diag(*own)
-        return gram - inside.T @ inside, moment, np.diag(gram)
+        inside, moment, gram = self._normal_equations(effect, shapes)
+        size = np.einsum('skk->sk', gram)
+        return quadratic(gram - inside.transpose(0, 2, 1) @ inside, moment, size)
+
+    def gain(self, effect: Effect, shape: Shape) -> float:
+        """Return twice the gain in log-likelihood by adding an effect on all joints."""
+        return float(self.gains(effect, (shape,))[0])
+
+    def estimate(self, effect: Effect, shape: Shape) -> np.ndarray:
+        """Return the coefficients of an added effect, in the order of its stacked columns."""
+        inside, moment, gram = self._normal_equations(effect, (shape,))
+        return np.linalg.lstsq(gram[0] - inside[0].T @ inside[0], moment[0], rcond=1e-9)[0]
+
+    def _normal_equations(self, effect: Effect, shapes: Sequence[Shape]
+                          ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the columns along the basis (s, c, k), their moments (s, k), products (s, k, k).
+
+        They are those of each shape's columns, stacked over the joints where they share none.
+        """
+        stack = self.evidence.stack(effect, shapes)
+        ends, count = self.evidence.ends, len(shapes)
+        inside, moment = [], []
+        for joint, columns in enumerate(stack.columns):
+            rows = slice(ends[joint], ends[joint + 1])
+            inside.append((self.basis[rows].T @ columns).reshape(
+                self.basis.shape[1], count, -1).transpose(1, 0, 2))
+            moment.append((columns.T @ self.residual[rows]).reshape(count, -1))
+        if effect.shared:
+            return sum(inside), sum(moment), stack.gram.sum(axis=1)
+        width = stack.gram.shape[-1]
+        gram = np.zeros((count, len(inside) * width, len(inside) * width))
+        for joint in range(len(inside)):
+            own = slice(joint * width, (joint + 1) * width)
+            gram[:, own, own] = stack.gram[:, joint]
+        return np.concatenate(inside, axis=2), np.concatenate(moment, axis=1), gram
 
     def rest(self, columns: np.ndarray) -> np.ndarray:
         """Return what the design cannot follow of columns (N, ...)."""
@@ -260,28 +323,24 @@ class Projection:
         return float(np.linalg.norm(self.rest(signal)) / max(np.linalg.norm(signal), 1e-30))
 
 
-def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> float:
-    """Return moment^T gram^-1 moment over the directions of gram that are not rounding."""
+def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Return moment^T gram^-1 moment over the directions of gram that are not rounding.
+
+    Args:
+        gram: (..., k, k).
+        moment: (..., k).
+        size: what the diagonal was before anything was taken out, (..., k).
+    """
     scale = np.sqrt(np.maximum(size, 1e-30))
-    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+    values, vectors = np.linalg.eigh(gram / (scale[..., :, None] * scale[..., None, :]))
+    along = np.einsum('...kl,...k->...l', vectors, moment / scale)
     kept = values > 1e-7
-    along = vectors[:, kept].T @ (moment / scale)
-    return float(np.sum(along ** 2 / values[kept]))
+    return np.sum(np.where(kept, along ** 2, 0.0) / np.where(kept, values, 1.0), axis=-1)
 
 
 def project(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Projection:
-    """Return the projection of the target out of base columns and hypotheses.
-
-    The prior of unnamed causes counts as rows of its own, which no other column has.
-    """
-    design = evidence.design(hypotheses)
-    size = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
-    weight = np.sqrt(prior_weights(evidence, hypotheses, design.shape[1])) / size
-    prior = np.diag(weight)[weight > 0.0]
-    basis, _ = np.linalg.qr(np.vstack((design / size, prior)))
-    basis = basis[:len(design)]
-    residual = evidence.target - basis @ (basis.T @ evidence.target)
-    return Projection(evidence, tuple(hypotheses), basis, residual)
+    """Return the projection of the target out of base columns and hypotheses."""
+    return Projection(evidence, tuple(hypotheses))
 
 
 def prior_weights(evidence: Evidence, hypotheses: Sequence[Hypothesis], coefficients: int

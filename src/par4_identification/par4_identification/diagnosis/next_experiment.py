@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -155,15 +155,11 @@ def rivals(evidence: Evidence, hypotheses: Sequence[Hypothesis], cause: int, twi
            ) -> Rivals:
     """Return a cause and its twin, the twin at the shape that suits the data best."""
     others = tuple(item for number, item in enumerate(hypotheses) if number != cause)
-    target = evidence.target
-
-    def worth(shape: Shape) -> float:
-        design = evidence.design([*others, _everywhere(evidence, twin, shape)])
-        return -squared_rest(moments(design, target))
-
-    shape, _ = best_shape(twin, shapes_of(evidence.observations, twin), worth)
+    projection = project(evidence, others)
+    shape, _ = best_shape(twin, shapes_of(evidence.observations, twin),
+                          partial(projection.gains, twin))
     if twin.expanded:
-        shape = self_consistent(project(evidence, others), twin, shape)
+        shape = self_consistent(projection, twin, shape)
     return Rivals(hypotheses[cause], _everywhere(evidence, twin, shape), others)
 
 
@@ -264,8 +260,8 @@ class Trial:
         # a series holds around the size that the data give, elsewhere it would be another law
         shapes = (rival.shape,) if rival.effect.expanded else (
             rival.shape, *shapes_of(self.prospect.evidence.observations, rival.effect))
-        _, worth = best_shape(rival.effect, shapes,
-                              lambda shape: -self._rest(number, shape, motions, times))
+        _, worth = best_shape(rival.effect, shapes, lambda some: -np.array(
+            [self._rest(number, shape, motions, times) for shape in some]))
         return -0.5 * worth
 
     def _rest(self, number: int, shape: Shape, motions: Programme, times: int) -> float:

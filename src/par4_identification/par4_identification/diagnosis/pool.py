@@ -16,9 +16,15 @@ import numpy as np
 from par4_identification.diagnosis.evidence import (
     Block,
     Evidence,
+    Fit,
     Hypothesis,
+    fit_of,
     prior_weights,
 )
+
+_Layout = tuple[list[np.ndarray], list[np.ndarray], int]
+"""Of each joint, which columns of the pool a model has and where their coefficients are; how many
+coefficients it has."""
 
 ROUNDING = 1e-11
 """Eigenvalues of the scaled normal equations below which a direction is not told by the data."""
@@ -37,6 +43,11 @@ class Fitted:
     values: np.ndarray
     fit_squares: float
     heldout_squares: float
+
+    @property
+    def squares(self) -> tuple[float, float]:
+        """What it leaves of the rows to fit and of those held out."""
+        return self.fit_squares, self.heldout_squares
 
 
 class _Products:
@@ -114,29 +125,49 @@ class Pool:
             self._fits[key] = self._fit(model)
         return self._fits[key]
 
+    def solution(self, model: Sequence[Hypothesis]) -> Fit:
+        """Return the same fit with its coefficients apart and their covariance."""
+        gram, moment, scale, _ = self._system(model)
+        values, vectors = _directions(gram)
+        inverse = (vectors / values) @ vectors.T
+        found = inverse @ moment / scale
+        found[:self._base] += self._origin
+        return fit_of(self.evidence, model, found, inverse / np.outer(scale, scale))
+
     def _fit(self, model: Sequence[Hypothesis]) -> Fitted:
-        own, positions, size = self._layout(model)
-        gram, moment = np.zeros((size, size)), np.zeros(size)
-        seen, told = np.zeros((size, size)), np.zeros(size)
-        fit, heldout = self._parts
-        for joint in range(self._joints):
-            take, put = np.ix_(own[joint], own[joint]), np.ix_(positions[joint], positions[joint])
-            gram[put] += fit.gram[joint][take]
-            seen[put] += heldout.gram[joint][take]
-            moment[positions[joint]] += fit.moment[joint][own[joint]]
-            told[positions[joint]] += heldout.moment[joint][own[joint]]
-        diagonal = np.arange(size)
-        gram[diagonal, diagonal] += prior_weights(self.evidence, model, size)
-        scale = np.sqrt(np.maximum(gram[diagonal, diagonal], 1e-30))
-        values = _solve(gram / np.outer(scale, scale), moment / scale) / scale
+        gram, moment, scale, layout = self._system(model)
+        values, vectors = _directions(gram)
+        values = vectors @ ((vectors.T @ moment) / values) / scale
+        seen, told = self._assembled(self._parts[1], layout)
         absolute = values.copy()
         absolute[:self._base] += self._origin
+        fit, heldout = self._parts
         return Fitted(
-            absolute, fit.square - float(moment @ values),
+            absolute, fit.square - float(moment * scale @ values),
             heldout.square - 2.0 * float(told @ values) + float(values @ seen @ values))
 
-    def _layout(self, model: Sequence[Hypothesis]
-                ) -> tuple[list[np.ndarray], list[np.ndarray], int]:
+    def _system(self, model: Sequence[Hypothesis]
+                ) -> tuple[np.ndarray, np.ndarray, np.ndarray, _Layout]:
+        """Return the normal equations (c, c), (c,) of a model in columns of the size 1, the sizes
+        (c,), and which columns they have."""
+        layout = self._layout(model)
+        gram, moment = self._assembled(self._parts[0], layout)
+        diagonal = np.arange(len(moment))
+        gram[diagonal, diagonal] += prior_weights(self.evidence, model, len(moment))
+        scale = np.sqrt(np.maximum(gram[diagonal, diagonal], 1e-30))
+        return gram / np.outer(scale, scale), moment / scale, scale, layout
+
+    def _assembled(self, part: _Products, layout: _Layout) -> tuple[np.ndarray, np.ndarray]:
+        """Return products of a model's columns (c, c) and with the target (c,)."""
+        own, positions, size = layout
+        gram, moment = np.zeros((size, size)), np.zeros(size)
+        for joint in range(self._joints):
+            gram[np.ix_(positions[joint], positions[joint])] += part.gram[joint][
+                np.ix_(own[joint], own[joint])]
+            moment[positions[joint]] += part.moment[joint][own[joint]]
+        return gram, moment
+
+    def _layout(self, model: Sequence[Hypothesis]) -> _Layout:
         """Return which columns of each joint a model has, and where their coefficients are."""
         own = [[np.arange(self._base)] for _ in range(self._joints)]
         positions = [[np.arange(self._base)] for _ in range(self._joints)]
@@ -168,8 +199,8 @@ class Pool:
         return (place.stop - place.start) * (1 if item.effect.shared else len(item.joints))
 
 
-def _solve(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
-    """Return the least solution of scaled normal equations, rounding left out."""
+def _directions(gram: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return eigenvalues (k,) and vectors (c, k) of scaled normal equations, rounding left out."""
     values, vectors = np.linalg.eigh(gram)
     kept = values > ROUNDING * values[-1]
-    return vectors[:, kept] @ ((vectors[:, kept].T @ moment) / values[kept])
+    return values[kept], vectors[:, kept]

@@ -15,7 +15,6 @@ from par4_identification.diagnosis.evidence import (
     Hypothesis,
     project,
     residuals,
-    solve,
 )
 from par4_identification.diagnosis.law import Dithered
 from par4_identification.diagnosis.pool import Fitted, Pool
@@ -92,21 +91,28 @@ class Search:
         refused: set[str] = set()
         while True:
             grown = self._with_a_name(model, refused) or self._with_unnamed(model, refused)
-            if grown is None:
-                better = self._with_a_swap(model, visited)
-                if better is None:
-                    return model
-                grown = better
-            added = names_of(grown) - names_of(model)
-            trial = self.tested(grown)
+            swapped = None if grown else self._with_a_swap(model, visited)
+            if not (grown or swapped):
+                return model
+            trial = self.tested(grown or swapped)
             known = names_of(trial) in visited
-            # what was tried is noted, too, or a swap that comes to nothing would be tried for ever
-            visited |= {names_of(grown), names_of(trial)}
-            if known:
-                refused |= added
+            visited.add(names_of(trial))
+            if swapped:  # noted even if it comes to nothing, or it would be tried for ever
+                visited.add(names_of(swapped))
+            if known or not self._does_as_well(trial, model):
+                refused |= names_of(grown or ()) - names_of(model)
                 continue
             model = trial
             refused.clear()  # beside other causes a candidate may look better
+
+    def _does_as_well(self, trial: Model, model: Model) -> bool:
+        """Return whether what a step leads to explains what the model explains that it came from.
+
+        A cause that makes others needless may lose as much as chance makes of each of them.
+        """
+        dropped = len(names_of(model) - names_of(trial))
+        loss = 0.5 * (sum(self.pool.fit(trial).squares) - sum(self.pool.fit(model).squares))
+        return loss < dropped * (self.rules.evidence + self.rules.margin)
 
     def _with_a_name(self, model: Model, refused: set[str]) -> Model | None:
         """Return the model with the most likely name that can be confirmed."""
@@ -136,8 +142,7 @@ class Search:
 
     def _with_unnamed(self, model: Model, refused: set[str]) -> Model | None:
         """Return the model with the unnamed cause that rows held out know best, if any do."""
-        left = residuals(self.pool.evidence.observations, model,
-                         solve(self.pool.evidence, model))
+        left = residuals(self.pool.evidence.observations, model, self.pool.solution(model))
         here = self.pool.fit(model)
         self._kinds = self._all_kinds.beside(self.pool.evidence.observations, left)
         found = []
@@ -261,11 +266,10 @@ class Search:
         effect = hypothesis.effect
         if isinstance(effect, Kind):
             return None
-        evidence = self.pool.evidence
-        fit = solve(evidence, [*others, hypothesis])
+        fit = self.pool.solution([*others, hypothesis])
         reason = self._implausible(hypothesis, others, fit)
         if reason is None and effect.retimes and not self._dithered.obeys(
-                project(evidence, others), hypothesis, float(fit.coefficients[-1][0, 0]),
+                project(self.pool.evidence, others), hypothesis, float(fit.coefficients[-1][0, 0]),
                 self.requirement(others).inflation):
             reason = ('the torque is read at another time, but in second order of that time it '
                       'does not follow this law')

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from par4_dynamics.effects.effect import Effect, Shape
-from par4_identification.diagnosis.evidence import Hypothesis, Projection
+from par4_identification.diagnosis.evidence import Projection
 from par4_identification.diagnosis.observations import Observations
 
 EXPANSIONS = 4
@@ -19,25 +19,24 @@ def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
     return effect.shapes(max(observations.runs, key=lambda run: len(run.t)).state)
 
 
-def best_shape(effect: Effect, shapes: Sequence[Shape], worth: Callable[[Shape], float]
-               ) -> tuple[Shape, float]:
+def best_shape(effect: Effect, shapes: Sequence[Shape],
+               worth: Callable[[Sequence[Shape]], np.ndarray]) -> tuple[Shape, float]:
     """Return the shape of most worth, sought around the best of `shapes`, and its worth."""
-    worths = [worth(shape) for shape in shapes]
-    shape, most = shapes[int(np.argmax(worths))], max(worths)
+    worths = worth(shapes)
+    shape, most = shapes[int(np.argmax(worths))], float(np.max(worths))
     for step in (1.0, 0.5, 0.25):
         around = effect.refined(shape, step)
         if len(around) < 2:
             break
-        worths = [worth(item) for item in around]
-        if max(worths) > most:
-            shape, most = around[int(np.argmax(worths))], max(worths)
+        worths = worth(around)
+        if np.max(worths) > most:
+            shape, most = around[int(np.argmax(worths))], float(np.max(worths))
     return shape, most
 
 
 def self_consistent(projection: Projection, effect: Effect, shape: Shape) -> Shape:
     """Return the shape of a series around the coefficient that it gives beside a projection."""
-    joints = tuple(range(projection.evidence.observations.joints))
     for _ in range(EXPANSIONS):
-        estimate = projection.estimate(Hypothesis(effect, shape, joints))
+        estimate = projection.estimate(effect, shape)
         shape = {'expanded_at': float(estimate[0])}
     return shape

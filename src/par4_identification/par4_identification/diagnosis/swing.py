@@ -18,50 +18,71 @@ COARSE_STEP = 2
 """Samples from step to step of the integration in the first search."""
 SOFTEST, STIFFEST = (1.0 / stiffness for stiffness in STIFFNESSES)
 """rad/(N m): compliances of what is believed."""
-SWEEPS, STEPS, TRIALS = 2, 12, 5
+SWEEPS, STEPS, TRIALS = 3, 12, 5
+TINY = 1e-12
+"""rad/(N m): what is rigid, where a logarithm is taken."""
 CHANGE = 1e-3
 """Of log compliance, for its derivative."""
 WIDEST = 0.7
 """Step of log compliance."""
 
 
-def compliances(projection: Projection) -> tuple[np.ndarray, float] | None:
+def compliances(projection: Projection, least: float) -> tuple[np.ndarray, float] | None:
     """Return the compliances (J,), rad/(N m), whose torque the target has, and what that explains.
 
     The second is twice the gain in log-likelihood with the torque as large as the compliances make
     it, so that noise in the columns cannot pass as a twist of another size or sign. None where no
-    compliance explains anything.
+    compliance explains more than `least` at a first look.
     """
     evidence, target = projection.evidence, projection.residual
     springs = {id(run.state): Springs(run.state) for run in evidence.observations.runs}
 
-    def left(log_compliance: np.ndarray, damping: float) -> np.ndarray:
-        torque = evidence.torque(
-            (ElasticTransmission, (damping, *np.round(log_compliance, 9))),
+    def torque(compliance: np.ndarray, damping: float) -> np.ndarray:
+        return evidence.torque(
+            (ElasticTransmission, (damping, *np.round(np.log(compliance + TINY), 9))),
             lambda state: springs[id(state)].torque(
-                np.exp(log_compliance), damping,
-                COARSE_STEP if damping == COARSE_DAMPING else 1)[1])
-        return target - projection.rest(torque)
+                compliance, damping, COARSE_STEP if damping == COARSE_DAMPING else 1)[1])
 
-    found = np.full(evidence.observations.joints, np.log(STIFFEST))
-    best = before = _square(target)
-    for _ in range(SWEEPS):
-        start = found
-        for joint in range(len(found)):
-            for value in np.log(GRID):
-                trial = found.copy()
-                trial[joint] = value
-                size = _square(left(trial, COARSE_DAMPING))
-                if size < best:
-                    found, best = trial, size
-        if found is start:
-            break
-    if best >= before:
+    def left(log_compliance: np.ndarray, damping: float) -> np.ndarray:
+        return target - projection.rest(torque(np.exp(log_compliance), damping))
+
+    joints = evidence.observations.joints
+    alone = [torque(compliance * unit, COARSE_DAMPING)
+             for unit in np.eye(joints) for compliance in GRID]
+    found, worth = _first_look(projection.rest(np.stack(alone, axis=1)), target, joints)
+    if worth <= least:
         return None
-    found = np.maximum(found, np.log(3.0 * STIFFEST))
     for damping in (COARSE_DAMPING, DAMPING_RATIO):
         found, best = _descend(lambda x, damping=damping: left(x, damping), found)
-    return np.exp(found), before - best
+    return np.exp(found), _square(target) - best
+
+
+def _first_look(alone: np.ndarray, target: np.ndarray, joints: int) -> tuple[np.ndarray, float]:
+    """Return the log compliances (J,) that explain most, and how much, if no joint moves another.
+
+    Args:
+        alone: torque of each compliance of `GRID` on each joint, the others rigid, (n, J * g).
+        target: (n,).
+        joints: J.
+    """
+    moment, gram = alone.T @ target, alone.T @ alone
+    chosen = np.full(joints, -1)  # rigid
+    squares = 0.0
+    for _ in range(SWEEPS):
+        for joint in range(joints):
+            others = np.array([index for other, index in enumerate(chosen)
+                               if other != joint and index >= 0], dtype=int)
+            first = joint * len(GRID)
+            own = np.arange(first, first + len(GRID))
+            rest = 2.0 * moment[others].sum() - gram[np.ix_(others, others)].sum()
+            worth = (rest + 2.0 * moment[own] - gram[own, own]
+                     - 2.0 * gram[np.ix_(own, others)].sum(axis=1))
+            best = int(np.argmax(worth))
+            chosen[joint], squares = ((own[best], float(worth[best])) if worth[best] > rest
+                                      else (-1, float(rest)))
+    stiff = np.log(3.0 * STIFFEST)
+    return np.array([stiff if index < 0 else np.log(GRID[index % len(GRID)])
+                     for index in chosen]), squares
 
 
 def _descend(left: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> tuple[np.ndarray, float]:

@@ -273,7 +273,19 @@ def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], s
         q = np.concatenate([run.q[:, joint] for run in observations.runs])
         residual = np.concatenate([np.where(run.valid[:, joint], part[:, joint], 0.0)
                                    for run, part in zip(observations.runs, left)])
-        power = np.array([abs(residual @ np.exp(1j * period * q)) for period in PERIODS])
+        power = _powers(np.exp(1j * q), residual, PERIODS[0], len(PERIODS))
         power[PERIODS * span[joint] < LEAST_TURNS * 2.0 * np.pi] = 0.0
         chosen.append(tuple(int(period) for period in PERIODS[np.argsort(-power)[:4]]))
     return tuple(chosen)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _powers(phasor, values, first, count):
+    """Return |sum_n values_n phasor_n^k| for k = first, first + 1, ... (count,)."""
+    total = np.zeros(count, np.complex128)
+    for row in range(len(values)):
+        power = values[row] * phasor[row] ** first
+        for k in range(count):
+            total[k] += power
+            power *= phasor[row]
+    return np.abs(total)
