@@ -40,12 +40,14 @@ from par4_identification.diagnosis.gate import unusable
 from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
 from par4_identification.diagnosis.judgement import (
     Judgement,
+    doubt_of,
     judge,
     unnamed_cause,
     unnamed_of,
 )
 from par4_identification.diagnosis.law import Dithered, dithered
 from par4_identification.diagnosis.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.pair import Pair
 from par4_identification.diagnosis.pool import Pool
 from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.retimed import beside_retimed
@@ -212,9 +214,12 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         extended = extended.model_copy(update={'effects': (*extended.effects, entry)})
     alone = unrelated(*(_left(part.observations, model, base_only, whole)
                         for part in (evidence, pool.heldout)), floor, rules)
+    near = None if causes else _nearest(search)
     remaining = Remaining(
         float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30))), alone,
-        None if causes else _nearest(search))
+        near and near.effect)
+    doubts = [doubt_of(search, item, model) for item in unnamed_of(model)] or [
+        near and Pair(near, None, (), twins=False)]
     incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest)
     return Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
@@ -222,7 +227,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         holdout=_holdout(heldout.runs, blocks, before, after, floor), remaining=remaining,
         base_before=base_parameters(evidence, base_only),
         base_after=base_parameters(evidence, names_only), extended_model=extended,
-        fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses)
+        fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses,
+        doubts=tuple(pair for pair in doubts if pair is not None))
 
 
 def _left(observations: Observations, model: Model, base_only: Fit, whole: Fit) -> list[Left]:
@@ -239,7 +245,7 @@ def _verdict(named: bool, incomplete: bool) -> Verdict:
     return 'unknown' if incomplete else 'clean'
 
 
-def _nearest(search: Search) -> Effect | None:
+def _nearest(search: Search) -> Hypothesis | None:
     """Return the effect that rows to fit and rows held out know best though it is no cause."""
     found = search.candidates.all_of(project(search.pool.evidence, ()), set())
     best = max(found, key=lambda item: item.gain, default=None)
@@ -248,7 +254,7 @@ def _nearest(search: Search) -> Effect | None:
     needed = search.requirement((best.hypothesis,))
     fit_gain, gain = search.gains(best.hypothesis, ())
     evident = fit_gain > needed.fit and gain > needed.heldout
-    return best.hypothesis.effect if evident else None
+    return best.hypothesis if evident else None
 
 
 def _rattle(search: Search, model: Model) -> Rattle | None:
