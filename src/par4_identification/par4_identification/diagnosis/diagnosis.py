@@ -55,7 +55,7 @@ from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.search import Model, Search, named_of, others_of
 from par4_identification.diagnosis.unnamed import Kind, Kinds
 from par4_identification.diagnosis.unrelated import Left, unrelated
-from par4_identification.diagnosis.whitening import whitener_of
+from par4_identification.diagnosis.whitening import quieter, whitener_of
 from par4_identification.identification import identify_runs
 from par4_identification.log import Log
 from par4_identification.progress import Progress, silent
@@ -68,6 +68,8 @@ CONDITIONING = Conditioning(low_speed=0.02)
 LIBRARY = {name: effect for name, effect in CATALOGUE.items()
            if name not in ('quantization', 'torque_saturation')}
 """Effects that may be named: all but those that add no torque to a motion."""
+PASSES = 3
+"""Searches beside the causes found by the one before."""
 SMOOTH = 0.5
 """Share of what the names leave beyond which an unnamed cause is the whole of it: no load rattles.
 """
@@ -159,17 +161,24 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     search = _search(observations, heldout, whitener, applicable, rules,
                      moved.with_nominal(base_model), kinds)
     model = search.run()
-    named = named_of(model)
-    if named:
+    for _ in range(PASSES):
+        named, found = named_of(model), search.pool.solution(model)
+        quiet = quieter(whitener, observations, model, found, kinds)
+        same = all(new is old for new, old in zip(quiet.noise, whitener.noise))
+        if not named and same:
+            break
         # effects that scale with the torque were searched with that of a model without causes
         progress('searching again beside the causes found')
         better = build_model(machine, extended_model(
             baseline, rigid_body, search.pool.evidence, named,
-            solve(search.pool.evidence, (*named, *unnamed_of(model)))))
+            search.pool.solution((*named, *unnamed_of(model)))))
         observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
+        whitener = quiet
         search = _search(observations, heldout, whitener, applicable, rules,
-                         moved.with_nominal(better), kinds, search.pool.evidence)
-        model = search.run(tuple(item for item in model if not isinstance(item.effect, Kind)))
+                         moved.with_nominal(better), kinds, search.pool.evidence if same else None)
+        model = search.run(tuple(named))
+        if same:
+            break
     return _answer(search, model, machine, baseline, rigid_body, tuple(fit_runs), progress)
 
 
