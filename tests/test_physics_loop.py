@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from par4_dynamics.model import read_model
-from par4_kinematics.errors import InputError
+from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.ros.convert import SECOND, Trajectory
 from par4_kinematics.workspace import home_pose
+from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.simulation import Sample, Simulation, build_simulation
 from robots import REFERENCE
@@ -22,16 +23,19 @@ HOME_Q = inverse_kinematics(REFERENCE.geometry, home_pose(REFERENCE))
 
 def simulation() -> Simulation:
     return build_simulation(REFERENCE, read_model('table1', REFERENCE), 'exact',
-                            PERIOD_NS / SECOND)
+                            PERIOD_NS / SECOND, limits=ReferenceLimits(REFERENCE))
 
 
 class Run:
     """A loop that runs as fast as it can, and what it published."""
 
-    def __init__(self, feedforward_timeout: float = 0.0) -> None:
+    def __init__(self, feedforward_timeout: float = 0.0, following_error_limit: float = 0.0
+                 ) -> None:
         self.times: list[int] = []
         self.samples: list[Sample] = []
-        self.loop = PhysicsLoop(simulation(), self.publish, 0.0, feedforward_timeout)
+        self.refused: list[Par4Error] = []
+        self.loop = PhysicsLoop(simulation(), self.publish, self.refused.append, 0.0,
+                                feedforward_timeout, following_error_limit)
 
     def publish(self, time_ns: int, sample: Sample) -> None:
         self.times.append(time_ns)
@@ -120,3 +124,28 @@ def test_a_loop_that_has_ended_takes_no_orders(monkeypatch):
     monkeypatch.setattr('par4_sim.ros.physics_loop.PATIENCE', 0.01)
     with pytest.raises(InputError, match='the simulation has ended'):
         Run().loop.restart()
+
+
+def test_too_far_from_its_reference_the_machine_brakes_and_takes_no_more_until_a_restart():
+    run = Run(following_error_limit=0.005)
+    still = np.zeros((2, 4))
+    reference = Trajectory(0, np.array((0, SECOND // 10)), np.stack((HOME_Q, HOME_Q + 0.3)), still,
+                           still)
+    run.loop.queue_reference(SECOND // 5, reference)
+    run.go_on(300)
+    assert 'rad from its reference, beyond 0.005 rad' in run.loop.fault
+    stopped = run.samples[-1].q
+    assert np.abs(run.samples[-1].qd).max() < 0.01
+    assert np.abs(stopped - HOME_Q - 0.3).max() > 0.02
+    run.loop.queue_reference(run.loop.now_ns, reference)
+    run.go_on(50)
+    assert 'call ~/reset' in str(run.refused[0])
+    np.testing.assert_allclose(run.samples[-1].q, stopped, atol=1e-3)
+    restart = Thread(target=run.loop.restart)
+    restart.start()
+    while restart.is_alive():
+        run.go_on(1)
+    assert run.loop.fault == ''
+    run.loop.queue_reference(run.loop.now_ns, rest_at_home(0.0))
+    run.go_on(10)
+    assert len(run.refused) == 1

@@ -69,6 +69,7 @@ RECORDED_TOPICS = (JOINT_STATES, AMPLIFIER_VOLTAGE, REFERENCE, FEEDFORWARD_TORQU
 
 SERVICES = (
     ('par4_simulation', ('~/reset', '~/stop', '~/pause', '~/resume')),
+    ('par4_motion', ('~/stop',)),
     ('par4_record', ('~/start', '~/stop')),
     ('nodes with a model', ('~/reload_model',)),
 )

@@ -11,6 +11,7 @@ from trajectory_msgs.msg import JointTrajectory
 from par4_dynamics.model import read_model
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE
+from par4_kinematics.limits import check_points, check_torque
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import read_trajectory, write_effort
@@ -28,7 +29,11 @@ class FeedforwardParameters:
 
 
 class FeedforwardNode(Par4Node):
-    """Sends every reference back with the torque the model needs for it."""
+    """Sends every reference back with the torque the model needs for it.
+
+    A reference beyond the limits of robot.yaml, or that takes more torque than the drives have, is
+    refused.
+    """
 
     NAME = 'par4_feedforward'
     PARAMETERS = FeedforwardParameters
@@ -54,9 +59,12 @@ class FeedforwardNode(Par4Node):
 
     def _on_reference(self, message: JointTrajectory) -> None:
         points = read_trajectory(message)
-        write_effort(message, self._model.torque_of_joints(
-            self._robot.geometry, points.q, points.qd, points.qdd,
-            points.times(points.stamp_ns)))
+        check_points(self._robot, points.q, points.qd, points.qdd)
+        effort = self._model.torque_of_joints(
+            self._robot.geometry, points.q, points.qd, points.qdd, points.times(points.stamp_ns))
+        check_torque(self._robot, effort,
+                     self._model.torque_limit or self._robot.drives.torque_limit)
+        write_effort(message, effort)
         self._publisher.publish(message)
 
 

@@ -12,6 +12,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -42,6 +43,18 @@ REPORT_PERIOD = 1.0
 """Seconds of wall time between diagnostics, and at the least between warnings of one topic."""
 
 
+@dataclass(frozen=True)
+class State:
+    """What a node does now, in words, and how bad that is."""
+
+    level: bytes
+    text: str
+
+    OK: ClassVar[bytes] = DiagnosticStatus.OK
+    WARN: ClassVar[bytes] = DiagnosticStatus.WARN
+    ERROR: ClassVar[bytes] = DiagnosticStatus.ERROR
+
+
 class Par4Node(Node):
     """A node that drops bad messages, counts what goes wrong and tells it on `/diagnostics`.
 
@@ -65,6 +78,7 @@ class Par4Node(Node):
         self.finished = False
         self.counts: Counter[str] = Counter()
         self._reported: dict[str, int] = {}
+        self._last_state = State(State.OK, 'running')
         self._diagnostics = self.publisher_of(DIAGNOSTICS)
         self.create_timer(REPORT_PERIOD, self._report, clock=self.wall_clock)
 
@@ -119,6 +133,14 @@ class Par4Node(Node):
                                   throttle_duration_sec=REPORT_PERIOD,
                                   throttle_time_source_type=self.wall_clock)
 
+    def end(self) -> None:
+        """Begin to end, as a signal or ~/stop asks; a node that has more to do sets `finished`."""
+        self.finished = True
+
+    def state(self) -> State:
+        """Return what the node does now."""
+        return State(State.OK, 'running')
+
     def faults(self) -> dict[str, int]:
         """Return what the diagnostics tell of things that went wrong, by name."""
         return dict(self.counts)
@@ -140,12 +162,22 @@ class Par4Node(Node):
         if unsaid:
             self.get_logger().warning(', '.join(f'{count} {name}'
                                                 for name, count in unsaid.items()))
+        state = self.state()
+        if state != self._last_state:
+            self._last_state = state
+            if state.level == State.OK:  # rclpy wants one severity a line
+                self.get_logger().info(state.text)
+            elif state.level == State.WARN:
+                self.get_logger().warning(state.text)
+            else:
+                self.get_logger().error(state.text)
+        news = ', '.join(f'{count} {name}' for name, count in new.items())
         message = DiagnosticArray()
         write_time(message.header.stamp, self.now_ns())
         message.status = [DiagnosticStatus(
-            level=DiagnosticStatus.WARN if new else DiagnosticStatus.OK,
+            level=max(state.level, State.WARN if new else State.OK),
             name=self.get_fully_qualified_name(),
-            message=', '.join(f'{count} {name}' for name, count in new.items()) or 'ok',
+            message=f'{state.text}; {news}' if news else state.text,
             values=[KeyValue(key=name, value=str(count))
                     for name, count in {**faults, **self.traffic()}.items()])]
         self._diagnostics.publish(message)
@@ -192,15 +224,15 @@ def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
     A terminal and `ros2 launch` both send SIGINT on one Ctrl-C: the second one means nothing more.
     """
     node = None
-    asked_at = -math.inf
+    asked_at = math.inf
 
     def end(_signal: int, _frame: Any) -> None:
         nonlocal asked_at
-        if node is None or (node.finished and time.monotonic() - asked_at > PATIENCE):
+        if node is None or time.monotonic() - asked_at > PATIENCE:
             raise KeyboardInterrupt
-        if not node.finished:
+        if asked_at == math.inf:
             asked_at = time.monotonic()
-        node.finished = True
+            node.end()
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, end)

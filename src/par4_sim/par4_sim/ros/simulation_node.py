@@ -7,16 +7,20 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import numpy as np
 from trajectory_msgs.msg import JointTrajectory
 
 from par4_dynamics.model import read_model
-from par4_kinematics.errors import UnreachableError
+from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE
+from par4_kinematics.limits import check_torque
+from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import read_trajectory
-from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.node import Par4Node, State, run
 from par4_kinematics.ros.parameters import parameter
 from par4_kinematics.workspace import home_pose
+from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.zero_stamp import ZeroStamps
@@ -53,13 +57,17 @@ class SimulationParameters:
     window: bool = parameter(False, 'show the robot in a window; needs a screen')
     feedforward_timeout: float = parameter(
         0.0, 'longest wait (s of wall time) for the torque of a reference that starts', 0.0)
+    following_error_limit: float = parameter(
+        0.25, 'distance of a joint from its reference, rad, beyond which the drives brake and ask '
+              'for ~/reset; 0 = none', 0.0)
 
 
 class SimulationNode(Par4Node):
     """Simulates Par4 with its drives: reference and feedforward_torque -> joint_states and clock.
 
     The physics runs in the main thread, callbacks in another. ~/reset puts the machine at rest at
-    home, ~/reload_model too; the clock goes on.
+    home, ~/reload_model too; the clock goes on. A reference beyond the limits of robot.yaml is
+    refused; one that ends in motion is braked.
     """
 
     NAME = 'par4_simulation'
@@ -73,10 +81,12 @@ class SimulationNode(Par4Node):
         if asked.window:
             self._window = Window(self._robot, home_pose(self._robot))
             self.create_timer(1.0, self._notice_closed_window, clock=self.wall_clock)
+        self._limits = self._compiled_limits()
         simulation = self._build()
         self._samples = SamplePublisher(self, self._robot, asked.publish_clock)
-        self._physics = PhysicsLoop(simulation, self._publish, asked.real_time_factor,
-                                    asked.feedforward_timeout)
+        self._physics = PhysicsLoop(
+            simulation, self._publish, lambda error: self.reject(REFERENCE, error),
+            asked.real_time_factor, asked.feedforward_timeout, asked.following_error_limit)
         self._zero_stamps = ZeroStamps()
         self.subscribe(REFERENCE, self._on_reference)
         self.subscribe(FEEDFORWARD_TORQUE, self._on_effort)
@@ -88,6 +98,15 @@ class SimulationNode(Par4Node):
             f'robot {self._robot.name}, machine {asked.model_file}, fidelity {asked.fidelity}, '
             f'{asked.publish_rate_hz:g} Hz, {asked.real_time_factor:g} x real time')
 
+    def _compiled_limits(self) -> ReferenceLimits:
+        """Return the limits, compiled before a reference could come too late for that."""
+        limits = ReferenceLimits(self._robot)
+        home = inverse_kinematics(self._robot.geometry, home_pose(self._robot))
+        points = np.zeros((2, 12))
+        points[:, :4] = home
+        limits.check(np.array((0.0, 1.0)), points)
+        return limits
+
     def _build(self) -> Simulation:
         asked = self.parameters
         model = read_model(asked.model_file, self._robot)
@@ -95,7 +114,7 @@ class SimulationNode(Par4Node):
             self._robot, model, asked.fidelity, 1.0 / asked.publish_rate_hz, asked.seed,
             torque_noise=asked.torque_noise, correlation_time=asked.noise_correlation_time,
             law=LAW_OF_MODE[asked.drive_mode], position_noise=asked.position_noise,
-            stamp_jitter=asked.stamp_jitter)
+            stamp_jitter=asked.stamp_jitter, limits=self._limits)
 
     def _publish(self, now_ns: int, sample: Sample) -> None:
         self._samples.publish(now_ns, sample)
@@ -110,11 +129,13 @@ class SimulationNode(Par4Node):
 
     def _on_reference(self, message: JointTrajectory) -> None:
         points = read_trajectory(message)
+        self._limits.check(points.times(0), np.hstack((points.q, points.qd, points.qdd)))
         self._physics.queue_reference(
             self._zero_stamps.start_ns(REFERENCE, points, self._physics.now_ns), points)
 
     def _on_effort(self, message: JointTrajectory) -> None:
         points = read_trajectory(message, ('effort',))
+        check_torque(self._robot, points.effort, self._physics.torque_limit)
         self._physics.queue_effort(
             self._zero_stamps.start_ns(FEEDFORWARD_TORQUE, points, self._physics.now_ns), points)
 
@@ -131,12 +152,27 @@ class SimulationNode(Par4Node):
         return 'paused'
 
     def _resume(self) -> str:
+        if self._physics.fault:
+            raise InputError(self._physics.fault)
         self._physics.paused = False
         return 'running'
 
     def _stop(self) -> str:
         self.finished = True
         return 'stopping'
+
+    def state(self) -> State:
+        """Return whether the simulation runs, and why if not."""
+        physics = self._physics
+        if physics.fault:
+            return State(State.ERROR, physics.fault)
+        if physics.paused:
+            return State(State.WARN, 'paused')
+        if physics.waiting:
+            return State(State.WARN, f'waiting for {FEEDFORWARD_TORQUE.name}')
+        if physics.starved:
+            return State(State.WARN, f'starved: {REFERENCE.name} ended in motion, braked')
+        return State(State.OK, 'running')
 
     def now_ns(self) -> int:
         """Return the simulated time, ns."""
@@ -172,7 +208,7 @@ class SimulationNode(Par4Node):
             self._physics.run(lambda: self.finished)
         except UnreachableError as error:
             self.counts['unreachable_poses'] += 1
-            self.get_logger().error(f'{error}; paused: call ~/reset, then ~/resume')
+            self._physics.fault = f'out of reach: {error}; paused: call ~/reset, then ~/resume'
             self._physics.paused = True
 
     def close(self) -> None:

@@ -1,0 +1,19 @@
+"""Fixtures that several test modules use."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture
+def bench(tmp_path, monkeypatch) -> Iterator[Any]:
+    """Yield a `node_bench.Bench`; ROS is loaded for the tests that ask for one only."""
+    from node_bench import Bench
+
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    bench = Bench(tmp_path)
+    yield bench
+    bench.close()

@@ -1,0 +1,155 @@
+"""What protects a machine and tells its state, with nodes as processes."""
+
+from __future__ import annotations
+
+import signal
+from typing import Any
+
+import numpy as np
+
+from node_bench import (
+    AWAY_Q,
+    HOME_Q,
+    MILLISECOND,
+    ROBOT,
+    SIMULATED,
+    Bench,
+    Simulated,
+    quintic_motion,
+    reference_message,
+)
+from par4_kinematics.adept import adept_motion
+from par4_kinematics.interface import AMPLIFIER_VOLTAGE, FEEDFORWARD_TORQUE, REFERENCE
+from par4_kinematics.motion import Motion, motion_of_joints
+from par4_kinematics.motion_file import named_motion
+from par4_kinematics.position import forward_kinematics
+from par4_kinematics.ros.convert import SECOND, joint_values, time_ns
+from par4_kinematics.workspace import inside
+
+OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
+GAIN = np.asarray(ROBOT.drives.gain)
+
+
+def wait_for_state(bench: Bench, diagnostics: list, node: str, level: bytes, text: str) -> Any:
+    """Return the first status from now on of at least that level, with `text` in its message."""
+    diagnostics.clear()
+
+    def found() -> Any:  # a busy machine may add a warning of late steps
+        return next((status for status in bench.statuses(diagnostics, node)
+                     if status.level >= level and text in status.message), None)
+
+    return bench.wait(found, f'{node} to tell {text!r}')
+
+
+def first_part(motion: Motion, share: float) -> Motion:
+    """Return the first samples of a motion, which end in motion."""
+    count = int(share * len(motion.t))
+    return Motion(motion.name, *(getattr(motion, name)[:count]
+                                 for name in ('t', 'q', 'qd', 'qdd', 'x', 'xd', 'xdd')))
+
+
+def torque_steps(voltages: list, since_ns: int) -> np.ndarray:
+    """Return how much the commanded torques change within a millisecond, N m, (n, 4)."""
+    told = {time_ns(message.header.stamp): GAIN * joint_values(message, 'effort')
+            for message in voltages}
+    stamps = np.array(sorted(stamp for stamp in told if stamp >= since_ns))
+    torque = np.array([told[stamp] for stamp in stamps])
+    return np.abs(np.diff(torque, axis=0))[np.diff(stamps) == MILLISECOND]
+
+
+def test_references_beyond_the_limits_are_refused_and_interrupted_ones_are_braked(bench):
+    bench.start('par4_feedforward', model_file='table1_full', **SIMULATED)
+    simulated = Simulated(bench)
+    voltages, answers = bench.listen(AMPLIFIER_VOLTAGE), bench.listen(FEEDFORWARD_TORQUE)
+    references = bench.publisher(REFERENCE)
+    bench.wait(lambda: references.get_subscription_count() == 2, 'both subscribers')
+    motion = quintic_motion(AWAY_Q)
+
+    def changed(field: str, value: float) -> Any:
+        message = reference_message(motion, simulated.now_ns() + SECOND // 2)
+        setattr(message.points[7], field, [*HOME_Q[:3], value])
+        return message
+
+    # a jump, which only the drives see; and an acceleration that only a model can judge
+    torn = reference_message(motion, simulated.now_ns() + SECOND // 2)
+    for point in torn.points[len(motion.t) // 2:]:
+        point.positions = [value + 0.1 for value in point.positions]
+    steep = reference_message(motion, simulated.now_ns() + SECOND // 2)
+    steep.points[7].accelerations = [9000.0] * 4
+    for message in (changed('positions', 2.9), changed('velocities', 1e160),
+                    changed('accelerations', -1e160), torn):
+        references.publish(message)
+    bench.wait(lambda: simulated.fresh_counts().get('rejected_messages') == 4, 'refusals')
+    simulated.fresh_counts()  # refusals of a topic are told once a second
+    references.publish(steep)
+    diagnostics = simulated.diagnostics
+    bench.wait(lambda: bench.counts(diagnostics, 'par4_feedforward').get('rejected_messages') == 4,
+               'refusals of feedforward')
+    np.testing.assert_allclose(joint_values(simulated.states[-1], 'position'), HOME_Q, atol=1e-3)
+    said = bench.said()
+    assert 'joint position 2.9 rad is outside -1 to 1.6 rad' in said
+    assert 'limit of 200 N m' in said
+
+    # the stream ends in mid-motion, as after a kill of its sender: at rest, without a step
+    asked_ns = simulated.now_ns()
+    references.publish(reference_message(first_part(motion, 0.5), 0))
+    status = wait_for_state(bench, diagnostics, 'par4_simulation', WARN, 'starved: reference')
+    assert 'interrupted_references' in {pair.key for pair in status.values}
+    told_ns = simulated.now_ns()
+    simulated.wait_until(told_ns + SECOND)
+    assert torque_steps(voltages, asked_ns).max() < 15.0
+    rest = joint_values(simulated.states[-1], 'position')
+    assert np.abs(joint_values(simulated.states[-1], 'velocity')).max() < 0.05
+    assert np.abs(rest - HOME_Q).max() > 0.05
+    assert inside(ROBOT, forward_kinematics(ROBOT.geometry, rest))
+
+    # it goes on with a reference from where it rests
+    way = quintic_motion(rest)
+    way = motion_of_joints('back', ROBOT.geometry, way.t, way.q[::-1], -way.qd[::-1],
+                           way.qdd[::-1])
+    answers.clear()
+    references.publish(reference_message(way, 0))
+    wait_for_state(bench, diagnostics, 'par4_simulation', OK, 'running')
+    bench.wait(lambda: answers, 'torque for it')
+
+
+def test_motion_brakes_on_its_path_on_ctrl_c_and_on_stop(bench):
+    simulated = Simulated(bench)
+    voltages = bench.listen(AMPLIFIER_VOLTAGE)
+    path = named_motion('excitation', ROBOT, 20.0)
+    for stop in (lambda child: child.send_signal(signal.SIGINT),
+                 lambda _: bench.call('par4_motion/stop')):
+        before = joint_values(simulated.states[-1], 'position')
+        child = bench.start('par4_motion', motion='excitation', duration=20.0, **SIMULATED)
+        bench.wait(lambda start=before: np.abs(
+            joint_values(simulated.states[-1], 'position') - start).max() > 0.1, 'a motion')
+        began_ns = simulated.now_ns()
+        stop(child)
+        assert bench.ended(child) == 0
+        simulated.wait_until(simulated.now_ns() + SECOND)
+        assert np.abs(joint_values(simulated.states[-1], 'velocity')).max() < 0.05
+        assert torque_steps(voltages, began_ns).max() < 15.0
+        # the path of the motion was not left
+        rest = joint_values(simulated.states[-1], 'position')
+        assert np.abs(path.q - rest).max(axis=1).min() < 0.02
+        assert 'interrupted_references' not in simulated.fresh_counts()
+    assert bench.said().count('stopped: at rest') == 2
+    assert 'Traceback' not in bench.said()
+
+
+def test_a_fault_is_an_error_until_reset_and_resume_says_so(bench):
+    simulated = Simulated(bench, following_error_limit=0.002)
+    references = bench.publisher(REFERENCE)
+    # 15 G under the loops alone lag further than that
+    references.publish(reference_message(adept_motion(ROBOT), 0))
+    for _ in range(2):  # the state lasts
+        wait_for_state(bench, simulated.diagnostics, 'par4_simulation', ERROR, 'call ~/reset')
+    refused = bench.call('par4_simulation/resume')
+    assert not refused.success
+    assert 'call ~/reset' in refused.message
+    assert bench.call('par4_simulation/reset').success
+    wait_for_state(bench, simulated.diagnostics, 'par4_simulation', OK, 'running')
+    assert bench.call('par4_simulation/pause').success
+    wait_for_state(bench, simulated.diagnostics, 'par4_simulation', WARN, 'paused')
+
+
