@@ -6,6 +6,7 @@ import signal
 from typing import Any
 
 import numpy as np
+from sensor_msgs.msg import JointState
 
 from node_bench import (
     AWAY_Q,
@@ -19,7 +20,12 @@ from node_bench import (
     reference_message,
 )
 from par4_kinematics.adept import adept_motion
-from par4_kinematics.interface import AMPLIFIER_VOLTAGE, FEEDFORWARD_TORQUE, REFERENCE
+from par4_kinematics.interface import (
+    AMPLIFIER_VOLTAGE,
+    FEEDFORWARD_TORQUE,
+    JOINT_STATES,
+    REFERENCE,
+)
 from par4_kinematics.motion import Motion, motion_of_joints
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import forward_kinematics
@@ -153,3 +159,29 @@ def test_a_fault_is_an_error_until_reset_and_resume_says_so(bench):
     wait_for_state(bench, simulated.diagnostics, 'par4_simulation', WARN, 'paused')
 
 
+
+
+def test_diagnostics_tell_pace_ages_and_dead_inputs_and_foreign_joints_are_no_fault(bench):
+    simulated = Simulated(bench)
+    bench.start('par4_kinematics', **SIMULATED)
+    child = bench.start('par4_record', output='bag', **SIMULATED)
+    diagnostics = simulated.diagnostics
+    gripper = JointState(name=['finger'], position=[0.01], velocity=[0.0], effort=[0.0])
+    fingers = bench.publisher(JOINT_STATES)
+    bench.wait(lambda: fingers.get_subscription_count() == 3, 'nodes and bench as subscribers')
+    wait_for_state(bench, diagnostics, 'par4_kinematics', OK, 'running')
+    for _ in range(40):
+        fingers.publish(gripper)
+    status = wait_for_state(bench, diagnostics, 'par4_simulation', OK, 'running')
+    told = {pair.key: pair.value for pair in status.values}
+    assert float(told['real_time_factor']) > 0.0
+    assert told['reference_age'] == 'none yet'
+    wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
+    simulated.child.kill()
+    for node in ('par4_kinematics', 'par4_record'):
+        status = wait_for_state(bench, diagnostics, node, WARN, 'dead input: joint_states')
+        assert 'rejected_messages' not in {pair.key for pair in status.values}
+    child.send_signal(signal.SIGINT)
+    assert bench.ended(child) == 0
+    lost = int(bench.said().split(' lost')[0].rsplit(' ', 1)[1])
+    assert lost < 5000, 'another publisher fakes loss'

@@ -13,6 +13,7 @@ from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.ros.convert import SECOND, Trajectory
 from par4_kinematics.workspace import home_pose
 from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.simulation import Sample, Simulation, build_simulation
 from robots import REFERENCE
@@ -35,7 +36,8 @@ class Run:
         self.samples: list[Sample] = []
         self.refused: list[Par4Error] = []
         self.loop = PhysicsLoop(simulation(), self.publish, self.refused.append, 0.0,
-                                feedforward_timeout, following_error_limit)
+                                feedforward_timeout, following_error_limit,
+                                Pace(0.0, 'exact', 0.25e-3))
 
     def publish(self, time_ns: int, sample: Sample) -> None:
         self.times.append(time_ns)

@@ -246,7 +246,7 @@ def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: f
                      seed: int = 0, loads: tuple[LoadTorque, ...] = (),
                      pose: np.ndarray | None = None, law: str = 'loops',
                      known: Model | None = None, limits: ReferenceLimits | None = None,
-                     **noise: float) -> Simulation:
+                     step: float = STEP, **noise: float) -> Simulation:
     """Return the simulation of the machine that `model` describes, at rest.
 
     Args:
@@ -260,6 +260,7 @@ def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: f
         law: of the drives, one of LAWS.
         known: model that the law knows, where it needs one.
         limits: what the drives follow at the most; None for all that they are told.
+        step: of the physics and the drives, s.
         noise: sizes by name, as `Noise` has them.
 
     Raises:
@@ -268,7 +269,7 @@ def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: f
         UnreachableError: a pose that a leg cannot reach.
     """
     machine = replace(machine_of_model(robot, model), loads=loads)
-    plant = build_plant(machine, fidelity)
+    plant = build_plant(machine, fidelity, step)
     limit = model.torque_limit or robot.drives.torque_limit
     still = np.zeros((1, LEGS))
     pose = home_pose(robot) if pose is None else np.asarray(pose, dtype=float)

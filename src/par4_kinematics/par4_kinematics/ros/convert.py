@@ -77,6 +77,11 @@ def joint_columns(names: Sequence[str], joint_names: Sequence[str] = JOINT_NAMES
     return [names.index(name) for name in joint_names]
 
 
+def is_foreign(message: Any, joint_names: Sequence[str] = JOINT_NAMES) -> bool:
+    """Return whether a JointState tells of other joints only, such as those of a gripper."""
+    return len(message.name) > 0 and not set(joint_names) & set(message.name)
+
+
 def joint_values(message: Any, field: str, joint_names: Sequence[str] = JOINT_NAMES
                  ) -> np.ndarray:
     """Return `field` (position, velocity or effort) of a JointState in the order of `joint_names`.

@@ -18,8 +18,14 @@ from par4_kinematics.interface import JOINT_STATES, REFERENCE
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
-from par4_kinematics.ros.convert import SECOND, Trajectory, joint_values, write_trajectory
-from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.convert import (
+    SECOND,
+    Trajectory,
+    is_foreign,
+    joint_values,
+    write_trajectory,
+)
+from par4_kinematics.ros.node import Par4Node, State, run
 from par4_kinematics.ros.parameters import parameter
 
 LEAD_NS = SECOND
@@ -86,6 +92,7 @@ class MotionNode(Par4Node):
         self._stop_asked = False
         self._patient_until = math.inf
         self._robot_at: np.ndarray | None = None
+        self._waits_for = ''
         self._listeners = 0
         self._settling_since, self._settling_since_ns = 0.0, 0
         self._message = JointTrajectory()
@@ -94,14 +101,15 @@ class MotionNode(Par4Node):
         self.serve('~/stop', self._stop)
 
     def _on_joint_state(self, message: JointState) -> None:
-        self._robot_at = joint_values(message, 'position')
+        if not is_foreign(message):
+            self._robot_at = joint_values(message, 'position')
 
     def _tick(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
         if self._times_ns is None:
-            missing = self._missing(now_ns)
-            if missing:
-                self.get_logger().info(f'waiting for {missing}', throttle_duration_sec=5.0,
+            self._waits_for = self._missing(now_ns)
+            if self._waits_for:
+                self.get_logger().info(f'waiting for {self._waits_for}', throttle_duration_sec=5.0,
                                        throttle_time_source_type=self.wall_clock)
                 return
             self._begin(now_ns)
@@ -177,6 +185,13 @@ class MotionNode(Par4Node):
             int(times_ns[0]), times_ns[part] - times_ns[0],
             *(values[part] for values in self._points)))
         self._publisher.publish(self._message)
+
+    def state(self) -> State:
+        """Return whether the node waits, plays or brakes."""
+        if self._times_ns is None:
+            return State(State.OK, f'waiting for {self._waits_for}')
+        return State(State.WARN if self._braking else State.OK,
+                     f'{"braking" if self._braking else "playing"} {self._motion.name}')
 
     def traffic(self) -> dict[str, int]:
         """Return how many points have been sent."""

@@ -32,27 +32,61 @@ from std_srvs.srv import Trigger
 from par4_kinematics.errors import InputError, Par4Error, UnreachableError
 from par4_kinematics.interface import DIAGNOSTICS, Topic
 from par4_kinematics.ros.convert import write_time
+from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.parameters import declare, usage
 from par4_kinematics.ros.qos import message_type, qos_of
 
-NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps')
+NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_messages')
 """Faults that are logged when they happen, or that a busy machine has all the time."""
 PATIENCE = 3.0
 """Seconds that a node has to end in before another signal interrupts it."""
+SILENCE = 1.0
+"""Seconds of wall time after which a stream that flowed counts as dead."""
 REPORT_PERIOD = 1.0
 """Seconds of wall time between diagnostics, and at the least between warnings of one topic."""
 
 
 @dataclass(frozen=True)
 class State:
-    """What a node does now, in words, and how bad that is."""
+    """What a node does now, in words, and how bad that is.
+
+    Attributes:
+        level: OK, WARN or ERROR.
+        text: what it does; a change of it is logged.
+        detail: what may change all the time.
+    """
 
     level: bytes
     text: str
+    detail: str = ''
 
     OK: ClassVar[bytes] = DiagnosticStatus.OK
     WARN: ClassVar[bytes] = DiagnosticStatus.WARN
     ERROR: ClassVar[bytes] = DiagnosticStatus.ERROR
+
+
+class Arrivals:
+    """What came on a topic.
+
+    Attributes:
+        stream: whether messages are to come all the time.
+        numbering: of the messages.
+    """
+
+    def __init__(self, stream: bool) -> None:
+        self.stream = stream
+        self.numbering = Numbering()
+        self._last: float | None = None
+
+    def take(self, number: int) -> None:
+        """Take the number of a message that came now."""
+        self.numbering.take(number)
+        self._last = time.monotonic()
+
+    @property
+    def age(self) -> float | None:
+        """Seconds of wall time since the newest message, None before the first."""
+        return None if self._last is None else time.monotonic() - self._last
 
 
 class Par4Node(Node):
@@ -77,6 +111,7 @@ class Par4Node(Node):
         self.parameters = declare(self, self.PARAMETERS)
         self.finished = False
         self.counts: Counter[str] = Counter()
+        self._arrivals: dict[str, Arrivals] = {}
         self._reported: dict[str, int] = {}
         self._last_state = State(State.OK, 'running')
         self._diagnostics = self.publisher_of(DIAGNOSTICS)
@@ -86,10 +121,16 @@ class Par4Node(Node):
         """Return a publisher of a topic of the contract."""
         return self._on_topic(self.create_publisher, topic)
 
-    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
-        """Subscribe to a topic; a message that `callback` raises Par4Error for is rejected."""
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None], stream: bool = False
+                  ) -> Subscription:
+        """Subscribe to a topic; a message that `callback` raises Par4Error for is rejected.
 
-        def accept_or_reject(message: Any) -> None:
+        `stream` says that messages come all the time, so that silence is worth a warning.
+        """
+        arrivals = self._arrivals[topic.name] = Arrivals(stream)
+
+        def accept_or_reject(message: Any, info: dict[str, Any]) -> None:
+            arrivals.take(info['publication_sequence_number'])
             try:
                 callback(message)
             except Par4Error as error:
@@ -138,12 +179,28 @@ class Par4Node(Node):
         self.finished = True
 
     def state(self) -> State:
-        """Return what the node does now."""
-        return State(State.OK, 'running')
+        """Return what the node does now: whether its streams flow."""
+        waiting = [name for name, input_ in self._arrivals.items()
+                   if input_.stream and input_.age is None]
+        dead = [name for name, input_ in self._arrivals.items()
+                if input_.stream and input_.age is not None and input_.age > SILENCE]
+        if dead:
+            return State(State.WARN, f'dead input: {", ".join(dead)} came, but no more')
+        return State(State.OK, f'waiting for {", ".join(waiting)}' if waiting else 'running')
 
     def faults(self) -> dict[str, int]:
         """Return what the diagnostics tell of things that went wrong, by name."""
-        return dict(self.counts)
+        missed = sum(input_.numbering.missing for input_ in self._arrivals.values())
+        return {**self.counts, **({'missed_messages': missed} if missed else {})}
+
+    def worrying(self, new: dict[str, int]) -> bool:
+        """Return whether the new faults of a report, by name, are worth a warning."""
+        return bool(new)
+
+    def measures(self) -> dict[str, str]:
+        """Return what else the diagnostics tell, in words: the age of each input."""
+        return {f'{name}_age': 'none yet' if input_.age is None else f'{input_.age:.2f} s'
+                for name, input_ in self._arrivals.items()}
 
     def traffic(self) -> dict[str, int]:
         """Return what the diagnostics tell beside the faults, by name."""
@@ -163,23 +220,26 @@ class Par4Node(Node):
             self.get_logger().warning(', '.join(f'{count} {name}'
                                                 for name, count in unsaid.items()))
         state = self.state()
-        if state != self._last_state:
+        said = f'{state.text}: {state.detail}' if state.detail else state.text
+        if (state.level, state.text) != (self._last_state.level, self._last_state.text):
+            good = state.level == self._last_state.level == State.OK
             self._last_state = state
             if state.level == State.OK:  # rclpy wants one severity a line
-                self.get_logger().info(state.text)
+                if not good:
+                    self.get_logger().info(said)
             elif state.level == State.WARN:
-                self.get_logger().warning(state.text)
+                self.get_logger().warning(said)
             else:
-                self.get_logger().error(state.text)
+                self.get_logger().error(said)
         news = ', '.join(f'{count} {name}' for name, count in new.items())
         message = DiagnosticArray()
         write_time(message.header.stamp, self.now_ns())
         message.status = [DiagnosticStatus(
-            level=max(state.level, State.WARN if new else State.OK),
+            level=max(state.level, State.WARN if self.worrying(new) else State.OK),
             name=self.get_fully_qualified_name(),
-            message=f'{state.text}; {news}' if news else state.text,
-            values=[KeyValue(key=name, value=str(count))
-                    for name, count in {**faults, **self.traffic()}.items()])]
+            message=f'{said}; {news}' if news else said,
+            values=[KeyValue(key=name, value=str(value)) for name, value in
+                    {**faults, **self.traffic(), **self.measures()}.items()])]
         self._diagnostics.publish(message)
 
     def work(self) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import SECOND, Trajectory
+from par4_sim.ros.pace import Pace
 from par4_sim.simulation import Sample, Simulation
 
 BACKLOG = 0.5
@@ -37,7 +38,7 @@ class PhysicsLoop:
 
     def __init__(self, simulation: Simulation, publish: Callable[[int, Sample], None],
                  refuse: Callable[[Par4Error], None], real_time_factor: float,
-                 feedforward_timeout: float, following_error_limit: float) -> None:
+                 feedforward_timeout: float, following_error_limit: float, pace: Pace) -> None:
         """Prepare to publish each sample with its time.
 
         Args:
@@ -48,6 +49,7 @@ class PhysicsLoop:
             feedforward_timeout: longest stand, s, for the torque of a reference point.
             following_error_limit: distance of a joint from its reference, rad, beyond which the
                 drives brake and take no reference more; 0 for none.
+            pace: told how long the physics takes.
         """
         self.now_ns = 0
         self.paused = False
@@ -56,6 +58,7 @@ class PhysicsLoop:
         self._simulation = simulation
         self._publish = publish
         self._refuse = refuse
+        self._pace = pace
         self._following_error_limit = following_error_limit
         self._factor = real_time_factor
         self._feedforward_timeout = feedforward_timeout
@@ -135,7 +138,9 @@ class PhysicsLoop:
             if standing:
                 deadline = time.monotonic()
                 continue
+            began = time.monotonic()
             sample = self._simulation.next_sample()
+            self._pace.physics += time.monotonic() - began
             self.now_ns = self._started_ns + sample.time_ns
             self._publish(self.now_ns, sample)
             self._watch()

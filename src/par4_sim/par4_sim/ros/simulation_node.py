@@ -12,7 +12,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from par4_dynamics.model import read_model
 from par4_kinematics.errors import InputError, UnreachableError
-from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE
+from par4_kinematics.interface import FEEDFORWARD_TORQUE, JOINT_STATES, REFERENCE
 from par4_kinematics.limits import check_torque
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
@@ -20,13 +20,17 @@ from par4_kinematics.ros.convert import read_trajectory
 from par4_kinematics.ros.node import Par4Node, State, run
 from par4_kinematics.ros.parameters import parameter
 from par4_kinematics.workspace import home_pose
+from par4_sim.plant import STEP
 from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.zero_stamp import ZeroStamps
 from par4_sim.simulation import FIDELITIES, Sample, Simulation, build_simulation
 from par4_sim.window import Window
 
+LATE_SHARE = 0.05
+"""Share of late samples that is worth a warning."""
 LAW_OF_MODE = {'position': 'loops', 'torque': 'torque'}
 """The law of the drives by `drive_mode`."""
 
@@ -39,6 +43,8 @@ class SimulationParameters:
     model_file: str = parameter('table1_full', 'the machine as it truly is, model.yaml: a '
                                                'path or a built-in name')
     fidelity: str = parameter('fast', 'how exactly the mechanism is simulated', choices=FIDELITIES)
+    physics_step: float = parameter(
+        STEP, 'of the physics and the drives, s; larger is faster and less exact', 1e-5, 1e-3)
     drive_mode: str = parameter(
         'position', 'position: the loops of the drives follow the reference, feedforward helps '
                     'them; torque: feedforward_torque is the command, the loops take over where '
@@ -84,10 +90,13 @@ class SimulationNode(Par4Node):
         self._limits = self._compiled_limits()
         simulation = self._build()
         self._samples = SamplePublisher(self, self._robot, asked.publish_clock)
+        self._pace = Pace(asked.real_time_factor, asked.fidelity, asked.physics_step)
         self._physics = PhysicsLoop(
             simulation, self._publish, lambda error: self.reject(REFERENCE, error),
-            asked.real_time_factor, asked.feedforward_timeout, asked.following_error_limit)
+            asked.real_time_factor, asked.feedforward_timeout, asked.following_error_limit,
+            self._pace)
         self._zero_stamps = ZeroStamps()
+        self._published = 0
         self.subscribe(REFERENCE, self._on_reference)
         self.subscribe(FEEDFORWARD_TORQUE, self._on_effort)
         for name, action in (('reset', self._reset), ('reload_model', self._reload_model),
@@ -114,7 +123,8 @@ class SimulationNode(Par4Node):
             self._robot, model, asked.fidelity, 1.0 / asked.publish_rate_hz, asked.seed,
             torque_noise=asked.torque_noise, correlation_time=asked.noise_correlation_time,
             law=LAW_OF_MODE[asked.drive_mode], position_noise=asked.position_noise,
-            stamp_jitter=asked.stamp_jitter, limits=self._limits)
+            stamp_jitter=asked.stamp_jitter, limits=self._limits,
+            step=asked.physics_step)
 
     def _publish(self, now_ns: int, sample: Sample) -> None:
         self._samples.publish(now_ns, sample)
@@ -164,6 +174,7 @@ class SimulationNode(Par4Node):
     def state(self) -> State:
         """Return whether the simulation runs, and why if not."""
         physics = self._physics
+        self._pace.measure(physics.now_ns, bool(physics.paused or physics.waiting))
         if physics.fault:
             return State(State.ERROR, physics.fault)
         if physics.paused:
@@ -172,7 +183,22 @@ class SimulationNode(Par4Node):
             return State(State.WARN, f'waiting for {FEEDFORWARD_TORQUE.name}')
         if physics.starved:
             return State(State.WARN, f'starved: {REFERENCE.name} ended in motion, braked')
+        if self._pace.complaint:
+            asked = self.parameters.real_time_factor
+            return State(State.WARN, f'running, too slow for {asked:g} x real time',
+                         self._pace.complaint)
         return State(State.OK, 'running')
+
+    def measures(self) -> dict[str, str]:
+        """Return the measured pace and the ages of the inputs."""
+        return {'real_time_factor': f'{self._pace.factor:.3f}', **super().measures()}
+
+    def worrying(self, new: dict[str, int]) -> bool:
+        """Return whether new faults are worth a warning; late steps are above a share only."""
+        published = self._samples.published[JOINT_STATES.name]
+        share = new.get('late_steps', 0) / max(1, published - self._published)
+        self._published = published
+        return share > LATE_SHARE or bool(new.keys() - {'late_steps'})
 
     def now_ns(self) -> int:
         """Return the simulated time, ns."""
@@ -180,7 +206,7 @@ class SimulationNode(Par4Node):
 
     def faults(self) -> dict[str, int]:
         """Return the counts of the node, the drives and the loop."""
-        return dict(Counter(self._physics.counts) + self.counts)
+        return dict(Counter(self._physics.counts) + Counter(super().faults()))
 
     def traffic(self) -> dict[str, int]:
         """Return how many messages were published, by topic."""
