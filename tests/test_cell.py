@@ -185,3 +185,35 @@ def test_diagnostics_tell_pace_ages_and_dead_inputs_and_foreign_joints_are_no_fa
     assert bench.ended(child) == 0
     lost = int(bench.said().split(' lost')[0].rsplit(' ', 1)[1])
     assert lost < 5000, 'another publisher fakes loss'
+
+
+def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(bench):
+    simulated = Simulated(bench)
+    diagnostics = simulated.diagnostics
+    # without use_sim_time a motion says so instead of playing years ahead
+    lost = bench.start('par4_motion', motion='adept')
+    assert bench.ended(lost) == 2
+    assert 'use_sim_time:=true' in bench.said()
+    recorder = bench.start('par4_record', output='bag', **SIMULATED)
+    player = bench.start('par4_motion', motion='excitation', duration=20.0, **SIMULATED)
+    wait_for_state(bench, diagnostics, 'par4_motion', OK, 'playing')
+    wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
+    simulated.child.kill()
+    simulated.child.wait()
+    second = bench.start('par4_simulation', fidelity='exact')
+    assert bench.ended(player) == 2
+    wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
+    said = bench.said()
+    assert 'excitation aborted: the clock jumped back' in said
+    assert 'bag holds more than one run' in said
+    assert 'Traceback' not in said
+    # a reference meant for another clock is refused
+    references = bench.publisher(REFERENCE)
+    references.publish(reference_message(quintic_motion(AWAY_Q), 1_800_000_000 * SECOND))
+    wait_for_state(bench, diagnostics, 'par4_simulation', WARN, '1 rejected_messages')
+    bench.start('par4_simulation', fidelity='exact', publish_clock='true')
+    for node in ('par4_simulation', 'par4_record'):
+        wait_for_state(bench, diagnostics, node, ERROR, '2 publish /clock')
+    for child in (second, recorder):
+        child.send_signal(signal.SIGINT)
+    assert bench.ended(recorder) == 0

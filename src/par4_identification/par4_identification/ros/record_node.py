@@ -129,8 +129,18 @@ class RecordNode(Par4Node):
         if self._recorder is not None:
             self._recorder.flush()
 
+    def clock_jumped_back(self) -> None:
+        """Count the duration from here; the bag goes on and holds two runs."""
+        if self._recorder is not None and self._began_ns:
+            self._began_ns = self.get_clock().now().nanoseconds
+            self.get_logger().warning(f'{self._path} holds more than one run: record each by its '
+                                      f'own to identify from them')
+
     def state(self) -> State:
         """Return whether the node records, and whether what it records still comes."""
+        state = super().state()
+        if state.level != State.OK:
+            return state
         if self._recorder is None:
             return State(State.OK, 'stopped')
         robot = (JOINT_STATES.name, AMPLIFIER_VOLTAGE.name)

@@ -38,6 +38,10 @@ class KinematicsNode(Par4Node):
         self._publisher = self.publisher_of(PLATFORM_POSE)
         self.subscribe(JOINT_STATES, self._on_joint_state, stream=True)
 
+    def clock_jumped_back(self) -> None:
+        """Look for the next pose from home: the robot may be anywhere."""
+        self._last_pose = HOME
+
     def _on_joint_state(self, message: JointState) -> None:
         if is_foreign(message):
             return

@@ -14,7 +14,8 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from par4_kinematics.acceleration import platform_motion
 from par4_kinematics.approach import with_approach
 from par4_kinematics.braking import braked
-from par4_kinematics.interface import JOINT_STATES, REFERENCE
+from par4_kinematics.errors import InputError, Par4Error
+from par4_kinematics.interface import CLOCK, JOINT_STATES, REFERENCE
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
@@ -23,6 +24,7 @@ from par4_kinematics.ros.convert import (
     Trajectory,
     is_foreign,
     joint_values,
+    time_ns,
     write_trajectory,
 )
 from par4_kinematics.ros.node import Par4Node, State, run
@@ -45,6 +47,8 @@ SETTLING = 0.5
 """Seconds of wall time for which the number of listeners must have stayed the same."""
 BRAKING_LEAD = 0.15
 """Seconds of wall time from the message that brakes to its first point."""
+STRANGE_NS = 100 * SECOND
+"""Difference between the robot's stamps and the node's clock that no clock of a robot has."""
 STANDSTILL = 3.0
 """Seconds of wall time beyond the braking for which a clock that stands is waited for."""
 DISCOVERY = 3.5
@@ -91,6 +95,7 @@ class MotionNode(Par4Node):
         self._pace = 1.0
         self._stop_asked = False
         self._patient_until = math.inf
+        self._stamp_ns = 0
         self._robot_at: np.ndarray | None = None
         self._waits_for = ''
         self._listeners = 0
@@ -104,6 +109,32 @@ class MotionNode(Par4Node):
         if not is_foreign(message):
             self._robot_at = joint_values(message, 'position')
 
+        self._stamp_ns = time_ns(message.header.stamp)
+
+    def clock_jumped_back(self) -> None:
+        """Abort a motion that is being played: the robot is not where it was."""
+        if self._times_ns is not None and not self.finished:
+            self.failure = InputError(
+                f'{self._motion.name} aborted: the clock jumped back, so that the simulation was '
+                f'started again; play it anew')
+            self.finished = True
+
+    def _check_clock(self, now_ns: int) -> None:
+        """Refuse to play on another clock than the robot's.
+
+        Raises:
+            InputError: names the parameter that is missing.
+        """
+        if self.simulated_time:
+            if self.clocks() > 1:
+                raise InputError(f'{self.clocks()} publish {CLOCK.name}: end all but one '
+                                 f'simulation, or give each a ROS_DOMAIN_ID of its own')
+        elif self._stamp_ns != 0 and abs(self._stamp_ns - now_ns) > STRANGE_NS:
+            raise InputError(
+                f'{JOINT_STATES.name} are stamped {self._stamp_ns / SECOND:.1f} s, the clock of '
+                f'this node says {now_ns / SECOND:.1f} s: with a simulation give -p '
+                f'use_sim_time:=true; with a robot, set its clock')
+
     def _tick(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
         if self._times_ns is None:
@@ -112,7 +143,12 @@ class MotionNode(Par4Node):
                 self.get_logger().info(f'waiting for {self._waits_for}', throttle_duration_sec=5.0,
                                        throttle_time_source_type=self.wall_clock)
                 return
-            self._begin(now_ns)
+            try:
+                self._check_clock(now_ns)
+                self._begin(now_ns)
+            except Par4Error as error:
+                self.failure, self.finished = error, True
+                return
         if self._stop_asked and not self._braking:
             self._brake(now_ns)
         while self._sent < len(self._times_ns) and (
@@ -152,7 +188,8 @@ class MotionNode(Par4Node):
     def _missing(self, now_ns: int) -> str:
         listeners = self._publisher.get_subscription_count()
         if now_ns == 0:
-            return 'the clock to run'
+            return f'{CLOCK.name}' + ('' if self.clocks() else ', which nobody publishes: '
+                                      'use_sim_time is for a simulation')
         if self._robot_at is None:
             return JOINT_STATES.name
         if listeners != self._listeners or listeners == 0:
@@ -189,7 +226,7 @@ class MotionNode(Par4Node):
     def state(self) -> State:
         """Return whether the node waits, plays or brakes."""
         if self._times_ns is None:
-            return State(State.OK, f'waiting for {self._waits_for}')
+            return State(State.OK, f'waiting for {self._waits_for or "its first second"}')
         return State(State.WARN if self._braking else State.OK,
                      f'{"braking" if self._braking else "playing"} {self._motion.name}')
 

@@ -18,7 +18,8 @@ from typing import Any, ClassVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
+from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -30,8 +31,8 @@ from rclpy.utilities import remove_ros_args
 from std_srvs.srv import Trigger
 
 from par4_kinematics.errors import InputError, Par4Error, UnreachableError
-from par4_kinematics.interface import DIAGNOSTICS, Topic
-from par4_kinematics.ros.convert import write_time
+from par4_kinematics.interface import CLOCK, DIAGNOSTICS, Topic
+from par4_kinematics.ros.convert import SECOND, write_time
 from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.parameters import declare, usage
 from par4_kinematics.ros.qos import message_type, qos_of
@@ -98,6 +99,7 @@ class Par4Node(Node):
         REST: seconds between callbacks, for a node that takes many messages at a time.
         parameters: their values.
         finished: set to True, by itself or by a signal, when its work is done; `run` then ends it.
+        failure: why it ended without having done its work; `run` then tells it.
         counts: what went wrong so far, by name.
     """
 
@@ -114,6 +116,10 @@ class Par4Node(Node):
         self._arrivals: dict[str, Arrivals] = {}
         self._reported: dict[str, int] = {}
         self._last_state = State(State.OK, 'running')
+        self.failure: Par4Error | None = None
+        self._jumps = self.get_clock().create_jump_callback(
+            JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
+                          on_clock_change=False), post_callback=self._on_jump)
         self._diagnostics = self.publisher_of(DIAGNOSTICS)
         self.create_timer(REPORT_PERIOD, self._report, clock=self.wall_clock)
 
@@ -174,12 +180,35 @@ class Par4Node(Node):
                                   throttle_duration_sec=REPORT_PERIOD,
                                   throttle_time_source_type=self.wall_clock)
 
+    def _on_jump(self, jump: TimeJump) -> None:
+        self.counts['clock_jumps'] += 1
+        back = -jump.delta.nanoseconds / SECOND
+        self.get_logger().warning(
+            f'the clock jumped back by {back:.3f} s: the simulation was started again, or two '
+            f'publish {CLOCK.name}')
+        self.clock_jumped_back()
+
+    def clock_jumped_back(self) -> None:
+        """Forget what belongs to a time that will come again; told already."""
+
+    def clocks(self) -> int:
+        """Return how many publish the clock that this node would follow."""
+        return self.count_publishers(self.resolve_topic_name(CLOCK.name))
+
+    @property
+    def simulated_time(self) -> bool:
+        """Whether the node follows a published clock."""
+        return bool(self.get_parameter('use_sim_time').value)
+
     def end(self) -> None:
         """Begin to end, as a signal or ~/stop asks; a node that has more to do sets `finished`."""
         self.finished = True
 
     def state(self) -> State:
-        """Return what the node does now: whether its streams flow."""
+        """Return what the node does now: whether its streams flow and its clock is one."""
+        if self.simulated_time and self.clocks() > 1:
+            return State(State.ERROR, f'{self.clocks()} publish {CLOCK.name}: end all but one '
+                                      f'simulation, or give each a ROS_DOMAIN_ID of its own')
         waiting = [name for name, input_ in self._arrivals.items()
                    if input_.stream and input_.age is None]
         dead = [name for name, input_ in self._arrivals.items()
@@ -251,6 +280,8 @@ class Par4Node(Node):
             if self.REST > 0.0:
                 time.sleep(self.REST)
         executor.shutdown()
+        if self.failure is not None:
+            raise self.failure
 
     def close(self) -> None:
         """Complete what the node writes and release what it holds; called once at the end."""

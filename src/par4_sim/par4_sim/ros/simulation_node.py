@@ -12,11 +12,17 @@ from trajectory_msgs.msg import JointTrajectory
 
 from par4_dynamics.model import read_model
 from par4_kinematics.errors import InputError, UnreachableError
-from par4_kinematics.interface import FEEDFORWARD_TORQUE, JOINT_STATES, REFERENCE
+from par4_kinematics.interface import (
+    AMPLIFIER_VOLTAGE,
+    CLOCK,
+    FEEDFORWARD_TORQUE,
+    JOINT_STATES,
+    REFERENCE,
+)
 from par4_kinematics.limits import check_torque
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
-from par4_kinematics.ros.convert import read_trajectory
+from par4_kinematics.ros.convert import SECOND, read_trajectory
 from par4_kinematics.ros.node import Par4Node, State, run
 from par4_kinematics.ros.parameters import parameter
 from par4_kinematics.workspace import home_pose
@@ -31,6 +37,8 @@ from par4_sim.window import Window
 
 LATE_SHARE = 0.05
 """Share of late samples that is worth a warning."""
+STRANGE_NS = 1000 * SECOND
+"""How far ahead of the clock no reference starts that is meant for this clock."""
 LAW_OF_MODE = {'position': 'loops', 'torque': 'torque'}
 """The law of the drives by `drive_mode`."""
 
@@ -140,8 +148,12 @@ class SimulationNode(Par4Node):
     def _on_reference(self, message: JointTrajectory) -> None:
         points = read_trajectory(message)
         self._limits.check(points.times(0), np.hstack((points.q, points.qd, points.qdd)))
-        self._physics.queue_reference(
-            self._zero_stamps.start_ns(REFERENCE, points, self._physics.now_ns), points)
+        start_ns = self._zero_stamps.start_ns(REFERENCE, points, self._physics.now_ns)
+        if start_ns - self._physics.now_ns > STRANGE_NS:
+            raise InputError(
+                f'starts {(start_ns - self._physics.now_ns) / SECOND:.4g} s ahead of the clock; '
+                f'set use_sim_time where it comes from')
+        self._physics.queue_reference(start_ns, points)
 
     def _on_effort(self, message: JointTrajectory) -> None:
         points = read_trajectory(message, ('effort',))
@@ -177,6 +189,12 @@ class SimulationNode(Par4Node):
         self._pace.measure(physics.now_ns, bool(physics.paused or physics.waiting))
         if physics.fault:
             return State(State.ERROR, physics.fault)
+        others = (self.clocks() if self.parameters.publish_clock else 0,
+                  self.count_publishers(self.resolve_topic_name(AMPLIFIER_VOLTAGE.name)))
+        for topic, count in zip((CLOCK, AMPLIFIER_VOLTAGE), others, strict=True):
+            if count > 1:
+                return State(State.ERROR, f'{count} publish {topic.name}: another simulation or '
+                                          f'robot is in this domain; give each a ROS_DOMAIN_ID')
         if physics.paused:
             return State(State.WARN, 'paused')
         if physics.waiting:
