@@ -151,3 +151,54 @@ def test_too_far_from_its_reference_the_machine_brakes_and_takes_no_more_until_a
     run.loop.queue_reference(run.loop.now_ns, rest_at_home(0.0))
     run.go_on(10)
     assert len(run.refused) == 1
+
+
+def test_a_stream_of_single_points_is_what_they_are_at_once():
+    """Many messages between two samples: the same motion as in one, however they are grouped."""
+    t = np.arange(0, 400) * PERIOD_NS
+    wave = 0.1 * (1.0 - np.cos(2.0 * np.pi * t / t[-1]))[:, None]
+    slope = 0.2 * np.pi / (t[-1] / SECOND) * np.sin(2.0 * np.pi * t / t[-1])[:, None]
+    still = np.zeros((len(t), 4))
+    whole = Trajectory(0, t, HOME_Q + wave, slope + still, still)
+    told = []
+    for pieces in (1, 400, 7):
+        run = Run()
+        for part in np.array_split(np.arange(len(t)), pieces):
+            run.loop.queue_reference(int(t[part[0]]) + 40 * PERIOD_NS, Trajectory(
+                0, t[part] - t[part[0]], whole.q[part], whole.qd[part], whole.qdd[part]))
+        run.go_on(440)
+        assert not run.refused
+        told.append(np.array([sample.q for sample in run.samples]))
+    np.testing.assert_allclose(told[1], told[0], atol=1e-12)
+    np.testing.assert_allclose(told[2], told[0], atol=1e-12)
+    assert np.ptp(told[0], axis=0).min() > 0.15
+
+
+def test_one_message_of_a_burst_that_tears_is_refused_alone():
+    run = Run()
+    for index in range(100):
+        q = HOME_Q + (0.5 if index == 50 else 0.0)
+        run.loop.queue_reference((40 + index) * PERIOD_NS, Trajectory(
+            0, np.zeros(1, dtype=np.int64), q[None], np.zeros((1, 4)), np.zeros((1, 4))))
+    run.go_on(150)
+    assert len(run.refused) == 1
+    assert 'joint speed' in str(run.refused[0])
+    np.testing.assert_allclose(run.samples[-1].q, HOME_Q, atol=1e-3)
+
+
+def test_a_flood_does_not_stop_the_clock():
+    run = Run()
+    still = rest_at_home(1.0, count=1)
+
+    class Flood:
+        """Points without end: each that is taken brings the next."""
+
+        q, qd, qdd = still.q, still.qd, still.qdd
+
+        def times(self, start_ns: int) -> np.ndarray:
+            run.loop.queue_reference(0, self)
+            return still.times(start_ns)
+
+    run.loop.queue_reference(0, Flood())
+    run.go_on(5)
+    assert len(run.times) == 5

@@ -91,6 +91,7 @@ def test_a_reference_that_ends_in_motion_comes_to_rest_within_the_limits(share):
     queue.use_until(end)
     assert queue.interrupted == 0
     times = end + np.arange(0.0, 0.5, 1e-4)
+    queue.foresee(end)
     followed = np.array([queue.target(time) for time in times])
     q, qd = followed[:, :4], followed[:, 4:8]
     np.testing.assert_allclose(q[0], ADEPT.q[count - 1], atol=1e-9)
@@ -112,6 +113,7 @@ def test_a_stream_that_goes_on_in_time_follows_no_ramp():
         now = ADEPT.t[row] - 0.005
         queue.queue(now, ADEPT.t[row:row + 1], ADEPT.q[row:row + 1], ADEPT.qd[row:row + 1],
                     ADEPT.qdd[row:row + 1])
+        queue.foresee(now)
         queue.use_until(now)
         if row > 10:
             np.testing.assert_allclose(queue.target(ADEPT.t[row - 4])[:4], ADEPT.q[row - 4],
@@ -125,6 +127,7 @@ def test_a_stream_that_comes_back_goes_on_from_the_ramp():
     parts = (ADEPT.t, ADEPT.q, ADEPT.qd, ADEPT.qdd)
     queue.queue(-1.0, *(values[:half] for values in parts))
     now = ADEPT.t[half - 1] + 0.3
+    queue.foresee(now)
     queue.use_until(now)
     assert queue.starved
     rest = queue.target(now)[:4]

@@ -6,12 +6,14 @@ from them and only keeps absurd numbers out.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from par4_kinematics.errors import InputError
-from par4_kinematics.position import forward_kinematics
+from par4_kinematics.position import forward_kinematics, forward_sample, mid_height_home
 from par4_kinematics.robot import Robot
 
 TOLERANCE = 1e-6
@@ -67,6 +69,33 @@ def first_of(*breaches: Breach | None) -> Breach | None:
                default=None)
 
 
+@numba.njit(cache=True, error_model='numpy', nogil=True)
+def _within(packed, bounds, home, q, qd, qdd):
+    """Return whether points (n, 4) keep the bounds (8,) of joints and workspace, to the letter."""
+    low, high, speed, acceleration, radius, bottom, top, theta = bounds
+    for row in range(q.shape[0]):
+        for joint in range(4):
+            if not (low <= q[row, joint] <= high and abs(qd[row, joint]) <= speed
+                    and abs(qdd[row, joint]) <= acceleration):
+                return False
+    cosines, sines = np.cos(q), np.sin(q)
+    x = np.empty_like(q)
+    for row in range(q.shape[0]):
+        x[row] = home if row == 0 else x[row - 1]
+        if forward_sample(packed, cosines, sines, row, x) < 0:
+            return False
+        if not (math.hypot(x[row, 0], x[row, 1]) <= radius and bottom <= x[row, 2] <= top
+                and abs(x[row, 3]) <= theta):
+            return False
+    return True
+
+
+def _bounds(robot: Robot) -> np.ndarray:
+    limits, space = robot.limits, robot.limits.workspace
+    return np.array((*limits.joint_position, limits.joint_speed, joint_acceleration_limit(robot),
+                     space.radius, *space.z, space.theta))
+
+
 def check_points(robot: Robot, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> None:
     """Refuse reference points (n, 4) beyond the limits of the joints or the workspace.
 
@@ -75,6 +104,8 @@ def check_points(robot: Robot, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -
         UnreachableError: joint positions within their range with which the mechanism does not
             close.
     """
+    if _within(robot.geometry.packed, _bounds(robot), mid_height_home(robot.geometry), q, qd, qdd):
+        return
     breach = joint_breach(robot, q, qd, qdd) or platform_breach(
         robot, forward_kinematics(robot.geometry, q))
     if breach:

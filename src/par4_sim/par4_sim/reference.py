@@ -100,8 +100,8 @@ def _standing(q: np.ndarray) -> np.ndarray:
 class ReferenceQueue:
     """Reference points by time, joined with feedforward torques that come on their own.
 
-    With limits, a reference whose last point moves ends in a ramp to rest, which the next points
-    replace; without, the drive holds the last point at once.
+    With limits, a reference whose last point moves ends in a ramp to rest (`foresee`), which the
+    next points replace; without, the drive holds the last point at once.
 
     Attributes:
         late_points: points dropped because their time had passed.
@@ -120,27 +120,28 @@ class ReferenceQueue:
 
     def restart(self, q: np.ndarray) -> None:
         """Forget every queued point and hold at q (4,) from time 0; the counts stay."""
-        self._follow(np.zeros(1), _standing(q), 0)
+        self._follow(np.zeros(1), _standing(q))
         # torques that no point has taken yet, by time in units of MATCH, ascending
         self._slots = np.empty(0, dtype=np.int64)
         self._efforts = np.empty((0, LEGS))
         self._used = 1
 
-    def _follow(self, times: np.ndarray, points: np.ndarray, ramp: int) -> None:
-        """Follow these points, the last `ramp` of which are a ramp."""
-        self.times, self.points, self._ramp = times, points, ramp
+    def _follow(self, times: np.ndarray, points: np.ndarray) -> None:
+        """Follow these points, without a ramp so far."""
+        self.times, self.points, self._ramp = times, points, 0
         self.starved = False
 
     def queue(self, now: float, times: np.ndarray, q: np.ndarray, qd: np.ndarray,
-              qdd: np.ndarray) -> None:
+              qdd: np.ndarray, looked_at: bool = True) -> None:
         """Replace every point from times[0] on by the points (n, 4) at `times` (n,), s.
 
         Points before `now` are dropped and counted. From where the reference is at `now` a drive
         that rests or brakes goes to the first point smoothly.
 
         Raises:
-            InputError: the way there breaks a limit; the queue stays as it is. The points
-                themselves are not looked at: see `ReferenceLimits.check`.
+            InputError: the way there breaks a limit, or, unless these were `looked_at`, the ways
+                between the points do; the queue stays as it is. The points themselves are not
+                looked at: see `ReferenceLimits.check`.
         """
         late = int(np.searchsorted(times, now))
         if late == len(times):
@@ -157,6 +158,8 @@ class ReferenceQueue:
         if keep == 0 or kept_times[-1] < now:
             here = self._state(now)
         if self._limits is not None:
+            if not looked_at:
+                self._limits.check_way(times, added)
             if here is None:
                 self._limits.check_join(kept_times[-1], kept[-1], times[0], added[0])
             else:
@@ -167,7 +170,7 @@ class ReferenceQueue:
         elif here is not None:
             kept_times, kept, used = np.empty(0), np.empty((0, COLUMNS)), 0
         self._used = used
-        self._end(np.concatenate((kept_times, times)), np.concatenate((kept, added)))
+        self._follow(np.concatenate((kept_times, times)), np.concatenate((kept, added)))
         self._match()
 
     def brake(self, now: float, q: np.ndarray, qd: np.ndarray) -> None:
@@ -175,17 +178,19 @@ class ReferenceQueue:
         self.restart(q)
         point = _standing(q)
         point[0, 4:8] = qd
-        self._end(np.array([now]), point)
+        self._follow(np.array([now]), point)
+        self.foresee(now)
 
-    def _end(self, times: np.ndarray, points: np.ndarray) -> None:
-        """Follow these points to their end, and a ramp behind them."""
-        if self._limits is None:
-            self._follow(times, points, 0)
+    def foresee(self, until: float) -> None:
+        """Be ready to be followed up to the time `until`, s: with a ramp where points end in time.
+        """
+        if self._limits is None or self._ramp or until < self.times[-1]:
             return
-        ramp_times, ramp = self._limits.ramp(times[-1], points[-1])
+        times, ramp = self._limits.ramp(self.times[-1], self.points[-1])
         if len(ramp):
-            times, points = np.concatenate((times, ramp_times)), np.concatenate((points, ramp))
-        self._follow(times, points, len(ramp))
+            self.times = np.concatenate((self.times, times))
+            self.points = np.concatenate((self.points, ramp))
+            self._ramp = len(ramp)
 
     def _state(self, now: float) -> np.ndarray:
         """Return the point (1, COLUMNS) at which the reference is at time `now`."""

@@ -51,17 +51,25 @@ def between(first, second, span, u, state):
 
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
-def _fastest_and_farthest(times, points, low, high, speed, tolerance):
-    """Return the first segment whose curve leaves the joints' range or speed, or -1."""
+def _suspect(times, points, row, low, high, speed):
+    """Return the first segment from `row` on that is to be looked at closely, or -1.
+
+    Its curve leaves the joints' range or speed, or is so long that the platform may leave its
+    workspace on it.
+    """
     state = np.empty(12)
-    for row in range(times.shape[0] - 1):
+    while row < times.shape[0] - 1:
         span = times[row + 1] - times[row]
+        for joint in range(4):
+            if (abs(points[row + 1, joint] - points[row, joint]) > LONG_WAY
+                    or abs(points[row, 4 + joint]) * span > LONG_WAY):
+                return row
         for look in range(1, LOOKS):
             between(points[row], points[row + 1], span, look / LOOKS, state)
             for joint in range(4):
-                if not (low - tolerance <= state[joint] <= high + tolerance
-                        and abs(state[4 + joint]) <= speed + tolerance):
+                if not (low <= state[joint] <= high and abs(state[4 + joint]) <= speed):
                     return row
+        row += 1
     return -1
 
 
@@ -102,14 +110,11 @@ class ReferenceLimits:
             UnreachableError: the mechanism does not close on a segment.
         """
         limits = self._robot.limits
-        row = _fastest_and_farthest(times, points, *limits.joint_position, limits.joint_speed,
-                                    1e-6)
-        if row >= 0:
+        bounds = (*limits.joint_position, limits.joint_speed)
+        row = _suspect(times, points, 0, *bounds)
+        while row >= 0:
             self._refuse(times, points, row)
-        ways = np.maximum(np.abs(np.diff(points[:, :4], axis=0)),
-                          np.diff(times)[:, None] * np.abs(points[:-1, 4:8]))
-        for row in np.flatnonzero(ways.max(axis=1, initial=0.0) > LONG_WAY):
-            self._refuse(times, points, int(row))
+            row = _suspect(times, points, row + 1, *bounds)
 
     def check_join(self, first_time: float, first: np.ndarray, time: float, point: np.ndarray
                    ) -> None:

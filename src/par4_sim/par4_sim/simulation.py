@@ -161,13 +161,14 @@ class Simulation:
         self._reference.brake(self._reached(self._steps), self.q, self._plant.qd)
 
     def queue_reference(self, times: np.ndarray, q: np.ndarray, qd: np.ndarray,
-                        qdd: np.ndarray) -> None:
+                        qdd: np.ndarray, looked_at: bool = True) -> None:
         """Queue reference points (n, 4) at simulation times (n,), s; see `ReferenceQueue.queue`.
 
         Raises:
-            InputError: the way to the first point breaks a limit.
+            InputError: the way to the first point breaks a limit, or one between points that were
+                not `looked_at`.
         """
-        self._reference.queue(self._reached(self._steps), times, q, qd, qdd)
+        self._reference.queue(self._reached(self._steps), times, q, qd, qdd, looked_at)
 
     def queue_effort(self, times: np.ndarray, tau: np.ndarray) -> None:
         """Queue feedforward torques (n, 4), N m, for the reference points at `times`."""
@@ -186,6 +187,7 @@ class Simulation:
             UnreachableError: the machine was driven out of its workspace.
         """
         needed = self._needed()
+        self._reference.foresee(self._reached(needed))
         while self._steps < needed:
             self._advance()
         self._reference.use_until(self._reached(needed))

@@ -127,13 +127,28 @@ class Par4Node(Node):
         """Return a publisher of a topic of the contract."""
         return self._on_topic(self.create_publisher, topic)
 
-    def subscribe(self, topic: Topic, callback: Callable[[Any], None], stream: bool = False
-                  ) -> Subscription:
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None], stream: bool = False,
+                  raw: bool = False) -> Subscription:
         """Subscribe to a topic; a message that `callback` raises Par4Error for is rejected.
 
-        `stream` says that messages come all the time, so that silence is worth a warning.
+        Messages that wait are taken in one turn of the executor, which costs more than a message.
+
+        Args:
+            topic: of the contract.
+            callback: takes a message.
+            stream: whether messages come all the time, so that silence is worth a warning.
+            raw: whether the callback takes serialised messages.
         """
         arrivals = self._arrivals[topic.name] = Arrivals(stream)
+
+        def take(message: Any, info: dict[str, Any]) -> None:
+            accept_or_reject(message, info)
+            with subscription.handle:
+                for _ in range(topic.depth):
+                    waiting = subscription.handle.take_message(subscription.msg_type, raw)
+                    if waiting is None or self.finished:
+                        break
+                    accept_or_reject(*waiting)
 
         def accept_or_reject(message: Any, info: dict[str, Any]) -> None:
             arrivals.take(info['publication_sequence_number'])
@@ -142,7 +157,8 @@ class Par4Node(Node):
             except Par4Error as error:
                 self.reject(topic, error)
 
-        return self._on_topic(self.create_subscription, topic, callback=accept_or_reject)
+        subscription = self._on_topic(self.create_subscription, topic, callback=take, raw=raw)
+        return subscription
 
     def subscribe_raw(self, topic: Topic, callback: Callable[[bytes, dict[str, Any]], None]
                       ) -> Subscription:

@@ -12,12 +12,13 @@ import numpy as np
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import SECOND, Trajectory
+from par4_sim.ros.inbox import Batch, Inbox, joined
 from par4_sim.ros.pace import Pace
 from par4_sim.simulation import Sample, Simulation
 
 BACKLOG = 0.5
 """Seconds behind the wall clock that are caught up; what is beyond is let go."""
-IDLE = 0.02
+IDLE = 0.005
 """Longest wait for an order, s, while the simulation stands."""
 PATIENCE = 5.0
 """Seconds to wait for an order to be carried out."""
@@ -64,6 +65,7 @@ class PhysicsLoop:
         self._feedforward_timeout = feedforward_timeout
         self._started_ns = 0
         self._standing_since: float | None = None
+        self._references, self._efforts = Inbox('q', 'qd', 'qdd'), Inbox('effort')
         self._orders: SimpleQueue[Callable[[], None]] = SimpleQueue()
 
     @property
@@ -89,18 +91,11 @@ class PhysicsLoop:
 
     def queue_reference(self, start_ns: int, points: Trajectory) -> None:
         """Queue reference points that start at `start_ns`."""
-        def order() -> None:
-            if self.fault:
-                raise InputError(f'not followed: {self.fault}')
-            self._simulation.queue_reference(
-                points.times(start_ns - self._started_ns), points.q, points.qd, points.qdd)
-
-        self._orders.put(order)
+        self._references.put(start_ns, points)
 
     def queue_effort(self, start_ns: int, points: Trajectory) -> None:
         """Queue feedforward torques that start at `start_ns`."""
-        self._orders.put(lambda: self._simulation.queue_effort(
-            points.times(start_ns - self._started_ns), points.effort))
+        self._efforts.put(start_ns, points)
 
     def restart(self, simulation: Simulation | None = None) -> None:
         """Put the machine, or another one, at rest at home; return when it is done.
@@ -134,6 +129,7 @@ class PhysicsLoop:
         deadline = time.monotonic()
         while not finished():
             standing = self.paused or self._waits_for_effort()
+            self._take_in()
             self._carry_out_orders(standing)
             if standing:
                 deadline = time.monotonic()
@@ -147,19 +143,34 @@ class PhysicsLoop:
             if self._factor > 0.0:
                 deadline = self._keep_pace(deadline + self._simulation.sample_period / self._factor)
 
+    def _take_in(self) -> None:
+        """Hand what came to the simulation, what goes on in time at once."""
+        for group in self._references.take(self._started_ns):
+            if not (len(group) > 1 and self._follows([joined(group)], looked_at=False)):
+                self._follows(group)
+        for group in self._efforts.take(self._started_ns):
+            times, (effort,) = joined(group)
+            self._simulation.queue_effort(times, effort)
+
+    def _follows(self, batches: list[Batch], looked_at: bool = True) -> bool:
+        """Queue reference points and return whether none was refused; tell unless to be retried."""
+        kept = True
+        for times, motion in batches:
+            try:
+                if self.fault:
+                    raise InputError(f'not followed: {self.fault}')
+                self._simulation.queue_reference(times, *motion, looked_at)
+            except Par4Error as error:
+                kept = False
+                if looked_at:  # a group is tried again one by one
+                    self._refuse(error)
+        return kept
+
     def _carry_out_orders(self, standing: bool) -> None:
         try:
-            self._carry_out(self._orders.get(block=standing, timeout=IDLE))
-            while True:
-                self._carry_out(self._orders.get_nowait())
+            self._orders.get(block=standing, timeout=IDLE)()
         except Empty:
             return
-
-    def _carry_out(self, order: Callable[[], None]) -> None:
-        try:
-            order()
-        except Par4Error as error:
-            self._refuse(error)
 
     def _watch(self) -> None:
         """Brake and take no reference more where the machine is too far from its reference."""

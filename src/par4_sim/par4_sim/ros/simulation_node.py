@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from trajectory_msgs.msg import JointTrajectory
 
 from par4_dynamics.model import read_model
 from par4_kinematics.errors import InputError, UnreachableError
@@ -22,7 +21,7 @@ from par4_kinematics.interface import (
 from par4_kinematics.limits import check_torque
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
-from par4_kinematics.ros.convert import SECOND, read_trajectory
+from par4_kinematics.ros.convert import SECOND
 from par4_kinematics.ros.node import Par4Node, State, run
 from par4_kinematics.ros.parameters import parameter
 from par4_kinematics.workspace import home_pose
@@ -31,10 +30,13 @@ from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
+from par4_sim.ros.serialised_trajectory import read_serialised_trajectory
 from par4_sim.ros.zero_stamp import ZeroStamps
 from par4_sim.simulation import FIDELITIES, Sample, Simulation, build_simulation
 from par4_sim.window import Window
 
+SWITCH_INTERVAL = 2e-4
+"""Seconds after which the thread of the callbacks lets that of the physics go on."""
 LATE_SHARE = 0.05
 """Share of late samples that is worth a warning."""
 STRANGE_NS = 1000 * SECOND
@@ -85,6 +87,7 @@ class SimulationNode(Par4Node):
     """
 
     NAME = 'par4_simulation'
+    REST = 0.001  # a turn of the executor costs more than a message
     PARAMETERS = SimulationParameters
 
     def __init__(self) -> None:
@@ -105,8 +108,8 @@ class SimulationNode(Par4Node):
             self._pace)
         self._zero_stamps = ZeroStamps()
         self._published = 0
-        self.subscribe(REFERENCE, self._on_reference)
-        self.subscribe(FEEDFORWARD_TORQUE, self._on_effort)
+        self.subscribe(REFERENCE, self._on_reference, raw=True)
+        self.subscribe(FEEDFORWARD_TORQUE, self._on_effort, raw=True)
         for name, action in (('reset', self._reset), ('reload_model', self._reload_model),
                              ('pause', self._pause), ('resume', self._resume),
                              ('stop', self._stop)):
@@ -145,8 +148,8 @@ class SimulationNode(Par4Node):
             self._window = None
             self.get_logger().warning('the window is closed; the simulation goes on')
 
-    def _on_reference(self, message: JointTrajectory) -> None:
-        points = read_trajectory(message)
+    def _on_reference(self, message: bytes) -> None:
+        points = read_serialised_trajectory(message)
         self._limits.check(points.times(0), np.hstack((points.q, points.qd, points.qdd)))
         start_ns = self._zero_stamps.start_ns(REFERENCE, points, self._physics.now_ns)
         if start_ns - self._physics.now_ns > STRANGE_NS:
@@ -155,8 +158,8 @@ class SimulationNode(Par4Node):
                 f'set use_sim_time where it comes from')
         self._physics.queue_reference(start_ns, points)
 
-    def _on_effort(self, message: JointTrajectory) -> None:
-        points = read_trajectory(message, ('effort',))
+    def _on_effort(self, message: bytes) -> None:
+        points = read_serialised_trajectory(message, ('effort',))
         check_torque(self._robot, points.effort, self._physics.torque_limit)
         self._physics.queue_effort(
             self._zero_stamps.start_ns(FEEDFORWARD_TORQUE, points, self._physics.now_ns), points)
@@ -232,6 +235,7 @@ class SimulationNode(Par4Node):
 
     def work(self) -> None:
         """Simulate in this thread and serve callbacks in another until the node is finished."""
+        sys.setswitchinterval(SWITCH_INTERVAL)
         with ThreadPoolExecutor(1) as thread:
             callbacks = thread.submit(self._serve_callbacks)
             try:
