@@ -167,7 +167,7 @@ class RecordNode(Par4Node):
 
     def close(self) -> None:
         """Complete the bag."""
-        if self._recorder is not None:
+        if self._recorder is not None and not self._recorder.failed:
             self._stop()
 
 
