@@ -56,6 +56,7 @@ MODULES = {
     'par4_feedforward': 'par4_dynamics.ros.feedforward_node',
     'par4_simulation': 'par4_sim.ros.simulation_node',
     'par4_record': 'par4_identification.ros.record_node',
+    'par4_monitor': 'par4_identification.ros.monitor_node',
 }
 SIMULATED = {'use_sim_time': 'true'}
 MILLISECOND = 1_000_000

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,10 +21,15 @@ from node_bench import (
     Simulated,
     quintic_motion,
     reference_message,
+    torque_of,
 )
+from par4_dynamics.model import read_model
+from par4_identification.identification import identify
+from par4_identification.log import read_log
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.interface import (
     AMPLIFIER_VOLTAGE,
+    DIAGNOSTICS,
     FEEDFORWARD_TORQUE,
     JOINT_STATES,
     REFERENCE,
@@ -29,7 +37,8 @@ from par4_kinematics.interface import (
 from par4_kinematics.motion import Motion, motion_of_joints
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import forward_kinematics
-from par4_kinematics.ros.convert import SECOND, joint_values, time_ns
+from par4_kinematics.robot import JOINT_NAMES
+from par4_kinematics.ros.convert import SECOND, joint_values, time_ns, write_joint_state
 from par4_kinematics.workspace import inside
 
 OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
@@ -217,3 +226,80 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     for child in (second, recorder):
         child.send_signal(signal.SIGINT)
     assert bench.ended(recorder) == 0
+
+
+DRIVER = Path(__file__).parents[1] / 'examples' / 'driver' / 'driver.py'
+
+
+def test_a_foreign_robot_is_moved_recorded_and_identified(bench):
+    """The driver of docs/hardware.md, on the wall clock: no simulation takes part."""
+    child = subprocess.Popen([sys.executable, str(DRIVER)], env=bench.environment,
+                             cwd=bench.folder)
+    bench.children.append(child)
+    states = bench.listen(JOINT_STATES)
+    bench.start('par4_feedforward')
+    recorder = bench.start('par4_record', output='bag')
+    bench.wait(lambda: len(states) > 5, 'the robot')
+    player = bench.start('par4_motion', motion='excitation', duration=6.0)
+    assert bench.ended(player) == 0
+    recorder.send_signal(signal.SIGINT)
+    assert bench.ended(recorder) == 0
+    assert 'Traceback' not in bench.said()
+    found = identify([read_log(bench.folder / 'bag', ROBOT)], ROBOT, 'paper')
+    table = read_model('table1', ROBOT)
+    for term, value in zip(found.terms, found.estimate.values, strict=True):
+        np.testing.assert_allclose(value, table.values[term.name][0], rtol=0.03)
+    # it brakes by itself when it is told to end in mid-motion
+    bench.publisher(REFERENCE)
+    bench.start('par4_motion', motion='excitation', duration=6.0)
+    states.clear()
+    bench.wait(lambda: len(states) > 1 and np.abs(joint_values(states[-1], 'position')
+                                                  - HOME_Q).max() > 0.1, 'a motion')
+    states.clear()
+    child.send_signal(signal.SIGTERM)
+    assert bench.ended(child) == 0
+    bench.executor.spin_once(timeout_sec=0.1)
+    last = np.array([joint_values(state, 'position') for state in states])
+    assert np.abs(np.diff(last, axis=0)[-5:]).max() < 1e-3
+
+
+def test_the_monitor_tells_which_joint_drifts_and_what_it_acts_like(bench):
+    """A machine by its stamps, faster than the wall clock: healthy, then stiff in joint 2."""
+    diagnostics = bench.listen(DIAGNOSTICS)
+    bench.start('par4_monitor', model_file='table1', learning=10)
+    states = bench.publisher(JOINT_STATES)
+    motion = named_motion('excitation', ROBOT, 40.0)
+    rows = slice(1000, len(motion.t) - 1000, 8)
+    torque = torque_of('table1', motion)[rows]
+    q, qd = motion.q[rows], motion.qd[rows]
+    random = np.random.default_rng(0)
+    sent = 0
+
+    def publish(friction: float) -> None:
+        nonlocal sent
+        message = JointState(name=list(JOINT_NAMES))
+        for _ in range(250):
+            row = sent % (2 * len(q) - 2)  # there and back, without a jump of position
+            sign = 1.0 if row < len(q) else -1.0
+            row = row if row < len(q) else 2 * len(q) - 2 - row
+            # on the way back friction acts the other way round, all else as on the way there
+            dry = 2.0 * (2.43 * np.sign(qd[row]) + 2.04 * qd[row]) if sign < 0.0 else 0.0
+            stiff = friction * sign * np.sign(qd[row]) * (0.0, 0.0, 1.0, 0.0)
+            sent += 1
+            write_joint_state(message, sent * 8 * MILLISECOND, q[row], effort=(
+                torque[row] - dry + stiff + 0.05 * random.normal(size=4)))
+            states.publish(message)
+        bench.executor.spin_once(timeout_sec=0.02)
+
+    def told(text: str, friction: float) -> bool:
+        publish(friction)
+        newest = bench.statuses(diagnostics, 'par4_monitor')[-1:]
+        return bool(newest) and text in newest[0].message
+
+    bench.wait(lambda: told('follows its model', 0.0), 'the monitor to have learnt')
+    bench.wait(lambda: told('drifts from its model: arm_joint_2 (Coulomb friction)', 0.5),
+               'the drift')
+    status = bench.statuses(diagnostics, 'par4_monitor')[-1]
+    assert status.level == WARN
+    assert 'joint 2 has +0.' in status.message
+    assert 'beside its model since' in status.message

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -489,7 +490,7 @@ def test_a_motion_that_begins_elsewhere_is_approached_from_where_the_robot_stand
     sent = bench.listen(REFERENCE)
     bench.start('par4_motion', motion='circle')
     motion = named_motion('circle', ROBOT)
-    bench.until_answered(lambda: states.publish(joint_state(HOME_Q)), sent)
+    bench.until_answered(lambda: states.publish(joint_state(HOME_Q, time.time_ns())), sent)
     np.testing.assert_allclose(read_trajectory(sent[0]).q[0], HOME_Q, atol=1e-9)
     assert np.abs(motion.q[0] - HOME_Q).max() > 0.01
 

@@ -37,7 +37,8 @@ from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.parameters import declare, usage
 from par4_kinematics.ros.qos import message_type, qos_of
 
-NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_messages')
+NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_messages',
+              'skipped_windows')
 """Faults that are logged when they happen, or that a busy machine has all the time."""
 PATIENCE = 3.0
 """Seconds that a node has to end in before another signal interrupts it."""
