@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from sensor_msgs.msg import JointState
 
 from node_bench import (
     AWAY_Q,
+    DEADLINE,
     HOME_Q,
     MILLISECOND,
     ROBOT,
@@ -303,3 +307,27 @@ def test_the_monitor_tells_which_joint_drifts_and_what_it_acts_like(bench):
     assert status.level == WARN
     assert 'joint 2 has +0.' in status.message
     assert 'beside its model since' in status.message
+
+
+@pytest.mark.parametrize(('package', 'node'), [
+    ('par4_sim', 'simulation'), ('par4_identification', 'record'), ('par4_kinematics', 'motion')])
+def test_ctrl_c_while_a_node_starts_shows_no_traceback(bench, package, node):
+    code = f"""
+import sys
+import par4_kinematics.ros.start as start
+load = start.import_module
+start.import_module = lambda name: (print('loading', flush=True), load(name))[1]
+from {package}.ros import {node}
+sys.exit({node}())
+"""
+    for seconds in (0.0, 0.2, 0.6, 1.2, 2.0):  # whatever it is doing then
+        child = subprocess.Popen([sys.executable, '-c', code], env=bench.environment,
+                                 cwd=bench.folder, stdout=subprocess.PIPE,
+                                 stderr=subprocess.STDOUT, text=True)
+        bench.children.append(child)
+        assert child.stdout.readline() == 'loading\n'
+        time.sleep(seconds)
+        child.send_signal(signal.SIGINT)
+        said, _ = child.communicate(timeout=DEADLINE)
+        assert (child.returncode, 'Traceback' in said) == (0, False), said
+        shutil.rmtree(bench.folder / 'recording', ignore_errors=True)

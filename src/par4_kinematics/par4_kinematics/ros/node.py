@@ -327,7 +327,7 @@ def _initialise(arguments: list[str]) -> None:
 
 @contextmanager
 def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
-    """Yield a node that SIGINT and SIGTERM finish; while it starts they interrupt.
+    """Yield a node that SIGINT and SIGTERM finish, as soon as it has started.
 
     A terminal and `ros2 launch` both send SIGINT on one Ctrl-C: the second one means nothing more.
     """
@@ -336,17 +336,20 @@ def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
 
     def end(_signal: int, _frame: Any) -> None:
         nonlocal asked_at
-        if node is None or time.monotonic() - asked_at > PATIENCE:
+        if time.monotonic() - asked_at > PATIENCE:
             raise KeyboardInterrupt
         if asked_at == math.inf:
             asked_at = time.monotonic()
-            node.end()
+            if node is not None:
+                node.end()
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, end)
     try:
         _initialise(sys.argv)
         node = node_class()
+        if asked_at < math.inf:
+            node.end()
         yield node
     finally:
         if node is not None:
