@@ -196,8 +196,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
     loose = _rattle(search, model)
-    if loose is not None:  # what its bounces look like is no cause of its own
-        model = tuple(named_of(model))
+    if loose is not None:
+        model = _beside_bounces(search, model)
     named = tuple(sorted(named_of(model), key=lambda item: -search.gains(
         item, others_of(model, item))[0]))
     whole, names_only, base_only = (solve(evidence, part) for part in (model, named, ()))
@@ -280,6 +280,24 @@ def _rattle(search: Search, model: Model) -> Rattle | None:
     found = rattle([(part.observations, residuals(part.observations, named, fit))
                     for part in (pool.evidence, pool.heldout)])
     return found if found is not None and found.p_value < 1e-3 else None
+
+
+def _beside_bounces(search: Search, model: Model) -> Model:
+    """Return the names of a model that explain more than bounces of a load may look like.
+
+    What the names leave is then the torque of the bounces. They are no function of the motion, and
+    as little known as an unnamed cause.
+    """
+    named = tuple(named_of(model))
+    left, share = search.pool.fit(named), 0.5 * search.rules.unnamed_error ** 2
+    kept = []
+    for item in named:
+        needed = search.requirement(named, item)
+        fit_gain, gain = search.gains(item, others_of(named, item))
+        if (fit_gain > needed.fit + share * left.fit_squares
+                and gain > needed.heldout + share * left.heldout_squares):
+            kept.append(item)
+    return tuple(kept)
 
 
 def _rings(search: Search, model: Model) -> bool:
