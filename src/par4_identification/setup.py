@@ -13,6 +13,8 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
+        ('share/' + package_name + '/config', [
+            'config/par4_record.yaml', 'config/par4_monitor.yaml']),
     ],
     install_requires=[
         'click', 'daqp', 'matplotlib', 'numba', 'numpy', 'rich', 'scipy'],

@@ -56,7 +56,8 @@ CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', 'simulation (`publish_clock`)
               'simulated time; QoS as ROS defines; one simulation a domain, or remap it')
 DIAGNOSTICS = Topic(
     '/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'every node', 'users',
-    'late steps, rejected messages, unreachable poses, dropped samples')
+    'what the node does now (ERROR: it does not move by its own fault), late steps, rejected and '
+    'missed messages, unreachable poses, ages of the inputs; the pace of the simulation')
 TRUE_TORQUE = Topic('~/true_torque', 'sensor_msgs/msg/JointState', 'simulation', 'tests only',
                     'what a real robot would not tell; never read by identification')
 TRUE_POSE = Topic('~/true_pose', 'geometry_msgs/msg/PoseStamped', 'simulation', 'tests only',
