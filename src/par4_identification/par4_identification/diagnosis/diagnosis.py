@@ -52,7 +52,7 @@ from par4_identification.diagnosis.pool import Pool
 from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.retimed import beside_retimed
 from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.search import Model, Search, named_of, others_of
+from par4_identification.diagnosis.search import Model, Search, named_of, names_of, others_of
 from par4_identification.diagnosis.unnamed import Kind, Kinds
 from par4_identification.diagnosis.unrelated import Left, unrelated
 from par4_identification.diagnosis.whitening import quieter, whitener_of
@@ -161,24 +161,23 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     search = _search(observations, heldout, whitener, applicable, rules,
                      moved.with_nominal(base_model), kinds)
     model = search.run()
+    known: frozenset[str] = frozenset()  # names whose torque the nominal one has
     for _ in range(PASSES):
         named, found = named_of(model), search.pool.solution(model)
         quiet = quieter(whitener, observations, model, found, kinds)
         same = all(new is old for new, old in zip(quiet.noise, whitener.noise))
-        if not named and same:
+        if same and names_of(named) == known:
             break
-        # effects that scale with the torque were searched with that of a model without causes
+        # effects that scale with the torque were searched with that of other causes
         progress('searching again beside the causes found')
         better = build_model(machine, extended_model(
             baseline, rigid_body, search.pool.evidence, named,
             search.pool.solution((*named, *unnamed_of(model)))))
         observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
-        whitener = quiet
+        whitener, known = quiet, names_of(named)
         search = _search(observations, heldout, whitener, applicable, rules,
                          moved.with_nominal(better), kinds, search.pool.evidence if same else None)
         model = search.run(tuple(named))
-        if same:
-            break
     return _answer(search, model, machine, baseline, rigid_body, tuple(fit_runs), progress)
 
 
