@@ -119,6 +119,10 @@ class Effect(ABC):
         """Return shapes around `shape`, `step` being 1 for the spacing of `shapes`."""
         return (shape,)
 
+    def parts(self, shape: Shape) -> tuple[Shape, ...]:
+        """Return the shapes whose columns, side by side, are those of `shape`."""
+        return (shape,)
+
     @abstractmethod
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         """Return the torque per unit coefficient, (n, J, K), N m."""

@@ -11,8 +11,14 @@ import numpy as np
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_identification.diagnosis.evidence import Evidence, Hypothesis, Projection
+from par4_identification.diagnosis.orders import best_orders
 from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.shapes import best_shape, self_consistent, shapes_of
+from par4_identification.diagnosis.shapes import (
+    best_shape,
+    order_name,
+    self_consistent,
+    shapes_of,
+)
 from par4_identification.diagnosis.swing import GRID, compliances
 
 
@@ -72,7 +78,10 @@ class Candidates:
         if not shapes:
             return None
 
-        shape, best = best_shape(effect, shapes, partial(projection.gains, effect))
+        if order_name(effect) is not None:
+            shape, best = best_orders(effect, shapes, projection, self._rules)
+        else:
+            shape, best = best_shape(effect, shapes, partial(projection.gains, effect))
         if effect.expanded:
             shape = self_consistent(projection, effect, shape)
             best = projection.gain(effect, shape)

@@ -36,7 +36,6 @@ from par4_identification.diagnosis.evidence import (
 )
 from par4_identification.diagnosis.extended import base_parameters, baseline_with, extended_model
 from par4_identification.diagnosis.floor import noise_floor
-from par4_identification.diagnosis.gate import unusable
 from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
 from par4_identification.diagnosis.judgement import (
     Judgement,
@@ -51,14 +50,13 @@ from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.retimed import beside_retimed
 from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.search import Model, Search, named_of, others_of
+from par4_identification.diagnosis.start import INERTIA, alike, start_of
 from par4_identification.diagnosis.unnamed import Kind, Kinds
 from par4_identification.diagnosis.unrelated import Left, unrelated
 from par4_identification.diagnosis.whitening import whitener_of
-from par4_identification.identification import identify_runs
 from par4_identification.log import Log
 from par4_identification.progress import Progress, silent
 from par4_identification.rows import Conditioning, Run, runs_of_log
-from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
 CONDITIONING = Conditioning(low_speed=0.02)
@@ -129,11 +127,12 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     observations = observe(fit_runs, machine, rigid_body, known)
     heldout = observe(holdout_runs, machine, rigid_body, known)
     progress('fitting the base model')
-    try:
-        identification = identify_runs(fit_runs, observations.target, observations.base, rigid_body)
-    except InputError as error:
-        return Unusable((str(error),), tuple(fit_runs))
-    reasons = unusable(observations, identification)
+    start = start_of(observations, rigid_body, rules)
+    observations, identification, reasons = (start.observations, start.identification,
+                                             list(start.reasons))
+    if start.left_out:
+        heldout = alike(heldout.without(INERTIA), observations)
+        holdout_runs = list(heldout.runs)
     if not any(run.valid.any() for run in holdout_runs):
         reasons.append('no joint moves in the held-out data; give a bag of another motion')
     if reasons:
@@ -141,9 +140,10 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
 
     searched = LIBRARY if library is None else library
     applicable = {name: effect for name, effect in searched.items()
-                  if isinstance(machine, Robot) or not effect.needs_platform}
+                  if isinstance(machine, Robot) or not (effect.needs_platform
+                                                        or effect.against_the_others)}
     base_model = build_model(machine, baseline_with(
-        baseline, rigid_body, identification.parameters, identification.terms, ()))
+        baseline, rigid_body, identification.parameters, observations.terms, ()))
     sigma = identification.estimate.rms
     base_model = beside_retimed(base_model, observations, machine, baseline, rigid_body,
                                  sigma, searched)
@@ -258,6 +258,8 @@ def _rattle(search: Search, model: Model) -> Rattle | None:
     names = {item.effect.name for item in named}
     if Backlash.name not in library or names & {Backlash.name, ElasticTransmission.name}:
         return None
+    if INERTIA not in {term.name for term in pool.evidence.observations.terms}:
+        return None  # nothing is known to rattle
     left, rest = pool.fit(named).heldout_squares, pool.fit(model).heldout_squares
     if rest < (1.0 - SMOOTH) * left or _rings(search, named):
         return None
