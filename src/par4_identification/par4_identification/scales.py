@@ -62,7 +62,8 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
     cutoff, low_speed = usual.torque_cutoff_hz, usual.low_speed
     if isinstance(machine, Axis):
         cutoff = max(min(cutoff, OF_RATE * rate), min(OF_RATE * rate, max(map(_reach, logs))))
-        low_speed = max(max(_low_speed(log, cutoff) for log in logs), 1e-9)
+        slowest, resolved = zip(*(_low_speeds(log, cutoff) for log in logs))
+        low_speed = max(min(slowest), *resolved, 1e-9)
     if chosen.cutoff_hz is not None:
         cutoff = chosen.cutoff_hz
         if not 0.0 < cutoff < 0.2 * rate:
@@ -107,10 +108,10 @@ def _spectrum(log: Log) -> tuple[np.ndarray, np.ndarray]:
     return np.fft.rfftfreq(length, log.period), total
 
 
-def _low_speed(log: Log, cutoff: float) -> float:
-    """Return the speed below which the direction is not known.
+def _low_speeds(log: Log, cutoff: float) -> tuple[float, float]:
+    """Return two speeds below which the direction is not known.
 
-    It is a small part of the speeds of the motion, and no less than one step of the position in
+    The first is a small part of the speeds of the motion, the second one step of the position in
     the time that the filter of the torque remembers.
     """
     speeds, steps = [], []
@@ -122,11 +123,11 @@ def _low_speed(log: Log, cutoff: float) -> float:
         smooth = low_pass(q, min(4.0 * cutoff, 0.4 / log.period), log.period)
         speeds.append(np.abs(central_difference(smooth, log.period)).ravel())
     if not speeds:
-        return 0.0
+        return np.inf, 0.0
     step, speed = np.concatenate(steps), np.concatenate(speeds)
     moved = step[step > 1e-12]
-    return max(SLOWEST * float(np.quantile(speed, 0.95)),
-               cutoff * _count(moved) if len(moved) else 0.0)
+    return (SLOWEST * float(np.quantile(speed, 0.95)),
+            cutoff * _count(moved) if len(moved) else 0.0)
 
 
 def _count(steps: np.ndarray) -> float:

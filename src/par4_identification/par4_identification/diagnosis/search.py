@@ -314,12 +314,16 @@ class Search:
         values = effect.values(coefficients, hypothesis.shape)
         std = {name: np.broadcast_to(parameter.std, values[name].shape)
                for name, parameter in parameters.items()}
-        return effect.implausible(values, std, level) or self._driven_beside(others, fit, inflation)
+        reason = effect.implausible(values, std, level)
+        if reason is None and order_name(effect) is None:
+            reason = self._driven_beside(others, fit, inflation)
+        return reason
 
     def _driven_beside(self, others: Model, fit: Fit, inflation: float) -> str | None:
         """Return why the friction of an axis beside a cause, the last of a fit, is none, or None.
 
-        At a speed that hardly changes, a constant torque and friction stand for each other.
+        At a speed that hardly changes, a constant torque and friction stand for each other. A
+        torque that comes and goes along a turn cannot stand for friction and is not asked.
         """
         observations = self.pool.evidence.observations
         if observations.runs[0].state.geometry is not None:
