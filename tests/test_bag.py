@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 from binascii import crc32
@@ -644,8 +645,20 @@ def test_full_disk_is_said_in_one_line(tmp_path, storage):
                            str(Path(__file__).parent)], capture_output=True, text=True, check=True)
     assert 'cannot be written' in done.stdout
     assert done.stdout.count('\n') == 1
+    assert not (tmp_path / 'bag' / 'metadata.yaml').exists()  # it would tell of more than there is
+    with pytest.raises(InputError, match='--repair'):
+        read_bag(tmp_path / 'bag')
     repair_bag(tmp_path / 'bag', tmp_path / 'mended')
     assert assert_prefix(tmp_path / 'mended', 10, 490)
+
+
+def test_metadata_that_tell_of_more_than_there_is_are_noticed(tmp_path):
+    with BagWriter(tmp_path / 'bag', 'sqlite3') as writer:
+        fill(writer, 0, 20)
+    with sqlite3.connect(next((tmp_path / 'bag').glob('*.db3'))) as database:
+        database.execute('DELETE FROM messages WHERE id > 12')
+    with pytest.raises(InputError, match='metadata.yaml tells of 20 messages on .* found are 12'):
+        read_bag(tmp_path / 'bag')
 
 
 @pytest.mark.parametrize('storage', STORAGES)

@@ -12,6 +12,7 @@ import sys
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from html.parser import HTMLParser
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 from xml.etree import ElementTree
@@ -76,6 +77,15 @@ def run(module, *arguments) -> SimpleNamespace:
         with pytest.raises(SystemExit) as stop:
             module.main()
     return SimpleNamespace(code=stop.value.code, out=out.getvalue(), err=err.getvalue())
+
+
+@pytest.mark.parametrize('module', [identify, validate, diagnose])
+def test_every_command_tells_its_version(module):
+    for _ in range(2):
+        told = run(module, '--version')
+        assert told.code == 0
+        assert told.out.split() == [f'par4_{module.__name__.split(".")[-1]},', 'version',
+                                    version('par4_identification')]
 
 
 def simulated(folder: Path, name: str, model, seed: int, duration: float = 10.0) -> Path:

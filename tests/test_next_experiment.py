@@ -17,8 +17,8 @@ from par4_identification.diagnosis.next_experiment import (
     difference,
     moments,
     next_experiment,
-    rivals,
     squared_rest,
+    twins_of,
 )
 from par4_identification.log import Log
 from par4_identification.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
@@ -165,8 +165,28 @@ def test_the_proposed_motion_separates_twins(truth, twin, motions, machine):
     assert decided.effect.name == truth
     assert decided.twins == ()
     realised = difference(second.evidence,
-                          rivals(second.evidence, second.hypotheses, 0, LIBRARY[twin]))
+                          twins_of(second.evidence, second.hypotheses, 0, LIBRARY[twin]))
     assert 1.0 / 3.0 < realised / experiment.expected_separation < 3.0
+
+
+@pytest.mark.parametrize(('machine', 'library', 'nearest'), [
+    (with_friction(stribeck_torque=0.4, stribeck_velocity=0.2), ('platform_drag',),
+     'platform_drag'),
+    (with_weights(0.06), ('theta_friction', 'cable_spring'), 'theta_friction')])
+def test_the_proposed_motion_tells_what_has_no_name_from_the_nearest_name(
+        machine, library, nearest):
+    old, heldout = (log_of_motion(machine, motion, seed) for seed, motion in enumerate(GENTLE))
+    first = diagnosis_of([old], heldout, library)
+    experiment = next_experiment(first, REFERENCE)
+    (pair,), (item,) = first.doubts, experiment.separations
+    assert pair.names == item.names == (first.unnamed[0].phrase, nearest)
+    assert item.expected > 2.0 * item.present
+    assert f'Play motion.yaml ({experiment.motion.name}' in ' '.join(
+        remark.advice for remark in outcome_of_diagnosis(first, REFERENCE, experiment).remarks)
+
+    new = log_of_motion(machine, experiment.motion, 7)
+    second = diagnosis_of([old, new], heldout, library)
+    assert 1.0 / 3.0 < difference(second.evidence, pair) / item.expected < 3.0
 
 
 def test_an_exact_twin_gets_words_and_others_a_motion():

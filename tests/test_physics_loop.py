@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from par4_dynamics.model import read_model
-from par4_kinematics.errors import InputError
+from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.ros.convert import SECOND, Trajectory
 from par4_kinematics.workspace import home_pose
+from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.simulation import Sample, Simulation, build_simulation
 from robots import REFERENCE
@@ -22,16 +24,20 @@ HOME_Q = inverse_kinematics(REFERENCE.geometry, home_pose(REFERENCE))
 
 def simulation() -> Simulation:
     return build_simulation(REFERENCE, read_model('table1', REFERENCE), 'exact',
-                            PERIOD_NS / SECOND)
+                            PERIOD_NS / SECOND, limits=ReferenceLimits(REFERENCE))
 
 
 class Run:
     """A loop that runs as fast as it can, and what it published."""
 
-    def __init__(self, feedforward_timeout: float = 0.0) -> None:
+    def __init__(self, feedforward_timeout: float = 0.0, following_error_limit: float = 0.0
+                 ) -> None:
         self.times: list[int] = []
         self.samples: list[Sample] = []
-        self.loop = PhysicsLoop(simulation(), self.publish, 0.0, feedforward_timeout)
+        self.refused: list[Par4Error] = []
+        self.loop = PhysicsLoop(simulation(), self.publish, self.refused.append, 0.0,
+                                feedforward_timeout, following_error_limit,
+                                Pace(0.0, 'exact', 0.25e-3))
 
     def publish(self, time_ns: int, sample: Sample) -> None:
         self.times.append(time_ns)
@@ -120,3 +126,79 @@ def test_a_loop_that_has_ended_takes_no_orders(monkeypatch):
     monkeypatch.setattr('par4_sim.ros.physics_loop.PATIENCE', 0.01)
     with pytest.raises(InputError, match='the simulation has ended'):
         Run().loop.restart()
+
+
+def test_too_far_from_its_reference_the_machine_brakes_and_takes_no_more_until_a_restart():
+    run = Run(following_error_limit=0.005)
+    still = np.zeros((2, 4))
+    reference = Trajectory(0, np.array((0, SECOND // 10)), np.stack((HOME_Q, HOME_Q + 0.3)), still,
+                           still)
+    run.loop.queue_reference(SECOND // 5, reference)
+    run.go_on(300)
+    assert 'rad from its reference, beyond 0.005 rad' in run.loop.fault
+    stopped = run.samples[-1].q
+    assert np.abs(run.samples[-1].qd).max() < 0.01
+    assert np.abs(stopped - HOME_Q - 0.3).max() > 0.02
+    run.loop.queue_reference(run.loop.now_ns, reference)
+    run.go_on(50)
+    assert 'call ~/reset' in str(run.refused[0])
+    np.testing.assert_allclose(run.samples[-1].q, stopped, atol=1e-3)
+    restart = Thread(target=run.loop.restart)
+    restart.start()
+    while restart.is_alive():
+        run.go_on(1)
+    assert run.loop.fault == ''
+    run.loop.queue_reference(run.loop.now_ns, rest_at_home(0.0))
+    run.go_on(10)
+    assert len(run.refused) == 1
+
+
+def test_a_stream_of_single_points_is_what_they_are_at_once():
+    """Many messages between two samples: the same motion as in one, however they are grouped."""
+    t = np.arange(0, 400) * PERIOD_NS
+    wave = 0.1 * (1.0 - np.cos(2.0 * np.pi * t / t[-1]))[:, None]
+    slope = 0.2 * np.pi / (t[-1] / SECOND) * np.sin(2.0 * np.pi * t / t[-1])[:, None]
+    still = np.zeros((len(t), 4))
+    whole = Trajectory(0, t, HOME_Q + wave, slope + still, still)
+    told = []
+    for pieces in (1, 400, 7):
+        run = Run()
+        for part in np.array_split(np.arange(len(t)), pieces):
+            run.loop.queue_reference(int(t[part[0]]) + 40 * PERIOD_NS, Trajectory(
+                0, t[part] - t[part[0]], whole.q[part], whole.qd[part], whole.qdd[part]))
+        run.go_on(440)
+        assert not run.refused
+        told.append(np.array([sample.q for sample in run.samples]))
+    np.testing.assert_allclose(told[1], told[0], atol=1e-12)
+    np.testing.assert_allclose(told[2], told[0], atol=1e-12)
+    assert np.ptp(told[0], axis=0).min() > 0.15
+
+
+def test_one_message_of_a_burst_that_tears_is_refused_alone():
+    run = Run()
+    for index in range(100):
+        q = HOME_Q + (0.5 if index == 50 else 0.0)
+        run.loop.queue_reference((40 + index) * PERIOD_NS, Trajectory(
+            0, np.zeros(1, dtype=np.int64), q[None], np.zeros((1, 4)), np.zeros((1, 4))))
+    run.go_on(150)
+    assert len(run.refused) == 1
+    assert 'joint speed' in str(run.refused[0])
+    np.testing.assert_allclose(run.samples[-1].q, HOME_Q, atol=1e-3)
+
+
+def test_a_flood_does_not_stop_the_clock():
+    run = Run()
+    still = rest_at_home(1.0, count=1)
+
+    class Flood:
+        """Points without end: each that is taken brings the next."""
+
+        q, qd, qdd = still.q, still.qd, still.qdd
+
+        def times(self, start_ns: int) -> np.ndarray:
+            run.loop.queue_reference(0, self)
+            return still.times(start_ns)
+
+    run.loop.queue_reference(0, Flood())
+    run.go_on(5)
+    assert len(run.times) == 5

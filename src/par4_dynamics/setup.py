@@ -18,7 +18,7 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'par4_feedforward = par4_dynamics.ros.feedforward_node:main',
+            'par4_feedforward = par4_dynamics.ros:feedforward',
         ],
     },
 )

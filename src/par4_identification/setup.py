@@ -19,7 +19,8 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'par4_record = par4_identification.ros.record_node:main',
+            'par4_record = par4_identification.ros:record',
+            'par4_monitor = par4_identification.ros:monitor',
             'par4_excite = par4_identification.commands.excite:main',
             'par4_bag = par4_identification.commands.bag:main',
             'par4_identify = par4_identification.commands.identify:main',

@@ -18,8 +18,8 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'par4_kinematics = par4_kinematics.ros.kinematics_node:main',
-            'par4_motion = par4_kinematics.ros.motion_node:main',
+            'par4_kinematics = par4_kinematics.ros:kinematics',
+            'par4_motion = par4_kinematics.ros:motion',
         ],
     },
 )

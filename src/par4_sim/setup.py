@@ -22,7 +22,7 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'par4_simulation = par4_sim.ros.simulation_node:main',
+            'par4_simulation = par4_sim.ros:simulation',
             'par4_simulate = par4_sim.commands.simulate:main',
             'par4_fastest = par4_sim.commands.fastest:main',
             'par4_track = par4_sim.commands.track:main',

@@ -73,6 +73,11 @@ class Recorder:
         self._bag.flush()
 
     @property
+    def failed(self) -> bool:
+        """Whether the disk refused something: the bag is to be repaired, `close` does nothing."""
+        return self._bag.failed
+
+    @property
     def recording(self) -> Recording:
         """What was written so far."""
         return Recording(self._bag.path, dict(self._messages), {

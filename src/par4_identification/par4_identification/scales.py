@@ -21,6 +21,8 @@ OF_RATE = 0.1
 """Highest cut-off of the torque over the sample rate: its noise is measured above four times it."""
 ROWS = 2.5
 """Rate of the rows over the cut-off."""
+TREMBLE = 3.0
+"""Low speed over the median size of what the speed has above the band of the torque."""
 SLOWEST = 0.004
 """Low speed over the speed that a twentieth of the motion exceeds."""
 
@@ -111,23 +113,27 @@ def _spectrum(log: Log) -> tuple[np.ndarray, np.ndarray]:
 def _low_speeds(log: Log, cutoff: float) -> tuple[float, float]:
     """Return two speeds below which the direction is not known.
 
-    The first is a small part of the speeds of the motion, the second one step of the position in
-    the time that the filter of the torque remembers.
+    The first is a small part of the speeds of the motion. The second is one step of the position
+    in the time that the filter of the torque remembers, or what the speed trembles above the
+    band of the torque, whichever is more.
     """
-    speeds, steps = [], []
+    speeds, steps, tremble = [], [], []
     for segment in log.segments:
         q = log.q[segment]
         if len(q) < 12:
             continue
         steps.append(np.abs(np.diff(q, axis=0)).ravel())
         smooth = low_pass(q, min(4.0 * cutoff, 0.4 / log.period), log.period)
-        speeds.append(np.abs(central_difference(smooth, log.period)).ravel())
+        speed = central_difference(smooth, log.period)
+        speeds.append(np.abs(speed).ravel())
+        tremble.append(np.abs(speed - low_pass(speed, cutoff, log.period)).ravel())
     if not speeds:
         return np.inf, 0.0
     step, speed = np.concatenate(steps), np.concatenate(speeds)
     moved = step[step > 1e-12]
     return (SLOWEST * float(np.quantile(speed, 0.95)),
-            cutoff * _count(moved) if len(moved) else 0.0)
+            max(cutoff * _count(moved) if len(moved) else 0.0,
+                TREMBLE * float(np.median(np.concatenate(tremble)))))
 
 
 def _count(steps: np.ndarray) -> float:

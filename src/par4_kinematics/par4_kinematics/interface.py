@@ -69,6 +69,7 @@ RECORDED_TOPICS = (JOINT_STATES, AMPLIFIER_VOLTAGE, REFERENCE, FEEDFORWARD_TORQU
 
 SERVICES = (
     ('par4_simulation', ('~/reset', '~/stop', '~/pause', '~/resume')),
+    ('par4_motion', ('~/stop',)),
     ('par4_record', ('~/start', '~/stop')),
     ('nodes with a model', ('~/reload_model',)),
 )
@@ -89,6 +90,8 @@ EXECUTABLES = (
     ('par4_sim', 'par4_fastest',
      'offline: the shortest cycle of a path within torque and a peak error, and its bound'),
     ('par4_identification', 'par4_record', 'node: records a bag; `--repair BAG` mends one cut off'),
+    ('par4_identification', 'par4_monitor',
+     'node: measured against model torque, live; what drifts, how and since when'),
     ('par4_identification', 'par4_excite',
      'offline: designs an excitation motion file and says what to expect of it'),
     ('par4_identification', 'par4_bag',

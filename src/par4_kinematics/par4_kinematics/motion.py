@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from par4_kinematics.acceleration import joint_motion, platform_motion
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import POSE_NAMES, Geometry
+from par4_kinematics.limits import first_of, joint_breach, platform_breach
 from par4_kinematics.robot import Robot
 from par4_kinematics.time_laws import SCurve, require_positive
 
@@ -157,33 +158,13 @@ def check_limits(motion: Motion, robot: Robot) -> None:
     Raises:
         InputError: names the limit that is broken first, when, where, and how far in the end.
     """
-    limits = robot.limits
-    space = limits.workspace
-    low, high = limits.joint_position
-    radius = np.hypot(motion.x[:, 0], motion.x[:, 1])
-    checks = (
-        ('joint position', motion.q, low, high, 'rad'),
-        ('joint speed', motion.qd, -limits.joint_speed, limits.joint_speed, 'rad/s'),
-        ('radius of D', radius, 0.0, space.radius, 'm'),
-        ('z of D', motion.x[:, 2], space.z[0], space.z[1], 'm'),
-        ('theta', motion.x[:, 3], -space.theta, space.theta, 'rad'),
-    )
-    broken = []
-    for name, values, lowest, highest, unit in checks:
-        outside = np.maximum(values - highest, lowest - values).reshape(len(motion.t), -1)
-        first = np.flatnonzero((outside > 1e-6).any(axis=1))
-        if len(first):
-            worst = values.reshape(outside.shape)[np.unravel_index(np.argmax(outside),
-                                                                   outside.shape)]
-            broken.append((first[0], f'{name} {worst:.4g} {unit}',
-                           f'{lowest:g} to {highest:g} {unit}'))
-    if broken:
-        row, found, allowed = min(broken, key=lambda item: item[0])
-        place = ', '.join(f'{value:.3f}' for value in motion.x[row])
+    breach = first_of(joint_breach(robot, motion.q, motion.qd), platform_breach(robot, motion.x))
+    if breach:
+        place = ', '.join(f'{value:.3f}' for value in motion.x[breach.row])
         raise InputError(
-            f'motion {motion.name}: {found} is outside {allowed} of robot {robot.name}, from '
-            f'{motion.t[row]:.3f} s on, at the pose ({place}); make the motion smaller or slower, '
-            f'or widen the limits')
+            f'motion {motion.name}: {breach.found} is outside {breach.allowed} of robot '
+            f'{robot.name}, from {motion.t[breach.row]:.3f} s on, at the pose ({place}); '
+            f'make the motion smaller or slower, or widen the limits')
 
 
 PLATFORM_COLUMNS = tuple(f'{name}{suffix}' for suffix in ('', 'd', 'dd') for name in POSE_NAMES)

@@ -82,6 +82,11 @@ class BagWriter:
     raises: what was measured is kept. Killed, it keeps everything up to the last `flush`, and
     `repair_bag` recovers that. Writing flushes once a second; whoever may stop writing for longer
     calls `flush` itself. sqlite3 demands that one thread opens, writes and closes.
+
+    Attributes:
+        path: of the bag.
+        failed: whether the disk refused something: the bag is then left as after a kill, without
+            a metadata.yaml that would tell of more than it holds.
     """
 
     def __init__(self, path: str | Path, storage: str = 'mcap') -> None:
@@ -91,6 +96,7 @@ class BagWriter:
             InputError: the path exists or cannot be created, or the storage is unknown.
         """
         self.path = Path(path)
+        self.failed = False
         if storage not in STORAGES:
             raise InputError(f'storage {storage!r}: unknown; give one of {", ".join(STORAGES)}')
         self._typestore = get_typestore(Stores.ROS2_JAZZY)
@@ -222,7 +228,9 @@ class BagWriter:
         self._flushed = time.monotonic()
 
     def close(self) -> None:
-        """Complete the bag with its index and metadata.yaml; a second call does nothing.
+        """Complete the bag with its index and metadata.yaml.
+
+        A second call does nothing, nor does one after the disk refused.
 
         Raises:
             InputError: the disk refuses.
@@ -232,11 +240,12 @@ class BagWriter:
         try:
             self._writer.close()
         except (OSError, sqlite3.Error) as error:
-            with suppress(OSError, sqlite3.Error):
-                self._writer.abort()
             raise self._refused(error) from error
 
     def _refused(self, error: Exception) -> InputError:
+        self.failed = True
+        with suppress(OSError, sqlite3.Error):
+            self._writer.abort()
         return InputError(f'{self.path}: cannot be written ({error}); free space and run '
                           f'par4_record --repair {self.path}')
 
@@ -374,6 +383,11 @@ def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:
         raise
     except Exception as error:
         raise _cut_off(path, ' '.join(str(error).split()) or type(error).__name__) from error
+    for topic in chosen.values():
+        told = sum(connection.msgcount for connection in topics[topic])
+        if len(received[topic]) < told:
+            raise _cut_off(path, f'metadata.yaml tells of {told} messages on {topic}, found are '
+                                 f'{len(received[topic])}')
 
     joints, trajectories, unreadable = {}, {}, {}
     for name, topic in chosen.items():

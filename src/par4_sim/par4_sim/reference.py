@@ -8,16 +8,13 @@ import numba
 import numpy as np
 
 from par4_kinematics.geometry import LEGS
+from par4_sim.reference_curve import COLUMNS, NO_TORQUE, ReferenceLimits, between
 
 MATCH = 1e-4
 """Effort belongs to the reference point within this time, s."""
-COLUMNS = 16
-"""q, qd, qdd, feedforward torque of four joints; the torque is NaN until it arrives."""
 TARGET = 20
 """What a drive follows at one time: q_ref, qd_ref, feedforward torque and qdd_ref of four joints at
 that time, and the feedforward torque at the time at which the command acts."""
-NO_TORQUE = math.inf
-"""In place of the torque of a point for which none will come."""
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -53,20 +50,10 @@ def interpolate(times, points, t, lead, target):
     before = after - 1
     span = times[after] - times[before]
     u = (t - times[before]) / span
-    for joint in range(4):
-        p0, p1 = points[before, joint], points[after, joint]
-        v0, v1 = points[before, 4 + joint] * span, points[after, 4 + joint] * span
-        a0, a1 = points[before, 8 + joint] * span ** 2, points[after, 8 + joint] * span ** 2
-        # p(u) = p0 + v0 u + a0 u^2/2 + u^3 (c3 + c4 u + c5 u^2)
-        gap = p1 - p0 - v0 - 0.5 * a0
-        slope = v1 - v0 - a0
-        bend = a1 - a0
-        c3 = 10.0 * gap - 4.0 * slope + 0.5 * bend
-        c4 = -15.0 * gap + 7.0 * slope - bend
-        c5 = 6.0 * gap - 3.0 * slope + 0.5 * bend
-        target[joint] = p0 + u * (v0 + u * (0.5 * a0 + u * (c3 + u * (c4 + u * c5))))
-        target[4 + joint] = (v0 + u * (a0 + u * (3.0 * c3 + u * (4.0 * c4 + u * 5.0 * c5)))) / span
-        target[12 + joint] = (a0 + u * (6.0 * c3 + u * (12.0 * c4 + u * 20.0 * c5))) / span ** 2
+    state = np.empty(12)
+    between(points[before], points[after], span, u, state)
+    target[:8] = state[:8]
+    target[12:16] = state[8:12]
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -113,55 +100,112 @@ def _standing(q: np.ndarray) -> np.ndarray:
 class ReferenceQueue:
     """Reference points by time, joined with feedforward torques that come on their own.
 
+    With limits, a reference whose last point moves ends in a ramp to rest (`foresee`), which the
+    next points replace; without, the drive holds the last point at once.
+
     Attributes:
         late_points: points dropped because their time had passed.
         missing_effort: points used without a feedforward torque.
+        interrupted: how many times a moving reference was not gone on with and the ramp began.
+        starved: whether the ramp of an interrupted reference is being followed, or was the last.
     """
 
-    def __init__(self, q: np.ndarray) -> None:
-        """Hold at joint positions q (4,) from time 0."""
+    def __init__(self, q: np.ndarray, limits: ReferenceLimits | None = None) -> None:
+        """Hold at joint positions q (4,) from time 0; `limits` bound what is followed."""
         self.late_points = 0
         self.missing_effort = 0
+        self.interrupted = 0
+        self._limits = limits
         self.restart(q)
 
     def restart(self, q: np.ndarray) -> None:
         """Forget every queued point and hold at q (4,) from time 0; the counts stay."""
-        self.times = np.zeros(1)
-        self.points = _standing(q)
+        self._follow(np.zeros(1), _standing(q))
         # torques that no point has taken yet, by time in units of MATCH, ascending
         self._slots = np.empty(0, dtype=np.int64)
         self._efforts = np.empty((0, LEGS))
         self._used = 1
 
+    def _follow(self, times: np.ndarray, points: np.ndarray) -> None:
+        """Follow these points, without a ramp so far."""
+        self.times, self.points, self._ramp = times, points, 0
+        self.starved = False
+
     def queue(self, now: float, times: np.ndarray, q: np.ndarray, qd: np.ndarray,
-              qdd: np.ndarray) -> None:
+              qdd: np.ndarray, looked_at: bool = True) -> None:
         """Replace every point from times[0] on by the points (n, 4) at `times` (n,), s.
 
-        Points before `now` are dropped and counted. A resting drive leaves its place smoothly
-        from `now` to the first point.
+        Points before `now` are dropped and counted. From where the reference is at `now` a drive
+        that rests or brakes goes to the first point smoothly.
+
+        Raises:
+            InputError: the way there breaks a limit, or, unless these were `looked_at`, the ways
+                between the points do; the queue stays as it is. The points themselves are not
+                looked at: see `ReferenceLimits.check`.
         """
         late = int(np.searchsorted(times, now))
-        self.late_points += late
         if late == len(times):
+            self.late_points += late
             return
         if late > 0:
             times, q, qd, qdd = times[late:], q[late:], qd[late:], qdd[late:]
         added = np.full((len(times), COLUMNS), np.nan)
         added[:, :4], added[:, 4:8], added[:, 8:12] = q, qd, qdd
-        keep = int(np.searchsorted(self.times, times[0] - 1e-9))
-        kept_times, kept = self.times[:keep], self.points[:keep]
-        self._used = min(self._used, keep)
+        given = len(self.times) - self._ramp
+        keep = int(np.searchsorted(self.times[:given], times[0] - 1e-9))
+        kept_times, kept, used = self.times[:keep], self.points[:keep], min(self._used, keep)
+        here = None
         if keep == 0 or kept_times[-1] < now:
-            hold = _standing(self.points[max(keep - 1, 0), :4])
-            if times[0] > now:
-                kept_times, kept = np.array([now]), hold
-                self._used = 1
+            here = self._state(now)
+        if self._limits is not None:
+            if not looked_at:
+                self._limits.check_way(times, added)
+            if here is None:
+                self._limits.check_join(kept_times[-1], kept[-1], times[0], added[0])
             else:
-                kept_times, kept = np.empty(0), np.empty((0, COLUMNS))
-                self._used = 0
-        self.times = np.concatenate((kept_times, times))
-        self.points = np.concatenate((kept, added))
+                self._limits.check_join(now, here[0], times[0], added[0])
+        self.late_points += late
+        if here is not None and times[0] > now:
+            kept_times, kept, used = np.array([now]), here, 1
+        elif here is not None:
+            kept_times, kept, used = np.empty(0), np.empty((0, COLUMNS)), 0
+        self._used = used
+        self._follow(np.concatenate((kept_times, times)), np.concatenate((kept, added)))
         self._match()
+
+    def brake(self, now: float, q: np.ndarray, qd: np.ndarray) -> None:
+        """Forget every queued point and come to rest from q, qd (4,) at time `now`."""
+        self.restart(q)
+        point = _standing(q)
+        point[0, 4:8] = qd
+        self._follow(np.array([now]), point)
+        self.foresee(now)
+
+    def foresee(self, until: float) -> None:
+        """Be ready to be followed up to the time `until`, s: with a ramp where points end in time.
+        """
+        if self._limits is None or self._ramp or until < self.times[-1]:
+            return
+        times, ramp = self._limits.ramp(self.times[-1], self.points[-1])
+        if len(ramp):
+            self.times = np.concatenate((self.times, times))
+            self.points = np.concatenate((self.points, ramp))
+            self._ramp = len(ramp)
+
+    def _state(self, now: float) -> np.ndarray:
+        """Return the point (1, COLUMNS) at which the reference is at time `now`."""
+        target = self.target(now)
+        point = np.full((1, COLUMNS), NO_TORQUE)
+        point[0, :8], point[0, 8:12] = target[:8], target[12:16]
+        if target[8:12].any():
+            point[0, 12:] = target[8:12]
+        return point
+
+    def target(self, now: float) -> np.ndarray:
+        """Return what the drives follow at time `now`, (TARGET,)."""
+        target = np.empty(TARGET)
+        interpolate(self.times, self.points, now, 0.0, target)
+        return target
 
     def queue_effort(self, times: np.ndarray, tau: np.ndarray) -> None:
         """Fill the torque tau (n, 4), N m, of the points at `times` (n,), now or when they come."""
@@ -190,6 +234,9 @@ class ReferenceQueue:
         passed, missing = _pass(self.times, self.points, self._used, now + 1e-9)
         self.missing_effort += missing
         self._used = passed
+        if self._ramp and not self.starved and now > self.times[-1 - self._ramp] + 1e-9:
+            self.starved = True
+            self.interrupted += 1
         if passed > 2000:
             # one point more than the current segment needs: rounding may put now just before it
             self.times, self.points = self.times[passed - 2:], self.points[passed - 2:]

@@ -26,6 +26,7 @@ from par4_sim.machine_effects import machine_of_model
 from par4_sim.noise import Noise, NoiseSource
 from par4_sim.plant import STEP, Plant
 from par4_sim.reference import ReferenceQueue
+from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.sensors import Sensors
 
 Fidelity = Literal['accurate', 'fast', 'exact']
@@ -73,6 +74,11 @@ class Simulation:
         seed: of the noise.
         pose: where the machine rests at first (4,); None for home.
         controller: law of the drives; None for their own loops.
+        limits: what the drives follow at the most; None for all that they are told.
+
+    Attributes:
+        sample_period: s.
+        torque_limit: N m.
 
     Raises:
         InputError: a period that is not a whole number of steps, a jitter too large for it.
@@ -81,12 +87,14 @@ class Simulation:
     def __init__(self, robot: Robot, plant: Plant, sample_period: float, torque_limit: float,
                  holding_torque: np.ndarray, amplifier: Amplifier, sensors: Sensors, noise: Noise,
                  seed: int, pose: np.ndarray | None = None,
-                 controller: Controller | None = None) -> None:
+                 controller: Controller | None = None,
+                 limits: ReferenceLimits | None = None) -> None:
         self._substeps = round(sample_period / plant.dt)
         if self._substeps < 1 or abs(self._substeps * plant.dt - sample_period) > 1e-9:
             raise InputError(f'publish rate: {1 / sample_period:g} Hz asked, the physics runs at '
                              f'{1 / plant.dt:g} Hz; give a rate that divides it')
         self.sample_period = sample_period
+        self.torque_limit = torque_limit
         self._plant = plant
         self._gain = np.asarray(robot.drives.gain)
         self._seed = seed
@@ -98,7 +106,7 @@ class Simulation:
         self._ahead = max(self._substeps, self._loop.steps_ahead)
         self._pose = home_pose(robot) if pose is None else pose
         plant.reset(self._pose)
-        self._reference = ReferenceQueue(plant.q)
+        self._reference = ReferenceQueue(plant.q, limits)
         self.reset()
 
     def reset(self) -> None:
@@ -134,13 +142,33 @@ class Simulation:
         """What went wrong so far, by name."""
         return {'late_points': self._reference.late_points,
                 'missing_effort': self._reference.missing_effort,
+                'interrupted_references': self._reference.interrupted,
                 'saturated_commands': self._loop.controller.saturated_commands,
                 'saturated_speeds': self._loop.controller.saturated_speeds}
 
+    @property
+    def starved(self) -> bool:
+        """Whether a moving reference was not gone on with, so that the drives brake or braked."""
+        return self._reference.starved
+
+    @property
+    def following_error(self) -> np.ndarray:
+        """Distance of the joints from what the drives follow now (4,), rad."""
+        return self._reference.target(self._reached(self._steps))[:LEGS] - self.q
+
+    def brake(self) -> None:
+        """Forget what is queued and bring the machine to rest from where it is."""
+        self._reference.brake(self._reached(self._steps), self.q, self._plant.qd)
+
     def queue_reference(self, times: np.ndarray, q: np.ndarray, qd: np.ndarray,
-                        qdd: np.ndarray) -> None:
-        """Queue reference points (n, 4) at simulation times (n,), s; see `ReferenceQueue`."""
-        self._reference.queue(self._reached(self._steps), times, q, qd, qdd)
+                        qdd: np.ndarray, looked_at: bool = True) -> None:
+        """Queue reference points (n, 4) at simulation times (n,), s; see `ReferenceQueue.queue`.
+
+        Raises:
+            InputError: the way to the first point breaks a limit, or one between points that were
+                not `looked_at`.
+        """
+        self._reference.queue(self._reached(self._steps), times, q, qd, qdd, looked_at)
 
     def queue_effort(self, times: np.ndarray, tau: np.ndarray) -> None:
         """Queue feedforward torques (n, 4), N m, for the reference points at `times`."""
@@ -159,6 +187,7 @@ class Simulation:
             UnreachableError: the machine was driven out of its workspace.
         """
         needed = self._needed()
+        self._reference.foresee(self._reached(needed))
         while self._steps < needed:
             self._advance()
         self._reference.use_until(self._reached(needed))
@@ -218,7 +247,8 @@ def build_plant(machine: Machine, fidelity: str, dt: float = STEP) -> Plant:
 def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: float = 1e-3,
                      seed: int = 0, loads: tuple[LoadTorque, ...] = (),
                      pose: np.ndarray | None = None, law: str = 'loops',
-                     known: Model | None = None, **noise: float) -> Simulation:
+                     known: Model | None = None, limits: ReferenceLimits | None = None,
+                     step: float = STEP, **noise: float) -> Simulation:
     """Return the simulation of the machine that `model` describes, at rest.
 
     Args:
@@ -231,6 +261,8 @@ def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: f
         pose: where it rests at first (4,); None for home.
         law: of the drives, one of LAWS.
         known: model that the law knows, where it needs one.
+        limits: what the drives follow at the most; None for all that they are told.
+        step: of the physics and the drives, s.
         noise: sizes by name, as `Noise` has them.
 
     Raises:
@@ -239,11 +271,11 @@ def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: f
         UnreachableError: a pose that a leg cannot reach.
     """
     machine = replace(machine_of_model(robot, model), loads=loads)
-    plant = build_plant(machine, fidelity)
+    plant = build_plant(machine, fidelity, step)
     limit = model.torque_limit or robot.drives.torque_limit
     still = np.zeros((1, LEGS))
     pose = home_pose(robot) if pose is None else np.asarray(pose, dtype=float)
     at_rest = state_of_platform(robot.geometry, np.zeros(1), pose[None], still, still)
     return Simulation(robot, plant, sample_period, limit, model.torque(at_rest)[0],
                       machine.amplifier, machine.sensors, Noise(**noise), seed, pose,
-                      controller_named(law, robot, limit, plant.dt, known))
+                      controller_named(law, robot, limit, plant.dt, known), limits)

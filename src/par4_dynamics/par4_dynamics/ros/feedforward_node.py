@@ -11,9 +11,10 @@ from trajectory_msgs.msg import JointTrajectory
 from par4_dynamics.model import read_model
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE
+from par4_kinematics.limits import check_points, check_torque
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
-from par4_kinematics.ros.convert import read_trajectory, write_effort
+from par4_kinematics.ros.convert import Trajectory, read_trajectory, write_effort
 from par4_kinematics.ros.node import Par4Node, run
 from par4_kinematics.ros.parameters import parameter
 from par4_kinematics.workspace import home_pose
@@ -28,7 +29,11 @@ class FeedforwardParameters:
 
 
 class FeedforwardNode(Par4Node):
-    """Sends every reference back with the torque the model needs for it."""
+    """Sends every reference back with the torque the model needs for it.
+
+    A reference beyond the limits of robot.yaml, or that takes more torque than the drives have, is
+    refused.
+    """
 
     NAME = 'par4_feedforward'
     PARAMETERS = FeedforwardParameters
@@ -48,15 +53,25 @@ class FeedforwardNode(Par4Node):
         self.get_logger().info(f'torques of {self.parameters.model_file} for robot '
                                f'{self._robot.name}')
 
+    def _torque(self, points: Trajectory) -> np.ndarray:
+        """Return the torques (n, 4), N m, of the points; a stream of single ones is quick."""
+        motion = (points.q, points.qd, points.qdd)
+        if len(points.q) == 1:
+            motion = tuple(part[0] for part in motion)
+        times = points.times(points.stamp_ns).reshape(motion[0].shape[:-1])
+        return self._model.torque_of_joints(self._robot.geometry, *motion, times).reshape(-1, LEGS)
+
     def _reload_model(self) -> str:
         self._model = read_model(self.parameters.model_file, self._robot)
         return f'read {self.parameters.model_file}'
 
     def _on_reference(self, message: JointTrajectory) -> None:
         points = read_trajectory(message)
-        write_effort(message, self._model.torque_of_joints(
-            self._robot.geometry, points.q, points.qd, points.qdd,
-            points.times(points.stamp_ns)))
+        check_points(self._robot, points.q, points.qd, points.qdd)
+        effort = self._torque(points)
+        check_torque(self._robot, effort,
+                     self._model.torque_limit or self._robot.drives.torque_limit)
+        write_effort(message, effort)
         self._publisher.publish(message)
 
 

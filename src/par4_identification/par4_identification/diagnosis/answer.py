@@ -13,6 +13,7 @@ from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence import Evidence, Hypothesis
 from par4_identification.diagnosis.holdout import Gain
 from par4_identification.diagnosis.judgement import UnnamedCause
+from par4_identification.diagnosis.pair import Pair
 from par4_identification.diagnosis.search import Rejected
 from par4_identification.diagnosis.unrelated import Unrelated
 from par4_identification.rows import Run
@@ -119,6 +120,7 @@ class Diagnosis:
         fit_runs: rows that were fitted.
         evidence: these rows, whitened.
         hypotheses: of the named causes, in their order.
+        doubts: what is unnamed or nearly passes as a cause, and what else it may be.
     """
 
     verdict: Verdict
@@ -133,3 +135,4 @@ class Diagnosis:
     fit_runs: tuple[Run, ...]
     evidence: Evidence
     hypotheses: tuple[Hypothesis, ...]
+    doubts: tuple[Pair, ...] = ()

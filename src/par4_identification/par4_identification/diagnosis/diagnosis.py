@@ -39,12 +39,14 @@ from par4_identification.diagnosis.floor import noise_floor
 from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
 from par4_identification.diagnosis.judgement import (
     Judgement,
+    doubt_of,
     judge,
     unnamed_cause,
     unnamed_of,
 )
 from par4_identification.diagnosis.law import Dithered, dithered
 from par4_identification.diagnosis.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.pair import Pair
 from par4_identification.diagnosis.pool import Pool
 from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.retimed import beside_retimed
@@ -53,7 +55,7 @@ from par4_identification.diagnosis.search import Model, Search, named_of, others
 from par4_identification.diagnosis.start import INERTIA, alike, start_of
 from par4_identification.diagnosis.unnamed import Kind, Kinds
 from par4_identification.diagnosis.unrelated import Left, unrelated
-from par4_identification.diagnosis.whitening import whitener_of
+from par4_identification.diagnosis.whitening import quieter, whitener_of
 from par4_identification.log import Log
 from par4_identification.progress import Progress, silent
 from par4_identification.rows import Conditioning, Run, runs_of_log
@@ -64,6 +66,8 @@ CONDITIONING = Conditioning(low_speed=0.02)
 LIBRARY = {name: effect for name, effect in CATALOGUE.items()
            if name not in ('quantization', 'torque_saturation')}
 """Effects that may be named: all but those that add no torque to a motion."""
+PASSES = 3
+"""Searches beside the causes found by the one before."""
 SMOOTH = 0.5
 """Share of what the names leave beyond which an unnamed cause is the whole of it: no load rattles.
 """
@@ -145,29 +149,39 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     base_model = build_model(machine, baseline_with(
         baseline, rigid_body, identification.parameters, observations.terms, ()))
     sigma = identification.estimate.rms
+    # of a torque that the base terms hardly explain, they do not say when it was read
+    first = {name: effect for name, effect in applicable.items()
+             if not (start.bound and effect.retimes)}
     base_model = beside_retimed(base_model, observations, machine, baseline, rigid_body,
-                                 sigma, searched)
+                                 sigma, first)
     observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
     moved = dithered(observations, machine)
     progress('searching the library for the noise model')
     kinds = Kinds(observations)
-    whitener = whitener_of(observations, sigma, applicable, kinds, rules)
+    whitener = whitener_of(observations, sigma, first, kinds, rules)
 
     progress('searching for causes')
-    search = _search(observations, heldout, whitener, applicable, rules,
+    search = _search(observations, heldout, whitener, first, rules,
                      moved.with_nominal(base_model), kinds)
     model = search.run()
-    named = named_of(model)
-    if named:
+    for _ in range(PASSES):
+        named, found = named_of(model), search.pool.solution(model)
+        quiet = quieter(whitener, observations, model, found, kinds)
+        same = all(new is old for new, old in zip(quiet.noise, whitener.noise))
+        if not named and same:
+            break
         # effects that scale with the torque were searched with that of a model without causes
         progress('searching again beside the causes found')
         better = build_model(machine, extended_model(
             baseline, rigid_body, search.pool.evidence, named,
-            solve(search.pool.evidence, (*named, *unnamed_of(model)))))
+            search.pool.solution((*named, *unnamed_of(model)))))
         observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
+        whitener = quiet
         search = _search(observations, heldout, whitener, applicable, rules,
-                         moved.with_nominal(better), kinds, search.pool.evidence)
-        model = search.run(tuple(item for item in model if not isinstance(item.effect, Kind)))
+                         moved.with_nominal(better), kinds, search.pool.evidence if same else None)
+        model = search.run(tuple(named))
+        if same:
+            break
     return _answer(search, model, machine, baseline, rigid_body, tuple(fit_runs), progress)
 
 
@@ -212,9 +226,12 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         extended = extended.model_copy(update={'effects': (*extended.effects, entry)})
     alone = unrelated(*(_left(part.observations, model, base_only, whole)
                         for part in (evidence, pool.heldout)), floor, rules)
+    near = None if causes else _nearest(search)
     remaining = Remaining(
         float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30))), alone,
-        None if causes else _nearest(search))
+        near and near.effect)
+    doubts = [doubt_of(search, item, model) for item in unnamed_of(model)] or [
+        near and Pair(near, None, (), twins=False)]
     incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest)
     return Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
@@ -222,7 +239,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         holdout=_holdout(heldout.runs, blocks, before, after, floor), remaining=remaining,
         base_before=base_parameters(evidence, base_only),
         base_after=base_parameters(evidence, names_only), extended_model=extended,
-        fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses)
+        fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses,
+        doubts=tuple(pair for pair in doubts if pair is not None))
 
 
 def _left(observations: Observations, model: Model, base_only: Fit, whole: Fit) -> list[Left]:
@@ -239,7 +257,7 @@ def _verdict(named: bool, incomplete: bool) -> Verdict:
     return 'unknown' if incomplete else 'clean'
 
 
-def _nearest(search: Search) -> Effect | None:
+def _nearest(search: Search) -> Hypothesis | None:
     """Return the effect that rows to fit and rows held out know best though it is no cause."""
     found = search.candidates.all_of(project(search.pool.evidence, ()), set())
     best = max(found, key=lambda item: item.gain, default=None)
@@ -248,7 +266,7 @@ def _nearest(search: Search) -> Effect | None:
     needed = search.requirement((best.hypothesis,))
     fit_gain, gain = search.gains(best.hypothesis, ())
     evident = fit_gain > needed.fit and gain > needed.heldout
-    return best.hypothesis.effect if evident else None
+    return best.hypothesis if evident else None
 
 
 def _rattle(search: Search, model: Model) -> Rattle | None:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
-from par4_identification.diagnosis.evidence import Hypothesis, solve
+from par4_identification.diagnosis.evidence import Hypothesis, project, solve
+from par4_identification.diagnosis.pair import Pair, name_of
 from par4_identification.diagnosis.search import Model, Search, others_of
 from par4_identification.diagnosis.unnamed import Kind
 
@@ -70,16 +71,17 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
     best = rivals[0]
     gain, _ = search.gains(cause, others)
     p_value = chdtrc(search.pool.width(cause) + len(cause.shape), 2.0 * max(gain, 0.0))
-    return Judgement(cause, best.margin, _name_of(best.hypothesis), twins,
+    return Judgement(cause, best.margin, best.hypothesis and name_of(best.hypothesis), twins,
                      float(min(1.0, p_value * search.candidates.family)))
 
 
-def _name_of(hypothesis: Hypothesis | None) -> str | None:
-    """Return the name of an effect, or in words what an unnamed cause acts like."""
-    if hypothesis is None:
-        return None
-    effect = hypothesis.effect
-    return effect.phrase if isinstance(effect, Kind) else effect.name
+def doubt_of(search: Search, cause: Hypothesis, model: Model) -> Pair | None:
+    """Return an unnamed cause and the name that comes nearest to it; None without any name."""
+    others = others_of(model, cause)
+    found = search.candidates.all_of(project(search.pool.evidence, others),
+                                     {item.effect.name for item in others})
+    best = max(found, key=lambda item: item.gain, default=None)
+    return best and Pair(cause, best.hypothesis, others, twins=False)
 
 
 def unnamed_cause(search: Search, cause: Hypothesis, model: Model) -> UnnamedCause:

@@ -3,7 +3,9 @@
 For names A and B and a motion: the torque of the fitted model with A, without noise, on the old
 rows and on those of the motion, is fitted by the base terms, the other causes and B at any shape.
 Half the whitened squared residual is the expected difference of log-likelihood, A over B, if A is
-true. The same with A and B exchanged; the smaller counts, since nobody knows which is true.
+true. The same with A and B exchanged; the smaller counts, since nobody knows which is true. Of what
+has no name, A is the unnamed cause and B the name that comes nearest; of a name that nearly passes
+as a cause, B is nothing at all. There A alone counts as true.
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ from par4_identification.diagnosis.evidence import (
 )
 from par4_identification.diagnosis.motion_library import joined, motion_library
 from par4_identification.diagnosis.observations import observe, with_nominal
+from par4_identification.diagnosis.pair import Pair
 from par4_identification.diagnosis.shapes import best_shape, self_consistent, shapes_of
 from par4_identification.log import Log
 from par4_identification.rows import runs_of_log
@@ -49,30 +52,11 @@ Programme = tuple[Motion, ...]
 
 
 @dataclass(frozen=True)
-class Rivals:
-    """Two names that explain the data alike, in the model beside the same other causes.
-
-    Attributes:
-        first, second: at their best shapes.
-        others: the other causes.
-    """
-
-    first: Hypothesis
-    second: Hypothesis
-    others: tuple[Hypothesis, ...]
-
-    @property
-    def names(self) -> tuple[str, str]:
-        """Names of the two effects."""
-        return self.first.effect.name, self.second.effect.name
-
-
-@dataclass(frozen=True)
 class Separation:
-    """What is known of telling two names apart.
+    """What is known of telling two explanations apart.
 
     Attributes:
-        names: of the effects, the stronger first.
+        names: of the effects, the stronger first, or in words what an unnamed cause acts like.
         present: difference of log-likelihood on the data at hand, first over second.
         expected: the same behind the next motion, whichever is true.
         most: expected of the motion of the library that is best for these two, repeated as long
@@ -112,7 +96,7 @@ class NextExperiment:
 
 def next_experiment(diagnosis: Diagnosis, machine: Robot | Axis, seed: int = 0
                     ) -> NextExperiment | None:
-    """Return the motion that separates the causes from their twins.
+    """Return the motion that separates causes from their twins, and doubts from what else they are.
 
     Args:
         diagnosis: the answer with its evidence.
@@ -120,14 +104,15 @@ def next_experiment(diagnosis: Diagnosis, machine: Robot | Axis, seed: int = 0
         seed: of the random motions.
 
     Returns:
-        None without twins, for a single axis, and for a robot that can do no motion of the
-        library.
+        None without twins and doubts, for a single axis, and for a robot that can do no motion of
+        the library.
     """
-    if not isinstance(machine, Robot) or not any(cause.twins for cause in diagnosis.causes):
-        return None
     evidence = diagnosis.evidence
-    pairs = [rivals(evidence, diagnosis.hypotheses, number, effect_named(twin))
+    pairs = [twins_of(evidence, diagnosis.hypotheses, number, effect_named(twin))
              for number, cause in enumerate(diagnosis.causes) for twin in cause.twins]
+    pairs += diagnosis.doubts
+    if not isinstance(machine, Robot) or not pairs:
+        return None
     prospect = Prospect(evidence, machine, diagnosis.extended_model)
     trials = [Trial(prospect, pair) for pair in pairs]
     motions = motion_library(machine, prospect.model, seed)
@@ -151,8 +136,8 @@ def next_experiment(diagnosis: Diagnosis, machine: Robot | Axis, seed: int = 0
     return NextExperiment(motion if separated else None, tuple(found))
 
 
-def rivals(evidence: Evidence, hypotheses: Sequence[Hypothesis], cause: int, twin: Effect
-           ) -> Rivals:
+def twins_of(evidence: Evidence, hypotheses: Sequence[Hypothesis], cause: int, twin: Effect
+             ) -> Pair:
     """Return a cause and its twin, the twin at the shape that suits the data best."""
     others = tuple(item for number, item in enumerate(hypotheses) if number != cause)
     projection = project(evidence, others)
@@ -160,15 +145,19 @@ def rivals(evidence: Evidence, hypotheses: Sequence[Hypothesis], cause: int, twi
                           partial(projection.gains, twin))
     if twin.expanded:
         shape = self_consistent(projection, twin, shape)
-    return Rivals(hypotheses[cause], _everywhere(evidence, twin, shape), others)
+    return Pair(hypotheses[cause], _everywhere(evidence, twin, shape), others)
 
 
-def difference(evidence: Evidence, pair: Rivals) -> float:
-    """Return the difference of log-likelihood on the data, first name over second."""
-    first, second = (squared_rest(moments(evidence.design([*pair.others, hypothesis]),
+def difference(evidence: Evidence, pair: Pair) -> float:
+    """Return the difference of log-likelihood on the data, first explanation over second."""
+    first, second = (squared_rest(moments(evidence.design([*pair.others, *_given(hypothesis)]),
                                           evidence.target))
                      for hypothesis in (pair.first, pair.second))
     return 0.5 * (second - first)
+
+
+def _given(hypothesis: Hypothesis | None) -> list[Hypothesis]:
+    return [] if hypothesis is None else [hypothesis]
 
 
 def _everywhere(evidence: Evidence, effect: Effect, shape: Shape) -> Hypothesis:
@@ -231,32 +220,43 @@ class Prospect:
 
 @dataclass(frozen=True)
 class Trial:
-    """A pair of names on trial.
+    """A pair of explanations on trial.
 
     Attributes:
         prospect: old rows and those of motions.
-        pair: the names.
+        pair: the explanations.
     """
 
     prospect: Prospect
-    pair: Rivals
+    pair: Pair
     _kept: dict = field(default_factory=dict)
 
     def bound(self, motions: Programme, times: int = 1) -> float:
         """Return at least the expected separation: the rival's shape is that of the old data."""
-        return min(0.5 * self._rest(number, self._sides[1 - number].shape, motions, times)
-                   for number in (0, 1))
+        return min(0.5 * self._rest(number, self._shape(1 - number), motions, times)
+                   for number in self._truths)
 
     def exact(self, motions: Programme, times: int = 1) -> float:
         """Return the expected separation of motions run so many times, any shape of the rival."""
-        return min(self._least_rest(number, motions, times) for number in (0, 1))
+        return min(self._least_rest(number, motions, times) for number in self._truths)
 
     @property
-    def _sides(self) -> tuple[Hypothesis, Hypothesis]:
+    def _truths(self) -> tuple[int, ...]:
+        """Which of the explanations count as true, one after the other."""
+        return (0, 1) if self.pair.twins else (0,)
+
+    @property
+    def _sides(self) -> tuple[Hypothesis, Hypothesis | None]:
         return self.pair.first, self.pair.second
+
+    def _shape(self, number: int) -> Shape:
+        side = self._sides[number]
+        return {} if side is None else side.shape
 
     def _least_rest(self, number: int, motions: Programme, times: int) -> float:
         rival = self._sides[1 - number]
+        if rival is None:
+            return 0.5 * self._rest(number, {}, motions, times)
         # a series holds around the size that the data give, elsewhere it would be another law
         shapes = (rival.shape,) if rival.effect.expanded else (
             rival.shape, *shapes_of(self.prospect.evidence.observations, rival.effect))
@@ -276,19 +276,23 @@ class Trial:
             evidence = (self.prospect.evidence if motion is None
                         else self.prospect.of_motion(motion))
             truth, rival = self._sides[number], self._sides[1 - number]
-            design = evidence.design([*self.pair.others,
-                                      _everywhere(evidence, rival.effect, shape)])
+            design = evidence.design([*self.pair.others, *(
+                [] if rival is None else [_everywhere(evidence, rival.effect, shape)])])
             self._kept[key] = moments(design, evidence.columns(truth) @ self._fitted[number])
         return self._kept[key]
 
     @cached_property
-    def _fitted(self) -> tuple[np.ndarray, np.ndarray]:
-        """Stacked coefficients of either name, each beside the other causes, on the old data."""
+    def _fitted(self) -> tuple[np.ndarray, ...]:
+        """Stacked coefficients of each explanation that counts as true, on the old data.
+
+        Each stands beside the other causes.
+        """
         evidence, found = self.prospect.evidence, []
-        for hypothesis in self._sides:
+        for number in self._truths:
+            hypothesis = self._sides[number]
             fit = solve(evidence, [*self.pair.others, hypothesis])
             found.append(hypothesis.stacked(fit.coefficients[-1]))
-        return found[0], found[1]
+        return tuple(found)
 
 
 Worth = tuple[int, float]

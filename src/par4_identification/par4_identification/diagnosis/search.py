@@ -286,12 +286,30 @@ class Search:
             return None
         fit = self.pool.solution([*others, hypothesis])
         reason = self._implausible(hypothesis, others, fit)
-        if reason is None and effect.retimes and not self._dithered.obeys(
-                project(self.pool.evidence, others), hypothesis, float(fit.coefficients[-1][0, 0]),
-                self.requirement(others).inflation):
+        if reason is None and effect.retimes and not self._follows_its_law(hypothesis, others):
             reason = ('the torque is read at another time, but in second order of that time it '
                       'does not follow this law')
         return reason
+
+    def _follows_its_law(self, hypothesis: Hypothesis, others: Model) -> bool:
+        """Return whether a torque read at another time has the second order of its law.
+
+        What the other causes get wrong counts as noise. Where no law passes so, what its own
+        torque gets wrong counts, too: some law it must have.
+        """
+        projection = project(self.pool.evidence, others)
+
+        def obeys(item: Hypothesis, known: Model) -> bool:
+            time = float(self.pool.solution([*others, item]).coefficients[-1][0, 0])
+            return self._dithered.obeys(projection, item, time, self.requirement(known).inflation)
+
+        if obeys(hypothesis, others):
+            return True
+        laws = [self.candidates.best(effect, projection)
+                for effect in self.candidates.library.values()
+                if effect.retimes and effect is not hypothesis.effect]
+        return obeys(hypothesis, (*others, hypothesis)) and not any(
+            law is not None and obeys(law.hypothesis, others) for law in laws)
 
     def _implausible(self, hypothesis: Hypothesis, others: Model, fit: Fit) -> str | None:
         """Return why the values of a hypothesis, the last of a fit, are not those of a machine."""

@@ -44,12 +44,14 @@ class Start:
         identification: base parameters; None where they cannot be told at all.
         left_out: parameters that the motion does not show.
         reasons: why the data are unfit, each with what to do; empty where they are fit.
+        bound: whether most of the torque is periodic in the position.
     """
 
     observations: Observations
     identification: Identification | None
     left_out: tuple[str, ...]
     reasons: tuple[str, ...]
+    bound: bool = False
 
 
 def start_of(observations: Observations, rigid_body: str, rules: Rules) -> Start:
@@ -57,13 +59,13 @@ def start_of(observations: Observations, rigid_body: str, rules: Rules) -> Start
     start = _start(observations, observations.target, rigid_body)
     if not start.reasons or observations.runs[0].state.geometry is not None:
         return start
-    for beside in (lambda: observations.target, lambda: _without_periodic(observations, rules)):
-        target = beside()
+    for bound in (False, True):
+        target = _without_periodic(observations, rules) if bound else observations.target
         again = _start(observations, target, rigid_body)
         if again.reasons and _hides_inertia(again):
             again = _start(observations.without(INERTIA), target, rigid_body, (INERTIA,))
         if not again.reasons:
-            return again
+            return replace(again, bound=bound)
     return start
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from par4_dynamics.effects.effect import Effect
 from par4_identification.diagnosis.candidates import Candidates
 from par4_identification.diagnosis.evidence import (
+    Fit,
+    Hypothesis,
     Whitener,
     flat_whitener,
     gather,
@@ -25,6 +28,8 @@ WORTH = 0.1
 """Share of the squares of rows it was not fitted to that an unnamed function must take away."""
 MOST = 3
 """Unnamed functions that are taken away from a joint."""
+QUIETER = 0.7
+"""Share of the variance of the noise below which a model's rest is taken as the noise."""
 HALF = 1.0
 """s after which the two halves of the rows alternate."""
 
@@ -48,6 +53,21 @@ def whitener_of(observations: Observations, sigma: np.ndarray, library: Mapping[
     left = residuals(observations, richest, solve(flat, richest))
     return whitener_of_residuals(observations, _without_unnamed(observations, left, kinds),
                                  flat.design(richest).shape[1])
+
+
+def quieter(whitener: Whitener, observations: Observations, model: Sequence[Hypothesis], fit: Fit,
+            kinds: Kinds) -> Whitener:
+    """Return the noise model with that of what a model leaves, of each joint where it is less.
+
+    Causes that hide each other from the first look count as noise there. Beside those found, the
+    rest of them shows.
+    """
+    left = residuals(observations, model, fit)
+    found = whitener_of_residuals(observations, _without_unnamed(observations, left, kinds),
+                                  len(fit.covariance))
+    return replace(whitener, noise=tuple(
+        new if new.variance < QUIETER * old.variance else old
+        for new, old in zip(found.noise, whitener.noise)))
 
 
 def _without_unnamed(observations: Observations, left: tuple[np.ndarray, ...], kinds: Kinds

@@ -220,9 +220,9 @@ def _capital(text: str) -> str:
 
 def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperiment | None
              ) -> tuple[Remark, ...]:
-    remarks = [_unnamed_remark(diagnosis, machine, index)
+    remarks = [_unnamed_remark(diagnosis, machine, index, experiment)
                for index in range(len(diagnosis.unnamed))]
-    remarks += _remaining_remarks(diagnosis, machine)
+    remarks += _remaining_remarks(diagnosis, machine, experiment)
     if any(cause.predictable for cause in diagnosis.causes):
         low, high = diagnosis.holdout.interval
         fraction = diagnosis.holdout.explained_fraction
@@ -260,7 +260,8 @@ def _is_relative(cause: Cause, machine: Robot | Axis) -> bool:
     return cause.effect.against_the_others and len(cause.joints) < len(joint_labels(machine))
 
 
-def _unnamed_remark(diagnosis: Diagnosis, machine: Robot | Axis, index: int) -> Remark:
+def _unnamed_remark(diagnosis: Diagnosis, machine: Robot | Axis, index: int,
+                    experiment: NextExperiment | None) -> Remark:
     item = diagnosis.unnamed[index]
     joints = len(joint_labels(machine))
     where = '' if len(item.joints) == joints else (
@@ -270,10 +271,12 @@ def _unnamed_remark(diagnosis: Diagnosis, machine: Robot | Axis, index: int) -> 
         False, f'{_capital(item.phrase)}{where}, without a name, has '
         f'{number(item.torque_rms, 2)} {unit_on(machine, "N m")} rms and explains '
         f'{percent(item.share)} of the squared error that all causes explain.',
-        f'Look at the machine for something that acts as {item.phrase}.')
+        f'Look at the machine for something that acts as {item.phrase}. '
+        f'{advice(item.phrase, experiment)}'.strip())
 
 
-def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis) -> list[Remark]:
+def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis,
+                       experiment: NextExperiment | None) -> list[Remark]:
     remaining, found = diagnosis.remaining, diagnosis.remaining.unrelated
     unit = unit_on(machine, 'N m')
     remarks = []
@@ -281,7 +284,8 @@ def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis) -> list[Rema
         remarks.append(Remark(
             False, f'{_capital(remaining.nearest.phrase)} would explain some of it, but does not '
             f'pass as a cause.',
-            'See among the rejected names why; more data or a motion of another kind may decide.'))
+            f'See among the rejected names why. {advice(remaining.nearest.name, experiment)}'
+            .strip()))
     for line in found.lines:
         remarks.append(Remark(
             False, f'A disturbance of {number(line.frequency_hz, 3)} Hz with '

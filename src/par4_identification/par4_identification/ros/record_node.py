@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import sys
-from collections import Counter
+import time
+from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,9 +14,10 @@ from rclpy.subscription import Subscription
 
 from par4_identification.recorder import Recorder
 from par4_kinematics.errors import InputError
-from par4_kinematics.interface import RECORDED_TOPICS, Topic
+from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, RECORDED_TOPICS, Topic
 from par4_kinematics.ros.convert import SECOND
-from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.node import SILENCE, Par4Node, State, run
+from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.parameters import parameter
 from par4_sim.bag import STORAGES
 
@@ -38,7 +41,7 @@ class RecordNode(Par4Node):
     """Records joint_states, amplifier_voltage, reference and feedforward_torque from its start.
 
     ~/stop completes the bag, ~/start begins the next (OUTPUT_2 and so on). Publishers number
-    their messages: a missing number is a lost message and is counted.
+    their messages: a missing number is a lost message and is counted, for each publisher.
     `par4_record --repair BAG [--output OUT]` mends a bag that was cut off.
     """
 
@@ -51,8 +54,8 @@ class RecordNode(Par4Node):
         self._bags = 0
         self._recorder: Recorder | None = None
         self._received: Counter[str] = Counter()
-        self._last_number: dict[str, int] = {}
-        self._lost: Counter[str] = Counter()
+        self._numbering: defaultdict[str, Numbering] = defaultdict(Numbering)
+        self._newest: dict[str, float] = {}
         self._began_ns = 0
         self._start()
         self._recorded = {topic: self._record(topic) for topic in RECORDED_TOPICS}
@@ -80,11 +83,10 @@ class RecordNode(Par4Node):
     def _write(self, topic: Topic, data: bytes, info: dict[str, Any]) -> None:
         if self._recorder is None:
             return
-        name, number = topic.name, info['publication_sequence_number']
-        last = self._last_number.get(name, number)
-        self._lost[name] += max(0, number - last - 1)  # a new publisher starts again from 1
-        self._last_number[name] = number
+        name = topic.name
+        self._numbering[name].take(info['publication_sequence_number'])
         self._received[name] += 1
+        self._newest[name] = time.monotonic()
         if not self._began_ns:  # simulated time is 0 until the first clock message
             self._began_ns = self.get_clock().now().nanoseconds
         self._recorder.write(self._recorded[topic].topic_name, topic.type,
@@ -98,8 +100,7 @@ class RecordNode(Par4Node):
         self._recorder = Recorder(self._path, self.parameters.storage)
         self._bags += 1
         self._received.clear()
-        self._last_number.clear()
-        self._lost.clear()
+        self._numbering.clear()
         self._began_ns = 0
         return f'recording {self._path}'
 
@@ -111,9 +112,12 @@ class RecordNode(Par4Node):
         recorder.close()
         topics = ', '.join(f'{name} {count}' for name, count in sorted(self._received.items()))
         line = (f'{self._path}: {self._received.total()} messages'
-                f'{f" ({topics})" if topics else ""}, {self._lost.total()} lost')
+                f'{f" ({topics})" if topics else ""}, {self._lost()} lost')
         print(line, flush=True)
         return line
+
+    def _lost(self) -> int:
+        return sum(numbering.missing for numbering in self._numbering.values())
 
     def _stop_in_time(self) -> None:
         duration_ns, began_ns = self.parameters.duration * SECOND, self._began_ns
@@ -125,17 +129,45 @@ class RecordNode(Par4Node):
         if self._recorder is not None:
             self._recorder.flush()
 
+    def clock_jumped_back(self) -> None:
+        """Count the duration from here; the bag goes on and holds two runs."""
+        if self._recorder is not None and self._began_ns:
+            self._began_ns = self.get_clock().now().nanoseconds
+            self.get_logger().warning(f'{self._path} holds more than one run: record each by its '
+                                      f'own to identify from them')
+
+    def state(self) -> State:
+        """Return whether the node records, and whether what it records still comes."""
+        state = super().state()
+        if state.level != State.OK:
+            return state
+        if self._recorder is None:
+            return State(State.OK, 'stopped')
+        robot = (JOINT_STATES.name, AMPLIFIER_VOLTAGE.name)
+        dead = [name for name in robot
+                if time.monotonic() - self._newest.get(name, math.inf) > SILENCE]
+        if dead:
+            return State(State.WARN, f'dead input: {", ".join(dead)} came, but no more')
+        if JOINT_STATES.name not in self._newest:
+            return State(State.OK, f'waiting for {JOINT_STATES.name}')
+        return State(State.OK, f'recording {self._path}')
+
     def faults(self) -> dict[str, int]:
         """Return the messages lost on the way, with what every node counts."""
-        return {**super().faults(), 'lost_messages': self._lost.total()}
+        return {**super().faults(), 'lost_messages': self._lost()}
 
     def traffic(self) -> dict[str, int]:
         """Return how many messages were received, by topic."""
         return dict(self._received)
 
+    def measures(self) -> dict[str, str]:
+        """Return the age of what is recorded."""
+        return {f'{name}_age': f'{time.monotonic() - newest:.2f} s'
+                for name, newest in self._newest.items()}
+
     def close(self) -> None:
         """Complete the bag."""
-        if self._recorder is not None:
+        if self._recorder is not None and not self._recorder.failed:
             self._stop()
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -77,6 +77,11 @@ def joint_columns(names: Sequence[str], joint_names: Sequence[str] = JOINT_NAMES
     return [names.index(name) for name in joint_names]
 
 
+def is_foreign(message: Any, joint_names: Sequence[str] = JOINT_NAMES) -> bool:
+    """Return whether a JointState tells of other joints only, such as those of a gripper."""
+    return len(message.name) > 0 and not set(joint_names) & set(message.name)
+
+
 def joint_values(message: Any, field: str, joint_names: Sequence[str] = JOINT_NAMES
                  ) -> np.ndarray:
     """Return `field` (position, velocity or effort) of a JointState in the order of `joint_names`.
@@ -91,21 +96,27 @@ def joint_values(message: Any, field: str, joint_names: Sequence[str] = JOINT_NA
 def _joint_rows(arrays: Sequence[Sequence[float]], field: str, names: Sequence[str],
                 joint_names: Sequence[str]) -> np.ndarray:
     """Return the values (n, J) of `joint_names` of arrays that follow `names`."""
-    columns = joint_columns(names, joint_names)
+    joint_columns(names, joint_names)
     for index, values in enumerate(arrays):
         if len(values) != len(names):
             raise InputError(f'{field}{_point(index, arrays)}: {len(values)} values for '
                              f'{len(names)} joint names; send one for each')
-    rows = np.array(arrays, dtype=float)[:, columns]
+    return _selected(np.array(arrays, dtype=float), field, names, joint_names)
+
+
+def _selected(rows: np.ndarray, field: str, names: Sequence[str], joint_names: Sequence[str]
+              ) -> np.ndarray:
+    """Return the columns (n, J) of `joint_names` of rows (n, -) that follow `names`."""
+    rows = rows[:, joint_columns(names, joint_names)]
     finite = np.isfinite(rows)
     if not finite.all():
         index, joint = np.argwhere(~finite)[0]
-        raise InputError(f'{field}{_point(index, arrays)}: {joint_names[joint]} has '
+        raise InputError(f'{field}{_point(index, rows)}: {joint_names[joint]} has '
                          f'{rows[index, joint]}; send finite numbers')
     return rows
 
 
-def _point(index: int, arrays: Sequence[Sequence[float]]) -> str:
+def _point(index: int, arrays: Sequence[Sequence[float]] | np.ndarray) -> str:
     return f' of point {index}' if len(arrays) > 1 else ''
 
 
@@ -134,19 +145,29 @@ def read_trajectory(message: Any, fields: Sequence[str] = REFERENCE_FIELDS,
         InputError: no point, times that do not increase, a missing joint, a field shorter than
             the names, or a value not finite.
     """
-    if not message.points:
-        raise InputError('no points; send at least one')
+    rows = {field: _joint_rows([getattr(point, field) for point in message.points], field,
+                               message.joint_names, joint_names) if message.points else np.empty(0)
+            for field in fields}
     from_start_ns = np.array([time_ns(point.time_from_start) for point in message.points],
                              dtype=np.int64)
+    return trajectory_of_rows(time_ns(message.header.stamp), from_start_ns, joint_names, rows,
+                              joint_names)
+
+
+def trajectory_of_rows(stamp_ns: int, from_start_ns: np.ndarray, names: Sequence[str],
+                       rows: Mapping[str, np.ndarray], joint_names: Sequence[str] = JOINT_NAMES
+                       ) -> Trajectory:
+    """Return the trajectory of rows (n, -) a field that follow `names`; see `read_trajectory`."""
+    if len(from_start_ns) == 0:
+        raise InputError('no points; send at least one')
     steps = np.diff(from_start_ns)
     if (steps <= 0).any():
         point = int(np.argmax(steps <= 0)) + 1
         raise InputError(f'time_from_start of point {point} is not later than that of the point '
                          f'before; send points in order of time')
-    rows = {_ATTRIBUTE[field]: _joint_rows([getattr(point, field) for point in message.points],
-                                           field, message.joint_names, joint_names)
-            for field in fields}
-    return Trajectory(time_ns(message.header.stamp), from_start_ns, **rows)
+    return Trajectory(stamp_ns, from_start_ns, **{
+        _ATTRIBUTE[field]: _selected(values, field, names, joint_names)
+        for field, values in rows.items()})
 
 
 def write_trajectory(message: Any, new_point: Callable[[], Any], trajectory: Trajectory,

@@ -12,7 +12,7 @@ from par4_kinematics.geometry import HOME
 from par4_kinematics.interface import JOINT_STATES, PLATFORM_POSE
 from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import read_robot
-from par4_kinematics.ros.convert import joint_values, time_ns, write_pose
+from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns, write_pose
 from par4_kinematics.ros.node import Par4Node, run
 from par4_kinematics.ros.parameters import parameter
 
@@ -36,9 +36,15 @@ class KinematicsNode(Par4Node):
         self._last_pose = HOME
         self._message = PoseStamped()
         self._publisher = self.publisher_of(PLATFORM_POSE)
-        self.subscribe(JOINT_STATES, self._on_joint_state)
+        self.subscribe(JOINT_STATES, self._on_joint_state, stream=True)
+
+    def clock_jumped_back(self) -> None:
+        """Look for the next pose from home: the robot may be anywhere."""
+        self._last_pose = HOME
 
     def _on_joint_state(self, message: JointState) -> None:
+        if is_foreign(message):
+            return
         q = joint_values(message, 'position')
         self._last_pose = forward_kinematics(self._geometry, q, start=self._last_pose)
         write_pose(self._message, time_ns(message.header.stamp), self._last_pose,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from dataclasses import dataclass
@@ -12,12 +13,21 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from par4_kinematics.acceleration import platform_motion
 from par4_kinematics.approach import with_approach
-from par4_kinematics.interface import JOINT_STATES, REFERENCE
+from par4_kinematics.braking import braked
+from par4_kinematics.errors import InputError, Par4Error
+from par4_kinematics.interface import CLOCK, JOINT_STATES, REFERENCE
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
-from par4_kinematics.ros.convert import SECOND, Trajectory, joint_values, write_trajectory
-from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.convert import (
+    SECOND,
+    Trajectory,
+    is_foreign,
+    joint_values,
+    time_ns,
+    write_trajectory,
+)
+from par4_kinematics.ros.node import Par4Node, State, run
 from par4_kinematics.ros.parameters import parameter
 
 LEAD_NS = SECOND
@@ -35,6 +45,12 @@ TICK = 0.02
 """Seconds of wall time between looks at the clock."""
 SETTLING = 0.5
 """Seconds of wall time for which the number of listeners must have stayed the same."""
+BRAKING_LEAD = 0.15
+"""Seconds of wall time from the message that brakes to its first point."""
+STRANGE_NS = 100 * SECOND
+"""Difference between the robot's stamps and the node's clock that no clock of a robot has."""
+STANDSTILL = 3.0
+"""Seconds of wall time beyond the braking for which a clock that stands is waited for."""
 DISCOVERY = 3.5
 """Seconds of wall time in which listeners are found: a lost packet is repeated after 3 s."""
 
@@ -53,7 +69,8 @@ class MotionNode(Par4Node):
     """Plays a motion as `reference`: waits for clock, robot and a listener, sends, ends.
 
     Points go out a second ahead of the clock. If the robot stands elsewhere than the motion
-    begins, a slow move takes it there first.
+    begins, a slow move takes it there first. A signal or ~/stop brakes on the path of the motion
+    and ends.
     """
 
     NAME = 'par4_motion'
@@ -70,39 +87,109 @@ class MotionNode(Par4Node):
         # compile what the approach needs before there is a clock that could run on meanwhile
         platform_motion(self._robot.geometry, self._motion.q[:2], self._motion.qd[:2],
                         self._motion.qdd[:2])
-        self._from_start_ns = np.empty(0, dtype=np.int64)
-        self._start_ns: int | None = None
+        self._times_ns: np.ndarray | None = None
+        self._points: tuple[np.ndarray, ...] = ()
+        self._braking = False
         self._ahead_ns = LEAD_NS
         self._sent = 0
+        self._pace = 1.0
+        self._stop_asked = False
+        self._patient_until = math.inf
+        self._stamp_ns = 0
         self._robot_at: np.ndarray | None = None
+        self._waits_for = ''
         self._listeners = 0
         self._settling_since, self._settling_since_ns = 0.0, 0
         self._message = JointTrajectory()
         self._robot_listener = self.subscribe(JOINT_STATES, self._on_joint_state)
         self.create_timer(TICK, self._tick, clock=self.wall_clock)
+        self.serve('~/stop', self._stop)
 
     def _on_joint_state(self, message: JointState) -> None:
-        self._robot_at = joint_values(message, 'position')
+        if not is_foreign(message):
+            self._robot_at = joint_values(message, 'position')
+
+        self._stamp_ns = time_ns(message.header.stamp)
+
+    def clock_jumped_back(self) -> None:
+        """Abort a motion that is being played: the robot is not where it was."""
+        if self._times_ns is not None and not self.finished:
+            self.failure = InputError(
+                f'{self._motion.name} aborted: the clock jumped back, so that the simulation was '
+                f'started again; play it anew')
+            self.finished = True
+
+    def _check_clock(self, now_ns: int) -> None:
+        """Refuse to play on another clock than the robot's.
+
+        Raises:
+            InputError: names the parameter that is missing.
+        """
+        if self.simulated_time:
+            if self.clocks() > 1:
+                raise InputError(f'{self.clocks()} publish {CLOCK.name}: end all but one '
+                                 f'simulation, or give each a ROS_DOMAIN_ID of its own')
+        elif self._stamp_ns != 0 and abs(self._stamp_ns - now_ns) > STRANGE_NS:
+            raise InputError(
+                f'{JOINT_STATES.name} are stamped {self._stamp_ns / SECOND:.1f} s, the clock of '
+                f'this node says {now_ns / SECOND:.1f} s: with a simulation give -p '
+                f'use_sim_time:=true; with a robot, set its clock')
 
     def _tick(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
-        if self._start_ns is None:
-            missing = self._missing(now_ns)
-            if missing:
-                self.get_logger().info(f'waiting for {missing}', throttle_duration_sec=5.0,
+        if self._times_ns is None:
+            self._waits_for = self._missing(now_ns)
+            if self._waits_for:
+                self.get_logger().info(f'waiting for {self._waits_for}', throttle_duration_sec=5.0,
                                        throttle_time_source_type=self.wall_clock)
                 return
-            self._begin(now_ns)
-        while self._sent < len(self._from_start_ns) and (
-                self._start_ns + self._from_start_ns[self._sent] <= now_ns + self._ahead_ns):
+            try:
+                self._check_clock(now_ns)
+                self._begin(now_ns)
+            except Par4Error as error:
+                self.failure, self.finished = error, True
+                return
+        if self._stop_asked and not self._braking:
+            self._brake(now_ns)
+        while self._sent < len(self._times_ns) and (
+                self._times_ns[self._sent] <= now_ns + self._ahead_ns):
             self._send_chunk()
-        if now_ns > self._start_ns + int(self._from_start_ns[-1]):
+        if now_ns > self._times_ns[-1]:
             self.finished = True
+        elif time.monotonic() > self._patient_until:
+            self.get_logger().error('the clock stands: the robot may not have braked')
+            self.finished = True
+
+    def _stop(self) -> str:
+        self.end()
+        return 'braking on the path of the motion'
+
+    def end(self) -> None:
+        """Brake on the path of the motion, then end; at once if it does not play yet."""
+        if self._times_ns is None:
+            self.finished = True
+        self._stop_asked = True
+
+    def _brake(self, now_ns: int) -> None:
+        """Replace what is queued by the way to rest."""
+        self._braking = True
+        lead_ns = round(max(1.0, self._pace) * BRAKING_LEAD * SECOND)
+        start_ns = int(self._times_ns[0])
+        t, q, qd, qdd = braked(self._motion, (now_ns + lead_ns - start_ns) / SECOND)
+        played = self._motion.duration
+        self._points = (q, qd, qdd)
+        self._times_ns = start_ns + np.rint(t * SECOND).astype(np.int64)
+        self._sent = 0
+        self._patient_until = (time.monotonic() + STANDSTILL
+                               + (self._times_ns[-1] - now_ns) / SECOND / min(1.0, self._pace))
+        self.get_logger().warning(
+            f'stopped: at rest {t[-1]:.3f} s after the start, of {played:.3f} s')
 
     def _missing(self, now_ns: int) -> str:
         listeners = self._publisher.get_subscription_count()
         if now_ns == 0:
-            return 'the clock to run'
+            return f'{CLOCK.name}' + ('' if self.clocks() else ', which nobody publishes: '
+                                      'use_sim_time is for a simulation')
         if self._robot_at is None:
             return JOINT_STATES.name
         if listeners != self._listeners or listeners == 0:
@@ -116,24 +203,32 @@ class MotionNode(Par4Node):
     def _begin(self, now_ns: int) -> None:
         self.destroy_subscription(self._robot_listener)
         self._motion: Motion = with_approach(self._motion, self._robot, self._robot_at)
-        self._from_start_ns = np.rint(self._motion.t * SECOND).astype(np.int64)
+        self._points = (self._motion.q, self._motion.qd, self._motion.qdd)
         pace = (now_ns - self._settling_since_ns) / (time.monotonic() - self._settling_since)
+        self._pace = pace / SECOND
         lead_ns = max(LEAD_NS, round(pace * WALL_LEAD))
         if pace > FAST * SECOND:
             self._ahead_ns = FAR_NS
         # a whole millisecond, so that samples of the usual rates fall on the points
-        self._start_ns = (now_ns + lead_ns) // MILLISECOND * MILLISECOND
+        start_ns = (now_ns + lead_ns) // MILLISECOND * MILLISECOND
+        self._times_ns = start_ns + np.rint(self._motion.t * SECOND).astype(np.int64)
         self.get_logger().info(f'playing {self._motion.name}, {self._motion.duration:.3f} s')
 
     def _send_chunk(self) -> None:
-        first = self._sent
-        times = self._from_start_ns
-        self._sent = int(np.searchsorted(times, times[first] + CHUNK_NS))
+        first, times_ns = self._sent, self._times_ns
+        self._sent = int(np.searchsorted(times_ns, times_ns[first] + CHUNK_NS))
         part = slice(first, self._sent)
         write_trajectory(self._message, JointTrajectoryPoint, Trajectory(
-            self._start_ns, times[part], self._motion.q[part], self._motion.qd[part],
-            self._motion.qdd[part]))
+            int(times_ns[0]), times_ns[part] - times_ns[0],
+            *(values[part] for values in self._points)))
         self._publisher.publish(self._message)
+
+    def state(self) -> State:
+        """Return whether the node waits, plays or brakes."""
+        if self._times_ns is None:
+            return State(State.OK, f'waiting for {self._waits_for or "its first second"}')
+        return State(State.WARN if self._braking else State.OK,
+                     f'{"braking" if self._braking else "playing"} {self._motion.name}')
 
     def traffic(self) -> dict[str, int]:
         """Return how many points have been sent."""

@@ -12,12 +12,14 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
+from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -29,17 +31,64 @@ from rclpy.utilities import remove_ros_args
 from std_srvs.srv import Trigger
 
 from par4_kinematics.errors import InputError, Par4Error, UnreachableError
-from par4_kinematics.interface import DIAGNOSTICS, Topic
-from par4_kinematics.ros.convert import write_time
+from par4_kinematics.interface import CLOCK, DIAGNOSTICS, Topic
+from par4_kinematics.ros.convert import SECOND, write_time
+from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.parameters import declare, usage
 from par4_kinematics.ros.qos import message_type, qos_of
 
-NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps')
+NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_messages',
+              'skipped_windows')
 """Faults that are logged when they happen, or that a busy machine has all the time."""
 PATIENCE = 3.0
 """Seconds that a node has to end in before another signal interrupts it."""
+SILENCE = 1.0
+"""Seconds of wall time after which a stream that flowed counts as dead."""
 REPORT_PERIOD = 1.0
 """Seconds of wall time between diagnostics, and at the least between warnings of one topic."""
+
+
+@dataclass(frozen=True)
+class State:
+    """What a node does now, in words, and how bad that is.
+
+    Attributes:
+        level: OK, WARN or ERROR.
+        text: what it does; a change of it is logged.
+        detail: what may change all the time.
+    """
+
+    level: bytes
+    text: str
+    detail: str = ''
+
+    OK: ClassVar[bytes] = DiagnosticStatus.OK
+    WARN: ClassVar[bytes] = DiagnosticStatus.WARN
+    ERROR: ClassVar[bytes] = DiagnosticStatus.ERROR
+
+
+class Arrivals:
+    """What came on a topic.
+
+    Attributes:
+        stream: whether messages are to come all the time.
+        numbering: of the messages.
+    """
+
+    def __init__(self, stream: bool) -> None:
+        self.stream = stream
+        self.numbering = Numbering()
+        self._last: float | None = None
+
+    def take(self, number: int) -> None:
+        """Take the number of a message that came now."""
+        self.numbering.take(number)
+        self._last = time.monotonic()
+
+    @property
+    def age(self) -> float | None:
+        """Seconds of wall time since the newest message, None before the first."""
+        return None if self._last is None else time.monotonic() - self._last
 
 
 class Par4Node(Node):
@@ -51,6 +100,7 @@ class Par4Node(Node):
         REST: seconds between callbacks, for a node that takes many messages at a time.
         parameters: their values.
         finished: set to True, by itself or by a signal, when its work is done; `run` then ends it.
+        failure: why it ended without having done its work; `run` then tells it.
         counts: what went wrong so far, by name.
     """
 
@@ -64,7 +114,13 @@ class Par4Node(Node):
         self.parameters = declare(self, self.PARAMETERS)
         self.finished = False
         self.counts: Counter[str] = Counter()
+        self._arrivals: dict[str, Arrivals] = {}
         self._reported: dict[str, int] = {}
+        self._last_state = State(State.OK, 'running')
+        self.failure: Par4Error | None = None
+        self._jumps = self.get_clock().create_jump_callback(
+            JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
+                          on_clock_change=False), post_callback=self._on_jump)
         self._diagnostics = self.publisher_of(DIAGNOSTICS)
         self.create_timer(REPORT_PERIOD, self._report, clock=self.wall_clock)
 
@@ -72,16 +128,38 @@ class Par4Node(Node):
         """Return a publisher of a topic of the contract."""
         return self._on_topic(self.create_publisher, topic)
 
-    def subscribe(self, topic: Topic, callback: Callable[[Any], None]) -> Subscription:
-        """Subscribe to a topic; a message that `callback` raises Par4Error for is rejected."""
+    def subscribe(self, topic: Topic, callback: Callable[[Any], None], stream: bool = False,
+                  raw: bool = False) -> Subscription:
+        """Subscribe to a topic; a message that `callback` raises Par4Error for is rejected.
 
-        def accept_or_reject(message: Any) -> None:
+        Messages that wait are taken in one turn of the executor, which costs more than a message.
+
+        Args:
+            topic: of the contract.
+            callback: takes a message.
+            stream: whether messages come all the time, so that silence is worth a warning.
+            raw: whether the callback takes serialised messages.
+        """
+        arrivals = self._arrivals[topic.name] = Arrivals(stream)
+
+        def take(message: Any, info: dict[str, Any]) -> None:
+            accept_or_reject(message, info)
+            with subscription.handle:
+                for _ in range(topic.depth):
+                    waiting = subscription.handle.take_message(subscription.msg_type, raw)
+                    if waiting is None or self.finished:
+                        break
+                    accept_or_reject(*waiting)
+
+        def accept_or_reject(message: Any, info: dict[str, Any]) -> None:
+            arrivals.take(info['publication_sequence_number'])
             try:
                 callback(message)
             except Par4Error as error:
                 self.reject(topic, error)
 
-        return self._on_topic(self.create_subscription, topic, callback=accept_or_reject)
+        subscription = self._on_topic(self.create_subscription, topic, callback=take, raw=raw)
+        return subscription
 
     def subscribe_raw(self, topic: Topic, callback: Callable[[bytes, dict[str, Any]], None]
                       ) -> Subscription:
@@ -119,9 +197,56 @@ class Par4Node(Node):
                                   throttle_duration_sec=REPORT_PERIOD,
                                   throttle_time_source_type=self.wall_clock)
 
+    def _on_jump(self, jump: TimeJump) -> None:
+        self.counts['clock_jumps'] += 1
+        back = -jump.delta.nanoseconds / SECOND
+        self.get_logger().warning(
+            f'the clock jumped back by {back:.3f} s: the simulation was started again, or two '
+            f'publish {CLOCK.name}')
+        self.clock_jumped_back()
+
+    def clock_jumped_back(self) -> None:
+        """Forget what belongs to a time that will come again; told already."""
+
+    def clocks(self) -> int:
+        """Return how many publish the clock that this node would follow."""
+        return self.count_publishers(self.resolve_topic_name(CLOCK.name))
+
+    @property
+    def simulated_time(self) -> bool:
+        """Whether the node follows a published clock."""
+        return bool(self.get_parameter('use_sim_time').value)
+
+    def end(self) -> None:
+        """Begin to end, as a signal or ~/stop asks; a node that has more to do sets `finished`."""
+        self.finished = True
+
+    def state(self) -> State:
+        """Return what the node does now: whether its streams flow and its clock is one."""
+        if self.simulated_time and self.clocks() > 1:
+            return State(State.ERROR, f'{self.clocks()} publish {CLOCK.name}: end all but one '
+                                      f'simulation, or give each a ROS_DOMAIN_ID of its own')
+        waiting = [name for name, input_ in self._arrivals.items()
+                   if input_.stream and input_.age is None]
+        dead = [name for name, input_ in self._arrivals.items()
+                if input_.stream and input_.age is not None and input_.age > SILENCE]
+        if dead:
+            return State(State.WARN, f'dead input: {", ".join(dead)} came, but no more')
+        return State(State.OK, f'waiting for {", ".join(waiting)}' if waiting else 'running')
+
     def faults(self) -> dict[str, int]:
         """Return what the diagnostics tell of things that went wrong, by name."""
-        return dict(self.counts)
+        missed = sum(input_.numbering.missing for input_ in self._arrivals.values())
+        return {**self.counts, **({'missed_messages': missed} if missed else {})}
+
+    def worrying(self, new: dict[str, int]) -> bool:
+        """Return whether the new faults of a report, by name, are worth a warning."""
+        return bool(new)
+
+    def measures(self) -> dict[str, str]:
+        """Return what else the diagnostics tell, in words: the age of each input."""
+        return {f'{name}_age': 'none yet' if input_.age is None else f'{input_.age:.2f} s'
+                for name, input_ in self._arrivals.items()}
 
     def traffic(self) -> dict[str, int]:
         """Return what the diagnostics tell beside the faults, by name."""
@@ -140,14 +265,27 @@ class Par4Node(Node):
         if unsaid:
             self.get_logger().warning(', '.join(f'{count} {name}'
                                                 for name, count in unsaid.items()))
+        state = self.state()
+        said = f'{state.text}: {state.detail}' if state.detail else state.text
+        if (state.level, state.text) != (self._last_state.level, self._last_state.text):
+            good = state.level == self._last_state.level == State.OK
+            self._last_state = state
+            if state.level == State.OK:  # rclpy wants one severity a line
+                if not good:
+                    self.get_logger().info(said)
+            elif state.level == State.WARN:
+                self.get_logger().warning(said)
+            else:
+                self.get_logger().error(said)
+        news = ', '.join(f'{count} {name}' for name, count in new.items())
         message = DiagnosticArray()
         write_time(message.header.stamp, self.now_ns())
         message.status = [DiagnosticStatus(
-            level=DiagnosticStatus.WARN if new else DiagnosticStatus.OK,
+            level=max(state.level, State.WARN if self.worrying(new) else State.OK),
             name=self.get_fully_qualified_name(),
-            message=', '.join(f'{count} {name}' for name, count in new.items()) or 'ok',
-            values=[KeyValue(key=name, value=str(count))
-                    for name, count in {**faults, **self.traffic()}.items()])]
+            message=f'{said}; {news}' if news else said,
+            values=[KeyValue(key=name, value=str(value)) for name, value in
+                    {**faults, **self.traffic(), **self.measures()}.items()])]
         self._diagnostics.publish(message)
 
     def work(self) -> None:
@@ -159,6 +297,8 @@ class Par4Node(Node):
             if self.REST > 0.0:
                 time.sleep(self.REST)
         executor.shutdown()
+        if self.failure is not None:
+            raise self.failure
 
     def close(self) -> None:
         """Complete what the node writes and release what it holds; called once at the end."""
@@ -187,26 +327,29 @@ def _initialise(arguments: list[str]) -> None:
 
 @contextmanager
 def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
-    """Yield a node that SIGINT and SIGTERM finish; while it starts they interrupt.
+    """Yield a node that SIGINT and SIGTERM finish, as soon as it has started.
 
     A terminal and `ros2 launch` both send SIGINT on one Ctrl-C: the second one means nothing more.
     """
     node = None
-    asked_at = -math.inf
+    asked_at = math.inf
 
     def end(_signal: int, _frame: Any) -> None:
         nonlocal asked_at
-        if node is None or (node.finished and time.monotonic() - asked_at > PATIENCE):
+        if time.monotonic() - asked_at > PATIENCE:
             raise KeyboardInterrupt
-        if not node.finished:
+        if asked_at == math.inf:
             asked_at = time.monotonic()
-        node.finished = True
+            if node is not None:
+                node.end()
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, end)
     try:
         _initialise(sys.argv)
         node = node_class()
+        if asked_at < math.inf:
+            node.end()
         yield node
     finally:
         if node is not None:

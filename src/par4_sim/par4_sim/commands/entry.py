@@ -13,8 +13,11 @@ from par4_kinematics.errors import Par4Error
 def run(command: click.Command) -> NoReturn:
     """Run a command; exit 0 if it did its work, 2 with `error: ...` on bad input, 130 if stopped.
 
-    An interrupt leaves nothing half written: results are put in place only when complete.
+    An interrupt leaves nothing half written: results are put in place only when complete. Every
+    command answers `--version`.
     """
+    if all(parameter.name != 'version' for parameter in command.params):
+        command = click.version_option(package_name='par4_sim', prog_name=command.name)(command)
     try:
         command.main(standalone_mode=False)
     except click.exceptions.Exit as finished:

@@ -1,1 +1,10 @@
 """Node of par4_sim."""
+
+from __future__ import annotations
+
+from par4_kinematics.ros.start import start_node
+
+
+def simulation() -> int:
+    """Run the node par4_simulation; return its exit code."""
+    return start_node('par4_sim.ros.simulation_node')

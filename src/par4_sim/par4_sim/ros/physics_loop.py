@@ -7,13 +7,18 @@ from collections.abc import Callable
 from queue import Empty, SimpleQueue
 from threading import Event
 
-from par4_kinematics.errors import InputError
+import numpy as np
+
+from par4_kinematics.errors import InputError, Par4Error
+from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import SECOND, Trajectory
+from par4_sim.ros.inbox import Batch, Inbox, joined
+from par4_sim.ros.pace import Pace
 from par4_sim.simulation import Sample, Simulation
 
 BACKLOG = 0.5
 """Seconds behind the wall clock that are caught up; what is beyond is let go."""
-IDLE = 0.02
+IDLE = 0.005
 """Longest wait for an order, s, while the simulation stands."""
 PATIENCE = 5.0
 """Seconds to wait for an order to be carried out."""
@@ -27,29 +32,57 @@ class PhysicsLoop:
     Attributes:
         now_ns: time of the newest sample.
         paused: whether the simulation stands; it may be set.
+        fault: why references are refused until a restart, in words; empty while all is well. It
+            may be set.
         late_steps: samples that came more than a sample period after their time.
     """
 
     def __init__(self, simulation: Simulation, publish: Callable[[int, Sample], None],
-                 real_time_factor: float, feedforward_timeout: float) -> None:
+                 refuse: Callable[[Par4Error], None], real_time_factor: float,
+                 feedforward_timeout: float, following_error_limit: float, pace: Pace) -> None:
         """Prepare to publish each sample with its time.
 
         Args:
             simulation: at rest at home.
             publish: called with the time, ns, and the sample.
+            refuse: called with what is wrong with a reference that is not followed.
             real_time_factor: simulated seconds a second, 0 = as fast as it can.
             feedforward_timeout: longest stand, s, for the torque of a reference point.
+            following_error_limit: distance of a joint from its reference, rad, beyond which the
+                drives brake and take no reference more; 0 for none.
+            pace: told how long the physics takes.
         """
         self.now_ns = 0
         self.paused = False
+        self.fault = ''
         self.late_steps = 0
         self._simulation = simulation
         self._publish = publish
+        self._refuse = refuse
+        self._pace = pace
+        self._following_error_limit = following_error_limit
         self._factor = real_time_factor
         self._feedforward_timeout = feedforward_timeout
         self._started_ns = 0
         self._standing_since: float | None = None
+        self._references, self._efforts = Inbox('q', 'qd', 'qdd'), Inbox('effort')
         self._orders: SimpleQueue[Callable[[], None]] = SimpleQueue()
+
+    @property
+    def torque_limit(self) -> float:
+        """Of the drives, N m."""
+        return self._simulation.torque_limit
+
+    @property
+    def starved(self) -> bool:
+        """Whether the drives brake or have braked because a moving reference was not gone on with.
+        """
+        return self._simulation.starved
+
+    @property
+    def waiting(self) -> bool:
+        """Whether the simulation stands for the torque of a reference point."""
+        return self._standing_since is not None
 
     @property
     def counts(self) -> dict[str, int]:
@@ -58,13 +91,11 @@ class PhysicsLoop:
 
     def queue_reference(self, start_ns: int, points: Trajectory) -> None:
         """Queue reference points that start at `start_ns`."""
-        self._orders.put(lambda: self._simulation.queue_reference(
-            points.times(start_ns - self._started_ns), points.q, points.qd, points.qdd))
+        self._references.put(start_ns, points)
 
     def queue_effort(self, start_ns: int, points: Trajectory) -> None:
         """Queue feedforward torques that start at `start_ns`."""
-        self._orders.put(lambda: self._simulation.queue_effort(
-            points.times(start_ns - self._started_ns), points.effort))
+        self._efforts.put(start_ns, points)
 
     def restart(self, simulation: Simulation | None = None) -> None:
         """Put the machine, or another one, at rest at home; return when it is done.
@@ -80,6 +111,7 @@ class PhysicsLoop:
                 self._simulation.close()
                 self._simulation = simulation
             self._simulation.reset()
+            self.fault = ''
             self._started_ns = next_ns - round(self._simulation.time * SECOND)
             done.set()
 
@@ -97,23 +129,59 @@ class PhysicsLoop:
         deadline = time.monotonic()
         while not finished():
             standing = self.paused or self._waits_for_effort()
+            self._take_in()
             self._carry_out_orders(standing)
             if standing:
                 deadline = time.monotonic()
                 continue
+            began = time.monotonic()
             sample = self._simulation.next_sample()
+            self._pace.physics += time.monotonic() - began
             self.now_ns = self._started_ns + sample.time_ns
             self._publish(self.now_ns, sample)
+            self._watch()
             if self._factor > 0.0:
                 deadline = self._keep_pace(deadline + self._simulation.sample_period / self._factor)
+
+    def _take_in(self) -> None:
+        """Hand what came to the simulation, what goes on in time at once."""
+        for group in self._references.take(self._started_ns):
+            if not (len(group) > 1 and self._follows([joined(group)], looked_at=False)):
+                self._follows(group)
+        for group in self._efforts.take(self._started_ns):
+            times, (effort,) = joined(group)
+            self._simulation.queue_effort(times, effort)
+
+    def _follows(self, batches: list[Batch], looked_at: bool = True) -> bool:
+        """Queue reference points and return whether none was refused; tell unless to be retried."""
+        kept = True
+        for times, motion in batches:
+            try:
+                if self.fault:
+                    raise InputError(f'not followed: {self.fault}')
+                self._simulation.queue_reference(times, *motion, looked_at)
+            except Par4Error as error:
+                kept = False
+                if looked_at:  # a group is tried again one by one
+                    self._refuse(error)
+        return kept
 
     def _carry_out_orders(self, standing: bool) -> None:
         try:
             self._orders.get(block=standing, timeout=IDLE)()
-            while True:
-                self._orders.get_nowait()()
         except Empty:
             return
+
+    def _watch(self) -> None:
+        """Brake and take no reference more where the machine is too far from its reference."""
+        if self.fault or self._following_error_limit == 0.0:
+            return
+        errors = np.abs(self._simulation.following_error)
+        joint = int(errors.argmax())
+        if not errors[joint] <= self._following_error_limit:
+            self._simulation.brake()
+            self.fault = (f'{JOINT_NAMES[joint]} was {errors[joint]:.3g} rad from its reference, '
+                          f'beyond {self._following_error_limit:g} rad: braked; call ~/reset')
 
     def _waits_for_effort(self) -> bool:
         if self._feedforward_timeout == 0.0 or not self._simulation.effort_missing():

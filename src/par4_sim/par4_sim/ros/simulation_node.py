@@ -7,22 +7,40 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from trajectory_msgs.msg import JointTrajectory
+import numpy as np
 
 from par4_dynamics.model import read_model
-from par4_kinematics.errors import UnreachableError
-from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE
+from par4_kinematics.errors import InputError, UnreachableError
+from par4_kinematics.interface import (
+    AMPLIFIER_VOLTAGE,
+    CLOCK,
+    FEEDFORWARD_TORQUE,
+    JOINT_STATES,
+    REFERENCE,
+)
+from par4_kinematics.limits import check_torque
+from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
-from par4_kinematics.ros.convert import read_trajectory
-from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.convert import SECOND
+from par4_kinematics.ros.node import Par4Node, State, run
 from par4_kinematics.ros.parameters import parameter
 from par4_kinematics.workspace import home_pose
+from par4_sim.plant import STEP
+from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
+from par4_sim.ros.serialised_trajectory import read_serialised_trajectory
 from par4_sim.ros.zero_stamp import ZeroStamps
 from par4_sim.simulation import FIDELITIES, Sample, Simulation, build_simulation
 from par4_sim.window import Window
 
+SWITCH_INTERVAL = 2e-4
+"""Seconds after which the thread of the callbacks lets that of the physics go on."""
+LATE_SHARE = 0.05
+"""Share of late samples that is worth a warning."""
+STRANGE_NS = 1000 * SECOND
+"""How far ahead of the clock no reference starts that is meant for this clock."""
 LAW_OF_MODE = {'position': 'loops', 'torque': 'torque'}
 """The law of the drives by `drive_mode`."""
 
@@ -35,6 +53,8 @@ class SimulationParameters:
     model_file: str = parameter('table1_full', 'the machine as it truly is, model.yaml: a '
                                                'path or a built-in name')
     fidelity: str = parameter('fast', 'how exactly the mechanism is simulated', choices=FIDELITIES)
+    physics_step: float = parameter(
+        STEP, 'of the physics and the drives, s; larger is faster and less exact', 1e-5, 1e-3)
     drive_mode: str = parameter(
         'position', 'position: the loops of the drives follow the reference, feedforward helps '
                     'them; torque: feedforward_torque is the command, the loops take over where '
@@ -53,16 +73,21 @@ class SimulationParameters:
     window: bool = parameter(False, 'show the robot in a window; needs a screen')
     feedforward_timeout: float = parameter(
         0.0, 'longest wait (s of wall time) for the torque of a reference that starts', 0.0)
+    following_error_limit: float = parameter(
+        0.25, 'distance of a joint from its reference, rad, beyond which the drives brake and ask '
+              'for ~/reset; 0 = none', 0.0)
 
 
 class SimulationNode(Par4Node):
     """Simulates Par4 with its drives: reference and feedforward_torque -> joint_states and clock.
 
     The physics runs in the main thread, callbacks in another. ~/reset puts the machine at rest at
-    home, ~/reload_model too; the clock goes on.
+    home, ~/reload_model too; the clock goes on. A reference beyond the limits of robot.yaml is
+    refused; one that ends in motion is braked.
     """
 
     NAME = 'par4_simulation'
+    REST = 0.001  # a turn of the executor costs more than a message
     PARAMETERS = SimulationParameters
 
     def __init__(self) -> None:
@@ -73,13 +98,18 @@ class SimulationNode(Par4Node):
         if asked.window:
             self._window = Window(self._robot, home_pose(self._robot))
             self.create_timer(1.0, self._notice_closed_window, clock=self.wall_clock)
+        self._limits = self._compiled_limits()
         simulation = self._build()
         self._samples = SamplePublisher(self, self._robot, asked.publish_clock)
-        self._physics = PhysicsLoop(simulation, self._publish, asked.real_time_factor,
-                                    asked.feedforward_timeout)
+        self._pace = Pace(asked.real_time_factor, asked.fidelity, asked.physics_step)
+        self._physics = PhysicsLoop(
+            simulation, self._publish, lambda error: self.reject(REFERENCE, error),
+            asked.real_time_factor, asked.feedforward_timeout, asked.following_error_limit,
+            self._pace)
         self._zero_stamps = ZeroStamps()
-        self.subscribe(REFERENCE, self._on_reference)
-        self.subscribe(FEEDFORWARD_TORQUE, self._on_effort)
+        self._published = 0
+        self.subscribe(REFERENCE, self._on_reference, raw=True)
+        self.subscribe(FEEDFORWARD_TORQUE, self._on_effort, raw=True)
         for name, action in (('reset', self._reset), ('reload_model', self._reload_model),
                              ('pause', self._pause), ('resume', self._resume),
                              ('stop', self._stop)):
@@ -88,6 +118,15 @@ class SimulationNode(Par4Node):
             f'robot {self._robot.name}, machine {asked.model_file}, fidelity {asked.fidelity}, '
             f'{asked.publish_rate_hz:g} Hz, {asked.real_time_factor:g} x real time')
 
+    def _compiled_limits(self) -> ReferenceLimits:
+        """Return the limits, compiled before a reference could come too late for that."""
+        limits = ReferenceLimits(self._robot)
+        home = inverse_kinematics(self._robot.geometry, home_pose(self._robot))
+        points = np.zeros((2, 12))
+        points[:, :4] = home
+        limits.check(np.array((0.0, 1.0)), points)
+        return limits
+
     def _build(self) -> Simulation:
         asked = self.parameters
         model = read_model(asked.model_file, self._robot)
@@ -95,7 +134,8 @@ class SimulationNode(Par4Node):
             self._robot, model, asked.fidelity, 1.0 / asked.publish_rate_hz, asked.seed,
             torque_noise=asked.torque_noise, correlation_time=asked.noise_correlation_time,
             law=LAW_OF_MODE[asked.drive_mode], position_noise=asked.position_noise,
-            stamp_jitter=asked.stamp_jitter)
+            stamp_jitter=asked.stamp_jitter, limits=self._limits,
+            step=asked.physics_step)
 
     def _publish(self, now_ns: int, sample: Sample) -> None:
         self._samples.publish(now_ns, sample)
@@ -108,13 +148,19 @@ class SimulationNode(Par4Node):
             self._window = None
             self.get_logger().warning('the window is closed; the simulation goes on')
 
-    def _on_reference(self, message: JointTrajectory) -> None:
-        points = read_trajectory(message)
-        self._physics.queue_reference(
-            self._zero_stamps.start_ns(REFERENCE, points, self._physics.now_ns), points)
+    def _on_reference(self, message: bytes) -> None:
+        points = read_serialised_trajectory(message)
+        self._limits.check(points.times(0), np.hstack((points.q, points.qd, points.qdd)))
+        start_ns = self._zero_stamps.start_ns(REFERENCE, points, self._physics.now_ns)
+        if start_ns - self._physics.now_ns > STRANGE_NS:
+            raise InputError(
+                f'starts {(start_ns - self._physics.now_ns) / SECOND:.4g} s ahead of the clock; '
+                f'set use_sim_time where it comes from')
+        self._physics.queue_reference(start_ns, points)
 
-    def _on_effort(self, message: JointTrajectory) -> None:
-        points = read_trajectory(message, ('effort',))
+    def _on_effort(self, message: bytes) -> None:
+        points = read_serialised_trajectory(message, ('effort',))
+        check_torque(self._robot, points.effort, self._physics.torque_limit)
         self._physics.queue_effort(
             self._zero_stamps.start_ns(FEEDFORWARD_TORQUE, points, self._physics.now_ns), points)
 
@@ -131,6 +177,8 @@ class SimulationNode(Par4Node):
         return 'paused'
 
     def _resume(self) -> str:
+        if self._physics.fault:
+            raise InputError(self._physics.fault)
         self._physics.paused = False
         return 'running'
 
@@ -138,13 +186,48 @@ class SimulationNode(Par4Node):
         self.finished = True
         return 'stopping'
 
+    def state(self) -> State:
+        """Return whether the simulation runs, and why if not."""
+        physics = self._physics
+        self._pace.measure(physics.now_ns, bool(physics.paused or physics.waiting))
+        if physics.fault:
+            return State(State.ERROR, physics.fault)
+        others = (self.clocks() if self.parameters.publish_clock else 0,
+                  self.count_publishers(self.resolve_topic_name(AMPLIFIER_VOLTAGE.name)))
+        for topic, count in zip((CLOCK, AMPLIFIER_VOLTAGE), others, strict=True):
+            if count > 1:
+                return State(State.ERROR, f'{count} publish {topic.name}: another simulation or '
+                                          f'robot is in this domain; give each a ROS_DOMAIN_ID')
+        if physics.paused:
+            return State(State.WARN, 'paused')
+        if physics.waiting:
+            return State(State.WARN, f'waiting for {FEEDFORWARD_TORQUE.name}')
+        if physics.starved:
+            return State(State.WARN, f'starved: {REFERENCE.name} ended in motion, braked')
+        if self._pace.complaint:
+            asked = self.parameters.real_time_factor
+            return State(State.WARN, f'running, too slow for {asked:g} x real time',
+                         self._pace.complaint)
+        return State(State.OK, 'running')
+
+    def measures(self) -> dict[str, str]:
+        """Return the measured pace and the ages of the inputs."""
+        return {'real_time_factor': f'{self._pace.factor:.3f}', **super().measures()}
+
+    def worrying(self, new: dict[str, int]) -> bool:
+        """Return whether new faults are worth a warning; late steps are above a share only."""
+        published = self._samples.published[JOINT_STATES.name]
+        share = new.get('late_steps', 0) / max(1, published - self._published)
+        self._published = published
+        return share > LATE_SHARE or bool(new.keys() - {'late_steps'})
+
     def now_ns(self) -> int:
         """Return the simulated time, ns."""
         return self._physics.now_ns
 
     def faults(self) -> dict[str, int]:
         """Return the counts of the node, the drives and the loop."""
-        return dict(Counter(self._physics.counts) + self.counts)
+        return dict(Counter(self._physics.counts) + Counter(super().faults()))
 
     def traffic(self) -> dict[str, int]:
         """Return how many messages were published, by topic."""
@@ -152,6 +235,7 @@ class SimulationNode(Par4Node):
 
     def work(self) -> None:
         """Simulate in this thread and serve callbacks in another until the node is finished."""
+        sys.setswitchinterval(SWITCH_INTERVAL)
         with ThreadPoolExecutor(1) as thread:
             callbacks = thread.submit(self._serve_callbacks)
             try:
@@ -172,7 +256,7 @@ class SimulationNode(Par4Node):
             self._physics.run(lambda: self.finished)
         except UnreachableError as error:
             self.counts['unreachable_poses'] += 1
-            self.get_logger().error(f'{error}; paused: call ~/reset, then ~/resume')
+            self._physics.fault = f'out of reach: {error}; paused: call ~/reset, then ~/resume'
             self._physics.paused = True
 
     def close(self) -> None:

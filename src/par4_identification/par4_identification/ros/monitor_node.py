@@ -1,0 +1,163 @@
+"""Node `par4_monitor`: measured against model torque, live; says what drifts and since when."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from par4_dynamics.model import read_model
+from par4_identification.drift import LEARNING, WINDOW, DriftWatch, projections
+from par4_identification.log import Log
+from par4_kinematics.errors import InputError, Par4Error
+from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
+from par4_kinematics.robot import read_robot
+from par4_kinematics.ros.convert import SECOND, is_foreign, joint_values, time_ns
+from par4_kinematics.ros.node import Par4Node, State, run
+from par4_kinematics.ros.parameters import parameter
+
+LONGEST_GAP = 5
+"""Periods without a sample within a window that is still looked at."""
+
+
+@dataclass(frozen=True)
+class MonitorParameters:
+    """Parameters of the node."""
+
+    robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
+    model_file: str = parameter('table1', 'model.yaml of the healthy machine: a path or a '
+                                          'built-in name')
+    learning: int = parameter(LEARNING, 'windows of 2 s of motion to learn from', 10)
+
+
+class MonitorNode(Par4Node):
+    """Compares measured with model torque and warns where a joint drifts away from its model.
+
+    Learns for two minutes of motion how far apart the two are on this machine and its work. Torque
+    is gain x amplifier_voltage where that is published, else the effort of joint_states.
+    ~/reload_model reads the model again and learns anew.
+    """
+
+    NAME = 'par4_monitor'
+    PARAMETERS = MonitorParameters
+    REST = 0.01  # a turn of the executor costs more than a message: take them by the dozen
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._robot = read_robot(self.parameters.robot_file)
+        self._read_model()
+        self._gain = np.asarray(self._robot.drive_gain)
+        self._rms = np.full(len(self._robot.joint_names), np.nan)
+        self.counts['skipped_windows'] = 0
+        self._forget()
+        self.subscribe(JOINT_STATES, self._taken(JOINT_STATES), stream=True)
+        self.subscribe(AMPLIFIER_VOLTAGE, self._taken(AMPLIFIER_VOLTAGE))
+        self.serve('~/reload_model', self._reload_model)
+
+    def _read_model(self) -> None:
+        self._model = read_model(self.parameters.model_file, self._robot)
+        self._watch = DriftWatch(len(self._robot.joint_names), self.parameters.learning)
+
+    def _reload_model(self) -> str:
+        self._read_model()
+        return f'read {self.parameters.model_file}; learning anew'
+
+    def _forget(self) -> None:
+        self._position: dict[int, np.ndarray] = {}
+        self._effort: dict[int, np.ndarray] = {}
+        self._torque: dict[int, np.ndarray] = {}
+
+    def clock_jumped_back(self) -> None:
+        """Begin a window anew."""
+        self._forget()
+
+    def _taken(self, topic: Topic) -> Callable[[Any], None]:
+        def take(message: Any) -> None:
+            if is_foreign(message):
+                return
+            stamp_ns = time_ns(message.header.stamp)
+            if topic is AMPLIFIER_VOLTAGE:
+                self._torque[stamp_ns] = self._gain * joint_values(message, 'effort')
+                return
+            self._position[stamp_ns] = joint_values(message, 'position')
+            if len(message.effort):
+                self._effort[stamp_ns] = joint_values(message, 'effort')
+            if stamp_ns - next(iter(self._position)) >= WINDOW * SECOND:
+                self._look()
+
+        return take
+
+    def _look(self) -> None:
+        """Look at the window that is complete and begin the next."""
+        position, torque = self._position, self._torque or self._effort
+        self._forget()
+        try:
+            log = self._window(position, torque)
+            projected, lengths, self._rms = projections(log, self._robot, self._model)
+        except Par4Error as error:
+            self.counts['skipped_windows'] += 1
+            self.get_logger().info(f'window skipped: {error}', throttle_duration_sec=10.0,
+                                   throttle_time_source_type=self.wall_clock)
+            return
+        self._watch.take(float(log.t[-1]), projected, lengths)
+
+    def _window(self, position: dict[int, np.ndarray], torque: dict[int, np.ndarray]) -> Log:
+        """Return the window on an even grid.
+
+        Raises:
+            InputError: samples are missing.
+        """
+        stamps = np.array(sorted(position.keys() & torque.keys()), dtype=np.int64)
+        if len(stamps) < 100:
+            raise InputError(f'{len(stamps)} samples with position and torque; publish both with '
+                             f'the same stamps')
+        steps = np.diff(stamps)
+        period = float(np.median(steps)) / SECOND
+        if steps.max() > LONGEST_GAP * period * SECOND:
+            raise InputError(f'a gap of {steps.max() / SECOND:.3g} s')
+        t = np.arange(int((stamps[-1] - stamps[0]) / SECOND / period) + 1) * period
+        told = (stamps - stamps[0]) / SECOND
+        q, tau = (np.stack([np.interp(t, told, column) for column in np.array(
+            [values[stamp] for stamp in stamps]).T], axis=1) for values in (position, torque))
+        return Log('window', self._robot.joint_names, int(stamps[0]), period,
+                   stamps[0] / SECOND + t, q, tau, (slice(0, len(t)),), None, None)
+
+    def state(self) -> State:
+        """Return whether the machine follows its model, and what drifts since when."""
+        state = super().state()
+        if state.level != State.OK or state.text.startswith('waiting'):
+            return state
+        drifts = self._watch.drifts
+        if drifts:
+            joints = ', '.join(f'{self._robot.joint_names[drift.joint]} ({drift.acts_like})'
+                               for drift in drifts)
+            return State(State.WARN, f'drifts from its model: {joints}',
+                         '; '.join(map(str, drifts)))
+        if self._watch.learning:
+            return State(State.OK, f'learning, {self._watch.learning} windows of motion to go')
+        return State(State.OK, 'follows its model')
+
+    def traffic(self) -> dict[str, int]:
+        """Return how many windows were looked at."""
+        return {'windows': self._watch.windows}
+
+    def measures(self) -> dict[str, str]:
+        """Return the rms of the residual of each joint and the ages of the inputs."""
+        return {**{f'residual_rms_{joint}': f'{rms:.4f} N m'
+                   for joint, rms in enumerate(self._rms)}, **super().measures()}
+
+    def worrying(self, new: dict[str, int]) -> bool:
+        """Return whether new faults are worth a warning: windows are skipped at every stop."""
+        return bool(new.keys() - {'skipped_windows'})
+
+
+def main() -> int:
+    """Run the node; return its exit code."""
+    return run(MonitorNode)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,333 @@
+"""What protects a machine and tells its state, with nodes as processes."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+
+from node_bench import (
+    AWAY_Q,
+    DEADLINE,
+    HOME_Q,
+    MILLISECOND,
+    ROBOT,
+    SIMULATED,
+    Bench,
+    Simulated,
+    quintic_motion,
+    reference_message,
+    torque_of,
+)
+from par4_dynamics.model import read_model
+from par4_identification.identification import identify
+from par4_identification.log import read_log
+from par4_kinematics.adept import adept_motion
+from par4_kinematics.interface import (
+    AMPLIFIER_VOLTAGE,
+    DIAGNOSTICS,
+    FEEDFORWARD_TORQUE,
+    JOINT_STATES,
+    REFERENCE,
+)
+from par4_kinematics.motion import Motion, motion_of_joints
+from par4_kinematics.motion_file import named_motion
+from par4_kinematics.position import forward_kinematics
+from par4_kinematics.robot import JOINT_NAMES
+from par4_kinematics.ros.convert import SECOND, joint_values, time_ns, write_joint_state
+from par4_kinematics.workspace import inside
+
+OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
+GAIN = np.asarray(ROBOT.drives.gain)
+
+
+def wait_for_state(bench: Bench, diagnostics: list, node: str, level: bytes, text: str) -> Any:
+    """Return the first status from now on of at least that level, with `text` in its message."""
+    diagnostics.clear()
+
+    def found() -> Any:  # a busy machine may add a warning of late steps
+        return next((status for status in bench.statuses(diagnostics, node)
+                     if status.level >= level and text in status.message), None)
+
+    return bench.wait(found, f'{node} to tell {text!r}')
+
+
+def first_part(motion: Motion, share: float) -> Motion:
+    """Return the first samples of a motion, which end in motion."""
+    count = int(share * len(motion.t))
+    return Motion(motion.name, *(getattr(motion, name)[:count]
+                                 for name in ('t', 'q', 'qd', 'qdd', 'x', 'xd', 'xdd')))
+
+
+def torque_steps(voltages: list, since_ns: int) -> np.ndarray:
+    """Return how much the commanded torques change within a millisecond, N m, (n, 4)."""
+    told = {time_ns(message.header.stamp): GAIN * joint_values(message, 'effort')
+            for message in voltages}
+    stamps = np.array(sorted(stamp for stamp in told if stamp >= since_ns))
+    torque = np.array([told[stamp] for stamp in stamps])
+    return np.abs(np.diff(torque, axis=0))[np.diff(stamps) == MILLISECOND]
+
+
+def test_references_beyond_the_limits_are_refused_and_interrupted_ones_are_braked(bench):
+    bench.start('par4_feedforward', model_file='table1_full', **SIMULATED)
+    simulated = Simulated(bench)
+    voltages, answers = bench.listen(AMPLIFIER_VOLTAGE), bench.listen(FEEDFORWARD_TORQUE)
+    references = bench.publisher(REFERENCE)
+    bench.wait(lambda: references.get_subscription_count() == 2, 'both subscribers')
+    motion = quintic_motion(AWAY_Q)
+
+    def changed(field: str, value: float) -> Any:
+        message = reference_message(motion, simulated.now_ns() + SECOND // 2)
+        setattr(message.points[7], field, [*HOME_Q[:3], value])
+        return message
+
+    # a jump, which only the drives see; and an acceleration that only a model can judge
+    torn = reference_message(motion, simulated.now_ns() + SECOND // 2)
+    for point in torn.points[len(motion.t) // 2:]:
+        point.positions = [value + 0.1 for value in point.positions]
+    steep = reference_message(motion, simulated.now_ns() + SECOND // 2)
+    steep.points[7].accelerations = [9000.0] * 4
+    for message in (changed('positions', 2.9), changed('velocities', 1e160),
+                    changed('accelerations', -1e160), torn):
+        references.publish(message)
+    bench.wait(lambda: simulated.fresh_counts().get('rejected_messages') == 4, 'refusals')
+    simulated.fresh_counts()  # refusals of a topic are told once a second
+    references.publish(steep)
+    diagnostics = simulated.diagnostics
+    bench.wait(lambda: bench.counts(diagnostics, 'par4_feedforward').get('rejected_messages') == 4,
+               'refusals of feedforward')
+    np.testing.assert_allclose(joint_values(simulated.states[-1], 'position'), HOME_Q, atol=1e-3)
+    said = bench.said()
+    assert 'joint position 2.9 rad is outside -1 to 1.6 rad' in said
+    assert 'limit of 200 N m' in said
+
+    # the stream ends in mid-motion, as after a kill of its sender: at rest, without a step
+    asked_ns = simulated.now_ns()
+    references.publish(reference_message(first_part(motion, 0.5), 0))
+    status = wait_for_state(bench, diagnostics, 'par4_simulation', WARN, 'starved: reference')
+    assert 'interrupted_references' in {pair.key for pair in status.values}
+    told_ns = simulated.now_ns()
+    simulated.wait_until(told_ns + SECOND)
+    assert torque_steps(voltages, asked_ns).max() < 15.0
+    rest = joint_values(simulated.states[-1], 'position')
+    assert np.abs(joint_values(simulated.states[-1], 'velocity')).max() < 0.05
+    assert np.abs(rest - HOME_Q).max() > 0.05
+    assert inside(ROBOT, forward_kinematics(ROBOT.geometry, rest))
+
+    # it goes on with a reference from where it rests
+    way = quintic_motion(rest)
+    way = motion_of_joints('back', ROBOT.geometry, way.t, way.q[::-1], -way.qd[::-1],
+                           way.qdd[::-1])
+    answers.clear()
+    references.publish(reference_message(way, 0))
+    wait_for_state(bench, diagnostics, 'par4_simulation', OK, 'running')
+    bench.wait(lambda: answers, 'torque for it')
+
+
+def test_motion_brakes_on_its_path_on_ctrl_c_and_on_stop(bench):
+    simulated = Simulated(bench)
+    voltages = bench.listen(AMPLIFIER_VOLTAGE)
+    path = named_motion('excitation', ROBOT, 20.0)
+    for stop in (lambda child: child.send_signal(signal.SIGINT),
+                 lambda _: bench.call('par4_motion/stop')):
+        before = joint_values(simulated.states[-1], 'position')
+        child = bench.start('par4_motion', motion='excitation', duration=20.0, **SIMULATED)
+        bench.wait(lambda start=before: np.abs(
+            joint_values(simulated.states[-1], 'position') - start).max() > 0.1, 'a motion')
+        began_ns = simulated.now_ns()
+        stop(child)
+        assert bench.ended(child) == 0
+        simulated.wait_until(simulated.now_ns() + SECOND)
+        assert np.abs(joint_values(simulated.states[-1], 'velocity')).max() < 0.05
+        assert torque_steps(voltages, began_ns).max() < 15.0
+        # the path of the motion was not left
+        rest = joint_values(simulated.states[-1], 'position')
+        assert np.abs(path.q - rest).max(axis=1).min() < 0.02
+        assert 'interrupted_references' not in simulated.fresh_counts()
+    assert bench.said().count('stopped: at rest') == 2
+    assert 'Traceback' not in bench.said()
+
+
+def test_a_fault_is_an_error_until_reset_and_resume_says_so(bench):
+    simulated = Simulated(bench, following_error_limit=0.002)
+    references = bench.publisher(REFERENCE)
+    # 15 G under the loops alone lag further than that
+    references.publish(reference_message(adept_motion(ROBOT), 0))
+    for _ in range(2):  # the state lasts
+        wait_for_state(bench, simulated.diagnostics, 'par4_simulation', ERROR, 'call ~/reset')
+    refused = bench.call('par4_simulation/resume')
+    assert not refused.success
+    assert 'call ~/reset' in refused.message
+    assert bench.call('par4_simulation/reset').success
+    wait_for_state(bench, simulated.diagnostics, 'par4_simulation', OK, 'running')
+    assert bench.call('par4_simulation/pause').success
+    wait_for_state(bench, simulated.diagnostics, 'par4_simulation', WARN, 'paused')
+
+
+
+
+def test_diagnostics_tell_pace_ages_and_dead_inputs_and_foreign_joints_are_no_fault(bench):
+    simulated = Simulated(bench)
+    bench.start('par4_kinematics', **SIMULATED)
+    child = bench.start('par4_record', output='bag', **SIMULATED)
+    diagnostics = simulated.diagnostics
+    gripper = JointState(name=['finger'], position=[0.01], velocity=[0.0], effort=[0.0])
+    fingers = bench.publisher(JOINT_STATES)
+    bench.wait(lambda: fingers.get_subscription_count() == 3, 'nodes and bench as subscribers')
+    wait_for_state(bench, diagnostics, 'par4_kinematics', OK, 'running')
+    for _ in range(40):
+        fingers.publish(gripper)
+    status = wait_for_state(bench, diagnostics, 'par4_simulation', OK, 'running')
+    told = {pair.key: pair.value for pair in status.values}
+    assert float(told['real_time_factor']) > 0.0
+    assert told['reference_age'] == 'none yet'
+    wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
+    simulated.child.kill()
+    for node in ('par4_kinematics', 'par4_record'):
+        status = wait_for_state(bench, diagnostics, node, WARN, 'dead input: joint_states')
+        assert 'rejected_messages' not in {pair.key for pair in status.values}
+    child.send_signal(signal.SIGINT)
+    assert bench.ended(child) == 0
+    lost = int(bench.said().split(' lost')[0].rsplit(' ', 1)[1])
+    assert lost < 5000, 'another publisher fakes loss'
+
+
+def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(bench):
+    simulated = Simulated(bench)
+    diagnostics = simulated.diagnostics
+    # without use_sim_time a motion says so instead of playing years ahead
+    lost = bench.start('par4_motion', motion='adept')
+    assert bench.ended(lost) == 2
+    assert 'use_sim_time:=true' in bench.said()
+    recorder = bench.start('par4_record', output='bag', **SIMULATED)
+    player = bench.start('par4_motion', motion='excitation', duration=20.0, **SIMULATED)
+    wait_for_state(bench, diagnostics, 'par4_motion', OK, 'playing')
+    wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
+    simulated.child.kill()
+    simulated.child.wait()
+    second = bench.start('par4_simulation', fidelity='exact')
+    assert bench.ended(player) == 2
+    wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
+    said = bench.said()
+    assert 'excitation aborted: the clock jumped back' in said
+    assert 'bag holds more than one run' in said
+    assert 'Traceback' not in said
+    # a reference meant for another clock is refused
+    references = bench.publisher(REFERENCE)
+    references.publish(reference_message(quintic_motion(AWAY_Q), 1_800_000_000 * SECOND))
+    wait_for_state(bench, diagnostics, 'par4_simulation', WARN, '1 rejected_messages')
+    bench.start('par4_simulation', fidelity='exact', publish_clock='true')
+    for node in ('par4_simulation', 'par4_record'):
+        wait_for_state(bench, diagnostics, node, ERROR, '2 publish /clock')
+    for child in (second, recorder):
+        child.send_signal(signal.SIGINT)
+    assert bench.ended(recorder) == 0
+
+
+DRIVER = Path(__file__).parents[1] / 'examples' / 'driver' / 'driver.py'
+
+
+def test_a_foreign_robot_is_moved_recorded_and_identified(bench):
+    """The driver of docs/hardware.md, on the wall clock: no simulation takes part."""
+    child = subprocess.Popen([sys.executable, str(DRIVER)], env=bench.environment,
+                             cwd=bench.folder)
+    bench.children.append(child)
+    states = bench.listen(JOINT_STATES)
+    bench.start('par4_feedforward')
+    recorder = bench.start('par4_record', output='bag')
+    bench.wait(lambda: len(states) > 5, 'the robot')
+    player = bench.start('par4_motion', motion='excitation', duration=6.0)
+    assert bench.ended(player) == 0
+    recorder.send_signal(signal.SIGINT)
+    assert bench.ended(recorder) == 0
+    assert 'Traceback' not in bench.said()
+    found = identify([read_log(bench.folder / 'bag', ROBOT)], ROBOT, 'paper')
+    table = read_model('table1', ROBOT)
+    for term, value in zip(found.terms, found.estimate.values, strict=True):
+        np.testing.assert_allclose(value, table.values[term.name][0], rtol=0.03)
+    # it brakes by itself when it is told to end in mid-motion
+    bench.publisher(REFERENCE)
+    bench.start('par4_motion', motion='excitation', duration=6.0)
+    states.clear()
+    bench.wait(lambda: len(states) > 1 and np.abs(joint_values(states[-1], 'position')
+                                                  - HOME_Q).max() > 0.1, 'a motion')
+    states.clear()
+    child.send_signal(signal.SIGTERM)
+    assert bench.ended(child) == 0
+    bench.executor.spin_once(timeout_sec=0.1)
+    last = np.array([joint_values(state, 'position') for state in states])
+    assert np.abs(np.diff(last, axis=0)[-5:]).max() < 1e-3
+
+
+def test_the_monitor_tells_which_joint_drifts_and_what_it_acts_like(bench):
+    """A machine by its stamps, faster than the wall clock: healthy, then stiff in joint 2."""
+    diagnostics = bench.listen(DIAGNOSTICS)
+    bench.start('par4_monitor', model_file='table1', learning=10)
+    states = bench.publisher(JOINT_STATES)
+    motion = named_motion('excitation', ROBOT, 40.0)
+    rows = slice(1000, len(motion.t) - 1000, 8)
+    torque = torque_of('table1', motion)[rows]
+    q, qd = motion.q[rows], motion.qd[rows]
+    random = np.random.default_rng(0)
+    sent = 0
+
+    def publish(friction: float) -> None:
+        nonlocal sent
+        message = JointState(name=list(JOINT_NAMES))
+        for _ in range(250):
+            row = sent % (2 * len(q) - 2)  # there and back, without a jump of position
+            sign = 1.0 if row < len(q) else -1.0
+            row = row if row < len(q) else 2 * len(q) - 2 - row
+            # on the way back friction acts the other way round, all else as on the way there
+            dry = 2.0 * (2.43 * np.sign(qd[row]) + 2.04 * qd[row]) if sign < 0.0 else 0.0
+            stiff = friction * sign * np.sign(qd[row]) * (0.0, 0.0, 1.0, 0.0)
+            sent += 1
+            write_joint_state(message, sent * 8 * MILLISECOND, q[row], effort=(
+                torque[row] - dry + stiff + 0.05 * random.normal(size=4)))
+            states.publish(message)
+        bench.executor.spin_once(timeout_sec=0.02)
+
+    def told(text: str, friction: float) -> bool:
+        publish(friction)
+        newest = bench.statuses(diagnostics, 'par4_monitor')[-1:]
+        return bool(newest) and text in newest[0].message
+
+    bench.wait(lambda: told('follows its model', 0.0), 'the monitor to have learnt')
+    bench.wait(lambda: told('drifts from its model: arm_joint_2 (Coulomb friction)', 0.5),
+               'the drift')
+    status = bench.statuses(diagnostics, 'par4_monitor')[-1]
+    assert status.level == WARN
+    assert 'joint 2 has +0.' in status.message
+    assert 'beside its model since' in status.message
+
+
+@pytest.mark.parametrize(('package', 'node'), [
+    ('par4_sim', 'simulation'), ('par4_identification', 'record'), ('par4_kinematics', 'motion')])
+def test_ctrl_c_while_a_node_starts_shows_no_traceback(bench, package, node):
+    code = f"""
+import sys
+import par4_kinematics.ros.start as start
+load = start.import_module
+start.import_module = lambda name: (print('loading', flush=True), load(name))[1]
+from {package}.ros import {node}
+sys.exit({node}())
+"""
+    for seconds in (0.0, 0.2, 0.6, 1.2, 2.0):  # whatever it is doing then
+        child = subprocess.Popen([sys.executable, '-c', code], env=bench.environment,
+                                 cwd=bench.folder, stdout=subprocess.PIPE,
+                                 stderr=subprocess.STDOUT, text=True)
+        bench.children.append(child)
+        assert child.stdout.readline() == 'loading\n'
+        time.sleep(seconds)
+        child.send_signal(signal.SIGINT)
+        said, _ = child.communicate(timeout=DEADLINE)
+        assert (child.returncode, 'Traceback' in said) == (0, False), said
+        shutil.rmtree(bench.folder / 'recording', ignore_errors=True)

@@ -1,0 +1,96 @@
+"""Drift from a model: what it acts like, how much, since when; and not on a healthy machine."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from par4_dynamics.model import read_model
+from par4_dynamics.state import state_of_joints
+from par4_identification.drift import WINDOW, WORDS, DriftWatch, projections
+from par4_identification.log import Log
+from par4_kinematics.motion_file import named_motion
+from robots import REFERENCE
+
+MODEL = read_model('table1', REFERENCE)
+LENGTHS = np.full((4, 4), 10.0)
+
+
+def window(odd: dict[str, np.ndarray]) -> Log:
+    """Return two seconds of motion of a machine whose torque has more than the model's."""
+    motion = named_motion('excitation', REFERENCE, 8.0, 3)
+    part = slice(4000, 4000 + round(WINDOW * 1000))
+    t, q, qd, qdd = (getattr(motion, name)[part] for name in ('t', 'q', 'qd', 'qdd'))
+    tau = MODEL.torque(state_of_joints(REFERENCE.geometry, t, q, qd, qdd))
+    signals = dict(zip(WORDS, (np.ones_like(qd), np.sign(qd), qd, qdd), strict=True))
+    for name, size in odd.items():
+        tau = tau + size * signals[name]
+    return Log('window', REFERENCE.joint_names, 1, 1e-3, t, q, tau, (slice(0, len(t)),), None, None)
+
+
+def test_a_model_without_error_leaves_nothing():
+    projected, lengths, rms = projections(window({}), REFERENCE, MODEL)
+    assert (np.abs(projected) / lengths < 2e-3).all()
+    assert (rms < 0.01).all()
+
+
+@pytest.mark.parametrize('name', WORDS)
+def test_what_is_added_to_the_torque_is_what_is_told(name):
+    healthy, lengths, _ = projections(window({}), REFERENCE, MODEL)
+    size = np.array((0.0, 0.0, 0.05, 0.0))
+    projected, _, _ = projections(window({name: size}), REFERENCE, MODEL)
+    change = projected - healthy
+    kind = list(WORDS).index(name)
+    assert change[2, kind] / lengths[2, kind] == pytest.approx(size[2], rel=0.01)
+    assert np.argmax(np.abs(change[2])) == kind
+    np.testing.assert_allclose(change[[0, 1, 3]], 0.0, atol=1e-9)
+
+
+def watched(random: np.random.Generator, count: int, watch: DriftWatch,
+            shift: np.ndarray | float = 0.0) -> None:
+    """Let windows of unit scatter pass, their projections shifted."""
+    for _ in range(count):
+        watch.take(WINDOW * (watch.windows + 1), random.normal(size=(4, 4)) + shift, LENGTHS)
+
+
+def test_healthy_windows_do_not_alarm():
+    """Ten machines for 5.5 hours each: 55 h without an alarm."""
+    for seed in range(10):
+        watch, random = DriftWatch(4), np.random.default_rng(seed)
+        watched(random, 10_000, watch)
+        assert not watch.drifts
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_drift_is_told_with_joint_kind_size_and_time(sign):
+    watch, random = DriftWatch(4), np.random.default_rng(4)
+    watched(random, 200, watch)
+    shift = np.zeros((4, 4))
+    shift[1, 2] = sign * 5.0
+    watched(random, 15, watch, shift)
+    drift, = watch.drifts
+    assert (drift.joint, drift.acts_like) == (1, 'viscous friction')
+    assert drift.size == pytest.approx(sign * 5.0 / 10.0, rel=0.2)
+    assert drift.since == pytest.approx(200 * WINDOW, abs=3 * WINDOW)
+    assert 'joint 1 has' in str(drift)
+    assert f'{sign * 0.5:+.1f}'[0] in str(drift)
+
+
+def test_one_odd_window_is_no_drift_and_a_machine_that_is_mended_none_more():
+    watch, random = DriftWatch(4), np.random.default_rng(5)
+    watched(random, 100, watch)
+    watched(random, 1, watch, 1e6)
+    assert not watch.drifts
+    watched(random, 40, watch, 4.0)
+    assert len(watch.drifts) == 4
+    watched(random, 400, watch)
+    assert not watch.drifts
+
+
+def test_joints_that_rest_say_nothing():
+    watch, random = DriftWatch(4), np.random.default_rng(6)
+    watched(random, 100, watch)
+    resting = np.full((4, 4), np.nan)
+    for _ in range(100):
+        watch.take(1000.0, resting, resting)
+    assert not watch.drifts

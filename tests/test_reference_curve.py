@@ -1,0 +1,194 @@
+"""What drives follow at the most: limits on points and between them, and the ramp to rest."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from par4_dynamics.model import read_model
+from par4_dynamics.state import state_of_joints
+from par4_kinematics.adept import adept_motion
+from par4_kinematics.braking import BRAKING_TIME, braked
+from par4_kinematics.errors import InputError, UnreachableError
+from par4_kinematics.limits import check_torque
+from par4_kinematics.position import forward_kinematics, inverse_kinematics
+from par4_kinematics.workspace import home_pose, inside
+from par4_sim.reference import ReferenceQueue
+from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.simulation import build_simulation
+from robots import REFERENCE
+
+LIMITS = ReferenceLimits(REFERENCE)
+HOME_Q = inverse_kinematics(REFERENCE.geometry, home_pose(REFERENCE))
+ADEPT = adept_motion(REFERENCE)
+
+
+def points(q, qd=0.0, qdd=0.0) -> np.ndarray:
+    """Return points (n, 12) at q (n, 4)."""
+    q = np.atleast_2d(q)
+    return np.hstack([np.broadcast_to(part, q.shape) for part in (q, qd, qdd)])
+
+
+@pytest.mark.parametrize(('bad', 'named'), [
+    (points(HOME_Q + 2.5), 'joint position 3.*outside -1 to 1.6 rad'),
+    (points(HOME_Q, 40.0), 'joint speed 40 rad/s is outside -15 to 15'),
+    (points(HOME_Q, 1e160), 'joint speed 1e.160 rad/s'),
+    (points(HOME_Q, 0.0, -1e160), 'joint acceleration -1e.160 rad/s2'),
+    (points(inverse_kinematics(REFERENCE.geometry, (0.0, 0.0, -0.95, 0.0))), 'z of D -0.95 m'),
+    (points(inverse_kinematics(REFERENCE.geometry, (0.0, 0.0, -0.75, 0.9))), 'theta 0.9 rad'),
+])
+def test_a_point_beyond_a_limit_is_refused_by_its_name(bad, named):
+    LIMITS.check(np.zeros(1), points(HOME_Q))
+    with pytest.raises(InputError, match=named):
+        LIMITS.check(np.zeros(1), bad)
+
+
+def test_a_point_that_no_leg_reaches_is_refused():
+    with pytest.raises(UnreachableError):
+        LIMITS.check(np.zeros(1), points((1.5, -0.9, 1.5, -0.9)))
+
+
+def test_points_within_the_limits_with_a_way_beyond_them_are_refused():
+    both = points(np.stack((HOME_Q, HOME_Q + 0.2)))
+    LIMITS.check(np.array((0.0, 0.5)), both)
+    with pytest.raises(InputError, match='on the way .* joint speed'):
+        LIMITS.check(np.array((0.0, 0.01)), both)
+    there = inverse_kinematics(REFERENCE.geometry, (0.0, 0.0, -0.89, 0.0))
+    swing = points(np.stack((there, there)), np.array([[8.0] * 4, [-8.0] * 4]))
+    with pytest.raises(InputError, match='on the way .* z of D -1'):
+        LIMITS.check(np.array((0.0, 0.1)), swing)
+
+
+def test_torque_beyond_the_limit_is_refused_and_so_is_none():
+    tau = np.zeros((3, 4))
+    check_torque(REFERENCE, tau + 200.0, 200.0)
+    tau[1, 2] = -201.0
+    with pytest.raises(InputError, match='point 1: torque of arm_joint_2 .* limit of 200 N m'):
+        check_torque(REFERENCE, tau, 200.0)
+    tau[1, 2] = np.nan
+    with pytest.raises(InputError, match='no finite torque'):
+        check_torque(REFERENCE, tau, 200.0)
+
+
+def test_a_jump_from_where_the_reference_is_is_refused_and_changes_nothing():
+    queue = ReferenceQueue(HOME_Q, LIMITS)
+    t = np.array((0.1, 0.2))
+    still = np.zeros((2, 4))
+    queue.queue(0.0, t, np.tile(HOME_Q, (2, 1)) + 0.1, still, still)
+    before = queue.times.copy(), queue.points.copy()
+    with pytest.raises(InputError, match='joint speed'):
+        queue.queue(0.0, np.array((0.201,)), HOME_Q[None] + 0.5, still[:1], still[:1])
+    np.testing.assert_array_equal(queue.times, before[0])
+    np.testing.assert_array_equal(queue.points, before[1])
+
+
+@pytest.mark.parametrize('share', [0.1, 0.3, 0.5, 0.6, 0.9])
+def test_a_reference_that_ends_in_motion_comes_to_rest_within_the_limits(share):
+    queue = ReferenceQueue(ADEPT.q[0], LIMITS)
+    count = int(share * len(ADEPT.t))
+    queue.queue(-1.0, *(values[:count] for values in (ADEPT.t, ADEPT.q, ADEPT.qd, ADEPT.qdd)))
+    end = ADEPT.t[count - 1]
+    queue.use_until(end)
+    assert queue.interrupted == 0
+    times = end + np.arange(0.0, 0.5, 1e-4)
+    queue.foresee(end)
+    followed = np.array([queue.target(time) for time in times])
+    q, qd = followed[:, :4], followed[:, 4:8]
+    np.testing.assert_allclose(q[0], ADEPT.q[count - 1], atol=1e-9)
+    np.testing.assert_allclose(qd[0], ADEPT.qd[count - 1], atol=1e-6)
+    # velocity is the derivative of position and goes on without a jump, to rest
+    np.testing.assert_allclose(np.gradient(q, times, axis=0)[1:-1], qd[1:-1], atol=0.02)
+    assert np.abs(np.diff(qd, axis=0)).max() < 0.1
+    np.testing.assert_array_equal(qd[-1], 0.0)
+    assert np.abs(qd).max() <= REFERENCE.limits.joint_speed
+    assert inside(REFERENCE, forward_kinematics(REFERENCE.geometry, q)).all()
+    queue.use_until(times[-1])
+    assert (queue.interrupted, queue.starved) == (1, True)
+
+
+def test_a_stream_that_goes_on_in_time_follows_no_ramp():
+    """Points one by one, each just ahead of the clock: what is followed is the motion."""
+    queue = ReferenceQueue(ADEPT.q[0], LIMITS)
+    for row in range(len(ADEPT.t)):
+        now = ADEPT.t[row] - 0.005
+        queue.queue(now, ADEPT.t[row:row + 1], ADEPT.q[row:row + 1], ADEPT.qd[row:row + 1],
+                    ADEPT.qdd[row:row + 1])
+        queue.foresee(now)
+        queue.use_until(now)
+        if row > 10:
+            np.testing.assert_allclose(queue.target(ADEPT.t[row - 4])[:4], ADEPT.q[row - 4],
+                                       atol=1e-9)
+    assert (queue.interrupted, queue.late_points) == (0, 0)
+
+
+def test_a_stream_that_comes_back_goes_on_from_the_ramp():
+    queue = ReferenceQueue(ADEPT.q[0], LIMITS)
+    half = len(ADEPT.t) // 3
+    parts = (ADEPT.t, ADEPT.q, ADEPT.qd, ADEPT.qdd)
+    queue.queue(-1.0, *(values[:half] for values in parts))
+    now = ADEPT.t[half - 1] + 0.3
+    queue.foresee(now)
+    queue.use_until(now)
+    assert queue.starved
+    rest = queue.target(now)[:4]
+    later = now + 0.4 + ADEPT.t[:2]
+    queue.queue(now, later, np.tile(ADEPT.q[0], (2, 1)), np.zeros((2, 4)), np.zeros((2, 4)))
+    assert not queue.starved
+    way = np.array([queue.target(time)[:4] for time in np.linspace(now, later[0], 50)])
+    np.testing.assert_allclose(way[0], rest)
+    np.testing.assert_allclose(way[-1], ADEPT.q[0])
+    assert np.abs(np.diff(way, axis=0)).max() < 0.1
+
+
+@pytest.mark.parametrize('fidelity', ['exact', 'fast', 'accurate'])
+def test_every_plant_brakes_softly_when_the_reference_ends_in_motion(fidelity):
+    """A quarter into a 15 G cycle at 7 rad/s, with feedforward: no step of torque, rest inside."""
+    model = read_model('table1_full', REFERENCE)
+    tau = model.torque(state_of_joints(REFERENCE.geometry, ADEPT.t, ADEPT.q, ADEPT.qd, ADEPT.qdd))
+    steps, ends = {}, {}
+    for limits in (None, LIMITS):
+        simulation = build_simulation(REFERENCE, model, fidelity, pose=ADEPT.x[0], limits=limits)
+        count = len(ADEPT.t) // 4
+        start = simulation.time + 0.02
+        simulation.queue_effort(start + ADEPT.t[:count], tau[:count])
+        simulation.queue_reference(start + ADEPT.t[:count], ADEPT.q[:count], ADEPT.qd[:count],
+                                   ADEPT.qdd[:count])
+        samples = [simulation.next_sample() for _ in range(20 + count + 400)]
+        effort = np.array([sample.effort for sample in samples[20 + count - 3:]])
+        steps[limits] = np.abs(np.diff(effort, axis=0)).max()
+        ends[limits] = samples[-1]
+        simulation.close()
+    assert steps[None] > 100.0
+    assert steps[LIMITS] < 15.0
+    assert np.abs(ends[LIMITS].qd).max() < 0.1
+    assert inside(REFERENCE, ends[LIMITS].true_pose)
+
+
+def test_a_motion_brakes_on_its_own_path():
+    smooth = adept_motion(REFERENCE, jerk=30000.0)
+    start = 0.4 * smooth.duration
+    t, q, qd, qdd = braked(smooth, start)
+    assert t[0] == pytest.approx(start, abs=smooth.period)
+    first = int(np.argmin(np.abs(smooth.t - t[0])))
+    for ours, theirs in ((q, smooth.q), (qd, smooth.qd), (qdd, smooth.qdd)):
+        np.testing.assert_allclose(ours[0], theirs[first], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(np.diff(t), smooth.period)
+    np.testing.assert_allclose(qd[-1], 0.0, atol=1e-9)
+    np.testing.assert_allclose(qdd[-1], 0.0, atol=1e-6)
+    # derivatives are those of what is returned
+    np.testing.assert_allclose(np.gradient(q, t, axis=0)[1:-1], qd[1:-1], atol=0.02)
+    np.testing.assert_allclose(np.gradient(qd, t, axis=0)[2:-2], qdd[2:-2], atol=20.0)
+    # on the path: where its own reference would be half the braking time later
+    end = int(np.argmin(np.abs(smooth.t - t[0] - 0.5 * BRAKING_TIME)))
+    np.testing.assert_allclose(q[-1], smooth.q[end], atol=1e-6)
+    on_path = np.abs(smooth.q[None, first:end + 1] - q[:, None]).max(axis=2).min(axis=1)
+    assert on_path.max() < np.abs(np.diff(smooth.q, axis=0)).max()
+
+
+def test_a_motion_that_ends_or_has_not_begun_needs_no_braking():
+    t, q, qd, _ = braked(ADEPT, ADEPT.duration - 0.02)
+    np.testing.assert_array_equal(q[-1], ADEPT.q[-1])
+    assert t[-1] == ADEPT.t[-1]
+    t, q, qd, _ = braked(ADEPT, -0.5)
+    np.testing.assert_array_equal(q, ADEPT.q[:1])
+    np.testing.assert_array_equal(qd, 0.0)

@@ -1,0 +1,84 @@
+"""Trajectories read from their bytes are those of the message, and so are the refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import JOINT_NAMES
+from par4_kinematics.ros.convert import SECOND, Trajectory, read_trajectory, write_trajectory
+from par4_sim.ros.serialised_trajectory import read_serialised_trajectory
+
+FIELDS = ('positions', 'velocities', 'accelerations', 'effort')
+
+
+def message(seed: int, count: int = 7) -> JointTrajectory:
+    """Return a message with joints in any order, further ones among them."""
+    random = np.random.default_rng(seed)
+    built = JointTrajectory()
+    write_trajectory(built, JointTrajectoryPoint, Trajectory(
+        int(random.integers(0, 2 ** 31)) * SECOND + 5,
+        np.cumsum(random.integers(1, 2 * SECOND, count)) - SECOND // 2))
+    built.header.frame_id = 'base' * int(random.integers(0, 3))
+    names = random.permutation((*JOINT_NAMES, *['tool', 'finger'][:random.integers(0, 3)]))
+    built.joint_names = names.tolist()
+    for point in built.points:
+        for field in FIELDS:
+            setattr(point, field, random.normal(size=len(names)).tolist())
+    return built
+
+
+def outcome(read, data, fields):
+    """Return the numbers of a trajectory, or why it is refused."""
+    try:
+        told = read(data, fields)
+    except InputError as error:
+        return str(error)
+    return [told.stamp_ns, told.from_start_ns.tolist(), *(
+        None if part is None else part.tolist()
+        for part in (told.q, told.qd, told.qdd, told.effort))]
+
+
+def spoilt(built: JointTrajectory, how: int) -> JointTrajectory:
+    """Return a message with one thing wrong."""
+    if how == 1:
+        built.points[3].velocities = built.points[3].velocities[:2]
+    elif how == 2:
+        built.points[2].effort[1] = np.nan
+    elif how == 3:
+        built.points[4].time_from_start = built.points[1].time_from_start
+    elif how == 4:
+        built.joint_names = ['other', *built.joint_names[1:]]
+    elif how == 5:
+        built.points = []
+    elif how == 6:
+        for point in built.points:
+            point.effort = []
+    return built
+
+
+@pytest.mark.parametrize('how', range(7))
+@pytest.mark.parametrize('fields', [FIELDS[:3], FIELDS[3:], FIELDS])
+def test_bytes_say_what_the_message_says(how, fields):
+    for seed in range(10):
+        built = spoilt(message(seed), how)
+        data = serialize_message(built)
+        assert outcome(read_serialised_trajectory, data, fields) == outcome(
+            read_trajectory, built, fields)
+
+
+def test_bytes_that_are_no_trajectory_are_refused_in_one_line():
+    random = np.random.default_rng(1)
+    data = serialize_message(message(3))
+    for size in range(len(data) - 8):
+        with pytest.raises(InputError):
+            read_serialised_trajectory(data[:size])
+    for _ in range(2000):
+        broken = bytearray(data)
+        for place in random.integers(4, len(data), 4):
+            broken[place] = random.integers(256)
+        said = outcome(read_serialised_trajectory, bytes(broken), FIELDS)
+        assert not isinstance(said, str) or len(said) < 1000
