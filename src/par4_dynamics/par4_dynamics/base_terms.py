@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from par4_dynamics.rigid_body import (
     value_table,
 )
 from par4_dynamics.state import State
-from par4_kinematics.robot import Bodies
+from par4_kinematics.robot import Bodies, Hanging
 
 
 @dataclass(frozen=True)
@@ -46,21 +46,45 @@ BASE_TERMS = (
 )
 """In the order of (23)."""
 
+HANGING_TERMS: Mapping[Hanging, tuple[BaseTerm, ...]] = {
+    'turning': (BaseTerm('gravity_sine', 'N m', 'a', False, False),
+                BaseTerm('gravity_cosine', 'N m', 'b', False, False)),
+    'sliding': (BaseTerm('gravity_load', 'N m', 'm g', False, False),)}
+"""What gravity does to a single axis: a sin q + b cos q where it turns, a constant load where it
+slides (its unit is then N)."""
+AXIS_TERMS = (*(term for term in BASE_TERMS if not term.needs_platform),
+              *HANGING_TERMS['turning'], *HANGING_TERMS['sliding'])
+"""All terms that a single axis may have."""
+
 UNMODELLED = COLUMNS[len(BASE_TERMS):]
 """Parameters of the full mechanism that (20) leaves out, in the order of their columns."""
 
 
 def base_terms(state: State) -> tuple[BaseTerm, ...]:
-    """Return the terms that apply: all six, or those of a single axis."""
-    return tuple(term for term in BASE_TERMS
-                 if state.geometry is not None or not term.needs_platform)
+    """Return the terms that apply: all six, or those of a single axis and of what hangs on it."""
+    if state.geometry is not None:
+        return BASE_TERMS
+    hanging = () if state.hanging is None else HANGING_TERMS[state.hanging]
+    return (*(term for term in BASE_TERMS if not term.needs_platform), *hanging)
 
 
 def base_columns(state: State) -> np.ndarray:
     """Return the regressor W of (22), (n, J, p), in the order of `base_terms(state)`."""
     if state.geometry is None:
-        return np.stack((state.qdd, np.sign(state.qd), state.qd), axis=-1)
+        return np.stack([_axis_column(state, term.name) for term in base_terms(state)], axis=-1)
     return rigid_body_columns(state, len(BASE_TERMS))
+
+
+def _axis_column(state: State, name: str) -> np.ndarray:
+    """Return the torque (n, J) of a single axis per unit of one of `AXIS_TERMS`."""
+    columns: dict[str, Callable[[], np.ndarray]] = {
+        'actuator_inertia': lambda: state.qdd,
+        'coulomb_friction': lambda: np.sign(state.qd),
+        'viscous_friction': lambda: state.qd,
+        'gravity_sine': lambda: np.sin(state.q),
+        'gravity_cosine': lambda: np.cos(state.q),
+        'gravity_load': lambda: np.ones_like(state.q)}
+    return columns[name]()
 
 
 def unmodelled_columns(state: State) -> np.ndarray:
@@ -77,9 +101,11 @@ def torque_of_values(state: State, values: Mapping[str, np.ndarray]) -> np.ndarr
     """
     if state.geometry is not None:
         return rigid_body_torque(state, value_table(values))
-    chi = np.stack([np.broadcast_to(values.get(term.name, 0.0), (state.joints,))
-                    for term in base_terms(state)])
-    return np.einsum('njp,pj->nj', base_columns(state), chi)
+    torque = np.zeros_like(state.q)
+    for term in AXIS_TERMS:
+        if term.name in values:
+            torque += _axis_column(state, term.name) * values[term.name]
+    return torque
 
 
 def values_of_bodies(bodies: Bodies) -> dict[str, float]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from par4_dynamics.base_terms import BASE_TERMS, torque_of_values, values_of_bodies
+from par4_dynamics.base_terms import AXIS_TERMS, BASE_TERMS, torque_of_values, values_of_bodies
 from par4_dynamics.effects.catalogue import effect_named
 from par4_dynamics.effects.effect import Effect, EffectParameter
 from par4_dynamics.mechanism import LumpedBodies, physical_bodies
@@ -201,12 +201,17 @@ def build_model(machine: Robot | Axis, model_file: ModelFile) -> Model:
     joints = len(machine.joint_names)
     is_robot = isinstance(machine, Robot)
     wanted = [term for term in BASE_TERMS if is_robot or not term.needs_platform]
+    hung = [term for term in AXIS_TERMS
+            if term not in BASE_TERMS and term.name in model_file.parameters]
+    if is_robot and hung:
+        raise InputError(f'model for {machine.name}: {hung[0].name} is of a single axis; a robot '
+                         f'has arm_gravity and its platform masses')
     missing = [term.name for term in wanted if term.name not in model_file.parameters]
     if missing:
         raise InputError(f'model for {machine.name}: missing parameters {", ".join(missing)}; '
                          f'found {", ".join(model_file.parameters)}; add them')
     values = {}
-    for term in wanted:
+    for term in (*wanted, *hung):
         parameter = model_file.parameters[term.name]
         if isinstance(parameter.value, tuple) and len(parameter.value) != joints:
             raise InputError(f'{term.name}: expected one number or {joints}, found '

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field, field_validator
 
-from par4_dynamics.base_terms import BASE_TERMS
+from par4_dynamics.base_terms import AXIS_TERMS, BASE_TERMS
 from par4_dynamics.parameters import Parameter
 from par4_kinematics.files import (
     FileModel,
@@ -42,7 +42,7 @@ class ModelFile(FileModel):
     @field_validator('parameters')
     @classmethod
     def _known_parameters(cls, parameters: dict[str, Parameter]) -> dict[str, Parameter]:
-        known = {term.name: term for term in BASE_TERMS}
+        known = {term.name: term for term in (*BASE_TERMS, *AXIS_TERMS)}
         for name, parameter in parameters.items():
             if name not in known:
                 raise ValueError(f'unknown parameter {name}; known are {", ".join(known)}')

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from par4_kinematics.acceleration import JointMotion, joint_motion, platform_motion
 from par4_kinematics.arrays import as_matching_rows
 from par4_kinematics.geometry import Geometry
+from par4_kinematics.robot import Hanging
 from par4_kinematics.velocity import jacobian
 
 GRAVITY = 9.81
@@ -59,6 +60,7 @@ class State:
         geometry: dimensions, or None for a single axis; then x, xd, xdd are None too.
         x, xd, xdd: pose of D and theta, (n, 4).
         nominal: the torque of this motion as far as known, None where only motion is.
+        hanging: how gravity loads a single axis, None where it does not or with a geometry.
     """
 
     t: np.ndarray
@@ -70,6 +72,7 @@ class State:
     xd: np.ndarray | None = None
     xdd: np.ndarray | None = None
     nominal: Nominal | None = None
+    hanging: Hanging | None = None
 
     @property
     def joints(self) -> int:

@@ -201,13 +201,16 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: str = 'paper',
 
 
 def identify_runs(runs: Sequence[Run], targets: Sequence[np.ndarray], bases: Sequence[np.ndarray],
-                  rigid_body: str, fitting: Fitting | None = None) -> Identification:
+                  rigid_body: str, fitting: Fitting | None = None,
+                  terms: Sequence[BaseTerm] | None = None) -> Identification:
     """Return the fit of base columns (m, J, p) to targets (m, J) of runs, by a PLAIN estimator.
+
+    `terms` are those of the columns, by default all that apply.
 
     Raises:
         InputError: data that do not excite the parameters.
     """
-    fitting, terms = fitting or Fitting(), base_terms(runs[0].state)
+    fitting, terms = fitting or Fitting(), tuple(terms or base_terms(runs[0].state))
     series = _series(runs, targets, bases)
     estimate = PLAIN[fitting.estimator](fitting.problem(series, terms))
     return Identification(terms, estimate, rigid_body, tuple(runs), fitting,

@@ -13,6 +13,7 @@ import numpy as np
 
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.parameters import Parameter
 from par4_identification.confrontation import Confrontation, Unsimulated
 from par4_identification.confrontation_report import confrontation_cells
 from par4_identification.diagnosis.answer import Cause, Diagnosis, Unusable
@@ -377,6 +378,9 @@ def _cause_cells(diagnosis: Diagnosis, index: int, machine: Robot | Axis, names:
 def _parameter_cells(cause: Cause, name: str, machine: Robot | Axis) -> dict[str, Any]:
     """Return a line of values with standard deviations: those of the machine or one a joint."""
     parameter = cause.parameters[name]
+    shape = [item for item in cause.effect.parameters if item.per_order and item.is_shape]
+    if shape and isinstance(cause.parameters[shape[0].name].value, tuple):
+        return _order_cells(parameter, name, machine)
     scope = next(item.scope for item in cause.effect.parameters if item.name == name)
     values, stds = np.atleast_1d(parameter.value), np.atleast_1d(parameter.std)
     cells = [' ± '.join(with_std(float(value), float(std)))
@@ -390,6 +394,15 @@ def _parameter_cells(cause: Cause, name: str, machine: Robot | Axis) -> dict[str
         found = dict(zip(cause.joints, cells, strict=True))
         cells = [found.get(joint, '') for joint in range(joints)]
     return {'name': in_words(name), 'cells': cells[:1] if common else cells, 'common': common,
+            'unit': typeset(unit_on(machine, parameter.unit))}
+
+
+def _order_cells(parameter: Parameter, name: str, machine: Robot | Axis) -> dict[str, Any]:
+    """Return a line of values of several orders, each with those of its joints."""
+    orders = [' / '.join(' ± '.join(with_std(float(value), float(std))) for value, std in zip(
+        np.atleast_1d(own), np.atleast_1d(error), strict=True))
+        for own, error in zip(parameter.value, parameter.std, strict=True)]
+    return {'name': in_words(name), 'cells': [', '.join(orders)], 'common': True,
             'unit': typeset(unit_on(machine, parameter.unit))}
 
 
@@ -428,11 +441,13 @@ def _signature_of_cause(diagnosis: Diagnosis, index: int, machine: Robot | Axis,
 
 def _period(cause: Cause, places: Sequence[np.ndarray]) -> float | None:
     """Return the period over which a signature of many periods is folded, rad, else None."""
-    rates = [float(np.max(cause.parameters[item.name].value)) for item in cause.effect.parameters
+    rates = [np.atleast_1d(cause.parameters[item.name].value) for item in cause.effect.parameters
              if item.unit == '1/turn']
     if not rates:
         return None
-    period = 2.0 * np.pi / max(rates)
+    # of several orders all return after that of their greatest common divisor
+    common = rates[0][0] if len(rates[0]) == 1 else math.gcd(*(round(rate) for rate in rates[0]))
+    period = 2.0 * np.pi / float(common)
     return period if np.ptp(np.concatenate(places)) > FOLDED * period else None
 
 

@@ -127,6 +127,8 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
 
     geometry = machine.geometry if isinstance(machine, Robot) else None
     state = state_of_joints(geometry, log.t[segment], q, qd, qdd)
+    if isinstance(machine, Axis):
+        state = replace(state, hanging=machine.hanging)
     every = max(1, round(1.0 / (conditioning.row_rate_hz * period)))
 
     reach = int(np.ceil(conditioning.reach / period))

@@ -13,6 +13,8 @@ from par4_kinematics.geometry import LEGS, Geometry
 
 ROBOT_SCHEMA = 'par4/robot/1'
 AXIS_SCHEMA = 'par4/axis/1'
+Hanging = Literal['turning', 'sliding']
+"""How a single axis carries a weight: on a lever that turns, or up and down."""
 JOINT_NAMES = tuple(f'arm_joint_{leg}' for leg in range(LEGS))
 
 
@@ -93,13 +95,29 @@ class Robot(FileModel):
 
 
 class Axis(FileModel):
-    """A single motor-driven axis: no geometry, only joint-space terms apply."""
+    """A single motor-driven axis: no geometry, only joint-space terms apply.
+
+    Attributes:
+        name: of the axis.
+        joint: name of its joint.
+        kind: whether it slides or turns.
+        gain: torque or force per volt, N m/V or N/V.
+        gravity: whether the axis lifts a load: 'vertical' where it turns in a vertical plane or
+            slides up and down; 'unknown' lets the data tell.
+        gear_ratio: turns of the motor for one turn of the joint, or None.
+        pole_pairs: of the motor, or None.
+        motor_gain: torque or force at the joint per ampere, N m/A or N/A, or None.
+    """
 
     schema_name: Literal['par4/axis/1'] = Field(alias='schema')
     name: str
     joint: str
     kind: Literal['linear', 'revolute']
     gain: float = Field(gt=0)
+    gravity: Literal['none', 'vertical', 'unknown'] = 'none'
+    gear_ratio: float | None = Field(None, gt=0)
+    pole_pairs: int | None = Field(None, ge=1)
+    motor_gain: float | None = Field(None, gt=0)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -110,6 +128,13 @@ class Axis(FileModel):
     def drive_gain(self) -> tuple[float, ...]:
         """Force or torque per volt of the one joint."""
         return (self.gain,)
+
+    @property
+    def hanging(self) -> Hanging | None:
+        """How gravity loads the axis where its base terms are to say so, else None."""
+        if self.gravity == 'none':
+            return None
+        return 'turning' if self.kind == 'revolute' else 'sliding'
 
 
 def read_machine(name_or_path: str | Path) -> Robot | Axis:

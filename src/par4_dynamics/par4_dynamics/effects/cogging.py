@@ -9,6 +9,8 @@ from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
 from par4_dynamics.state import State
 
 LOWEST_PERIODS, HIGHEST_PERIODS = 4, 160
+MOST_PERIODS = 4000
+"""Of an axis: the teeth of a motor's gear, some tens of turns of which make one of the joint."""
 LEAST_TURNS = 1.5
 """Periods in the range of a joint below which they cannot be told from gravity."""
 
@@ -29,11 +31,25 @@ def _power_rows(phasor, exponent, columns):
 
 def _waves(state: State, periods: float) -> np.ndarray:
     """Return sine and cosine of so many times the joint positions, (n, J, 2)."""
-    if periods not in range(HIGHEST_PERIODS + 1):  # a model file may have any number
+    if periods != int(periods):  # a model file may have any number
         return np.stack((np.sin(periods * state.q), np.cos(periods * state.q)), axis=-1)
     columns = np.empty((*state.q.shape, 2))
     _power_rows(state.phasor, int(periods), columns)
     return columns
+
+
+def _highest(state: State) -> int:
+    """Return the highest order worth trying.
+
+    An arm of a Par4 has `HIGHEST_PERIODS`. An axis may have the orders of a motor behind a gear:
+    those that half the sample rate carries at the speeds of the slower quarter of its motion.
+    """
+    if state.geometry is not None:
+        return HIGHEST_PERIODS
+    speed = np.abs(state.qd)
+    slower = float(np.quantile(speed[speed > 0.05 * np.max(speed)], 0.25)) if speed.any() else 1.0
+    rate = 1.0 / float(state.t[1] - state.t[0])
+    return int(np.clip(np.pi * rate / slower, HIGHEST_PERIODS, MOST_PERIODS))
 
 
 class Cogging(Effect):
@@ -55,7 +71,13 @@ class Cogging(Effect):
         span = float(np.max(np.ptp(state.q, axis=0)))  # of the joint that moves most
         lowest = max(LOWEST_PERIODS, int(np.ceil(LEAST_TURNS * 2.0 * np.pi / max(span, 1e-3))))
         return tuple({'periods': float(periods)}
-                     for periods in range(lowest, HIGHEST_PERIODS + 1))
+                     for periods in range(lowest, _highest(state) + 1))
+
+    def parts(self, shape):
+        periods = shape['periods']
+        if not isinstance(periods, tuple):
+            return (shape,)
+        return tuple({**shape, 'periods': order} for order in periods)
 
     def columns(self, state, shape):
         periods = shape['periods']

@@ -11,6 +11,7 @@ class CoulombAsymmetry(Effect):
     name = 'coulomb_asymmetry'
     phrase = 'Coulomb friction that differs between the directions'
     parameters = (EffectParameter('asymmetry', 'N m', 'joint'),)
+    needs_both_ways = True
 
     def columns(self, state, shape):  # noqa: ARG002
         return (state.qd != 0.0).astype(float)[..., None]

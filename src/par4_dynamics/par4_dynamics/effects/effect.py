@@ -95,6 +95,7 @@ class Effect(ABC):
             its columns leave out goes with the motion.
         against_the_others: whether what all joints have in common is a base parameter, so that
             only differences between joints show.
+        needs_both_ways: whether a motion that goes one way only cannot tell it from friction.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
     """
 
@@ -109,6 +110,7 @@ class Effect(ABC):
     retimes: ClassVar[bool] = False
     tolerance: ClassVar[float] = 1.0
     against_the_others: ClassVar[bool] = False
+    needs_both_ways: ClassVar[bool] = False
     phrase: ClassVar[str]
 
     def shapes(self, state: State) -> tuple[Shape, ...]:  # noqa: ARG002
@@ -117,6 +119,10 @@ class Effect(ABC):
 
     def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:  # noqa: ARG002
         """Return shapes around `shape`, `step` being 1 for the spacing of `shapes`."""
+        return (shape,)
+
+    def parts(self, shape: Shape) -> tuple[Shape, ...]:
+        """Return the shapes whose columns, side by side, are those of `shape`."""
         return (shape,)
 
     @abstractmethod

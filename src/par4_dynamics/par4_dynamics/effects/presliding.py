@@ -12,6 +12,10 @@ from par4_dynamics.effects.grid import around
 
 DISTANCES = np.geomspace(2e-4, 3.2e-2, 9)
 LONGEST = 0.1
+STROKE = 2.0
+"""Strokes over the distance from which on friction has built up and tells of it."""
+BACK = 0.05
+"""Share of the travel that must go in such strokes in either direction."""
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -33,6 +37,22 @@ def _share_rows(q, distance, share):
                                             q[row, joint] - q[row - 1, joint], distance)
 
 
+def _goes_both_ways(q: np.ndarray, stroke: float) -> bool:
+    """Return whether a joint of a motion (n, J) goes to and fro by strokes of that length.
+
+    Where it always goes one way and jerks back a little, friction never builds up the other way.
+    """
+    for positions in q.T:
+        steps = np.diff(positions)
+        turns = np.flatnonzero(np.diff(np.sign(steps)) != 0) + 1
+        strokes = np.diff(positions[np.r_[0, turns, len(positions) - 1]])
+        long = strokes[np.abs(strokes) >= stroke]
+        travel = float(np.sum(np.abs(strokes)))
+        if min(np.sum(long[long > 0.0]), -np.sum(long[long < 0.0])) > BACK * travel:
+            return True
+    return False
+
+
 class Presliding(Effect):
     """tau_i += f_c (z - sign(qd)): f_c z takes the place of f_c sign(qd) of (20).
 
@@ -47,7 +67,8 @@ class Presliding(Effect):
 
     def shapes(self, state):
         span = float(np.max(np.ptp(state.q, axis=0)))
-        return tuple({'distance': float(distance)} for distance in DISTANCES if distance < span)
+        return tuple({'distance': float(distance)} for distance in DISTANCES
+                     if distance < span and _goes_both_ways(state.q, STROKE * distance))
 
     def refined(self, shape, step):
         return around('distance', shape['distance'], (DISTANCES[1] / DISTANCES[0]) ** step)

@@ -13,6 +13,7 @@ class TorqueOffset(Effect):
     name = 'torque_offset'
     phrase = 'constant torque offset'
     parameters = (EffectParameter('offset', 'N m', 'joint'),)
+    needs_both_ways = True
 
     def columns(self, state, shape):  # noqa: ARG002
         return np.ones((*state.q.shape, 1))

@@ -13,6 +13,7 @@ class ViscousAsymmetry(Effect):
     name = 'viscous_asymmetry'
     phrase = 'viscous friction that differs between the directions'
     parameters = (EffectParameter('asymmetry', 'N m s/rad', 'joint'),)
+    needs_both_ways = True
 
     def columns(self, state, shape):  # noqa: ARG002
         return np.abs(state.qd)[..., None]

@@ -11,9 +11,19 @@ import numpy as np
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_identification.diagnosis.evidence import Evidence, Hypothesis, Projection
+from par4_identification.diagnosis.observations import Observations
+from par4_identification.diagnosis.orders import best_orders
 from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.shapes import best_shape, self_consistent, shapes_of
+from par4_identification.diagnosis.shapes import (
+    best_shape,
+    order_name,
+    self_consistent,
+    shapes_of,
+)
 from par4_identification.diagnosis.swing import GRID, compliances
+
+ONE_WAY = 0.05
+"""Share of the rows that must go either way for a difference between the directions to show."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +58,8 @@ class Candidates:
         self._rules = rules
         self._joints = tuple(range(evidence.observations.joints))
         self._shapes = {name: shapes_of(evidence.observations, effect)
-                        for name, effect in library.items()}
+                        for name, effect in library.items()
+                        if not effect.needs_both_ways or goes_both_ways(evidence.observations)}
         self._searched: dict[tuple, Candidate | None] = {}
         self.family = sum(len(shapes) for shapes in self._shapes.values())
 
@@ -68,11 +79,14 @@ class Candidates:
     def _search(self, effect: Effect, projection: Projection) -> Candidate | None:
         if isinstance(effect, ElasticTransmission):
             return self._twisting(effect, projection)
-        shapes = self._shapes[effect.name]
+        shapes = self._shapes.get(effect.name)
         if not shapes:
             return None
 
-        shape, best = best_shape(effect, shapes, partial(projection.gains, effect))
+        if order_name(effect) is not None:
+            shape, best = best_orders(effect, shapes, projection, self._rules)
+        else:
+            shape, best = best_shape(effect, shapes, partial(projection.gains, effect))
         if effect.expanded:
             shape = self_consistent(projection, effect, shape)
             best = projection.gain(effect, shape)
@@ -91,6 +105,14 @@ class Candidates:
         compliance, squares = found
         hypothesis = Hypothesis(effect, effect.expansion(compliance), self._joints)
         return Candidate(hypothesis, 0.5 * squares, len(GRID) * len(compliance))
+
+
+def goes_both_ways(observations: Observations) -> bool:
+    """Return whether a joint moves forward in some rows and backward in some, not in a few only."""
+    forward, moving = (sum((run.valid & side(run.speed)).sum(axis=0) for run in observations.runs)
+                       for side in (lambda speed: speed > 0.0, lambda speed: speed != 0.0))
+    share = forward / np.maximum(moving, 1)
+    return bool(np.any(np.minimum(share, 1.0 - share) > ONE_WAY))
 
 
 def price_of_shapes(candidate: Candidate) -> float:

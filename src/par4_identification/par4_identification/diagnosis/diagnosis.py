@@ -36,7 +36,6 @@ from par4_identification.diagnosis.evidence import (
 )
 from par4_identification.diagnosis.extended import base_parameters, baseline_with, extended_model
 from par4_identification.diagnosis.floor import noise_floor
-from par4_identification.diagnosis.gate import unusable
 from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
 from par4_identification.diagnosis.judgement import (
     Judgement,
@@ -53,14 +52,13 @@ from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.retimed import beside_retimed
 from par4_identification.diagnosis.rules import Rules
 from par4_identification.diagnosis.search import Model, Search, named_of, names_of, others_of
+from par4_identification.diagnosis.start import INERTIA, alike, start_of
 from par4_identification.diagnosis.unnamed import Kind, Kinds
 from par4_identification.diagnosis.unrelated import Left, unrelated
 from par4_identification.diagnosis.whitening import quieter, whitener_of
-from par4_identification.identification import identify_runs
 from par4_identification.log import Log
 from par4_identification.progress import Progress, silent
 from par4_identification.rows import Conditioning, Run, runs_of_log
-from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
 CONDITIONING = Conditioning(low_speed=0.02)
@@ -133,11 +131,12 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     observations = observe(fit_runs, machine, rigid_body, known)
     heldout = observe(holdout_runs, machine, rigid_body, known)
     progress('fitting the base model')
-    try:
-        identification = identify_runs(fit_runs, observations.target, observations.base, rigid_body)
-    except InputError as error:
-        return Unusable((str(error),), tuple(fit_runs))
-    reasons = unusable(observations, identification)
+    start = start_of(observations, rigid_body, rules)
+    observations, identification, reasons = (start.observations, start.identification,
+                                             list(start.reasons))
+    if start.left_out:
+        heldout = alike(heldout.without(INERTIA), observations)
+        holdout_runs = list(heldout.runs)
     if not any(run.valid.any() for run in holdout_runs):
         reasons.append('no joint moves in the held-out data; give a bag of another motion')
     if reasons:
@@ -145,28 +144,32 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
 
     searched = LIBRARY if library is None else library
     applicable = {name: effect for name, effect in searched.items()
-                  if isinstance(machine, Robot) or not effect.needs_platform}
+                  if isinstance(machine, Robot) or not (effect.needs_platform
+                                                        or effect.against_the_others)}
     base_model = build_model(machine, baseline_with(
-        baseline, rigid_body, identification.parameters, identification.terms, ()))
+        baseline, rigid_body, identification.parameters, observations.terms, ()))
     sigma = identification.estimate.rms
+    # of a torque that the base terms hardly explain, they do not say when it was read
+    first = {name: effect for name, effect in applicable.items()
+             if not (start.bound and effect.retimes)}
     base_model = beside_retimed(base_model, observations, machine, baseline, rigid_body,
-                                 sigma, searched)
+                                 sigma, first)
     observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
     moved = dithered(observations, machine)
     progress('searching the library for the noise model')
     kinds = Kinds(observations)
-    whitener = whitener_of(observations, sigma, applicable, kinds, rules)
+    whitener = whitener_of(observations, sigma, first, kinds, rules)
 
     progress('searching for causes')
-    search = _search(observations, heldout, whitener, applicable, rules,
+    search = _search(observations, heldout, whitener, first, rules,
                      moved.with_nominal(base_model), kinds)
     model = search.run()
-    known: frozenset[str] = frozenset()  # names whose torque the nominal one has
+    held: frozenset[str] = frozenset()  # names whose torque the nominal one has
     for _ in range(PASSES):
         named, found = named_of(model), search.pool.solution(model)
         quiet = quieter(whitener, observations, model, found, kinds)
         same = all(new is old for new, old in zip(quiet.noise, whitener.noise))
-        if same and names_of(named) == known:
+        if same and names_of(named) == held:
             break
         # effects that scale with the torque were searched with that of other causes
         progress('searching again beside the causes found')
@@ -174,7 +177,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
             baseline, rigid_body, search.pool.evidence, named,
             search.pool.solution((*named, *unnamed_of(model)))))
         observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
-        whitener, known = quiet, names_of(named)
+        whitener, held = quiet, names_of(named)
         search = _search(observations, heldout, whitener, applicable, rules,
                          moved.with_nominal(better), kinds, search.pool.evidence if same else None)
         model = search.run(tuple(named))
@@ -272,6 +275,8 @@ def _rattle(search: Search, model: Model) -> Rattle | None:
     names = {item.effect.name for item in named}
     if Backlash.name not in library or names & {Backlash.name, ElasticTransmission.name}:
         return None
+    if INERTIA not in {term.name for term in pool.evidence.observations.terms}:
+        return None  # nothing is known to rattle
     left, rest = pool.fit(named).heldout_squares, pool.fit(model).heldout_squares
     if rest < (1.0 - SMOOTH) * left or _rings(search, named):
         return None

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.parameters import Parameter
+from par4_dynamics.effects.effect import Shape
+from par4_dynamics.parameters import Number, Parameter
 from par4_identification.diagnosis.evidence import Evidence, Fit, Hypothesis
 
 SLOPE = 1e-3
@@ -33,17 +34,17 @@ def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, inde
     effect, shape = hypothesis.effect, hypothesis.shape
     acting = list(range(evidence.observations.joints) if effect.shared else hypothesis.joints)
     coefficients = fit.coefficients[index][:, acting]
-    names = [item.name for item in effect.parameters if item.name in shape]
-    covariance = inflation * _with_shapes(evidence, hypothesis, fit, index, names)
+    knobs = _knobs(hypothesis)
+    covariance = inflation * _with_shapes(evidence, hypothesis, fit, index, knobs)
     values = effect.values(coefficients, shape)
     slopes = {name: np.zeros((len(covariance), *np.shape(value)))
               for name, value in values.items()}
-    own = len(covariance) - len(names)
+    own = len(covariance) - len(knobs)
     for number in range(len(covariance)):
         step = SLOPE * max(float(np.sqrt(covariance[number, number])), 1e-12)
-        moved, other = coefficients.copy(), dict(shape)
+        moved, other = coefficients.copy(), shape
         if number >= own:
-            other[names[number - own]] = shape[names[number - own]] + step
+            other = _turned(shape, knobs[number - own], step)
         elif effect.shared:
             moved[number] += step
         else:
@@ -56,14 +57,42 @@ def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, inde
         value, slope = values[parameter.name], slopes[parameter.name]
         std = np.sqrt(np.maximum(np.einsum('c...,cd,d...->...', slope, covariance, slope), 0.0))
         single = parameter.scope == 'machine' and parameter.size == 1
-        result[parameter.name] = Parameter(
-            value=float(value[0]) if single else tuple(map(float, value)),
-            std=float(std[0]) if single else tuple(map(float, std)), unit=parameter.unit)
+        result[parameter.name] = Parameter(value=_numbers(value, parameter.per_order, single),
+                                           std=_numbers(std, parameter.per_order, single),
+                                           unit=parameter.unit)
     return result
 
 
+def _numbers(value: np.ndarray, per_order: bool, single: bool) -> Number:
+    """Return values (J,), or (J, K) of K orders, as a parameter has them."""
+    if per_order and value.ndim == 2:
+        return tuple(_numbers(part, False, single or len(part) == 1) for part in value.T)
+    return float(value[0]) if single else tuple(map(float, value))
+
+
+def _knobs(hypothesis: Hypothesis) -> list[tuple[str, int | None]]:
+    """Return the numbers of a shape: parameter, and which of its orders where it has several."""
+    knobs: list[tuple[str, int | None]] = []
+    for item in hypothesis.effect.parameters:
+        value = hypothesis.shape.get(item.name)
+        if isinstance(value, tuple):
+            knobs += [(item.name, index) for index in range(len(value))]
+        elif value is not None:
+            knobs.append((item.name, None))
+    return knobs
+
+
+def _turned(shape: Shape, knob: tuple[str, int | None], step: float) -> Shape:
+    """Return a shape of which one number is larger by a step."""
+    name, index = knob
+    value = shape[name]
+    if index is None:
+        return {**shape, name: value + step}
+    return {**shape, name: (*value[:index], value[index] + step, *value[index + 1:])}
+
+
 def _with_shapes(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
-                 names: list[str]) -> np.ndarray:
+                 knobs: list[tuple[str, int | None]]) -> np.ndarray:
     """Return the covariance (c, c) of a hypothesis's coefficients and, behind them, its shapes.
 
     In first order an error d of a shape changes the torque by d times the slope of the columns
@@ -73,14 +102,15 @@ def _with_shapes(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: in
     """
     span = fit.slices[index]
     own = fit.covariance[span, span]
-    if not names:
+    if not knobs:
         return own
     flat = hypothesis.stacked(fit.coefficients[index])
     slopes = []
-    for name in names:
-        step = SLOPE * max(abs(hypothesis.shape[name]), 1e-6)
-        moved = Hypothesis(hypothesis.effect,
-                           {**hypothesis.shape, name: hypothesis.shape[name] + step},
+    for knob in knobs:
+        name, index = knob
+        value = hypothesis.shape[name]
+        step = SLOPE * max(abs(value if index is None else value[index]), 1e-6)
+        moved = Hypothesis(hypothesis.effect, _turned(hypothesis.shape, knob, step),
                            hypothesis.joints)
         slopes.append((evidence.columns(moved) - evidence.columns(hypothesis)) @ flat / step)
     slope = np.stack(slopes, axis=1)

@@ -31,13 +31,18 @@ class Hypothesis:
     @property
     def label(self) -> str:
         """Name with shape, for messages."""
-        shape = ', '.join(f'{name} {value:.4g}' for name, value in self.shape.items())
+        shape = ', '.join(f'{name} {_shown(value)}' for name, value in self.shape.items())
         return f'{self.effect.name} ({shape})' if shape else self.effect.name
 
     @property
     def key(self) -> tuple:
         """What tells it from any other."""
         return self.effect, tuple(sorted(self.shape.items())), self.joints
+
+
+def _shown(value: float | tuple[float, ...]) -> str:
+    return (' + '.join(map(_shown, value)) if isinstance(value, tuple) else
+            f'{value:.0f}' if value == int(value) else f'{value:.4g}')
 
 
 @dataclass(frozen=True)
@@ -148,7 +153,14 @@ class Evidence:
         """Return the whitened columns of an effect; computed once."""
         key = (effect, tuple(sorted(shape.items())))
         if key not in self._kept:
-            self.keep(effect, (shape,))
+            parts = effect.parts(shape)
+            if len(parts) > 1:
+                blocks = [self.block(effect, part) for part in parts]
+                columns = tuple(np.hstack(part) for part in zip(*(
+                    block.columns for block in blocks)))
+                self._kept[key] = Block(columns, np.stack([part.T @ part for part in columns]))
+            else:
+                self.keep(effect, (shape,))
         return self._kept[key]
 
     def keep(self, effect: Effect, shapes: Sequence[Shape]) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from par4_dynamics.base_terms import BaseTerm
+from par4_dynamics.base_terms import BASE_TERMS, BaseTerm
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.estimates import effect_parameters
@@ -35,11 +35,15 @@ def baseline_with(baseline: ModelFile | None, rigid_body: str, fitted: Mapping[s
                    terms: Sequence[BaseTerm], added: tuple[EffectEntry, ...]) -> ModelFile:
     """Return the baseline with other base parameters and more effects.
 
-    A base parameter that came out slightly negative is written as zero.
+    A base parameter that came out slightly negative is written as zero, and so is one of an axis
+    that its motion does not show.
     """
     parameters = {term.name: fitted[term.name] if not term.nonnegative else
                   fitted[term.name].model_copy(update={'value': max(fitted[term.name].value, 0.0)})
                   for term in terms}
+    for term in BASE_TERMS:  # a motion that does not show it does not need it
+        if not term.needs_platform and term.name not in parameters:
+            parameters[term.name] = Parameter(value=0.0, unit=term.unit)
     return ModelFile(schema='par4/model/1', rigid_body=rigid_body, parameters=parameters,
                      effects=(*(baseline.effects if baseline else ()), *added),
                      torque_limit=baseline.torque_limit if baseline else None)

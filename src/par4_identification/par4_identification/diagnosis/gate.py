@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -15,8 +16,16 @@ WORST_ERROR = 0.6
 WORST_STD = 0.3
 
 
-def unusable(observations: Observations, identification: Identification) -> list[str]:
-    """Return why the data cannot carry a diagnosis, each with what to do; empty if they can."""
+def unusable(observations: Observations, identification: Identification,
+             target: Sequence[np.ndarray]) -> list[str]:
+    """Return why the data cannot carry a diagnosis, each with what to do; empty if they can.
+
+    Args:
+        observations: rows to fit.
+        identification: their base parameters.
+        target: what these were fitted to, (m, J) of each run: the torque, or less than it where
+            the rest is known to be bound to the position.
+    """
     reasons, runs = [], observations.runs
     rows = sum(run.valid.sum(axis=0) for run in runs)
     for joint in np.flatnonzero(rows < LEAST_ROWS):
@@ -29,8 +38,10 @@ def unusable(observations: Observations, identification: Identification) -> list
     if friction < 0:
         reasons.append('friction comes out driving the joints instead of braking them; check the '
                        'sign of torque and position')
-    if estimate.relative_error > WORST_ERROR and _error_in_motion(observations) > WORST_ERROR:
-        reasons.append(f'the rigid bodies explain only {1 - estimate.relative_error:.0%} of the '
+    bound = any(part is not own for part, own in zip(target, observations.target))
+    error = _error_beside(observations, identification) if bound else estimate.relative_error
+    if error > WORST_ERROR and (bound or _error_in_motion(observations) > WORST_ERROR):
+        reasons.append(f'the rigid bodies explain only {1 - error:.0%} of the '
                        f'torque; check order, sign and zero of the joints, the gains and the '
                        f'robot file')
     for term in identification.terms:
@@ -44,6 +55,15 @@ def unusable(observations: Observations, identification: Identification) -> list
             reasons.append(f'the motion does not excite {term.name} (standard deviation '
                            f'{std / max(abs(value), 1e-12):.0%}); record faster motions')
     return reasons
+
+
+def _error_beside(observations: Observations, identification: Identification) -> float:
+    """Return what base terms and a torque bound to the position leave, over all torque."""
+    rows = sum(int(run.valid.sum()) for run in observations.runs)
+    power = sum(float(np.sum(np.where(run.valid, target, 0.0) ** 2))
+                for run, target in zip(observations.runs, observations.target))
+    left = float(np.sqrt(np.mean(identification.estimate.rms ** 2)))
+    return left / max(np.sqrt(power / max(rows, 1)), 1e-30)
 
 
 def _error_in_motion(observations: Observations) -> float:

@@ -40,11 +40,22 @@ class Observations:
         """Number of joints."""
         return self.target[0].shape[1]
 
+    def without(self, name: str) -> Observations:
+        """Return the observations without the column of a base parameter."""
+        kept = [index for index, term in enumerate(self.terms) if term.name != name]
+        return replace(self, base=tuple(part[..., kept] for part in self.base),
+                       terms=tuple(self.terms[index] for index in kept))
+
     def effect_rows(self, effect: Effect, shape: Shape) -> tuple[np.ndarray, ...]:
         """Return the filtered columns (m, J, K) of an effect in each run; computed once."""
         key = (effect, tuple(sorted(shape.items())))
         if key not in self._kept:
-            self.keep(effect, (shape,))
+            parts = effect.parts(shape)
+            if len(parts) > 1:
+                rows = [self.effect_rows(effect, part) for part in parts]
+                self._kept[key] = tuple(np.concatenate(part, axis=2) for part in zip(*rows))
+            else:
+                self.keep(effect, (shape,))
         return self._kept[key]
 
     def keep(self, effect: Effect, shapes: Sequence[Shape]) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from par4_dynamics.effects.effect import Effect, Shape
 from par4_identification.diagnosis.evidence import (
     Block,
     Evidence,
@@ -21,6 +22,7 @@ from par4_identification.diagnosis.evidence import (
     fit_of,
     prior_weights,
 )
+from par4_identification.diagnosis.unnamed import Kind
 
 _Layout = tuple[list[np.ndarray], list[np.ndarray], int]
 """Of each joint, which columns of the pool a model has and where their coefficients are; how many
@@ -173,30 +175,32 @@ class Pool:
         positions = [[np.arange(self._base)] for _ in range(self._joints)]
         size = self._base
         for item in model:
-            place = self.place(item)
-            width = place.stop - place.start
+            columns = self.columns_of(item)
+            width = len(columns)
             for joint in (range(self._joints) if item.effect.shared else item.joints):
-                own[joint].append(np.arange(place.start, place.stop))
+                own[joint].append(columns)
                 positions[joint].append(np.arange(size, size + width))
                 size += 0 if item.effect.shared else width
             size += width if item.effect.shared else 0
         return ([np.concatenate(parts) for parts in own],
                 [np.concatenate(parts) for parts in positions], size)
 
-    def place(self, item: Hypothesis) -> slice:
-        """Return where the columns of a hypothesis are; they are taken in where they are not."""
-        key = (item.effect, tuple(sorted(item.shape.items())))
+    def columns_of(self, item: Hypothesis) -> np.ndarray:
+        """Return which columns a hypothesis has; they are taken in where they are not there."""
+        places = [self._place(item.effect, shape) for shape in item.effect.parts(item.shape)]
+        return np.concatenate([np.arange(place.start, place.stop) for place in places])
+
+    def _place(self, effect: Effect | Kind, shape: Shape) -> slice:
+        key = (effect, tuple(sorted(shape.items())))
         if key not in self._places:
-            blocks: list[Block] = [part.evidence.block(item.effect, item.shape)
-                                   for part in self._parts]
+            blocks: list[Block] = [part.evidence.block(effect, shape) for part in self._parts]
             places = [part.add(block.columns) for part, block in zip(self._parts, blocks)]
             self._places[key] = places[0]
         return self._places[key]
 
     def width(self, item: Hypothesis) -> int:
         """Return the number of coefficients of a hypothesis."""
-        place = self.place(item)
-        return (place.stop - place.start) * (1 if item.effect.shared else len(item.joints))
+        return len(self.columns_of(item)) * (1 if item.effect.shared else len(item.joints))
 
 
 def _directions(gram: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

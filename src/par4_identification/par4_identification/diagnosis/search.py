@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from par4_dynamics.effects.effect import CERTAIN
 from par4_identification.diagnosis.candidates import Candidate, Candidates, price_of_shapes
 from par4_identification.diagnosis.estimates import effect_parameters
 from par4_identification.diagnosis.evidence import (
@@ -20,6 +21,7 @@ from par4_identification.diagnosis.law import Dithered
 from par4_identification.diagnosis.pool import Fitted, Pool
 from par4_identification.diagnosis.requirement import Requirement, requirement_of
 from par4_identification.diagnosis.rules import Rules
+from par4_identification.diagnosis.shapes import order_name
 from par4_identification.diagnosis.unnamed import Kind, Kinds
 
 Model = tuple[Hypothesis, ...]
@@ -181,6 +183,7 @@ class Search:
         Joints share the base parameters, so that an effect on one leaves a trace on all, and what
         all have in common belongs to the base: every set is tried.
         """
+        hypothesis = self._with_confirmed_orders(hypothesis, others)
         if hypothesis.effect.shared or len(self._joints) == 1:
             return hypothesis
         price = self.rules.price * self.requirement((*others, hypothesis)).inflation
@@ -193,6 +196,21 @@ class Search:
                 if loss < least:
                     best, least = trial, loss
         return best
+
+    def _with_confirmed_orders(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
+        """Return a periodic torque without the orders that rows held out do not ask for."""
+        name = order_name(hypothesis.effect)
+        while name is not None and isinstance(hypothesis.shape[name], tuple):
+            orders = hypothesis.shape[name]
+            fewer = [orders[:index] + orders[index + 1:] for index in range(len(orders))]
+            trials = [replace(hypothesis, shape={
+                name: kept if len(kept) > 1 else kept[0]}) for kept in fewer]
+            squares = [self.pool.fit((*others, trial)).heldout_squares for trial in trials]
+            most = self.pool.fit((*others, hypothesis)).heldout_squares + 2.0 * self.rules.margin
+            if min(squares) > most:
+                break
+            hypothesis = trials[int(np.argmin(squares))]
+        return hypothesis
 
     def _is_confirmed(self, hypothesis: Hypothesis, others: Model) -> bool:
         """Return whether a candidate could be real and is confirmed by rows held out."""
@@ -314,7 +332,33 @@ class Search:
         values = effect.values(coefficients, hypothesis.shape)
         std = {name: np.broadcast_to(parameter.std, values[name].shape)
                for name, parameter in parameters.items()}
-        return effect.implausible(values, std, level)
+        reason = effect.implausible(values, std, level)
+        if reason is None and order_name(effect) is None:
+            reason = self._driven_beside(others, fit, inflation)
+        return reason
+
+    def _driven_beside(self, others: Model, fit: Fit, inflation: float) -> str | None:
+        """Return why the friction of an axis beside a cause, the last of a fit, is none, or None.
+
+        At a speed that hardly changes, a constant torque and friction stand for each other. A
+        torque that comes and goes along a turn cannot stand for friction and is not asked.
+        """
+        observations = self.pool.evidence.observations
+        if observations.runs[0].state.geometry is not None:
+            return None
+        speed = float(np.quantile(np.abs(np.concatenate(
+            [run.speed for run in observations.runs])), 0.95))
+        size = len(observations.terms)
+        before = self.pool.solution(others).base
+        for own in (0.0, speed):
+            weight = np.array([{'coulomb_friction': 1.0, 'viscous_friction': own}.get(
+                term.name, 0.0) for term in observations.terms])
+            level = float(weight @ fit.base)
+            std = float(np.sqrt(inflation * weight @ fit.covariance[:size, :size] @ weight))
+            if level < -CERTAIN * std and level < weight @ before:
+                return (f'beside it friction comes out as {level:.3g} N m at {own:.3g} rad/s, '
+                        f'which drives')
+        return None
 
     def _with_a_swap(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
         """Return a model in which a cause gave way to what explains decidedly more in its place."""

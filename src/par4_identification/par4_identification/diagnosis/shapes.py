@@ -15,8 +15,25 @@ EXPANSIONS = 4
 
 
 def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
-    """Return the shapes of an effect worth trying on the longest run of the data."""
-    return effect.shapes(max(observations.runs, key=lambda run: len(run.t)).state)
+    """Return the shapes of an effect worth trying on the longest run of the data.
+
+    Of an axis, whose speeds may be any, an order of a periodic torque is worth trying where the
+    torque's filter passes it at the speeds of the slower quarter of the motion.
+    """
+    run = max(observations.runs, key=lambda run: len(run.t))
+    shapes = effect.shapes(run.state)
+    name = order_name(effect)
+    if name is None or run.state.geometry is not None or not run.valid.any():
+        return shapes
+    slower = float(np.quantile(np.abs(run.speed[run.valid]), 0.25))
+    highest = 2.0 * np.pi * run.conditioning.torque_cutoff_hz / slower
+    return tuple(shape for shape in shapes if shape[name] <= highest)
+
+
+def order_name(effect: Effect) -> str | None:
+    """Return the shape parameter that may be a tuple of orders, None where no effect has any."""
+    return next((parameter.name for parameter in effect.parameters
+                 if parameter.per_order and parameter.is_shape), None)
 
 
 def best_shape(effect: Effect, shapes: Sequence[Shape],

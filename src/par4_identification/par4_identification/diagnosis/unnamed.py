@@ -184,6 +184,10 @@ class Kind:
     needs_nominal: bool = False
     left_by_filters: bool = False
 
+    def parts(self, shape: Shape) -> tuple[Shape, ...]:
+        """Return its one shape: a kind has no parts."""
+        return (shape,)
+
     def columns(self, state: State, shape: Shape) -> np.ndarray:  # noqa: ARG002
         """Return its columns (n, J, k)."""
         return np.ascontiguousarray(self.function(state, self.ranges))

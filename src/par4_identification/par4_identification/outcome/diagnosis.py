@@ -25,6 +25,10 @@ from par4_sim.report.words import (
     unit_on,
 )
 
+TOLD = 6
+"""Orders of a periodic torque that a sentence names one by one."""
+NEAR = 0.51
+"""Periods a turn of the joint by which an order, found as a whole number, may be off."""
 ALL = 0.999
 """Share beyond which an interval says no more."""
 STANDS_OUT = 2.0
@@ -110,6 +114,9 @@ def phrase_of_causes(causes: Sequence[Cause], machine: Robot | Axis) -> str:
 def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
     effect = cause.effect
     first, *others = effect.parameters
+    if any(item.per_order and isinstance(cause.parameters[item.name].value, tuple)
+           and item.is_shape for item in effect.parameters):
+        return _phrase_of_orders(cause, machine)
     sizes = {item.name: _size(cause.parameters[item.name], machine) for item in effect.parameters}
     if any(item.unit == first.unit for item in others):  # parts of one whole, as x, y, z
         parts = ', '.join(f'{in_words(name)} {size}' for name, size in sizes.items())
@@ -119,11 +126,65 @@ def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
     amount = sizes[first.name]
     if first.unit in ('', '1'):
         amount = _size(cause.parameters[first.name], machine, 100.0) + ' %'
-    shape = [f'{sizes[item.name].rsplit(" ", 1)[0]} periods a turn' if item.unit == '1/turn' else
+    shape = [_phrase_of_periods(float(cause.parameters[item.name].value), machine)
+             if item.unit == '1/turn' else
              f'{in_words(item.name.removeprefix(f"{effect.name}_"))} {sizes[item.name]}'
              for item in others if item.name != 'phase' and item.name in shown]
     whole = f'{amount} of {effect.phrase}' if first.name in shown else effect.phrase
     return f'{whole} with {listed(shape)}' if shape else whole
+
+
+def _phrase_of_orders(cause: Cause, machine: Robot | Axis) -> str:
+    """Return a periodic torque of several orders, the strongest of them one by one."""
+    first, *others = cause.effect.parameters
+    periods = next(item.name for item in others if item.unit == '1/turn')
+    relative = first.unit in ('', '1')
+    unit = unit_on(machine, first.unit)
+    orders = []
+    for order, size in zip(cause.parameters[periods].value, cause.parameters[first.name].value,
+                           strict=True):
+        sizes = np.atleast_1d(np.asarray(size, dtype=float))
+        mean = float(np.mean(sizes))
+        text = f'{number(100.0 * mean, 2)} %' if relative else f'{number(mean, 2)} {unit}'
+        orders.append((mean, f'{text} with {_phrase_of_periods(float(order), machine)}'))
+    orders.sort(key=lambda item: -item[0])
+    told = [text for _, text in orders[:TOLD]]
+    if len(orders) > TOLD:
+        told.append(f'{len(orders) - TOLD} weaker orders')
+    return f'{cause.effect.phrase} of {len(orders)} orders ({", ".join(told)})'
+
+
+def _phrase_of_periods(order: float, machine: Robot | Axis) -> str:
+    """Return an order in words, with what makes it where the nameplate tells."""
+    whole = abs(order - round(order)) < 1e-3
+    count = f'{order:.0f}' if whole else number(order, 3)
+    source = source_of_order(order, machine)
+    return f'{count} periods a turn' + (f', {source}' if source else '')
+
+
+def source_of_order(order: float, machine: Robot | Axis) -> str | None:
+    """Return which part of a drive makes so many periods a turn of the joint, if that is known.
+
+    A motor's magnets make multiples of its pole pairs in a turn of the motor, its slots other
+    whole numbers; what is no whole number of them comes from behind the gear.
+    """
+    if not isinstance(machine, Axis) or machine.kind == 'linear':
+        return None
+    gear, pairs = machine.gear_ratio, machine.pole_pairs
+    if gear is None and pairs is None:
+        return None
+    in_motor = order / (gear or 1.0)
+    times = round(in_motor)
+    if times < 1 or abs(in_motor - times) > NEAR / (gear or 1.0):
+        return 'of the gear or the encoder behind it'
+    if pairs is not None and times % pairs == 0:
+        multiple = times // pairs
+        return 'the motor\'s pole pairs' if multiple == 1 else (
+            f'{multiple} times the motor\'s pole pairs')
+    if gear is not None and gear != 1.0 and times == 1:
+        return 'a turn of the motor'
+    return f'{times} in a turn of the motor, as of its slots' if (gear or 1.0) != 1.0 else (
+        'as of the motor\'s slots')
 
 
 def _stands_out(parameter: Parameter) -> bool:

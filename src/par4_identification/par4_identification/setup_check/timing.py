@@ -35,6 +35,11 @@ FEWER = 0.6
 FEWER_BY_DRIFT = 0.9
 """Most of what a constant delay leaves that a drift may leave; friction that warms leaves as much
 as 0.85, but at rates below `SMALLEST_RATE`."""
+UNEXPLAINED = 0.6
+"""Most of the torque in motion that the bodies may leave at the right time: of a torque that they
+do not explain at any time, no time is right."""
+BETTER = 0.95
+"""Most of the error of all rows, over that at the recorded time, that the right time may leave."""
 SURE = 15.0
 """Standard deviations by which a drift must stand out; residuals are not white."""
 STEPS = 6
@@ -94,12 +99,14 @@ def timing_of(rows: Equations) -> Timing | None:
     late, rate, _, rate_std, own = drifting
     drifts = (abs(rate) * (end - start) > SMALLEST_DRIFT
               and SMALLEST_RATE < abs(rate) < LARGEST_RATE and abs(rate) > SURE * rate_std
-              and own.left < FEWER_BY_DRIFT * fit.left and own.physical)
+              and own.left < FEWER_BY_DRIFT * fit.left and own.physical
+              and own.error < min(UNEXPLAINED, BETTER * before.error))
     if drifts:
         return Timing(late - rate * (middle - start), rate, start, end,
                       (drifting[2], rate_std), before, own)
     if abs(delay) > SMALLEST_DELAY and fit.left < FEWER * now.left and fit.physical and (
-            abs(delay) < LONGEST):
+            abs(delay) < LONGEST and fit.error < min(
+                UNEXPLAINED, BETTER * before.error)):
         return Timing(delay, 0.0, start, end, (delay_std, 0.0), before, fit)
     return None
 
