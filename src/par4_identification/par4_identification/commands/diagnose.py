@@ -131,7 +131,7 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
         outcome = outcome_of_diagnosis(diagnosis, machine, experiment)
         verdict = diagnosis.verdict
         if changes is not None:
-            outcome = with_changes(outcome, changes, verdict, machine)
+            outcome = with_changes(outcome, changes, diagnosis, machine)
             verdict = verdict_with_changes(verdict, changes)
         outcome = replace(outcome, remarks=(*untold, *outcome.remarks,
                                             *remarks_of_confrontation(confrontation)))

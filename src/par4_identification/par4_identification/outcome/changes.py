@@ -19,7 +19,7 @@ from par4_identification.changes.readings import (
     GainFactor,
     Reading,
 )
-from par4_identification.diagnosis.answer import Verdict
+from par4_identification.diagnosis.answer import Diagnosis, Verdict
 from par4_identification.outcome.outcome import over_joints
 from par4_identification.payload import PLATFORM
 from par4_kinematics.robot import Axis, Robot
@@ -90,16 +90,20 @@ def verdict_with_changes(verdict: Verdict, changes: Changes) -> Verdict:
     return verdict
 
 
-def with_changes(outcome: Outcome, changes: Changes, verdict: Verdict, machine: Robot | Axis
-                 ) -> Outcome:
+def with_changes(outcome: Outcome, changes: Changes, diagnosis: Diagnosis,
+                 machine: Robot | Axis) -> Outcome:
     """Return the outcome of a diagnosis with what has changed in front.
 
     Args:
         outcome: without the changes.
         changes: since the model or between groups of bags.
-        verdict: of the diagnosis by itself.
+        diagnosis: by itself.
         machine: that was measured.
     """
+    holdout = diagnosis.holdout
+    # differences between joints are values of the joints, which the readings tell
+    told_by_readings = diagnosis.verdict in ('clean', 'explained') and all(
+        cause.effect.against_the_others for cause in diagnosis.causes)
     unit = unit_on(machine, 'N m')
     given = f'{number(over_joints(changes.given_rms), 2)} {unit}'
     if not changes.read and not changes.beyond_readings:
@@ -109,11 +113,12 @@ def with_changes(outcome: Outcome, changes: Changes, verdict: Verdict, machine: 
     phrases = phrases_of_changes(changes, machine)
     told = listed(phrases) if phrases else (
         f'base parameters that no known reading explains ({listed(_left_labels(changes)[:3])})')
-    sentence = f'Since {changes.since} this has changed: {told}.'
-    if verdict == 'clean':
-        sentence += (f' Apart from that the model holds; as it stands it leaves {given} on data '
-                     f'it has not seen.')
-    else:
+    before, after, floor = (f'{number(over_joints(rms), 2)} {unit}' for rms in (
+        holdout.baseline_rms, holdout.extended_rms, holdout.noise_floor_rms))
+    sentence = (f'Since {changes.since} this has changed: {told}. On data it has not seen that '
+                f'model leaves {given} as it stands, {before} with its base parameters fitted '
+                f'anew, {after} with what was found, the noise floor being {floor}.')
+    if not told_by_readings:
         sentence += f' {outcome.sentence}'
     remarks = [*_twin_remarks(changes, machine), *_left_remarks(changes)]
     return replace(outcome, sentence=sentence, standing='fair' if remarks or (
