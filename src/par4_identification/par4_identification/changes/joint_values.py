@@ -100,13 +100,7 @@ def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = (),
     """
     rules = rules or Rules()
     causes = [cause for cause in causes if not cause.effect.against_the_others]
-    sigma = np.full(observations.joints, 1.0)
-    evidence = gather(observations, flat_whitener(observations, sigma))
-    for _ in range(ROUNDS):
-        design = _design(evidence, causes)
-        values, _ = _solved(design, evidence.target, observations)
-        left = _residuals(observations, causes, values)
-        evidence = gather(observations, whitener_of_residuals(observations, left, design.shape[1]))
+    evidence = whitened(observations, causes)
     design = _design(evidence, causes)
     values, covariance = _solved(design, evidence.target, observations)
     size = observations.joints * len(observations.terms)
@@ -123,6 +117,21 @@ def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = (),
         observations.terms, values[:size].reshape(shape), (1.0 + wrong / size) * own,
         followed.reshape(shape), _bias(design, values, size, causes, observations),
         _coefficients(observations, causes, values[size:]))
+
+
+def whitened(observations: Observations, causes: Sequence[Hypothesis] = ()) -> Evidence:
+    """Return rows whitened by the noise that causes and values of every joint leave.
+
+    Raises:
+        InputError: data that do not tell the parameters joint by joint.
+    """
+    evidence = gather(observations, flat_whitener(observations, np.ones(observations.joints)))
+    for _ in range(ROUNDS):
+        design = _design(evidence, causes)
+        values, _ = _solved(design, evidence.target, observations)
+        left = _residuals(observations, causes, values)
+        evidence = gather(observations, whitener_of_residuals(observations, left, design.shape[1]))
+    return evidence
 
 
 def _design(evidence: Evidence, causes: Sequence[Hypothesis]) -> np.ndarray:
