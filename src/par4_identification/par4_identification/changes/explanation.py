@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from par4_identification.changes.readings import Parameters, Reading, applied
 
-CHANCE = 1e-3
+CHANCE = 1e-4
 """Chance, for all that is tried together, at which machines without a change show one."""
 MOST = 6
 """Readings at most; beyond, everything has changed and no list of readings says what."""
