@@ -1,9 +1,9 @@
 """The series that are looked at: what a machine's parts do, rather than the parameters as fitted.
 
 Temperature moves the friction of all joints together, wear that of one. So friction is followed as
-the factor that all joints have in common (the median over the joints of each joint's factor) and
-what each joint has beyond it; a median, so that one joint alone does not move the others. The
-platform masses are those of the one platform.
+the factor that most joints have in common and what each joint has beyond it. A joint that is far
+from the median of all has no part in what is common, else its wear would show on the others as the
+contrary. The platform masses are those of the one platform.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from par4_identification.changes.readings import FRICTION
 from par4_identification.payload import PLATFORM
 from par4_identification.trend.bag_values import BagValues
 
+APART = 4.0
+"""Deviations from the median beyond which a joint has no part in what is common."""
 UNITS = {term.name: term.unit for term in BASE_TERMS}
 
 
@@ -92,10 +94,15 @@ def _friction(name: str, values: np.ndarray, std: np.ndarray) -> list[Channel]:
     """Return the common factor of a friction (n, J) and what each joint has beyond it."""
     usual = np.median(values, axis=0)
     factor, error = values / usual, std / usual
-    common = np.median(factor, axis=1)
+    middle = np.median(factor, axis=1)
+    apart = np.abs(factor - middle[:, None])
+    # joints may differ from bag to bag by more than the deviations say
+    usual_distance = np.maximum(error, np.median(apart, axis=0) / 0.6745)
+    alike = apart <= APART * np.minimum(usual_distance, np.median(usual_distance, axis=1)[:, None])
+    weight = alike / np.maximum(alike.sum(axis=1), 1)[:, None]
+    common = np.where(alike.any(axis=1), np.sum(weight * factor, axis=1), middle)
+    spread = np.sqrt(np.sum((weight * error) ** 2, axis=1))
     joints = values.shape[1]
-    # the median of four that are alike errs about as their mean
-    spread = 1.1 * np.sqrt(np.mean(error ** 2, axis=1) / joints)
     found = [Channel(name, common, spread, '1', yearly=True)]
     found += [Channel(_label(name, joint, joints), factor[:, joint] / common,
                       np.hypot(error[:, joint], spread), '1') for joint in range(joints)]

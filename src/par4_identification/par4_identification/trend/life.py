@@ -9,17 +9,19 @@ import numpy as np
 
 from par4_dynamics.base_terms import BASE_TERMS
 from par4_identification.changes.explanation import Read, explained
-from par4_identification.changes.readings import Parameters, readings_of
+from par4_identification.changes.readings import SCALE, Parameters, readings_of
 from par4_identification.trend.bag_values import BagValues
 from par4_identification.trend.channels import Channel, channels_of
 from par4_identification.trend.course import Break, Course, course_of
 
-FALSE_ALARMS = 1e-3
+FALSE_ALARMS = 2e-4
 """Expected number of false alarms a bag, of all series together."""
 TOGETHER = 2
 """Bags within which breaks of several series are one event."""
 BESIDE = 5
 """Bags on either side of an event that are compared to read it, fewer where another one is near."""
+BETWEEN = 3.0
+"""Spacings of bags within which a drift may have begun: so much of it looks like a step."""
 DAY = 86_400e9
 """ns."""
 
@@ -31,13 +33,15 @@ class Happening:
     Attributes:
         channel: number of the series.
         item: the break.
-        now: level at the end of the data, over that before the break where it is a factor.
         until: the last bag before the series changes again, or the last one.
+        is_step: whether the level changed at once, by more than a drift that begins between two
+            bags makes of it.
     """
 
     channel: int
     item: Break
     until: int
+    is_step: bool
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,7 @@ class Event:
     @property
     def is_drift(self) -> bool:
         """Whether nothing changed at once."""
-        return all(part.item.kind == 'slope' for part in self.happenings)
+        return not any(part.is_step for part in self.happenings)
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,7 @@ def life_of(bags: Sequence[BagValues], chance: float = FALSE_ALARMS) -> Life:
     courses = tuple(_course(t, channel, chance / len(channels)) for channel in channels)
     odd = tuple((item.index, number) for number, course in enumerate(courses)
                 for item in course.breaks if item.kind == 'odd')
-    return Life(bags, t, channels, courses, _events(bags, courses), odd, chance)
+    return Life(bags, t, channels, courses, _events(bags, t, channels, courses), odd, chance)
 
 
 def _course(t: np.ndarray, channel: Channel, chance: float) -> Course:
@@ -114,7 +118,8 @@ def _course(t: np.ndarray, channel: Channel, chance: float) -> Course:
     return Course(breaks, fitted, wave, course.scatter)
 
 
-def _events(bags: Sequence[BagValues], courses: Sequence[Course]) -> tuple[Event, ...]:
+def _events(bags: Sequence[BagValues], t: np.ndarray, channels: Sequence[Channel],
+            courses: Sequence[Course]) -> tuple[Event, ...]:
     """Return breaks that are near each other in time as events."""
     found = sorted(((item.index, number, item) for number, course in enumerate(courses)
                     for item in course.changes), key=lambda part: part[0])
@@ -129,12 +134,16 @@ def _events(bags: Sequence[BagValues], courses: Sequence[Course]) -> tuple[Event
     for place, group in enumerate(groups):
         first = starts[place - 1] if place else 0
         last = starts[place + 1] if place + 1 < len(groups) else len(bags)
-        happenings = sorted((Happening(number, item, _until(courses[number], item, len(bags)))
-                             for _, number, item in group), key=lambda part: -_certainty(part.item))
+        happenings = sorted((Happening(
+            number, item, _until(courses[number], item, len(bags)), _is_step(t, item))
+            for _, number, item in group), key=lambda part: -_certainty(part.item))
+        stepped = [channels[part.channel].name for part in happenings if part.is_step]
         read: tuple[Read, ...] = ()
-        if any(part.item.step for part in happenings):
-            read = _read(bags[max(first, starts[place] - BESIDE):starts[place]],
-                         bags[starts[place]:min(last, starts[place] + BESIDE)])
+        if stepped:
+            before = range(max(first, starts[place] - BESIDE), starts[place])
+            after = range(starts[place], min(last, starts[place] + BESIDE))
+            read = _read(bags, before, after, stepped, _weather(
+                bags, channels, courses, before, after))
         events.append(Event(starts[place], tuple(happenings), read))
     return tuple(events)
 
@@ -156,16 +165,47 @@ def _until(course: Course, item: Break, count: int) -> int:
     return min(later) - 1 if later else count - 1
 
 
-def _read(before: Sequence[BagValues], after: Sequence[BagValues]) -> tuple[Read, ...]:
-    """Return the readings of what bags after an event have beyond those before."""
+def _is_step(t: np.ndarray, item: Break) -> bool:
+    """Return whether a break is more than a drift that began between two bags."""
+    spacing = float(np.median(np.diff(t)))
+    return abs(item.step) > max(BETWEEN * spacing * abs(item.slope), 3.0 * item.std[0])
+
+
+def _weather(bags: Sequence[BagValues], channels: Sequence[Channel], courses: Sequence[Course],
+             before: range, after: range) -> np.ndarray:
+    """Return the covariance (J p, J p) that the seasons and the weather give the difference."""
+    size = bags[0].values.size
+    covariance = np.zeros((size, size))
+    for channel, course in zip(channels, courses):
+        if not (channel.yearly and channel.is_factor and before and after):
+            continue
+        direction = np.zeros_like(bags[0].values)
+        index = bags[0].terms.index(channel.name)
+        direction[:, index] = bags[before[-1]].values[:, index]
+        wave = course.wave[list(after)].mean() - course.wave[list(before)].mean()
+        variance = wave ** 2 + course.scatter ** 2 * (1.0 / len(before) + 1.0 / len(after))
+        covariance += variance * np.outer(direction.ravel(), direction.ravel())
+    return covariance
+
+
+def _read(bags: Sequence[BagValues], before: range, after: range, stepped: Sequence[str],
+          weather: np.ndarray) -> tuple[Read, ...]:
+    """Return the readings of what bags after an event have beyond those before.
+
+    Only what moves a series that stepped is told: what drifts meanwhile is told as a drift.
+    """
     if not before or not after:
         return ()
-    means, covariances = zip(*(_mean(part) for part in (before, after)))
-    terms = tuple(term for term in BASE_TERMS if term.name in before[0].terms)
-    parameters = Parameters(before[0].terms, means[0], np.zeros_like(means[0]))
+    means, covariances = zip(*(_mean([bags[index] for index in part]) for part in (before, after)))
+    terms = tuple(term for term in BASE_TERMS if term.name in bags[0].terms)
+    parameters = Parameters(bags[0].terms, means[0], np.zeros_like(means[0]))
     explanation = explained(readings_of(terms, len(means[0])), parameters, means[1],
-                            covariances[0] + covariances[1])
-    return explanation.read if explanation.is_complete else ()
+                            covariances[0] + covariances[1] + weather)
+    if not explanation.is_complete:
+        return ()
+    return tuple(item for item in explanation.read if any(
+        moved.parameter.partition('[')[0] in (SCALE, name.partition('[')[0])
+        for moved in item.reading.moved(parameters, terms) for name in stepped))
 
 
 def _mean(bags: Sequence[BagValues]) -> tuple[np.ndarray, np.ndarray]:
