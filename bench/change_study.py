@@ -7,7 +7,7 @@ after is read. Every `--diagnosed`th machine goes through the whole diagnosis, a
 on dask.
 
     python bench/change_study.py --first-seed 1000 --machines 40 --unchanged 20      developing
-    python bench/change_study.py --diagnosed 10     the published score
+    python bench/change_study.py --diagnosed 15     the published score
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ from par4_identification.identification import Fitting, identify
 from par4_identification.outcome.changes import phrase_of_reading
 from par4_identification.rows import runs_of_log
 
-SCORING_SEED = 8_900_000
+SCORING_SEED = 8_910_000
 """Seeds from here on are run once, after everything is fixed."""
 WAYS = ('model', 'model, joint by joint', 'bags before')
 """What the data are compared with, in turn."""
@@ -116,7 +116,7 @@ def outcome_of(every: int, task: tuple[int, int, tuple[str, ...]]) -> dict[str, 
     number, seed, kinds = task
     started = time.perf_counter()
     case, way = drawn_machine(seed, kinds), WAYS[number % len(WAYS)]
-    diagnosed = bool(every) and number % every == 1
+    diagnosed = bool(every) and number % every == every - 1
     closed_loop = number % CLOSED_LOOP == 0
     explanation = explanation_of(case, 'model' if diagnosed else way, diagnosed, closed_loop)
     robot = case.known.robot

@@ -149,9 +149,7 @@ def explained(readings: Sequence[Reading], before: Parameters, after: np.ndarray
     difference = _Difference(readings, before, after, covariance)
     nothing, size = difference.none, after.size
     p_value = float(chi2.sf(nothing.squares, size))
-    best = nothing
-    if p_value < CHANCE:
-        best = _fewest(difference)
+    best = _fewest(difference)  # one direction may show what all together drown
     read = [_read(difference, best, place) for place in range(len(best.chosen))]
     read.sort(key=lambda item: item.p_value)
     wrong = READING_ERROR ** 2 * (nothing.squares - best.squares)

@@ -92,7 +92,9 @@ def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = (),
     Args:
         observations: the rows.
         causes: fitted beside the parameters. Those that show only as differences between joints
-            are left out: they are values of the joints here.
+            are left out, for they are values of the joints here, and so are those that gain
+            less than `Rules.evidence` beside the values: viscous friction of one joint may have
+            been named a power of its speed.
         rules: how much of each torque may be wrong.
 
     Raises:
@@ -101,6 +103,7 @@ def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = (),
     rules = rules or Rules()
     causes = [cause for cause in causes if not cause.effect.against_the_others]
     evidence = whitened(observations, causes)
+    causes = _worth(evidence, causes, rules)
     design = _design(evidence, causes)
     values, covariance = _solved(design, evidence.target, observations)
     size = observations.joints * len(observations.terms)
@@ -139,6 +142,29 @@ def _design(evidence: Evidence, causes: Sequence[Hypothesis]) -> np.ndarray:
     blocks = [evidence.base[first:last] for first, last in zip(evidence.ends, evidence.ends[1:])]
     own = spread(blocks, tuple(range(len(blocks))), shared=False)
     return np.hstack([own, *(evidence.columns(cause) for cause in causes)])
+
+
+def _worth(evidence: Evidence, causes: Sequence[Hypothesis], rules: Rules) -> list[Hypothesis]:
+    """Return the causes without those that gain too little beside values and the others."""
+    kept = list(causes)
+    while kept:
+        squares = [_left(evidence, [other for other in kept if other is not item])
+                   for item in (None, *kept)]
+        gains = [0.5 * (left - squares[0]) for left in squares[1:]]
+        weakest = int(np.argmin(gains))
+        if gains[weakest] > rules.evidence:
+            break
+        kept.pop(weakest)
+    return kept
+
+
+def _left(evidence: Evidence, causes: Sequence[Hypothesis]) -> float:
+    """Return the whitened squares that values and causes leave."""
+    design = _design(evidence, causes)
+    scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
+    values = np.linalg.lstsq(design / scale, evidence.target, rcond=1e-10)[0]
+    left = evidence.target - (design / scale) @ values
+    return float(left @ left)
 
 
 def _solved(design: np.ndarray, target: np.ndarray, observations: Observations
