@@ -115,7 +115,7 @@ def study_of_years(first_seed: int, years: int, bags: int) -> None:
     print('\n'.join(notes))
 
 
-def year_of_bags(folder: Path, seed: int, number: int) -> None:
+def year_of_bags(folder: Path, seed: int, number: int, duration: float) -> None:
     """Write one year as bags, every one of them simulated, and what happened in it."""
     year = drawn_year(seed, number)
     folder.mkdir(parents=True, exist_ok=True)
@@ -126,7 +126,7 @@ def year_of_bags(folder: Path, seed: int, number: int) -> None:
             continue
         model = build_model(REFERENCE, year.model_file(index))
         simulation = build_simulation(REFERENCE, model, 'exact', seed=index, torque_noise=NOISE)
-        simulate_to_bag(simulation, excitation_motion(REFERENCE, DURATION, index % 10), REFERENCE,
+        simulate_to_bag(simulation, excitation_motion(REFERENCE, duration, index % 3), REFERENCE,
                         folder / name, began=round(began) * SECOND)
     for item in year.happened:
         print(f'{datetime.fromtimestamp(BEGIN + 86400.0 * item.day, UTC):%d %B}: {item.what}'
@@ -147,11 +147,12 @@ def main() -> None:
     bags.add_argument('folder', type=Path)
     bags.add_argument('--seed', type=int, default=3)
     bags.add_argument('--number', type=int, default=200)
+    bags.add_argument('--duration', type=float, default=DURATION, help='of a bag, s')
     arguments = parser.parse_args()
     if arguments.command == 'years':
         study_of_years(arguments.first_seed, arguments.years, arguments.number)
     else:
-        year_of_bags(arguments.folder, arguments.seed, arguments.number)
+        year_of_bags(arguments.folder, arguments.seed, arguments.number, arguments.duration)
 
 
 if __name__ == '__main__':

@@ -128,8 +128,12 @@ def outcome_of_life(life: Life, refused: Mapping[str, str], machine: Robot | Axi
     clauses = [sentence_of_event(life, event, machine) for event in life.events]
     clauses = [clause for clause in clauses if clause]
     if not clauses:
-        sentence = (f'Nothing changed over {span} beyond what chance and the seasons do.'
-                    if len(life.bags) > 1 else 'One bag says nothing of a change; give more.')
+        odd = len({index for index, _ in life.odd})
+        alone = f', but {odd} of them {"differs" if odd == 1 else "differ"} from the others' if (
+            odd) else ''
+        sentence = (f'Nothing changed for good over {span} beyond what chance and the seasons '
+                    f'do{alone}.' if len(life.bags) > 1 else
+                    'One bag says nothing of a change; give more.')
     elif len(clauses) <= TOLD:
         sentence = f'{_capital("; ".join(clauses))}.'
     else:
