@@ -235,7 +235,7 @@ def diagnosis_json_with_changes(content: dict[str, Any], changes: Changes | None
         machine: that was measured.
     """
     if changes is None:
-        return {**content, 'changes': []}
+        return content
     return {**content, 'verdict': verdict_with_changes(content['verdict'], changes),
             'causes': [*payload_causes_json(changes, machine), *content['causes']],
             'holdout': {**content['holdout'], 'given_rms': plain(changes.given_rms)},
