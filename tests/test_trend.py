@@ -65,6 +65,16 @@ def test_one_odd_value_is_no_change():
     assert [(item.kind, item.index) for item in course.breaks] == [('odd', 20)]
 
 
+def test_a_drift_that_ends_is_no_row_of_odd_values():
+    # eight strong values between flat ones, as wear that a repair ends leaves them
+    t = np.arange(48.0)
+    values = noisy(np.where((t >= 12) & (t < 20), 20.0 * (t - 11.0), 0.0), 4)
+    course = course_of(t, values, np.ones(48), 1e-5)
+    assert all(item.kind != 'odd' for item in course.breaks)
+    assert {item.index for item in course.changes} <= {11, 12, 20}
+    assert len(course.changes) == 2
+
+
 @pytest.mark.parametrize('stated', [1.0, 0.3])
 def test_false_alarms_are_as_rare_as_asked_for(stated):
     # also where values scatter more than their deviations say

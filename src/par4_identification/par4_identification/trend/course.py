@@ -18,6 +18,7 @@ from scipy.stats import f as f_distribution
 
 Kind = Literal['step', 'slope', 'both', 'odd']
 KINDS: tuple[Kind, ...] = ('step', 'slope', 'both', 'odd')
+LASTING: tuple[Kind, ...] = ('step', 'slope', 'both')
 YEAR = 365.25
 """Days."""
 WHOLE = 0.8 * YEAR
@@ -151,14 +152,33 @@ def _scatter(series: _Series, breaks: list[Break], std: np.ndarray) -> tuple[flo
 
 
 def _breaks(series: _Series, chance: float) -> list[Break]:
-    """Return the breaks that gain more than chance gives."""
+    """Return the breaks that gain more than chance gives.
+
+    A drift may be taken for many odd values, and one odd value for two steps: of a search that
+    begins with lasting changes and one that takes all kinds the one that explains more is right.
+    """
     each = chance / len(KINDS)
-    breaks: list[Break] = []
+    lasting = _grown(series, [], each, LASTING)
+    return sorted(min(
+        (_grown(series, start, each, KINDS) for start in (lasting, [])),
+        key=lambda breaks: _cost(series, breaks, each)), key=lambda item: item.index)
+
+
+def _cost(series: _Series, breaks: list[Break], each: float) -> float:
+    """Return the squares that breaks leave and those that chance would give as many of them."""
+    _, left, freedom = series.solved(breaks)
+    return left + sum(_needed(2 if item.kind == 'both' else 1, freedom, each) for item in breaks)
+
+
+def _grown(series: _Series, start: list[Break], each: float, kinds: tuple[Kind, ...]
+           ) -> list[Break]:
+    """Return breaks to which those worth taking are added, and of which the others are dropped."""
+    breaks = list(start)
     while len(breaks) < MOST:
-        worth, best = _best(series, breaks, each)
+        worth, best = _best(series, breaks, each, kinds)
         if best is None or worth <= 0.0:
             break
-        breaks = _moved(series, [*breaks, best], each)
+        breaks = _moved(series, [*breaks, best], each, kinds)
     dropped = True
     while dropped and breaks:
         worths = [_worth(series, [*breaks[:place], *breaks[place + 1:]], item, each)
@@ -167,16 +187,17 @@ def _breaks(series: _Series, chance: float) -> list[Break]:
         dropped = worths[weakest] <= 0.0
         if dropped:
             breaks.pop(weakest)
-    return sorted(breaks, key=lambda item: item.index)
+    return breaks
 
 
-def _moved(series: _Series, breaks: list[Break], each: float) -> list[Break]:
+def _moved(series: _Series, breaks: list[Break], each: float, kinds: tuple[Kind, ...]
+           ) -> list[Break]:
     """Return the breaks, each where and of the kind that explains most beside the others."""
     for _ in range(ROUNDS):
         before = list(breaks)
         for place in range(len(breaks)):
             others = [*breaks[:place], *breaks[place + 1:]]
-            worth, best = _best(series, others, each)
+            worth, best = _best(series, others, each, kinds)
             if best is not None and worth > _worth(series, others, breaks[place], each) + 1e-9:
                 breaks[place] = best
         if breaks == before:
@@ -197,7 +218,8 @@ def _needed(own: int, freedom: int, each: float) -> float:
     return own * float(f_distribution.isf(each, own, max(freedom, 1)))
 
 
-def _best(series: _Series, others: list[Break], each: float) -> tuple[float, Break | None]:
+def _best(series: _Series, others: list[Break], each: float, kinds: tuple[Kind, ...]
+          ) -> tuple[float, Break | None]:
     """Return the break that gains most beside others, with its gain beyond chance."""
     basis, _ = np.linalg.qr(_regular(series.design(others)))
     target = series.values / series.sigma
@@ -223,8 +245,11 @@ def _best(series: _Series, others: list[Break], each: float) -> tuple[float, Bre
     # a step needs a value on either side, a drift two after it
     for kind, least, most in (('step', 1, count), ('slope', 0, count - 2), ('both', 1, count - 2)):
         gains[kind][:least] = gains[kind][most:] = 0.0
+    for item in others:
+        if item.kind == 'odd':  # two beside each other are a change
+            gains['odd'][max(item.index - 1, 0):item.index + 2] = 0.0
     found: tuple[float, Break | None] = (0.0, None)
-    for kind in KINDS:
+    for kind in kinds:
         index = int(np.argmax(gains[kind]))
         worth = float(gains[kind][index]) - _needed(2 if kind == 'both' else 1, freedom, each)
         if worth > found[0]:
