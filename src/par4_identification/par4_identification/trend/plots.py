@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from par4_sim.report.drawing import BEFORE, CALCULATED, IDLE, INK, MEASURED, dra
 
 COLOURS = (CALCULATED, BEFORE, MEASURED, '#2a7a4b')
 """Of up to four series in one picture."""
+APART = 0.0018
+"""Share of the time shown by which the points of several series stand beside each other."""
 
 
 @dataclass(frozen=True)
@@ -21,12 +24,14 @@ class Line:
         label: of it.
         values, std: (n,).
         course: steps and drifts through them, (n,).
+        steps: first bags after a step, where the course is not joined.
     """
 
     label: str
     values: np.ndarray
     std: np.ndarray
     course: np.ndarray
+    steps: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -58,12 +63,18 @@ def life(dates: np.ndarray, panels: Sequence[Panel], events: Sequence[np.datetim
         axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
         for axis, panel in zip(axes, panels):
             strokes = []
-            for colour, part in zip(COLOURS, panel.lines):
-                axis.vlines(dates, part.values - 1.96 * part.std, part.values + 1.96 * part.std,
-                            color=colour, alpha=0.3, linewidth=1.0)
-                axis.plot(dates, part.values, 'o', color=colour, markersize=2.2, alpha=0.7,
+            for place, (colour, part) in enumerate(zip(COLOURS, panel.lines)):
+                # joints beside each other, so that none hides another
+                beside = dates + APART * (place - 0.5 * (len(panel.lines) - 1)) * (
+                    dates[-1] - dates[0]).astype('timedelta64[s]')
+                axis.vlines(beside, part.values - 1.96 * part.std, part.values + 1.96 * part.std,
+                            color=colour, alpha=0.35, linewidth=0.9)
+                axis.plot(beside, part.values, 'o', color=colour, markersize=2.6,
                           markeredgewidth=0.0)
-                strokes.append(axis.plot(dates, part.course, color=colour, linewidth=1.6))
+                for first, end in pairwise((0, *part.steps, len(dates))):
+                    stroke = axis.plot(dates[first:end], part.course[first:end], color=colour,
+                                       linewidth=1.5)
+                strokes.append(stroke[0])
             axis.set_title(panel.title)
             axis.set_ylabel(panel.unit)
             for number, date in enumerate(events, start=1):
@@ -75,7 +86,7 @@ def life(dates: np.ndarray, panels: Sequence[Panel], events: Sequence[np.datetim
                                   xytext=(2.5, -9), textcoords='offset points', fontsize=8.5,
                                   fontweight='bold', color=INK)
             if len(panel.lines) > 1:
-                axis.legend([lines[-1] for lines in strokes], [part.label for part in panel.lines],
+                axis.legend(strokes, [part.label for part in panel.lines],
                             loc='lower right', ncols=len(panel.lines), handlelength=1.1,
                             bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0)
         return image(figure)

@@ -62,7 +62,7 @@ def panels_of(life: Life, machine: Robot | Axis) -> list[Panel]:
 def _panel(life: Life, name: str, own: bool, members: Sequence[int], machine: Robot | Axis
            ) -> Panel:
     words = ' '.join(in_words(part) for part in name.split('.'))
-    lines, percent = [], True
+    lines, percent = [], name != 'platform_mass'
     for index in members:
         level = life.courses[index].fitted
         percent &= bool(np.nanmin(np.abs(level)) > 0.2 * np.nanmax(np.abs(level)) > 0.0)
@@ -74,10 +74,11 @@ def _panel(life: Life, name: str, own: bool, members: Sequence[int], machine: Ro
         label = (f'joint {channel.name.partition("[")[2].rstrip("]")}' if own else
                  in_words(channel.name))
         lines.append(Line(label, scale * told - shift, abs(scale) * channel.std,
-                          scale * course.fitted - shift))
+                          scale * course.fitted - shift,
+                          tuple(item.index for item in course.changes if item.step)))
     yearly = any(np.nanmax(np.abs(life.courses[index].wave)) > 0.0 for index in members)
     factor = life.channels[members[0]].is_factor
-    title = words
+    title = 'platform masses' if name == 'platform_mass' else words
     if own:
         title += ', each joint against all' if factor else ', each joint'
     elif factor:
@@ -85,7 +86,7 @@ def _panel(life: Life, name: str, own: bool, members: Sequence[int], machine: Ro
     unit = 'change, %' if percent else typeset(unit_on(machine, life.channels[members[0]].unit))
     events = frozenset(place for place, event in enumerate(life.events, start=1)
                        if any(part.channel in members for part in event.happenings))
-    return Panel(title, unit, tuple(lines), events)
+    return Panel(title[:1].upper() + title[1:], unit, tuple(lines), events)
 
 
 def _cells(channel: Channel, course: Course, machine: Robot | Axis) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -37,7 +38,7 @@ def results_of(work: Callable[[str], dict[str, Any]], bags: Sequence[str], sched
         for name in ONE_THREAD:  # workers inherit it: they must not fight for the cores
             os.environ.setdefault(name, '1')
         cluster = LocalCluster(threads_per_worker=1, n_workers=min(len(bags), os.cpu_count() or 1),
-                               dashboard_address=None)
+                               dashboard_address=None, silence_logs=logging.ERROR)
     try:
         try:
             client = Client(cluster or scheduler, timeout=REACHED)
