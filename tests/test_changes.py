@@ -36,6 +36,7 @@ from par4_identification.diagnosis.observations import observe
 from par4_identification.identification import identify
 from par4_identification.outcome.changes import name_of_reading, phrase_of_reading
 from par4_identification.rows import runs_of_log
+from par4_kinematics.robot import Axis
 from par4_sim.noise import Noise
 from robots import REFERENCE
 
@@ -179,6 +180,13 @@ def test_a_cause_that_the_model_may_have_swallowed_is_no_change():
     (GainFactor(1), -0.03, 'all torques of joint 1 3.0 % smaller (gain of its drive)')])
 def test_words(reading, size, words):
     assert phrase_of_reading(reading, size, REFERENCE) == words
+
+
+def test_words_of_an_axis():
+    axis = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=35.0)
+    assert phrase_of_reading(Added(None, 'actuator_inertia'), 8.0, axis) == (
+        'moving mass of slide up by 8.0 kg')
+    assert len(readings_of(BASE_TERMS[:1] + BASE_TERMS[-2:], 1)) == 5  # none twice
 
 
 def test_every_reading_has_a_name_of_its_own():

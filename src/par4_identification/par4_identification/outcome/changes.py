@@ -61,6 +61,8 @@ def _phrase_of_added(reading: Added, amount: float, up: bool, where: str,
                                  reading.parameter])
     name = {'actuator_inertia': 'inertia of the arm', 'arm_gravity': 'weight of the arm'}.get(
         reading.parameter, in_words(reading.parameter))
+    if isinstance(machine, Axis) and reading.parameter == 'actuator_inertia':
+        name = 'moving mass' if machine.kind == 'linear' else 'inertia'
     return f'{name} of {where} {"up" if up else "down"} by {number(amount, 2)} {unit}'
 
 

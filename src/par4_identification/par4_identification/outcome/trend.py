@@ -9,6 +9,7 @@ from typing import Any
 from par4_identification.outcome.changes import phrase_of_reading
 from par4_identification.payload import PLATFORM
 from par4_identification.trend.channels import Channel
+from par4_identification.trend.course import FEWEST
 from par4_identification.trend.life import Event, Happening, Life
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
@@ -123,8 +124,8 @@ def _is_slight(life: Life, part: Happening) -> bool:
 
 def outcome_of_life(life: Life, refused: Mapping[str, str], machine: Robot | Axis) -> Outcome:
     """Return what changed when, in one sentence, and all of it below."""
-    span = (f'{len(life.bags)} bags from {day(life, 0)} to {day(life, -1)}'
-            if len(life.bags) > 1 else 'one bag')
+    count = len(life.bags)
+    span = f'{count} bag{"s" if count > 1 else ""} from {day(life, 0)} to {day(life, -1)}'
     clauses = [sentence_of_event(life, event, machine) for event in life.events]
     clauses = [clause for clause in clauses if clause]
     if not clauses:
@@ -132,8 +133,8 @@ def outcome_of_life(life: Life, refused: Mapping[str, str], machine: Robot | Axi
         alone = f', but {odd} of them {"differs" if odd == 1 else "differ"} from the others' if (
             odd) else ''
         sentence = (f'Nothing changed for good over {span} beyond what chance and the seasons '
-                    f'do{alone}.' if len(life.bags) > 1 else
-                    'One bag says nothing of a change; give more.')
+                    f'do{alone}.' if len(life.bags) >= FEWEST else
+                    f'{_capital(span)} say nothing of a change; give at least {FEWEST}.')
     elif len(clauses) <= TOLD:
         sentence = f'{_capital("; ".join(clauses))}.'
     else:
