@@ -40,7 +40,7 @@ def bags(tmp_path_factory):
     for seed, (name, model_file) in enumerate(machines.items()):
         simulation = build_simulation(REFERENCE, build_model(REFERENCE, model_file), 'exact',
                                       seed=seed, torque_noise=0.1)
-        simulate_to_bag(simulation, excitation_motion(REFERENCE, 9.0, seed), REFERENCE,
+        simulate_to_bag(simulation, excitation_motion(REFERENCE, 7.0, seed), REFERENCE,
                         folder / name)
     done = run(identify, folder / 'before', '--robot', 'reference', '--no-report', '--output',
                folder / 'model')

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,11 +11,11 @@ import numpy as np
 
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile
-from par4_identification.changes.joint_values import fitted_values, whitened
+from par4_identification.changes.joint_values import JointValues, fitted_values, whitened
 from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.estimates import effect_parameters
 from par4_identification.diagnosis.evidence import Hypothesis, solve
-from par4_identification.diagnosis.observations import observe, with_nominal
+from par4_identification.diagnosis.observations import Observations, observe, with_nominal
 from par4_identification.log import read_log
 from par4_identification.outcome.outcome import LARGEST_ERROR
 from par4_identification.rows import runs_of_log
@@ -124,10 +125,7 @@ def values_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None 
     except np.linalg.LinAlgError as error:
         raise InputError(f'{bag}: no parameter can be told from it; record a longer motion of all '
                          f'joints') from error
-    left = evidence.observations.target[0] - np.einsum(
-        'mjp,jp->mj', evidence.observations.base[0], found.values)
-    run = observations.runs[0]
-    error = float(np.linalg.norm(left[run.valid]) / np.linalg.norm(run.tau[run.valid]))
+    error = _relative_error(observations, found)
     if error > LARGEST_ERROR:
         raise InputError(f'{bag}: {percent(error)} of its torque is left by the model of '
                          f'{machine.name}; it seems to be of another robot')
@@ -137,6 +135,16 @@ def values_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None 
         tuple(size for index, item in enumerate(followed)
               for size in _sizes(item, effect_parameters(evidence, item, fit, index))),
         tuple(finding.evidence for finding in check.findings))
+
+
+def _relative_error(observations: Observations, found: JointValues) -> float:
+    """Return |residual| / |torque| of the base parameters of every joint, over all valid rows."""
+    left, torque = 0.0, 0.0
+    for run, target, base in zip(observations.runs, observations.target, observations.base):
+        rest = target - np.einsum('mjp,jp->mj', base, found.values)
+        left += float(np.sum(rest[run.valid] ** 2))
+        torque += float(np.sum(run.tau[run.valid] ** 2))
+    return math.sqrt(left / max(torque, 1e-300))
 
 
 def outcome_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None,
