@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
 
+from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.parameters import Parameter
@@ -121,6 +123,7 @@ class Diagnosis:
         evidence: these rows, whitened.
         hypotheses: of the named causes, in their order.
         doubts: what is unnamed or nearly passes as a cause, and what else it may be.
+        effects: what their names stand for.
     """
 
     verdict: Verdict
@@ -136,3 +139,4 @@ class Diagnosis:
     evidence: Evidence
     hypotheses: tuple[Hypothesis, ...]
     doubts: tuple[Pair, ...] = ()
+    effects: Mapping[str, Effect] = field(default_factory=lambda: CATALOGUE)
