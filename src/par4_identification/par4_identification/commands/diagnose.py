@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import click
@@ -10,10 +10,12 @@ from rich.console import Console
 
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import read_model_file
+from par4_identification.axis_gravity import with_gravity_told
+from par4_identification.commands.conditioning import conditioning_options
 from par4_identification.commands.identify import distinct_bags
 from par4_identification.confrontation import confront_diagnosis, model_after
 from par4_identification.diagnosis.answer import Diagnosis
-from par4_identification.diagnosis.diagnosis import diagnose
+from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.next_experiment import next_experiment
 from par4_identification.log import read_log
 from par4_identification.outcome.confrontation import (
@@ -24,6 +26,7 @@ from par4_identification.outcome.diagnosis import diagnosis_json, outcome_of_dia
 from par4_identification.outcome.next_experiment import MOTION_FILE
 from par4_identification.outcome.results import model_in_units, provenance
 from par4_identification.outcome.setup import setup_json, with_setup
+from par4_identification.scales import Chosen, conditioning_for
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.unusable import diagnosed_if_sound
 from par4_kinematics.motion_file import write_motion
@@ -60,10 +63,12 @@ class GreedyHoldout(click.Command):
               help='folder for diagnosis.json, extended_model.yaml, report.html and, where names '
                    'could not be told apart, motion.yaml')
 @click.option('--namespace', default=None, help='that the topics sit under')
+@conditioning_options
 @click.option('--simulate/--no-simulate', default=True, show_default=True,
               help='run the motion held out through the pybullet plant, the model before and after')
 def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, model: str | None,
-                  output: Path, namespace: str | None, simulate: bool) -> None:
+                  output: Path, namespace: str | None, cutoff: float | None,
+                  rows: float | None, low_speed: float | None, simulate: bool) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
     machine = read_machine(robot)
     baseline = None if model is None else read_model_file(model)
@@ -77,10 +82,13 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, m
             logs.append(read_log(bag, machine, namespace))
         status.update('looking for mistakes of the setup')
         check = check_setup(logs, machine, known)
+        conditioning = conditioning_for(check.logs, check.machine, CONDITIONING,
+                                        Chosen(cutoff, rows, low_speed))
+        check = replace(check, machine=with_gravity_told(check.machine, check.logs, conditioning))
         logs, machine = check.logs, check.machine
         diagnosis = diagnosed_if_sound(check, lambda sound: diagnose(
             sound.logs[:len(bags)], sound.machine, baseline, sound.logs[len(bags):],
-            progress=status.update))
+            conditioning=conditioning, progress=status.update))
         experiment = confrontation = extended = None
         if isinstance(diagnosis, Diagnosis):
             status.update('looking for the motion that would tell twins apart')
@@ -94,7 +102,8 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, m
                                             *remarks_of_confrontation(confrontation)))
         outcome = with_setup(outcome, check, 'diagnosis')
         origin = provenance('par4_diagnose', machine, (*bags, *holdout),
-                            {'holdout': holdout, 'model': model, 'namespace': namespace})
+                            {'holdout': holdout, 'model': model, 'namespace': namespace,
+                             **asdict(conditioning)})
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
         from par4_identification.report import report_of_diagnosis

@@ -120,6 +120,7 @@ class Diagnosis:
         fit_runs: rows that were fitted.
         evidence: these rows, whitened.
         hypotheses: of the named causes, in their order.
+        left_out: base parameters that the motion does not show.
         doubts: what is unnamed or nearly passes as a cause, and what else it may be.
     """
 
@@ -135,4 +136,5 @@ class Diagnosis:
     fit_runs: tuple[Run, ...]
     evidence: Evidence
     hypotheses: tuple[Hypothesis, ...]
+    left_out: tuple[str, ...] = ()
     doubts: tuple[Pair, ...] = ()

@@ -182,7 +182,8 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         model = search.run(tuple(named))
         if same:
             break
-    return _answer(search, model, machine, baseline, rigid_body, tuple(fit_runs), progress)
+    return replace(_answer(search, model, machine, baseline, rigid_body, tuple(fit_runs),
+                           progress), left_out=start.left_out)
 
 
 def _search(observations: Observations, heldout: Observations, whitener: Whitener,
