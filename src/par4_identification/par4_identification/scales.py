@@ -92,8 +92,8 @@ def _reach(log: Log) -> float:
     frequency, power = _spectrum(log)
     noise = float(np.median(power[frequency > 0.8 * frequency[-1]]))
     above = np.cumsum(np.where(frequency > 0.0, np.maximum(power - 2.0 * noise, 0.0), 0.0))
-    if above[-1] <= 0.0:
-        return 0.0
+    if above[-1] < noise * len(power):
+        return 0.0  # no more than its noise
     return INSIDE * float(frequency[np.searchsorted(above, ENERGY * above[-1])])
 
 
