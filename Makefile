@@ -18,7 +18,7 @@ help:
 	@echo 'make setup_study  make mistakes of the setup and count what is told: docs/setup_study.md'
 	@echo 'make blind  hide effects and count what is found: docs/blind_study.md (hours; ARGUMENTS=...)'
 	@echo 'make lint   check style'
-	@echo 'make docs   regenerate docs/interface.md and docs/effects.md'
+	@echo 'make docs   regenerate docs/interface.md, docs/effects.md and the parameter files'
 	@echo 'make clean  remove what the above made'
 
 setup: $(VENV)/.installed
@@ -58,6 +58,12 @@ setup_study: setup
 docs: setup
 	$(BIN)/python -m par4_kinematics.interface > docs/interface.md
 	$(BIN)/python -m par4_dynamics.effects.catalogue > docs/effects.md
+	$(BIN)/par4_kinematics --config > src/par4_kinematics/config/par4_kinematics.yaml
+	$(BIN)/par4_motion --config > src/par4_kinematics/config/par4_motion.yaml
+	$(BIN)/par4_feedforward --config > src/par4_dynamics/config/par4_feedforward.yaml
+	$(BIN)/par4_simulation --config > src/par4_sim/config/par4_simulation.yaml
+	$(BIN)/par4_record --config > src/par4_identification/config/par4_record.yaml
+	$(BIN)/par4_monitor --config > src/par4_identification/config/par4_monitor.yaml
 
 clean:
 	rm -rf $(VENV) demo_output build install log .pytest_cache .ruff_cache

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 import signal
 import subprocess
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from node_bench import (
     DEADLINE,
     HOME_Q,
     MILLISECOND,
+    MODULES,
     ROBOT,
     SIMULATED,
     Bench,
@@ -31,6 +34,7 @@ from par4_dynamics.model import read_model
 from par4_identification.identification import identify
 from par4_identification.log import read_log
 from par4_kinematics.adept import adept_motion
+from par4_kinematics.files import read_yaml
 from par4_kinematics.interface import (
     AMPLIFIER_VOLTAGE,
     DIAGNOSTICS,
@@ -43,6 +47,8 @@ from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import SECOND, joint_values, time_ns, write_joint_state
+from par4_kinematics.ros.node import Par4Node
+from par4_kinematics.ros.parameters import config
 from par4_kinematics.workspace import inside
 
 OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
@@ -232,6 +238,7 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     assert bench.ended(recorder) == 0
 
 
+SOURCES = Path(__file__).parents[1] / 'src'
 DRIVER = Path(__file__).parents[1] / 'examples' / 'driver' / 'driver.py'
 
 
@@ -254,11 +261,11 @@ def test_a_foreign_robot_is_moved_recorded_and_identified(bench):
     for term, value in zip(found.terms, found.estimate.values, strict=True):
         np.testing.assert_allclose(value, table.values[term.name][0], rtol=0.03)
     # it brakes by itself when it is told to end in mid-motion
-    bench.publisher(REFERENCE)
-    bench.start('par4_motion', motion='excitation', duration=6.0)
-    states.clear()
-    bench.wait(lambda: len(states) > 1 and np.abs(joint_values(states[-1], 'position')
-                                                  - HOME_Q).max() > 0.1, 'a motion')
+    rest = joint_values(states[-1], 'position')
+    way = quintic_motion(AWAY_Q)
+    way = motion_of_joints('on', ROBOT.geometry, way.t, way.q - HOME_Q + rest, way.qd, way.qdd)
+    bench.publisher(REFERENCE).publish(reference_message(way, 0))
+    bench.wait(lambda: np.abs(joint_values(states[-1], 'position') - rest).max() > 0.02, 'a motion')
     states.clear()
     child.send_signal(signal.SIGTERM)
     assert bench.ended(child) == 0
@@ -320,7 +327,7 @@ start.import_module = lambda name: (print('loading', flush=True), load(name))[1]
 from {package}.ros import {node}
 sys.exit({node}())
 """
-    for seconds in (0.0, 0.2, 0.6, 1.2, 2.0):  # whatever it is doing then
+    for seconds in (0.0, 0.4, 1.5):  # whatever it is doing then
         child = subprocess.Popen([sys.executable, '-c', code], env=bench.environment,
                                  cwd=bench.folder, stdout=subprocess.PIPE,
                                  stderr=subprocess.STDOUT, text=True)
@@ -331,3 +338,26 @@ sys.exit({node}())
         said, _ = child.communicate(timeout=DEADLINE)
         assert (child.returncode, 'Traceback' in said) == (0, False), said
         shutil.rmtree(bench.folder / 'recording', ignore_errors=True)
+
+
+@pytest.mark.parametrize('node', MODULES)
+def test_the_parameter_file_of_a_node_has_its_defaults(node):
+    """`make docs` writes them."""
+    module = import_module(MODULES[node])
+    node_class, = (value for value in vars(module).values() if isinstance(value, type)
+                   and issubclass(value, Par4Node) and value is not Par4Node)
+    path = SOURCES / MODULES[node].split('.')[0] / 'config' / f'{node}.yaml'
+    assert path.read_text() == config(node, node_class.PARAMETERS), 'run make docs'
+    told = read_yaml(path)['/**']['ros__parameters']
+    assert told == dataclasses.asdict(node_class.PARAMETERS())
+
+
+def test_a_parameter_file_is_taken(bench):
+    done = subprocess.run(
+        [sys.executable, '-m', MODULES['par4_simulation'], '--ros-args', '--params-file',
+         str(SOURCES / 'par4_sim' / 'config' / 'par4_simulation.yaml'), '-p',
+         'fidelity:=perfect'], env=bench.environment, cwd=bench.folder, capture_output=True,
+        text=True, timeout=DEADLINE)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: parameter fidelity: 'perfect' asked")
+    assert done.stderr.count('\n') == 1

@@ -54,6 +54,14 @@ def test_without_it_in_the_library_the_machine_stays_unknown(case):
     assert (diagnosis.verdict, diagnosis.causes) == ('unknown', ())
 
 
+def test_rows_that_are_slower_than_bounces_tell_of_none(loose):
+    observations, left = loose
+    slow = replace(observations, runs=tuple(
+        replace(run, t=2.0 * run.t) for run in observations.runs))
+    assert rattle([(observations, left)]) is not None
+    assert rattle([(slow, left)]) is None
+
+
 def test_every_part_of_the_data_must_rattle(loose):
     observations, left = loose
     assert rattle([(observations, left)]) is not None

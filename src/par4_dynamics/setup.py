@@ -13,6 +13,7 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
+        ('share/' + package_name + '/config', ['config/par4_feedforward.yaml']),
     ],
     install_requires=['numba', 'numpy', 'pydantic'],
     zip_safe=False,

@@ -13,9 +13,11 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
+        ('share/' + package_name + '/config', [
+            'config/par4_record.yaml', 'config/par4_monitor.yaml']),
     ],
     install_requires=[
-        'click', 'daqp', 'matplotlib', 'numba', 'numpy', 'rich', 'scipy'],
+        'click', 'daqp', 'dask', 'distributed', 'matplotlib', 'numba', 'numpy', 'rich', 'scipy'],
     zip_safe=False,
     entry_points={
         'console_scripts': [
@@ -26,6 +28,7 @@ setup(
             'par4_identify = par4_identification.commands.identify:main',
             'par4_validate = par4_identification.commands.validate:main',
             'par4_diagnose = par4_identification.commands.diagnose:main',
+            'par4_trend = par4_identification.commands.trend:main',
             'par4_simplification = par4_identification.commands.simplification:main',
             'par4_drive_gain = par4_identification.commands.drive_gain:main',
         ],

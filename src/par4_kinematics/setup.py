@@ -13,6 +13,8 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
+        ('share/' + package_name + '/config', [
+            'config/par4_kinematics.yaml', 'config/par4_motion.yaml']),
     ],
     install_requires=['numba', 'numpy', 'pydantic', 'ruamel.yaml'],
     zip_safe=False,

@@ -13,6 +13,7 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
+        ('share/' + package_name + '/config', ['config/par4_simulation.yaml']),
         ('share/' + package_name + '/launch', ['launch/cell.launch.py']),
         ('share/' + package_name + '/rviz', ['rviz/par4.rviz']),
     ],

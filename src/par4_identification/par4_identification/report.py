@@ -14,6 +14,8 @@ import numpy as np
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.parameters import Parameter
+from par4_identification.changes.changes import Changes
+from par4_identification.changes_report import changes_cells
 from par4_identification.confrontation import Confrontation, Unsimulated
 from par4_identification.confrontation_report import confrontation_cells
 from par4_identification.diagnosis.answer import Cause, Diagnosis, Unusable
@@ -22,6 +24,7 @@ from par4_identification.diagnosis.next_experiment import NextExperiment
 from par4_identification.drive_gain import DriveGains
 from par4_identification.identification import Identification
 from par4_identification.log import Log
+from par4_identification.outcome.changes import verdict_with_changes
 from par4_identification.outcome.diagnosis import phrase_of_cause
 from par4_identification.outcome.drive_gain import gains_rows
 from par4_identification.outcome.estimator import estimator_in_words
@@ -148,7 +151,8 @@ def report_of_validation(validation: Validation, outcome: Outcome, runs: Sequenc
 def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machine: Robot | Axis,
                         logs: Sequence[Log], provenance: dict[str, Any],
                         experiment: NextExperiment | None = None,
-                        confrontation: Confrontation | Unsimulated | None = None) -> str:
+                        confrontation: Confrontation | Unsimulated | None = None,
+                        changes: Changes | None = None) -> str:
     """Return the report of a diagnosis.
 
     Args:
@@ -159,14 +163,18 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
         provenance: as in the extended model.
         experiment: that would tell twins apart.
         confrontation: with the simulation.
+        changes: since a model or between groups of bags.
     """
     names = _names(machine)
-    title = f'Diagnosis of {machine.name}: {in_words(diagnosis.verdict)}'
+    verdict = diagnosis.verdict
+    if changes is not None:
+        verdict = verdict_with_changes(verdict, changes)
+    title = f'Diagnosis of {machine.name}: {in_words(verdict)}'
     content: dict[str, Any] = {
         'causes': [], 'motion': '', 'over_time': '', 'statistics': '', 'per_joint': [],
         'swallowed': [], 'bars': '', 'rejected': (), 'unnamed': [],
         'over_motion': '', 'experiment': _experiment_cells(experiment, names),
-        'simulation': confrontation_cells(confrontation, names)}
+        'simulation': confrontation_cells(confrontation, names), 'changes': None}
     if isinstance(diagnosis, Unusable):
         runs = diagnosis.fit_runs  # none where a log cannot even be filtered
         content['motion'] = runs and measured_motion(
@@ -174,6 +182,7 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
                                   for part in ('speed', 'tau')), names)
     else:
         content.update(_what_was_found(diagnosis, machine, names))
+        content['changes'] = changes_cells(changes, diagnosis, machine, names)
     return _render('diagnosis.html', machine, logs, outcome, title, 'Insights', provenance,
                    **content)
 

@@ -56,7 +56,8 @@ CLOCK = Topic('/clock', 'rosgraph_msgs/msg/Clock', 'simulation (`publish_clock`)
               'simulated time; QoS as ROS defines; one simulation a domain, or remap it')
 DIAGNOSTICS = Topic(
     '/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 'every node', 'users',
-    'late steps, rejected messages, unreachable poses, dropped samples')
+    'what the node does now (ERROR: it does not move by its own fault), late steps, rejected and '
+    'missed messages, unreachable poses, ages of the inputs; the pace of the simulation')
 TRUE_TORQUE = Topic('~/true_torque', 'sensor_msgs/msg/JointState', 'simulation', 'tests only',
                     'what a real robot would not tell; never read by identification')
 TRUE_POSE = Topic('~/true_pose', 'geometry_msgs/msg/PoseStamped', 'simulation', 'tests only',
@@ -99,6 +100,8 @@ EXECUTABLES = (
     ('par4_identification', 'par4_identify', 'offline: identifies a model from bags'),
     ('par4_identification', 'par4_validate', 'offline: cross-validates a model on a bag'),
     ('par4_identification', 'par4_diagnose', 'offline: names what the model gets wrong'),
+    ('par4_identification', 'par4_trend',
+     'offline: parameters and effects of dated bags over time, and when they changed'),
     ('par4_identification', 'par4_simplification',
      'offline: what (20) leaves out, by imposed displacement in pybullet'),
     ('par4_identification', 'par4_drive_gain',
@@ -114,6 +117,7 @@ SCHEMAS = (
     ('identification.json', 'par4/identification/1', 'written by `par4_identify`'),
     ('validation.json', 'par4/validation/1', 'written by `par4_validate`'),
     ('diagnosis.json', 'par4/diagnosis/1', 'written by `par4_diagnose`'),
+    ('trend.json', 'par4/trend/1', 'written by `par4_trend`'),
     ('simplification.json', 'par4/simplification/1', 'written by `par4_simplification`'),
     ('tracking.json', 'par4/tracking/1', 'written by `par4_track`'),
     ('fastest.json', 'par4/fastest/1', 'written by `par4_fastest`'),

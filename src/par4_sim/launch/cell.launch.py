@@ -1,9 +1,12 @@
-"""A simulated robot cell: simulation, feedforward and platform pose, on the simulation's clock."""
+"""A simulated robot cell: simulation, feedforward and platform pose, on the simulation's clock.
+
+When one part ends or cannot start, all end.
+"""
 
 from pathlib import Path
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
@@ -29,20 +32,27 @@ def generate_launch_description():
         DeclareLaunchArgument('model', default_value='table1',
                               description='model.yaml of the feedforward'),
         DeclareLaunchArgument('fidelity', default_value='fast',
-                              description='accurate, fast or exact'),
+                              choices=['accurate', 'fast', 'exact'],
+                              description='how exactly the mechanism is simulated'),
         DeclareLaunchArgument('window', default_value='false',
+                              choices=['true', 'false'],
                               description='show the robot in a window of pybullet'),
         DeclareLaunchArgument('rviz', default_value='false',
+                              choices=['true', 'false'],
                               description='show the robot in RViz'),
+        # first, because its packages may be missing: then nothing has started yet
+        OpaqueFunction(function=_rviz, condition=IfCondition(LaunchConfiguration('rviz'))),
         Node(package='par4_sim', executable='par4_simulation', output='screen',
+             on_exit=Shutdown(reason='par4_simulation has ended'),
              parameters=[robot, {'model_file': LaunchConfiguration('machine'),
                                  'fidelity': LaunchConfiguration('fidelity'),
                                  'window': LaunchConfiguration('window')}]),
         Node(package='par4_dynamics', executable='par4_feedforward', output='screen',
+             on_exit=Shutdown(reason='par4_feedforward has ended'),
              parameters=[robot, clock, {'model_file': LaunchConfiguration('model')}]),
         Node(package='par4_kinematics', executable='par4_kinematics', output='screen',
+             on_exit=Shutdown(reason='par4_kinematics has ended'),
              parameters=[robot, clock]),
-        OpaqueFunction(function=_rviz, condition=IfCondition(LaunchConfiguration('rviz'))),
     ])
 
 
@@ -53,6 +63,7 @@ def _rviz(context):
     clock = {'use_sim_time': True}
     return [
         Node(package='robot_state_publisher', executable='robot_state_publisher',
+             on_exit=Shutdown(reason='robot_state_publisher has ended'),
              parameters=[clock, {
                  'robot_description': ParameterValue(robot_description(robot), value_type=str),
                  'publish_frequency': PICTURES_HZ}],

@@ -32,7 +32,8 @@ SECOND = 1_000_000_000
 
 def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: str | Path,
                     feedforward: Model | None = None, storage: str = 'mcap',
-                    progress: Callable[[float], None] | None = None) -> dict[str, int]:
+                    progress: Callable[[float], None] | None = None, began: int = 0
+                    ) -> dict[str, int]:
     """Write the bag of a motion and return the simulation's counts.
 
     Args:
@@ -43,6 +44,7 @@ def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: 
         feedforward: model whose torques the drives get, or None.
         storage: 'mcap' or 'sqlite3'.
         progress: called with the share done, 0 to 1.
+        began: stamp, ns, at which the simulation's clock was zero.
 
     Raises:
         InputError: the path exists, or the approach leaves the limits.
@@ -62,7 +64,7 @@ def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: 
         chunk = max(1, round(CHUNK / motion.period))
         for first in range(0, len(motion.t), chunk):
             part = slice(first, first + chunk)
-            stamp = round((start + motion.t[first]) * SECOND)
+            stamp = began + round((start + motion.t[first]) * SECOND)
             after = np.round((motion.t[part] - motion.t[first]) * SECOND).astype(np.int64)
             # on the bag's clock each chunk is there half a second ahead of its first point
             received = max(1, stamp - SECOND // 2)
@@ -74,9 +76,10 @@ def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: 
                                      effort=tau[part], received=received)
         for index in range(samples):
             sample = simulation.next_sample()
-            bag.write_joint_state(f'/{JOINT_STATES.name}', sample.time_ns, JOINT_NAMES, sample.q,
-                                  sample.qd, sample.effort)
-            bag.write_joint_state(f'/{AMPLIFIER_VOLTAGE.name}', sample.time_ns, JOINT_NAMES,
+            stamp = began + sample.time_ns
+            bag.write_joint_state(f'/{JOINT_STATES.name}', stamp, JOINT_NAMES, sample.q, sample.qd,
+                                  sample.effort)
+            bag.write_joint_state(f'/{AMPLIFIER_VOLTAGE.name}', stamp, JOINT_NAMES,
                                   effort=sample.voltage)
             if progress and index % 200 == 0:
                 progress(index / samples)

@@ -10,6 +10,9 @@ from par4_dynamics.effects.grid import around
 QUADRATIC = 2.0
 EXPONENTS = (0.25, 0.35, 0.5, 0.7, 1.4, QUADRATIC, 2.8)
 """Not near 0 and 1, which are Coulomb and viscous friction."""
+LINEAR = 0.1
+"""Distance of an exponent from 1 within which the torque is viscous friction, of joints that
+differ in it."""
 SPEED = 3.0
 """rad/s, at which its size is judged."""
 
@@ -55,6 +58,10 @@ class NonlinearViscous(Effect):
                 + super().torque(state, {**values, 'quadratic': none}, joints))
 
     def implausible(self, values, std, base):
+        powers = values['exponent'][values['torque'] != 0.0]
+        if np.any(np.abs(powers - 1.0) < LINEAR):
+            return (f'friction that grows with speed to the power {powers[0]:.3g} is viscous '
+                    f'friction')
         torque, spread = (part['quadratic'] * SPEED ** 2
                           + part['torque'] * SPEED ** values['exponent'] for part in (values, std))
         friction = base['coulomb_friction'] + base['viscous_friction'] * SPEED

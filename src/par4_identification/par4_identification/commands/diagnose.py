@@ -2,63 +2,87 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import click
 from rich.console import Console
 
 from par4_dynamics.model import build_model
-from par4_dynamics.model_file import read_model_file
+from par4_dynamics.model_file import ModelFile, read_model_file
 from par4_identification.axis_gravity import with_gravity_told
+from par4_identification.changes.changes import (
+    Changes,
+    changes_between,
+    changes_since_model,
+    model_of_bags,
+)
 from par4_identification.commands.conditioning import conditioning_options
 from par4_identification.commands.identify import distinct_bags
 from par4_identification.confrontation import confront_diagnosis, model_after
 from par4_identification.diagnosis.answer import Diagnosis
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.next_experiment import next_experiment
-from par4_identification.log import read_log
+from par4_identification.log import Log, read_log
+from par4_identification.outcome.changes import (
+    diagnosis_json_with_changes,
+    error_rows,
+    verdict_with_changes,
+    with_changes,
+)
 from par4_identification.outcome.confrontation import (
     remarks_of_confrontation,
     simulation_json,
 )
 from par4_identification.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
 from par4_identification.outcome.next_experiment import MOTION_FILE
+from par4_identification.outcome.outcome import over_joints
 from par4_identification.outcome.results import model_in_units, provenance
-from par4_identification.outcome.setup import setup_json, with_setup
+from par4_identification.outcome.setup import setup_json, setup_lines, with_setup
 from par4_identification.scales import Chosen, conditioning_for
 from par4_identification.setup_check.check import check_setup
-from par4_identification.setup_check.unusable import diagnosed_if_sound
+from par4_identification.setup_check.unusable import diagnosed_if_sound, sound_or_refused
+from par4_kinematics.errors import InputError
 from par4_kinematics.motion_file import write_motion
-from par4_kinematics.robot import read_machine
+from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.commands.entry import run
+from par4_sim.report.outcome import Remark
 from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.words import listed, number, unit_on
+
+GREEDY = ('--holdout', '--before')
 
 
-class GreedyHoldout(click.Command):
+class GreedyBags(click.Command):
     """A command in which `--holdout A B` means `--holdout A --holdout B`: up to the next option."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Return what is left of `args` once the options are taken out."""
-        spread, following, valued = [], False, False
+        spread, following, valued = [], '', False
         for word in args:
             if word.startswith('-'):
-                following, valued = word.partition('=')[0] == '--holdout', '=' in word
+                name, equals, _ = word.partition('=')
+                following, valued = name if name in GREEDY else '', bool(equals)
             elif following and valued:
-                spread.append('--holdout')
+                spread.append(following)
             else:
                 valued = True
             spread.append(word)
         return super().parse_args(ctx, spread)
 
 
-@click.command('par4_diagnose', cls=GreedyHoldout)
+@click.command('par4_diagnose', cls=GreedyBags)
 @click.argument('bags', nargs=-1, required=True, metavar='BAG...')
 @click.option('--holdout', multiple=True, metavar='BAG...',
               help='bags to confirm on; without them the last bag, or the last third of one')
+@click.option('--before', multiple=True, metavar='BAG...',
+              help='bags of the machine as it was, to say what has changed since; in place of a '
+                   'model that was right')
 @click.option('--robot', required=True, help='robot.yaml or built-in name')
 @click.option('--model', default=None,
-              help='model.yaml or built-in name whose rigid body and effects are taken as known')
+              help='model.yaml or built-in name that was believed until now: its rigid body and '
+                   'effects are taken as known, and what differs from its parameters is told')
 @click.option('--output', required=True, type=click.Path(path_type=Path),
               help='folder for diagnosis.json, extended_model.yaml, report.html and, where names '
                    'could not be told apart, motion.yaml')
@@ -66,9 +90,10 @@ class GreedyHoldout(click.Command):
 @conditioning_options
 @click.option('--simulate/--no-simulate', default=True, show_default=True,
               help='run the motion held out through the pybullet plant, the model before and after')
-def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, model: str | None,
-                  output: Path, namespace: str | None, cutoff: float | None,
-                  rows: float | None, low_speed: float | None, simulate: bool) -> None:
+def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple[str, ...],
+                  robot: str, model: str | None, output: Path, namespace: str | None,
+                  cutoff: float | None, rows: float | None, low_speed: float | None,
+                  simulate: bool) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
     machine = read_machine(robot)
     baseline = None if model is None else read_model_file(model)
@@ -77,44 +102,67 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, m
     refuse_unwritable(output)
     with Console(stderr=True).status('reading the bags') as status:
         logs = []
-        for bag in distinct_bags((*bags, *holdout)):
+        for bag in distinct_bags((*bags, *holdout, *before)):
             status.update(f'reading {bag}')
             logs.append(read_log(bag, machine, namespace))
         status.update('looking for mistakes of the setup')
-        check = check_setup(logs, machine, known)
-        conditioning = conditioning_for(check.logs, check.machine, CONDITIONING,
-                                        Chosen(cutoff, rows, low_speed))
-        check = replace(check, machine=with_gravity_told(check.machine, check.logs, conditioning))
+        own = len(bags) + len(holdout)
+        chosen = Chosen(cutoff, rows, low_speed)
+        machine = with_gravity_told(machine, logs[:own], conditioning_for(
+            logs[:own], machine, CONDITIONING, chosen))
+        earlier = Earlier.of(logs[own:], machine, baseline) if before else None
+        if earlier is not None:
+            baseline, known = earlier.model_file, build_model(machine, earlier.model_file)
+        check = check_setup(logs[:own], machine, known)
         logs, machine = check.logs, check.machine
+        conditioning = conditioning_for(logs, machine, CONDITIONING, chosen)
         diagnosis = diagnosed_if_sound(check, lambda sound: diagnose(
             sound.logs[:len(bags)], sound.machine, baseline, sound.logs[len(bags):],
             conditioning=conditioning, progress=status.update))
-        experiment = confrontation = extended = None
+        experiment = confrontation = extended = changes = None
+        untold: tuple[Remark, ...] = ()
         if isinstance(diagnosis, Diagnosis):
             status.update('looking for the motion that would tell twins apart')
             experiment = next_experiment(diagnosis, machine)
             extended = model_after(diagnosis)
+            if baseline is not None:
+                status.update('looking for what has changed')
+                try:
+                    changes = (changes_since_model(diagnosis, machine, baseline, str(model))
+                               if earlier is None else
+                               changes_between(diagnosis, machine, earlier.logs, baseline,
+                                               listed(before)))
+                except InputError as error:
+                    untold = (Remark(False, f'What has changed could not be told: {error}.'),)
             if simulate:
                 confrontation = confront_diagnosis(diagnosis, machine, logs,
                                                    progress=status.update)
         outcome = outcome_of_diagnosis(diagnosis, machine, experiment)
-        outcome = replace(outcome, remarks=(*outcome.remarks,
+        verdict = diagnosis.verdict
+        if changes is not None:
+            outcome = with_changes(outcome, changes, diagnosis, machine)
+            verdict = verdict_with_changes(verdict, changes)
+        outcome = replace(outcome, remarks=(*untold, *outcome.remarks,
                                             *remarks_of_confrontation(confrontation)))
         outcome = with_setup(outcome, check, 'diagnosis')
-        origin = provenance('par4_diagnose', machine, (*bags, *holdout),
-                            {'holdout': holdout, 'model': model, 'namespace': namespace,
-                             **asdict(conditioning)})
+        if earlier is not None:
+            outcome = replace(outcome, first=(*outcome.first, *earlier.setup_lines))
+        origin = provenance('par4_diagnose', machine, (*bags, *holdout, *before),
+                            {'holdout': holdout, 'before': before, 'model': model,
+                             'namespace': namespace, **asdict(conditioning)})
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
         from par4_identification.report import report_of_diagnosis
         results = {
-            'diagnosis.json': {**diagnosis_json(diagnosis, machine, experiment),
+            'diagnosis.json': {**diagnosis_json_with_changes(
+                                   diagnosis_json(diagnosis, machine, experiment), changes,
+                                   machine),
                                'setup': setup_json(check),
                                'simulation': simulation_json(confrontation)},
             'extended_model.yaml': extended and model_in_units(
                 extended.model_copy(update={'provenance': origin}), machine),
             'report.html': report_of_diagnosis(diagnosis, outcome, machine, logs, origin,
-                                               experiment, confrontation)}
+                                               experiment, confrontation, changes)}
         motion = experiment and experiment.motion
         if motion is not None:  # before what names it
             write_motion(output / MOTION_FILE, motion, 'platform')
@@ -125,9 +173,47 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], robot: str, m
     console = Console(highlight=False)
     for line in outcome.first:
         console.print(line, soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'{diagnosis.verdict}: {outcome.sentence}',
+    if changes is not None:
+        console.print(errors_in_lines(changes, diagnosis, machine), soft_wrap=True, markup=False)
+    console.print(f'{verdict}: {outcome.sentence}',
                   soft_wrap=not console.is_terminal, markup=False)
     console.print(f'results and report: {output}', soft_wrap=True, markup=False)
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """Bags of the machine as it was.
+
+    Attributes:
+        logs: mended.
+        model_file: identified from them.
+        setup_lines: what was wrong with their setup.
+    """
+
+    logs: tuple[Log, ...]
+    model_file: ModelFile
+    setup_lines: tuple[str, ...]
+
+    @classmethod
+    def of(cls, logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None) -> Earlier:
+        """Return earlier bags with their model.
+
+        Raises:
+            InputError: no model can be identified from them.
+        """
+        check = check_setup(logs, machine)
+        model_file = sound_or_refused(check, lambda: model_of_bags(check.logs, machine, baseline))
+        return cls(check.logs, model_file, tuple(
+            f'In the bags before: {line}' for line in setup_lines(check, 'comparison')))
+
+
+def errors_in_lines(changes: Changes, diagnosis: Diagnosis, machine: Robot | Axis) -> str:
+    """Return the held-out errors of three models, a line each."""
+    holdout, unit = diagnosis.holdout, unit_on(machine, 'N m')
+    rows = error_rows(changes, holdout.baseline_rms, holdout.extended_rms)
+    width = max(len(name) for name, _ in rows)
+    return '\n'.join(f'held-out error, {name:<{width}}  {number(over_joints(rms), 2)} {unit}'
+                     for name, rms in rows)
 
 
 def main() -> None:

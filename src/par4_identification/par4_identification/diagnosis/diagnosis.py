@@ -51,7 +51,7 @@ from par4_identification.diagnosis.pool import Pool
 from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.retimed import beside_retimed
 from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.search import Model, Search, named_of, others_of
+from par4_identification.diagnosis.search import Model, Search, named_of, names_of, others_of
 from par4_identification.diagnosis.start import INERTIA, alike, start_of
 from par4_identification.diagnosis.unnamed import Kind, Kinds
 from par4_identification.diagnosis.unrelated import Left, unrelated
@@ -164,24 +164,23 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     search = _search(observations, heldout, whitener, first, rules,
                      moved.with_nominal(base_model), kinds)
     model = search.run()
+    held: frozenset[str] = frozenset()  # names whose torque the nominal one has
     for _ in range(PASSES):
         named, found = named_of(model), search.pool.solution(model)
         quiet = quieter(whitener, observations, model, found, kinds)
         same = all(new is old for new, old in zip(quiet.noise, whitener.noise))
-        if not named and same:
+        if same and names_of(named) == held:
             break
-        # effects that scale with the torque were searched with that of a model without causes
+        # effects that scale with the torque were searched with that of other causes
         progress('searching again beside the causes found')
         better = build_model(machine, extended_model(
             baseline, rigid_body, search.pool.evidence, named,
             search.pool.solution((*named, *unnamed_of(model)))))
         observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
-        whitener = quiet
+        whitener, held = quiet, names_of(named)
         search = _search(observations, heldout, whitener, applicable, rules,
                          moved.with_nominal(better), kinds, search.pool.evidence if same else None)
         model = search.run(tuple(named))
-        if same:
-            break
     return replace(_answer(search, model, machine, baseline, rigid_body, tuple(fit_runs),
                            progress), left_out=start.left_out)
 
@@ -200,8 +199,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
     loose = _rattle(search, model)
-    if loose is not None:  # what its bounces look like is no cause of its own
-        model = tuple(named_of(model))
+    if loose is not None:
+        model = _beside_bounces(search, model)
     named = tuple(sorted(named_of(model), key=lambda item: -search.gains(
         item, others_of(model, item))[0]))
     whole, names_only, base_only = (solve(evidence, part) for part in (model, named, ()))
@@ -286,6 +285,24 @@ def _rattle(search: Search, model: Model) -> Rattle | None:
     found = rattle([(part.observations, residuals(part.observations, named, fit))
                     for part in (pool.evidence, pool.heldout)])
     return found if found is not None and found.p_value < 1e-3 else None
+
+
+def _beside_bounces(search: Search, model: Model) -> Model:
+    """Return the names of a model that explain more than bounces of a load may look like.
+
+    What the names leave is then the torque of the bounces. They are no function of the motion, and
+    as little known as an unnamed cause.
+    """
+    named = tuple(named_of(model))
+    left, share = search.pool.fit(named), 0.5 * search.rules.unnamed_error ** 2
+    kept = []
+    for item in named:
+        needed = search.requirement(named, item)
+        fit_gain, gain = search.gains(item, others_of(named, item))
+        if (fit_gain > needed.fit + share * left.fit_squares
+                and gain > needed.heldout + share * left.heldout_squares):
+            kept.append(item)
+    return tuple(kept)
 
 
 def _rings(search: Search, model: Model) -> bool:

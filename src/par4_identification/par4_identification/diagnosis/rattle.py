@@ -25,6 +25,9 @@ CONTRAST = 10.0
 and friction that the model lacks up to 9, gaps of some mrad 14 and more."""
 SLOWEST_HZ = 6.0
 """Slips are summed up to positions above this frequency; bounces in a gap are faster."""
+SLOWEST_ROWS_HZ = 80.0
+"""Rate of rows below which bounces fall between them; a torque that jumps from sample to sample
+leaves the same there."""
 APART = 5
 """Rows after which the slip is taken for another draw."""
 
@@ -83,10 +86,15 @@ class _Slip:
 def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle | None:
     """Return the joints whose loads rattle in every part of the data, None where none does.
 
+    None is told of logs whose rows are too slow for bounces.
+
     Args:
         parts: rows with a nominal torque and the torque that the model leaves of them, (m, J) of
             each run, N m.
     """
+    if any(1.0 / (run.t[1] - run.t[0]) < SLOWEST_ROWS_HZ
+           for observations, _ in parts for run in observations.runs):
+        return None
     slips = [_slips(observations, left) for observations, left in parts]
     joints = tuple(joint for joint, same in enumerate(zip(*slips))
                    if all(slip.rattles for slip in same))

@@ -34,7 +34,7 @@ from par4_kinematics.errors import InputError, Par4Error, UnreachableError
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, Topic
 from par4_kinematics.ros.convert import SECOND, write_time
 from par4_kinematics.ros.numbering import Numbering
-from par4_kinematics.ros.parameters import declare, usage
+from par4_kinematics.ros.parameters import config, declare, usage
 from par4_kinematics.ros.qos import message_type, qos_of
 
 NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_messages',
@@ -362,13 +362,17 @@ def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
 def run(node_class: type[Par4Node]) -> int:
     """Run a node until it is finished, SIGINT or SIGTERM; return the exit code.
 
-    0 is a proper end, 2 bad input: one line `error: ...` on stderr. A signal that comes later
-    interrupts a node that does not end.
+    `--help` and `--config` only print. 0 is a proper end, 2 bad input: one line `error: ...` on
+    stderr. A signal that comes later interrupts a node that does not end.
     """
     if {'-h', '--help'} & {*sys.argv}:
-        print(f'{node_class.NAME} --ros-args -p NAME:=VALUE ...\n\n'
+        print(f'{node_class.NAME} --ros-args -p NAME:=VALUE ...\n'
+              f'{node_class.NAME} --config  prints a parameter file with the defaults\n\n'
               f'{inspect.cleandoc(node_class.__doc__)}\n\n'
               f'Parameters, with their defaults:\n{usage(node_class.PARAMETERS)}')
+        return 0
+    if '--config' in sys.argv:
+        print(config(node_class.NAME, node_class.PARAMETERS), end='')
         return 0
     _prepare_environment()
     try:

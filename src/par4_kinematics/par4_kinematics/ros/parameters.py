@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import textwrap
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -79,6 +80,18 @@ def usage(parameters: type) -> str:
     return '\n'.join(f'  {field.name}:={_written(field.default)}  '
                      f'{field.metadata["description"]}{_bounds(field)}'
                      for field in dataclasses.fields(parameters))
+
+
+def config(node: str, parameters: type) -> str:
+    """Return a parameter file (YAML) of a node with the defaults, for --params-file."""
+    lines = [f'# Parameters of {node}, with their defaults: --ros-args --params-file THIS_FILE',
+             '/**:', '  ros__parameters:']
+    for field in dataclasses.fields(parameters):
+        bounds = _bounds(field).strip()
+        lines += [f'    # {line}' for line in textwrap.wrap(
+            f'{field.metadata["description"]} {bounds}'.strip(), 94)]
+        lines.append(f'    {field.name}: {_written(field.default)}')
+    return '\n'.join(lines) + '\n'
 
 
 def _written(value: object) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import click
@@ -10,7 +11,7 @@ from par4_dynamics.model import read_model
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
 from par4_sim.commands.entry import run
-from par4_sim.offline import simulate_to_bag
+from par4_sim.offline import SECOND, simulate_to_bag
 from par4_sim.simulation import FIDELITIES, build_simulation
 
 
@@ -37,12 +38,14 @@ from par4_sim.simulation import FIDELITIES, build_simulation
               help='error of the stamps, s rms; the values belong to the even times')
 @click.option('--rate', default=1000.0, show_default=True, type=click.FloatRange(min=1.0),
               help='samples a second')
+@click.option('--date', default=None, type=click.DateTime(),
+              help='at which the simulation begins, UTC; without one its clock begins at zero')
 @click.option('--storage', default='mcap', show_default=True,
               type=click.Choice(('mcap', 'sqlite3')))
 def simulate(motion: str, robot: str, model: str, output: Path, fidelity: str,
              feedforward: str | None, duration: float | None, motion_seed: int, seed: int,
              torque_noise: float, noise_time: float, position_noise: float, stamp_jitter: float,
-             rate: float, storage: str) -> None:
+             rate: float, date: datetime | None, storage: str) -> None:
     """Simulate MOTION (adept, excitation, circle or a motion.yaml) into a bag, without ROS."""
     machine = read_robot(robot)
     truth = read_model(model, machine)
@@ -53,13 +56,19 @@ def simulate(motion: str, robot: str, model: str, output: Path, fidelity: str,
         correlation_time=noise_time, position_noise=position_noise, stamp_jitter=stamp_jitter)
     with click.progressbar(length=1000, label=f'simulating {played.name}') as bar:
         counts = simulate_to_bag(simulation, played, machine, output, helping, storage,
-                                 lambda share: bar.update(round(1000 * share) - bar.pos))
+                                 lambda share: bar.update(round(1000 * share) - bar.pos),
+                                 0 if date is None else nanoseconds(date))
         bar.update(1000 - bar.pos)
     if feedforward is None:
         counts.pop('missing_effort')
     troubles = ', '.join(f'{name} {count}' for name, count in counts.items() if count)
     click.echo(f'{output}: {played.duration:.1f} s of {played.name} on {machine.name} '
                f'({fidelity}){"; " + troubles if troubles else ""}')
+
+
+def nanoseconds(date: datetime) -> int:
+    """Return the stamp, ns since 1970, of a date in UTC."""
+    return round(date.replace(tzinfo=UTC).timestamp()) * SECOND
 
 
 def main() -> None:

@@ -1,0 +1,1 @@
+"""What is different now from what a model, or older data, said of a machine."""

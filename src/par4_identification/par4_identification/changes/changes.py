@@ -1,0 +1,190 @@
+"""What has changed since a model was right, or between two groups of bags.
+
+The parameters of every joint now, against those before, are explained by the fewest readings. Of a
+cause that the diagnosis names beside them nobody knows whether the model's parameters had
+swallowed it: the direction in which it would have moved them counts as chance. Two groups of bags
+are both fitted with the causes, so that there is nothing to swallow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from par4_dynamics.base_terms import BaseTerm
+from par4_dynamics.model import Model, build_model
+from par4_dynamics.model_file import ModelFile
+from par4_identification.changes.explanation import Explanation, Read, explained
+from par4_identification.changes.joint_values import (
+    JointValues,
+    fitted_values,
+    torque_of_causes,
+    values_of_model,
+)
+from par4_identification.changes.readings import Parameters, applied, readings_of
+from par4_identification.diagnosis.answer import Diagnosis
+from par4_identification.diagnosis.diagnosis import CONDITIONING
+from par4_identification.diagnosis.holdout import blocks_of_runs
+from par4_identification.diagnosis.observations import Observations, observe, with_nominal
+from par4_identification.identification import identify_runs
+from par4_identification.log import Log
+from par4_identification.rows import Run, runs_of_log
+from par4_kinematics.robot import Axis, Robot
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What is different, and how wrong the model is as it stands.
+
+    Attributes:
+        terms: of the base parameters.
+        before, after: parameters of every joint.
+        explanation: the readings and what they leave.
+        margins: gain in log-likelihood of each reading on rows that no fit has seen.
+        parameters: before, as the readings take them.
+        given_rms: held-out rms of the model as it stands, nothing fitted, (J,), N m.
+        since: what the data are compared with, in words.
+    """
+
+    terms: tuple[BaseTerm, ...]
+    before: JointValues
+    after: JointValues
+    explanation: Explanation
+    margins: tuple[float, ...]
+    parameters: Parameters
+    given_rms: np.ndarray
+    since: str
+
+    @property
+    def read(self) -> tuple[Read, ...]:
+        """The readings, strongest first."""
+        return self.explanation.read
+
+    @property
+    def beyond_readings(self) -> bool:
+        """Whether something has changed that no reading explains."""
+        return not self.explanation.is_complete
+
+
+def difference(before: JointValues, after: JointValues, swallowed: bool) -> np.ndarray:
+    """Return the covariance (J p, J p) of after minus before.
+
+    Args:
+        before, after: parameters.
+        swallowed: whether `before` may hold what the causes of `after` add.
+    """
+    covariance = before.covariance + after.covariance
+    if swallowed:
+        covariance = covariance + after.bias.T @ after.bias
+    return covariance
+
+
+def explained_change(before: JointValues, after: JointValues, swallowed: bool
+                     ) -> tuple[Parameters, Explanation]:
+    """Return the parameters before as readings take them, and the explanation of the change."""
+    names = tuple(term.name for term in before.terms)
+    parameters = Parameters(names, before.values, after.known)
+    return parameters, explained(readings_of(before.terms, len(before.values)), parameters,
+                                 after.values, difference(before, after, swallowed))
+
+
+def changes_since_model(diagnosis: Diagnosis, machine: Robot | Axis, model_file: ModelFile,
+                        name: str) -> Changes:
+    """Return what differs from a model that was right.
+
+    Args:
+        diagnosis: by which the model's rigid body and effects are known.
+        machine: that was measured.
+        model_file: what was believed, with its standard deviations.
+        name: of the model, for messages.
+
+    Raises:
+        InputError: data that do not tell the parameters joint by joint.
+    """
+    model = build_model(machine, model_file)
+    after = fitted_values(diagnosis.evidence.observations, diagnosis.hypotheses)
+    return _changes(diagnosis, machine, model, values_of_model(model_file, machine), after,
+                    swallowed=True, since=name)
+
+
+def model_of_bags(logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None
+                  ) -> ModelFile:
+    """Return the model of earlier bags: base parameters beside what a baseline knows.
+
+    Raises:
+        InputError: data that do not excite the parameters.
+    """
+    rigid_body = baseline.rigid_body if baseline else 'paper'
+    seen = _observed(logs, machine, rigid_body, baseline)
+    fit = identify_runs(seen.runs, seen.target, seen.base, rigid_body)
+    return fit.model_file({}).model_copy(
+        update={'effects': baseline.effects if baseline else ()})
+
+
+def changes_between(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequence[Log],
+                    model_file: ModelFile, name: str) -> Changes:
+    """Return what differs from earlier bags.
+
+    Args:
+        diagnosis: of the later bags, by the model of the earlier ones.
+        machine: that was measured.
+        logs: the earlier ones.
+        model_file: `model_of_bags` of them.
+        name: of the bags, for messages.
+
+    Raises:
+        InputError: data that do not tell the parameters joint by joint.
+    """
+    model = build_model(machine, model_file)
+    seen = with_nominal(_observed(logs, machine, model_file.rigid_body, model_file), model)
+    before, after = (fitted_values(rows, diagnosis.hypotheses)
+                     for rows in (seen, diagnosis.evidence.observations))
+    return _changes(diagnosis, machine, model, before, after, swallowed=False, since=name)
+
+
+def _observed(logs: Sequence[Log], machine: Robot | Axis, rigid_body: str,
+              baseline: ModelFile | None) -> Observations:
+    runs = [run for log in logs for run in runs_of_log(log, machine, CONDITIONING)]
+    return observe(runs, machine, rigid_body,
+                   None if baseline is None else build_model(machine, baseline))
+
+
+def _changes(diagnosis: Diagnosis, machine: Robot | Axis, model: Model, before: JointValues,
+             after: JointValues, swallowed: bool, since: str) -> Changes:
+    parameters, explanation = explained_change(before, after, swallowed)
+    heldout = observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model)
+    margins = _margins(explanation.read, parameters, after, heldout, diagnosis)
+    return Changes(before.terms, before, after, explanation, margins, parameters,
+                   given_rms(diagnosis.holdout.runs, model), since)
+
+
+def given_rms(runs: Sequence[Run], model: Model) -> np.ndarray:
+    """Return the rms (J,), N m, that a model leaves of the torque as it stands."""
+    left = [run.tau - run.rows(model.torque(run.state)) for run in runs]
+    blocks = blocks_of_runs([run.t for run in runs], [run.valid for run in runs])
+    return np.sqrt(blocks.mean_square(left))
+
+
+def _margins(read: Sequence[Read], parameters: Parameters, after: JointValues,
+             heldout: Observations, diagnosis: Diagnosis) -> tuple[float, ...]:
+    """Return what each reading gains in log-likelihood beside the others on rows held out."""
+    noise = diagnosis.evidence.whitener.noise
+    own = [target - torque for target, torque in zip(
+        heldout.target, torque_of_causes(after.causes, heldout))]
+
+    def squares(readings: Sequence[Read]) -> float:
+        values = applied([item.reading for item in readings], [item.size for item in readings],
+                         parameters)
+        total = 0.0
+        for run, target, base in zip(heldout.runs, own, heldout.base):
+            left = target - np.einsum('mjp,jp->mj', base, values)
+            for joint, model in enumerate(noise):
+                white = model.whiten(left[:, joint, None], run.valid[:, joint])
+                total += float(np.sum(white ** 2))
+        return total
+
+    whole = squares(read)
+    return tuple(0.5 * (squares([other for other in read if other is not item]) - whole)
+                 for item in read)

@@ -1,0 +1,204 @@
+"""The fewest readings that explain the difference between two sets of base parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.stats import chi2
+
+from par4_identification.changes.readings import Parameters, Reading, applied
+
+CHANCE = 1e-4
+"""Chance, for all that is tried together, at which machines without a change show one."""
+MOST = 6
+"""Readings at most; beyond, everything has changed and no list of readings says what."""
+READING_ERROR = 0.01
+"""Share (rms) by which what a reading does may differ from what really happened: a payload is no
+point, a joint that warms does not change its friction by exactly one factor."""
+TWIN = 10.0
+"""Difference in log-likelihood within which two readings explain alike."""
+STEPS = 4
+"""Of Gauss and Newton: the change is a product of factors and sums, each linear."""
+KEPT = 12
+"""Sets of readings from which the next larger ones are built."""
+PAIRS = 2
+"""Sets up to this size are tried all."""
+
+
+@dataclass(frozen=True)
+class Read:
+    """A reading that is part of the explanation.
+
+    Attributes:
+        reading: what happened.
+        size: how much, in the reading's unit.
+        std: of the size.
+        p_value: chance that its gain is none, for all readings that were tried.
+        twins: readings that would explain the data as well in its place.
+    """
+
+    reading: Reading
+    size: float
+    std: float
+    p_value: float
+    twins: tuple[Reading, ...]
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What of a difference readings explain.
+
+    Attributes:
+        read: the readings, strongest first.
+        p_value: chance that there is no change at all.
+        left: difference that no reading follows, (J p,).
+        left_std: its standard deviations, (J p,).
+        left_p: chance that this is none.
+    """
+
+    read: tuple[Read, ...]
+    p_value: float
+    left: np.ndarray
+    left_std: np.ndarray
+    left_p: float
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing beyond chance is left."""
+        return self.left_p > CHANCE
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Readings with their sizes, the squares that they leave and the covariance of the sizes."""
+
+    chosen: tuple[int, ...]
+    sizes: np.ndarray
+    squares: float
+    covariance: np.ndarray
+
+
+class _Difference:
+    """A difference in units of its chance, and how far each set of readings explains it.
+
+    Args:
+        readings: that may have happened.
+        before: the parameters.
+        after: values (J, p).
+        covariance: of the difference, (J p, J p).
+    """
+
+    def __init__(self, readings: Sequence[Reading], before: Parameters, after: np.ndarray,
+                 covariance: np.ndarray) -> None:
+        self.readings, self.before, self.after = tuple(readings), before, after
+        self.root = _inverse_root(covariance)
+        self._fits: dict[tuple[int, ...], _Fit] = {}
+
+    @property
+    def none(self) -> _Fit:
+        """The fit without any reading."""
+        return self.fit(())
+
+    def left(self, fit: _Fit) -> np.ndarray:
+        """Return what a fit leaves of the difference, (J p,)."""
+        found = applied([self.readings[index] for index in fit.chosen], fit.sizes, self.before)
+        return (self.after - found).ravel()
+
+    def fit(self, chosen: Sequence[int]) -> _Fit:
+        """Return the readings of these numbers, fitted together; computed once."""
+        key = tuple(sorted(chosen))
+        if key not in self._fits:
+            self._fits[key] = self._fit(key)
+        return self._fits[key]
+
+    def _fit(self, chosen: tuple[int, ...]) -> _Fit:
+        readings = [self.readings[index] for index in chosen]
+        sizes, count = np.zeros(len(chosen)), len(chosen)
+        covariance = np.zeros((count, count))
+        for _ in range(STEPS if count else 0):
+            start = applied(readings, sizes, self.before)
+            slopes = np.stack([(applied(readings, sizes + step, self.before) - start).ravel()
+                               for step in np.eye(count)], axis=1)
+            slopes = self.root @ slopes
+            rest = self.root @ (self.after - start).ravel()
+            scale = np.maximum(np.linalg.norm(slopes, axis=0), 1e-30)
+            inverse = np.linalg.pinv((slopes / scale).T @ (slopes / scale), rcond=1e-9,
+                                     hermitian=True)
+            sizes = sizes + (inverse @ ((slopes / scale).T @ rest)) / scale
+            covariance = inverse / np.outer(scale, scale)
+        rest = self.root @ (self.after - applied(readings, sizes, self.before)).ravel()
+        return _Fit(chosen, sizes, float(rest @ rest), covariance)
+
+
+def explained(readings: Sequence[Reading], before: Parameters, after: np.ndarray,
+              covariance: np.ndarray) -> Explanation:
+    """Return the fewest readings that explain how the parameters of a machine became others.
+
+    A further reading is taken while the best one gains more than chance gives the best of as many
+    and more than the readings before it may get wrong of what they say.
+
+    Args:
+        readings: that may have happened.
+        before: the parameters.
+        after: values (J, p).
+        covariance: of the difference of the values, joint after joint, (J p, J p).
+    """
+    difference = _Difference(readings, before, after, covariance)
+    nothing, size = difference.none, after.size
+    p_value = float(chi2.sf(nothing.squares, size))
+    best = _fewest(difference)  # one direction may show what all together drown
+    read = [_read(difference, best, place) for place in range(len(best.chosen))]
+    read.sort(key=lambda item: item.p_value)
+    wrong = READING_ERROR ** 2 * (nothing.squares - best.squares)
+    left = difference.left(best)
+    allowed = 1.0 + wrong / max(size - len(best.chosen), 1)
+    left_p = float(chi2.sf(best.squares / allowed, max(size - len(best.chosen), 1)))
+    return Explanation(tuple(read), p_value, left,
+                       np.sqrt(allowed * np.diag(covariance)), left_p if read else p_value)
+
+
+def _fewest(difference: _Difference) -> _Fit:
+    """Return the smallest set of readings beside which no other is worth taking."""
+    count = len(difference.readings)
+    best, kept = difference.none, [difference.none]
+    for size in range(1, min(MOST, count, difference.after.size - 1) + 1):
+        larger = (combinations(range(count), size) if size <= PAIRS else
+                  {tuple(sorted((*fit.chosen, more))) for fit in kept for more in range(count)
+                   if more not in fit.chosen})
+        fits = sorted((difference.fit(chosen) for chosen in larger), key=lambda fit: fit.squares)
+        kept = fits[:KEPT]
+        wrong = READING_ERROR ** 2 * (difference.none.squares - best.squares)
+        needed = float(chi2.isf(CHANCE / count, 1)) + wrong
+        if best.squares - kept[0].squares <= needed:
+            # one more may be worth nothing by itself and two much: only while chance is left
+            break
+        best = kept[0]
+    return best
+
+
+def _read(difference: _Difference, best: _Fit, place: int) -> Read:
+    """Return one of the readings of a fit with its evidence and its twins."""
+    others = [index for index in best.chosen if index != best.chosen[place]]
+    without = difference.fit(others)
+    gain = without.squares - best.squares
+    count = len(difference.readings)
+    twins = [index for index in range(count) if index not in best.chosen
+             and difference.fit((*others, index)).squares - best.squares < 2.0 * TWIN
+             and without.squares - difference.fit((*others, index)).squares > 0.5 * gain]
+    return Read(
+        difference.readings[best.chosen[place]], float(best.sizes[place]),
+        float(np.sqrt(best.covariance[place, place])),
+        min(1.0, count * float(chi2.sf(gain, 1))),
+        tuple(difference.readings[index] for index in twins))
+
+
+def _inverse_root(covariance: np.ndarray) -> np.ndarray:
+    """Return R with R^T R = covariance^-1; a direction without chance has a rounding of it."""
+    scale = np.sqrt(np.diag(covariance))
+    scale = np.where(scale > 0.0, scale, 1e-12)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    values = np.maximum(values, 1e-12 * values[-1])
+    return (vectors / np.sqrt(values)).T / scale

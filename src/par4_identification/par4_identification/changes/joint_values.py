@@ -1,0 +1,252 @@
+"""Base parameters joint by joint with their joint covariance, of data or of a model file.
+
+Every joint has a value of its own of every base parameter, the platform masses too: a wrong gain of
+one drive makes all that its joint tells larger, a payload what all joints tell of one mass, and
+only values joint by joint tell the two apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from par4_dynamics.base_terms import BASE_TERMS, BaseTerm
+from par4_dynamics.model_file import ModelFile
+from par4_identification.diagnosis.evidence import (
+    Evidence,
+    Hypothesis,
+    flat_whitener,
+    gather,
+    spread,
+    whitener_of_residuals,
+)
+from par4_identification.diagnosis.observations import Observations
+from par4_identification.diagnosis.rules import Rules
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import Axis, Robot
+
+ROUNDS = 2
+"""Fits after the first: the noise is measured on what the one before leaves."""
+ROUNDING = 1e-12
+"""Eigenvalue of the scaled normal equations below which data do not tell a parameter."""
+
+
+@dataclass(frozen=True)
+class JointValues:
+    """Base parameters of every joint.
+
+    Attributes:
+        terms: of the p parameters.
+        values: (J, p), in the units of the terms.
+        covariance: of the values joint after joint, (J p, J p).
+        known: what base parameters would follow of the torque that is known beside them, (J, p): a
+            gain scales that torque too.
+        bias: by what the values would be off if a cause that is fitted beside them had been
+            there before and its torque taken for theirs; a row a cause, (causes, J p).
+        causes: fitted beside the values, each with its coefficients (K, J).
+    """
+
+    terms: tuple[BaseTerm, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    known: np.ndarray
+    bias: np.ndarray
+    causes: tuple[tuple[Hypothesis, np.ndarray], ...] = ()
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the values in the order of the covariance, such as 'arm_gravity[2]'."""
+        joints = len(self.values)
+        return tuple(term.name if joints == 1 else f'{term.name}[{joint}]'
+                     for joint in range(joints) for term in self.terms)
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviations, (J, p)."""
+        return np.sqrt(np.diag(self.covariance)).reshape(self.values.shape)
+
+
+def torque_of_causes(causes: Sequence[tuple[Hypothesis, np.ndarray]], observations: Observations
+                     ) -> list[np.ndarray]:
+    """Return what causes with their coefficients (K, J) add to the torque (m, J) of each run, N m.
+    """
+    torque = [np.zeros_like(target) for target in observations.target]
+    for cause, coefficients in causes:
+        rows = observations.effect_rows(cause.effect, cause.shape)
+        torque = [total + np.einsum('mjk,kj->mj', part, coefficients)
+                  for total, part in zip(torque, rows)]
+    return torque
+
+
+def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = (),
+                  rules: Rules | None = None) -> JointValues:
+    """Return what rows tell of the base parameters of every joint.
+
+    Generalised least squares with the noise of each joint as an autoregression, fitted to what is
+    left. No torque is known exactly: an error of the share `Rules.base_error` of the measured
+    torque and `Rules.named_error` of that of the causes, spread evenly over the parameters, widens
+    the covariance.
+
+    Args:
+        observations: the rows.
+        causes: fitted beside the parameters. Those that show only as differences between joints
+            are left out, for they are values of the joints here, and so are those that gain
+            less than `Rules.evidence` beside the values: viscous friction of one joint may have
+            been named a power of its speed.
+        rules: how much of each torque may be wrong.
+
+    Raises:
+        InputError: data that do not tell the parameters joint by joint.
+    """
+    rules = rules or Rules()
+    causes = [cause for cause in causes if not cause.effect.against_the_others]
+    evidence = whitened(observations, causes)
+    causes = _worth(evidence, causes, rules)
+    design = _design(evidence, causes)
+    values, covariance = _solved(design, evidence.target, observations)
+    size = observations.joints * len(observations.terms)
+    torque = evidence.whitened([run.tau for run in observations.runs])
+    by_causes = design[:, size:] @ values[size:]
+    wrong = rules.base_error ** 2 * (torque @ torque) + rules.named_error ** 2 * (
+        by_causes @ by_causes)
+    shape = (observations.joints, len(observations.terms))
+    own = covariance[:size, :size]
+    known = evidence.whitened([run.tau - target for run, target in zip(
+        observations.runs, observations.target)])
+    followed = _solved(design[:, :size], known, observations)[0] if known.any() else np.zeros(size)
+    return JointValues(
+        observations.terms, values[:size].reshape(shape), (1.0 + wrong / size) * own,
+        followed.reshape(shape), _bias(design, values, size, causes, observations),
+        _coefficients(observations, causes, values[size:]))
+
+
+def whitened(observations: Observations, causes: Sequence[Hypothesis] = ()) -> Evidence:
+    """Return rows whitened by the noise that causes and values of every joint leave.
+
+    Raises:
+        InputError: data that do not tell the parameters joint by joint.
+    """
+    evidence = gather(observations, flat_whitener(observations, np.ones(observations.joints)))
+    for _ in range(ROUNDS):
+        design = _design(evidence, causes)
+        values, _ = _solved(design, evidence.target, observations)
+        left = _residuals(observations, causes, values)
+        evidence = gather(observations, whitener_of_residuals(observations, left, design.shape[1]))
+    return evidence
+
+
+def _design(evidence: Evidence, causes: Sequence[Hypothesis]) -> np.ndarray:
+    """Return the whitened base columns of each joint by itself, then those of the causes."""
+    blocks = [evidence.base[first:last] for first, last in zip(evidence.ends, evidence.ends[1:])]
+    own = spread(blocks, tuple(range(len(blocks))), shared=False)
+    return np.hstack([own, *(evidence.columns(cause) for cause in causes)])
+
+
+def _worth(evidence: Evidence, causes: Sequence[Hypothesis], rules: Rules) -> list[Hypothesis]:
+    """Return the causes without those that gain too little beside values and the others."""
+    kept = list(causes)
+    while kept:
+        squares = [_left(evidence, [other for other in kept if other is not item])
+                   for item in (None, *kept)]
+        gains = [0.5 * (left - squares[0]) for left in squares[1:]]
+        weakest = int(np.argmin(gains))
+        if gains[weakest] > rules.evidence:
+            break
+        kept.pop(weakest)
+    return kept
+
+
+def _left(evidence: Evidence, causes: Sequence[Hypothesis]) -> float:
+    """Return the whitened squares that values and causes leave."""
+    design = _design(evidence, causes)
+    scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
+    values = np.linalg.lstsq(design / scale, evidence.target, rcond=1e-10)[0]
+    left = evidence.target - (design / scale) @ values
+    return float(left @ left)
+
+
+def _solved(design: np.ndarray, target: np.ndarray, observations: Observations
+            ) -> tuple[np.ndarray, np.ndarray]:
+    """Return least-squares values and the inverse of the normal equations."""
+    scale = np.linalg.norm(design, axis=0)
+    if not np.all(scale > 0.0):
+        raise InputError(f'{observations.runs[0].name}: not every joint moves; record a richer '
+                         f'motion')
+    scaled = design / scale
+    gram = scaled.T @ scaled
+    lowest = float(np.linalg.eigvalsh(gram)[0])
+    if lowest < ROUNDING * len(gram):
+        raise InputError(f'{observations.runs[0].name}: the motion does not tell the parameters of '
+                         f'each joint apart; record a richer motion')
+    inverse = np.linalg.inv(gram)
+    return (inverse @ (scaled.T @ target)) / scale, inverse / np.outer(scale, scale)
+
+
+def _residuals(observations: Observations, causes: Sequence[Hypothesis], values: np.ndarray
+               ) -> list[np.ndarray]:
+    """Return the measured minus the fitted torque (m, J) of each run, N m."""
+    joints, terms = observations.joints, len(observations.terms)
+    own = values[:joints * terms].reshape(joints, terms)
+    beside = torque_of_causes(_coefficients(observations, causes, values[joints * terms:]),
+                              observations)
+    return [target - torque - np.einsum('mjp,jp->mj', base, own)
+            for target, torque, base in zip(observations.target, beside, observations.base)]
+
+
+def _coefficients(observations: Observations, causes: Sequence[Hypothesis], values: np.ndarray
+                  ) -> tuple[tuple[Hypothesis, np.ndarray], ...]:
+    """Return each cause with its coefficients (K, J), zero on joints it does not act on."""
+    found, first = [], 0
+    for cause in causes:
+        rows = observations.effect_rows(cause.effect, cause.shape)[0].shape[2]
+        part = values[first:first + _width(observations, cause)]
+        full = np.zeros((rows, observations.joints))
+        if cause.effect.shared:
+            full[:] = part[:, None]
+        else:
+            full[:, list(cause.joints)] = part.reshape(-1, rows).T
+        found.append((cause, full))
+        first += len(part)
+    return tuple(found)
+
+
+def _bias(design: np.ndarray, values: np.ndarray, size: int, causes: Sequence[Hypothesis],
+          observations: Observations) -> np.ndarray:
+    """Return what the base parameters follow of the torque of each cause, (causes, J p)."""
+    found, first = np.zeros((len(causes), size)), size
+    for index, cause in enumerate(causes):
+        width = _width(observations, cause)
+        part = slice(first, first + width)
+        found[index] = _solved(design[:, :size], design[:, part] @ values[part], observations)[0]
+        first = part.stop
+    return found
+
+
+def _width(observations: Observations, cause: Hypothesis) -> int:
+    rows = observations.effect_rows(cause.effect, cause.shape)[0].shape[2]
+    return rows * (1 if cause.effect.shared else len(cause.joints))
+
+
+def values_of_model(model_file: ModelFile, machine: Robot | Axis) -> JointValues:
+    """Return the base parameters of a model as values of every joint.
+
+    A model file gives standard deviations without correlations; what is one number for all joints
+    errs alike on all of them.
+    """
+    joints = len(machine.joint_names)
+    terms = tuple(term for term in BASE_TERMS
+                  if isinstance(machine, Robot) or not term.needs_platform)
+    size = len(terms)
+    values, covariance = np.zeros((joints, size)), np.zeros((joints * size, joints * size))
+    for index, term in enumerate(terms):
+        parameter = model_file.parameters[term.name]
+        values[:, index] = parameter.per_joint(joints)
+        std = np.broadcast_to(np.asarray(parameter.std or 0.0, dtype=float), (joints,))
+        places = np.arange(joints) * size + index
+        together = not isinstance(parameter.value, tuple)
+        covariance[np.ix_(places, places)] = (np.outer(std, std) if together
+                                              else np.diag(std ** 2))
+    return JointValues(terms, values, covariance, np.zeros_like(values),
+                       np.zeros((0, joints * size)))

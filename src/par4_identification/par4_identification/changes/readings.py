@@ -1,0 +1,160 @@
+"""Readings of a change: what a mechanic would say has happened, and what it does to parameters."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from par4_dynamics.base_terms import BaseTerm
+from par4_identification.payload import PLATFORM
+
+FRICTION = ('coulomb_friction', 'viscous_friction')
+SCALE = 'torque_scale'
+"""Name of the factor between recorded torque and that of the model."""
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The base parameters that readings change.
+
+    Attributes:
+        terms: names of the p parameters.
+        values: (J, p).
+        known: what parameters would follow of the torque that is known beside them, (J, p).
+    """
+
+    terms: tuple[str, ...]
+    values: np.ndarray
+    known: np.ndarray
+
+    def with_values(self, values: np.ndarray) -> Parameters:
+        """Return the parameters with other values."""
+        return Parameters(self.terms, values, self.known)
+
+
+@dataclass(frozen=True)
+class Moved:
+    """One parameter as a reading moves it.
+
+    Attributes:
+        parameter: its name; with a joint in brackets where it is that of one joint.
+        before: value, of one joint or the mean of all.
+        slope: change per unit size of the reading.
+        unit: of the value.
+    """
+
+    parameter: str
+    before: float
+    slope: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Reading(ABC):
+    """A change of one size.
+
+    Attributes:
+        joint: the one that it concerns, None for all.
+    """
+
+    joint: int | None
+
+    @abstractmethod
+    def apply(self, now: Parameters, size: float) -> np.ndarray:
+        """Return the values (J, p) of a machine after a change of this size; linear in it."""
+
+    @abstractmethod
+    def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:
+        """Return the parameters that it moves."""
+
+    @property
+    def _rows(self) -> slice:
+        return slice(None) if self.joint is None else slice(self.joint, self.joint + 1)
+
+    def _label(self, name: str) -> str:
+        return name if self.joint is None else f'{name}[{self.joint}]'
+
+
+@dataclass(frozen=True)
+class Added(Reading):
+    """Added of one parameter: a payload on a half plate, an inertia, Coulomb friction of a joint.
+
+    Attributes:
+        parameter: which; the size has its unit.
+    """
+
+    parameter: str
+
+    def apply(self, now: Parameters, size: float) -> np.ndarray:
+        values = now.values.copy()
+        values[self._rows, now.terms.index(self.parameter)] += size
+        return values
+
+    def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:
+        index = now.terms.index(self.parameter)
+        before = float(now.values[self._rows, index].mean())
+        return (Moved(self._label(self.parameter), before, 1.0, terms[index].unit),)
+
+
+@dataclass(frozen=True)
+class FrictionFactor(Reading):
+    """Friction by one factor, 1 + size: temperature, grease, a brake that rubs.
+
+    Attributes:
+        kinds: Coulomb, viscous or both.
+    """
+
+    kinds: tuple[str, ...]
+
+    def apply(self, now: Parameters, size: float) -> np.ndarray:
+        values = now.values.copy()
+        for kind in self.kinds:
+            values[self._rows, now.terms.index(kind)] *= 1.0 + size
+        return values
+
+    def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:
+        found = []
+        for kind in self.kinds:
+            index = now.terms.index(kind)
+            before = float(now.values[self._rows, index].mean())
+            found.append(Moved(self._label(kind), before, before, terms[index].unit))
+        return tuple(found)
+
+
+@dataclass(frozen=True)
+class GainFactor(Reading):
+    """Recorded torque by the factor 1 + size: a gain, the supply, the sensor of the current."""
+
+    def apply(self, now: Parameters, size: float) -> np.ndarray:
+        values, rows = now.values.copy(), self._rows
+        values[rows] += size * (now.values + now.known)[rows]
+        return values
+
+    def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:  # noqa: ARG002
+        return (Moved(self._label(SCALE), 1.0, 1.0, '1'),)
+
+
+def readings_of(terms: Sequence[BaseTerm], joints: int) -> tuple[Reading, ...]:
+    """Return all readings; of two that are one, as friction of a single joint, one only."""
+    platform = [name for name in PLATFORM if name in {term.name for term in terms}]
+    own = [term.name for term in terms if term.name not in (*PLATFORM, *FRICTION)]
+    each = range(joints) if joints > 1 else ()
+    found: list[Reading] = [Added(None, name) for name in (*platform, *own)]
+    found += [GainFactor(None), FrictionFactor(None, FRICTION)]
+    found += [FrictionFactor(None, (kind,)) for kind in FRICTION]
+    for joint in each:
+        found += [GainFactor(joint), FrictionFactor(joint, FRICTION)]
+        found += [Added(joint, name) for name in (*own, *FRICTION)]
+    return tuple(found)
+
+
+def applied(readings: Sequence[Reading], sizes: Sequence[float], now: Parameters) -> np.ndarray:
+    """Return the values (J, p) after several changes; gains act on all that the others make."""
+    ordered = sorted(zip(readings, sizes, strict=True),
+                     key=lambda item: isinstance(item[0], GainFactor))
+    for reading, size in ordered:
+        now = now.with_values(reading.apply(now, size))
+    return now.values

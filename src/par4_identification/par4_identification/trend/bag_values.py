@@ -1,0 +1,188 @@
+"""What one bag says of a machine: one task, independent of all others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from par4_dynamics.model import Model, build_model
+from par4_dynamics.model_file import ModelFile
+from par4_identification.changes.joint_values import JointValues, fitted_values, whitened
+from par4_identification.diagnosis.diagnosis import CONDITIONING
+from par4_identification.diagnosis.estimates import effect_parameters
+from par4_identification.diagnosis.evidence import Hypothesis, solve
+from par4_identification.diagnosis.observations import Observations, observe, with_nominal
+from par4_identification.log import read_log
+from par4_identification.outcome.outcome import LARGEST_ERROR
+from par4_identification.rows import runs_of_log
+from par4_identification.setup_check.check import check_setup
+from par4_kinematics.errors import InputError, Par4Error
+from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.words import percent
+
+EARLIEST = 946_684_800_000_000_000
+"""Stamp (ns) of the year 2000: earlier ones count from the start of a machine or simulation."""
+FORMAT = 1
+"""Of what is kept of a bag; another one when the calculation changes."""
+
+
+@dataclass(frozen=True)
+class EffectSize:
+    """The size of a known effect in one bag.
+
+    Attributes:
+        label: effect, parameter and, where each joint has one, the joint.
+        value, std: of it.
+        unit: of both.
+    """
+
+    label: str
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class BagValues:
+    """What a bag says.
+
+    Attributes:
+        bag: its path.
+        stamp: of its first sample, ns since 1970.
+        duration: s.
+        terms: names of the base parameters.
+        values: of every joint, (J, p).
+        covariance: joint after joint, (J p, J p).
+        effects: sizes of the known effects.
+        findings: mistakes of the setup that were mended, sentences.
+    """
+
+    bag: str
+    stamp: int
+    duration: float
+    terms: tuple[str, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    effects: tuple[EffectSize, ...] = ()
+    findings: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as JSON takes it."""
+        return {'bag': self.bag, 'stamp': self.stamp, 'duration': self.duration,
+                'terms': list(self.terms), 'values': self.values.tolist(),
+                'covariance': self.covariance.tolist(),
+                'effects': [vars(item) for item in self.effects],
+                'findings': list(self.findings)}
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any], bag: str) -> BagValues:
+        """Return what `to_json` gave, of a bag that may have another path now."""
+        return cls(bag, int(content['stamp']), float(content['duration']),
+                   tuple(content['terms']), np.array(content['values'], dtype=float),
+                   np.array(content['covariance'], dtype=float),
+                   tuple(EffectSize(**item) for item in content['effects']),
+                   tuple(content['findings']))
+
+
+def values_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None = None,
+                  namespace: str | None = None) -> BagValues:
+    """Return what a bag says of a machine.
+
+    Args:
+        bag: path of it.
+        machine: that it should be of.
+        model_file: whose rigid body is known and whose effects are followed.
+        namespace: that the topics sit under.
+
+    Raises:
+        Par4Error: a bag that cannot be read, has no date, is of another machine, or does not tell
+            the parameters.
+    """
+    log = read_log(bag, machine, namespace)
+    if log.start_stamp < EARLIEST:
+        raise InputError(f'{bag}: its stamps begin {log.start_stamp / 1e9:.0f} s after 1970, so it '
+                         f'has no date; record with the wall clock')
+    check = check_setup([log], machine)
+    if check.useless:
+        raise InputError(f'{bag}: {check.useless[0].evidence}')
+    if any(finding.finding == 'wrong_dimensions' for finding in check.findings):
+        raise InputError(f'{bag}: it does not fit the dimensions of {machine.name}; give the robot '
+                         f'file of the machine that made it')
+    rigid_body = model_file.rigid_body if model_file else 'paper'
+    followed, known = _known(machine, model_file)
+    try:
+        observations = observe(runs_of_log(check.logs[0], machine, CONDITIONING), machine,
+                               rigid_body, known)
+        if model_file is not None:
+            observations = with_nominal(observations, build_model(machine, model_file))
+        found = fitted_values(observations, followed)
+        evidence = whitened(observations, followed)
+        fit = solve(evidence, followed)
+    except np.linalg.LinAlgError as error:
+        raise InputError(f'{bag}: no parameter can be told from it; record a longer motion of all '
+                         f'joints') from error
+    error = _relative_error(observations, found)
+    if error > LARGEST_ERROR:
+        raise InputError(f'{bag}: {percent(error)} of its torque is left by the model of '
+                         f'{machine.name}; it seems to be of another robot')
+    return BagValues(
+        bag, log.start_stamp, float(log.t[-1]), tuple(term.name for term in found.terms),
+        found.values, found.covariance,
+        tuple(size for index, item in enumerate(followed)
+              for size in _sizes(item, effect_parameters(evidence, item, fit, index))),
+        tuple(finding.evidence for finding in check.findings))
+
+
+def _relative_error(observations: Observations, found: JointValues) -> float:
+    """Return |residual| / |torque| of the base parameters of every joint, over all valid rows."""
+    left, torque = 0.0, 0.0
+    for run, target, base in zip(observations.runs, observations.target, observations.base):
+        rest = target - np.einsum('mjp,jp->mj', base, found.values)
+        left += float(np.sum(rest[run.valid] ** 2))
+        torque += float(np.sum(run.tau[run.valid] ** 2))
+    return math.sqrt(left / max(torque, 1e-300))
+
+
+def outcome_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None,
+                   namespace: str | None) -> dict[str, Any]:
+    """Return what a bag says as JSON takes it, or `error`: why it says nothing."""
+    try:
+        return values_of_bag(bag, machine, model_file, namespace).to_json()
+    except Par4Error as error:
+        return {'error': str(error)}
+    except OSError as error:
+        return {'error': f'{bag}: {error.strerror or error}'}
+
+
+def _known(machine: Robot | Axis, model_file: ModelFile | None
+           ) -> tuple[list[Hypothesis], Model | None]:
+    """Return the effects whose sizes are followed, and the model of all that is known beside."""
+    if model_file is None:
+        return [], None
+    model = build_model(machine, model_file)
+    followed = [active for active in model.effects if not active.effect.fixed_coefficients
+                and not active.effect.against_the_others]
+    kept = tuple(active for active in model.effects if active not in followed)
+    hypotheses = [Hypothesis(active.effect, active.effect.shape_of({
+        name: values[active.joints[0]] if np.ndim(values) and len(values) == len(
+            machine.joint_names) else values for name, values in active.values.items()}),
+        active.joints) for active in followed]
+    return hypotheses, Model(model.rigid_body, model.values, model.bodies, kept)
+
+
+def _sizes(item: Hypothesis, parameters: Mapping[str, Any]) -> list[EffectSize]:
+    """Return the sizes of an effect, those that the fit gives a deviation."""
+    found = []
+    for name, parameter in parameters.items():
+        if name in item.shape or parameter.std is None:
+            continue
+        values, stds = (np.ravel(part) for part in (parameter.value, parameter.std))
+        for place, (value, std) in enumerate(zip(values, stds)):
+            where = f'[{item.joints[place]}]' if len(values) == len(item.joints) > 1 else ''
+            found.append(EffectSize(f'{item.effect.name}.{name}{where}', float(value), float(std),
+                                    parameter.unit))
+    return found

@@ -1,0 +1,92 @@
+"""Pictures of a machine's life: series with their deviations, courses and events over the dates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from par4_sim.report.drawing import BEFORE, CALCULATED, IDLE, INK, MEASURED, drawn, image
+
+COLOURS = (CALCULATED, BEFORE, MEASURED, '#2a7a4b')
+"""Of up to four series in one picture."""
+APART = 0.0018
+"""Share of the time shown by which the points of several series stand beside each other."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A series in a picture.
+
+    Attributes:
+        label: of it.
+        values, std: (n,).
+        course: steps and drifts through them, (n,).
+        steps: first bags after a step, where the course is not joined.
+    """
+
+    label: str
+    values: np.ndarray
+    std: np.ndarray
+    course: np.ndarray
+    steps: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One picture of several series of one kind.
+
+    Attributes:
+        title: what they are.
+        unit: of the ordinate.
+        lines: the series.
+        events: numbers of the events that they take part in.
+    """
+
+    title: str
+    unit: str
+    lines: tuple[Line, ...]
+    events: frozenset[int]
+
+
+def life(dates: np.ndarray, panels: Sequence[Panel], events: Sequence[np.datetime64]) -> str:
+    """Return panels below each other over the same dates, events as numbered lines.
+
+    Args:
+        dates: of the bags, datetime64, (n,).
+        panels: top to bottom.
+        events: dates of the events, numbered from 1.
+    """
+    with drawn(0.5 + 1.85 * len(panels)) as figure:
+        axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]
+        for axis, panel in zip(axes, panels):
+            strokes = []
+            for place, (colour, part) in enumerate(zip(COLOURS, panel.lines)):
+                # joints beside each other, so that none hides another
+                beside = dates + APART * (place - 0.5 * (len(panel.lines) - 1)) * (
+                    dates[-1] - dates[0]).astype('timedelta64[s]')
+                axis.vlines(beside, part.values - 1.96 * part.std, part.values + 1.96 * part.std,
+                            color=colour, alpha=0.35, linewidth=0.9)
+                axis.plot(beside, part.values, 'o', color=colour, markersize=2.6,
+                          markeredgewidth=0.0)
+                for first, end in pairwise((0, *part.steps, len(dates))):
+                    stroke = axis.plot(dates[first:end], part.course[first:end], color=colour,
+                                       linewidth=1.5)
+                strokes.append(stroke[0])
+            axis.set_title(panel.title)
+            axis.set_ylabel(panel.unit)
+            for number, date in enumerate(events, start=1):
+                own = number in panel.events
+                axis.axvline(date, color=INK if own else IDLE, linewidth=0.9 if own else 0.5,
+                             linestyle='--' if own else ':', zorder=0)
+                if own:
+                    axis.annotate(str(number), (date, 1.0), xycoords=('data', 'axes fraction'),
+                                  xytext=(2.5, -9), textcoords='offset points', fontsize=8.5,
+                                  fontweight='bold', color=INK)
+            if len(panel.lines) > 1:
+                axis.legend(strokes, [part.label for part in panel.lines],
+                            loc='lower right', ncols=len(panel.lines), handlelength=1.1,
+                            bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0)
+        return image(figure)

@@ -1,0 +1,56 @@
+"""Bags as independent tasks on dask: on all cores, or on the machines of a cluster."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from par4_kinematics.errors import InputError
+
+FEW = 4
+"""Bags up to which starting workers takes longer than they save."""
+REACHED = 10
+"""s in which a scheduler must answer."""
+ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS', 'NUMBA_NUM_THREADS')
+
+
+def results_of(work: Callable[[str], dict[str, Any]], bags: Sequence[str], scheduler: str | None
+               ) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield each bag with what was made of it, as it comes.
+
+    Args:
+        work: of one bag; must not raise.
+        bags: paths, which the workers must see alike.
+        scheduler: address of a dask scheduler; None for the cores of this machine.
+
+    Raises:
+        InputError: no scheduler answers.
+    """
+    if scheduler is None and len(bags) <= FEW:
+        yield from ((bag, work(bag)) for bag in bags)
+        return
+    from dask.distributed import Client, LocalCluster, as_completed  # slow to load
+
+    cluster = None
+    if scheduler is None:
+        for name in ONE_THREAD:  # workers inherit it: they must not fight for the cores
+            os.environ.setdefault(name, '1')
+        cluster = LocalCluster(threads_per_worker=1, n_workers=min(len(bags), os.cpu_count() or 1),
+                               dashboard_address=None, silence_logs=logging.ERROR)
+    try:
+        try:
+            client = Client(cluster or scheduler, timeout=REACHED)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise InputError(f'--scheduler {scheduler}: no dask scheduler answers there; give an '
+                             f'address as tcp://HOST:8786, or leave it out') from error
+        with client:
+            futures = {client.submit(work, bag, pure=False): bag for bag in bags}
+            for future in as_completed(futures):
+                lost = future.exception()
+                yield futures[future], (future.result() if lost is None else {
+                    'error': f'{futures[future]}: its task was lost ({type(lost).__name__})'})
+    finally:
+        if cluster is not None:
+            cluster.close()

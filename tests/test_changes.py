@@ -1,0 +1,208 @@
+"""What has changed since a model was right, or between two groups of bags.
+
+The machines are changed in `changed.py`, from the physics; the comparison sees recordings and a
+model only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from changed import KINDS, Change, Changed, changed_machine, drawn_machine
+from hidden.machines import known_machine
+
+from par4_dynamics.base_terms import BASE_TERMS
+from par4_dynamics.model import build_model
+from par4_identification.changes.changes import explained_change
+from par4_identification.changes.explanation import CHANCE, explained
+from par4_identification.changes.joint_values import (
+    JointValues,
+    fitted_values,
+    values_of_model,
+)
+from par4_identification.changes.readings import (
+    FRICTION,
+    Added,
+    FrictionFactor,
+    GainFactor,
+    Parameters,
+    applied,
+    readings_of,
+)
+from par4_identification.diagnosis.diagnosis import CONDITIONING
+from par4_identification.diagnosis.observations import observe
+from par4_identification.identification import identify
+from par4_identification.outcome.changes import name_of_reading, phrase_of_reading
+from par4_identification.rows import runs_of_log
+from par4_kinematics.robot import Axis
+from par4_sim.noise import Noise
+from robots import REFERENCE
+
+NAMES = tuple(term.name for term in BASE_TERMS)
+SIZES = {
+    'payload 1': 0.61, 'payload 2': 0.2, 'friction of all': -0.33,
+    'Coulomb friction of one': 0.4, 'viscous friction of one': -0.3, 'gain of all': 0.04,
+    'gain of one': -0.03, 'inertia of one': 0.006}
+RIGHT = {
+    'payload 1': Added(None, 'platform_mass_1'), 'payload 2': Added(None, 'platform_mass_2'),
+    'friction of all': FrictionFactor(None, FRICTION), 'gain of all': GainFactor(None),
+    'Coulomb friction of one': Added(2, 'coulomb_friction'),
+    'viscous friction of one': Added(2, 'viscous_friction'), 'gain of one': GainFactor(2),
+    'inertia of one': Added(2, 'actuator_inertia')}
+
+
+def change(kind: str) -> Change:
+    """Return a change of a kind, on joint 2 where it is of one."""
+    return Change(kind, 2 if kind.endswith('one') else None, SIZES[kind])
+
+
+@pytest.fixture(scope='module')
+def case():
+    """Return the reference machine with real rods, recorded with coloured noise."""
+    known = known_machine('reference')
+    bodies = known.robot.bodies
+    machine = replace(known.machine, bodies=replace(
+        known.machine.bodies, rod_mass=bodies.rod_mass, bar_mass=bodies.bar_mass))
+    return Changed(seed=77, known=known, rigid_body='full', before=machine, after=machine,
+                   changes=(), noise=Noise(torque_noise=0.05, correlation_time=0.02),
+                   wander=None, shapes=('excitation', 'mixed'))
+
+
+@pytest.fixture(scope='module')
+def model_file(case):
+    """Return what was identified before anything changed."""
+    return identify([case.log(after=False)], case.known.robot, 'full').model_file({})
+
+
+def told(case, model_file, *changes):
+    """Return the explanation of what changes do to the machine."""
+    machine = case.before
+    for item in changes:
+        machine = changed_machine(machine, item)
+    log, robot = replace(case, after=machine).log(after=True), case.known.robot
+    rows = observe(runs_of_log(log, robot, CONDITIONING), robot, 'full',
+                   build_model(robot, model_file))
+    return explained_change(values_of_model(model_file, robot), fitted_values(rows),
+                            swallowed=True)[1]
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_each_change_is_read_with_its_size(case, model_file, kind):
+    explanation = told(case, model_file, change(kind))
+    assert [item.reading for item in explanation.read] == [RIGHT[kind]]
+    found = explanation.read[0]
+    assert abs(found.size - SIZES[kind]) < max(4.0 * found.std, 0.02 * abs(SIZES[kind]))
+    assert found.p_value < 1e-9
+    assert explanation.is_complete
+
+
+@pytest.mark.parametrize('pair', [
+    ('payload 1', 'gain of all'), ('payload 2', 'friction of all'),
+    ('gain of one', 'Coulomb friction of one')])
+def test_two_changes_at_once_are_both_read(case, model_file, pair):
+    # a gain of all torques acts on the payload too: the change is no sum of the two
+    explanation = told(case, model_file, *(change(kind) for kind in pair))
+    assert {item.reading for item in explanation.read} == {RIGHT[kind] for kind in pair}
+    for item in explanation.read:
+        size = SIZES[next(kind for kind in pair if RIGHT[kind] == item.reading)]
+        assert item.size == pytest.approx(size, abs=max(4.0 * item.std, 0.02 * abs(size)))
+
+
+def test_nothing_changed_nothing_claimed(case, model_file):
+    explanation = told(case, model_file)
+    assert explanation.read == ()
+    assert explanation.p_value > CHANCE
+    assert explanation.is_complete
+
+
+def test_deviations_cover_what_nothing_changes():
+    # estimates drawn with a covariance: of so many comparisons of nothing, as many differ as said
+    random = np.random.default_rng(3)
+    values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
+    root = random.normal(size=(24, 24)) * 1e-3
+    covariance = root @ root.T
+    before = Parameters(NAMES, values, np.zeros((4, 6)))
+    claimed = sum(bool(explained(
+        readings_of(BASE_TERMS, 4), before,
+        values + (root @ random.normal(size=24)).reshape(4, 6), covariance).read)
+        for _ in range(400))
+    assert claimed <= 4  # 0.4 are expected
+
+
+def test_what_follows_no_reading_is_left():
+    random = np.random.default_rng(4)
+    values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
+    covariance = np.diag(np.tile((1e-3 * values[0]) ** 2, 4))
+    before = Parameters(NAMES, values, np.zeros((4, 6)))
+    after = values * (1.0 + random.uniform(-0.2, 0.2, values.shape))  # all joints, all differ
+    explanation = explained(readings_of(BASE_TERMS, 4), before, after, covariance)
+    assert not explanation.is_complete
+
+
+def test_a_motion_that_tells_no_halves_apart_names_both():
+    values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
+    covariance = np.diag(np.tile((1e-3 * values[0]) ** 2, 4))
+    # on such data only the sum of the two masses shows
+    for joint in range(4):
+        vague = np.zeros(24)
+        vague[6 * joint + 1], vague[6 * joint + 2] = 1.0, -1.0
+        covariance += 100.0 * np.outer(vague, vague)
+    before = Parameters(NAMES, values, np.zeros((4, 6)))
+    after = applied([Added(None, 'platform_mass_1')], [0.5], before)
+    explanation = explained(readings_of(BASE_TERMS, 4), before, after, covariance)
+    assert len(explanation.read) == 1
+    halves = {explanation.read[0].reading, *explanation.read[0].twins}
+    assert {Added(None, 'platform_mass_1'), Added(None, 'platform_mass_2')} <= halves
+
+
+def test_a_cause_that_the_model_may_have_swallowed_is_no_change():
+    # a cause found beside moves the base parameters by `bias`; the model was fitted without it
+    values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
+    covariance = np.diag(np.tile((1e-3 * values[0]) ** 2, 4))
+    moved = np.zeros((4, 6))
+    moved[:, 0] = -0.03 * values[:, 0]
+    before = JointValues(BASE_TERMS, values, covariance, np.zeros((4, 6)), np.zeros((0, 24)))
+    after = JointValues(BASE_TERMS, values + moved, covariance, np.zeros((4, 6)),
+                        moved.reshape(1, 24))
+    assert explained_change(before, after, swallowed=True)[1].read == ()
+    seen = explained_change(before, after, swallowed=False)[1].read
+    assert [item.reading for item in seen] == [Added(None, 'actuator_inertia')]
+
+
+@pytest.mark.parametrize(('reading', 'size', 'words'), [
+    (Added(None, 'platform_mass_1'), 0.61, 'a payload of 0.61 kg at half plate 1'),
+    (Added(None, 'platform_mass_2'), -0.2, 'a payload of 0.20 kg less at half plate 2'),
+    (FrictionFactor(None, FRICTION), -0.33, 'friction a third lower on all joints (warm)'),
+    (Added(2, 'coulomb_friction'), 0.4, 'Coulomb friction of joint 2 up by 0.40 N m'),
+    (GainFactor(None), 0.04, 'all torques 4.0 % larger (gains or supply)'),
+    (GainFactor(1), -0.03, 'all torques of joint 1 3.0 % smaller (gain of its drive)')])
+def test_words(reading, size, words):
+    assert phrase_of_reading(reading, size, REFERENCE) == words
+
+
+def test_words_of_an_axis():
+    axis = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=35.0)
+    assert phrase_of_reading(Added(None, 'actuator_inertia'), 8.0, axis) == (
+        'moving mass of slide up by 8.0 kg')
+    assert len(readings_of(BASE_TERMS[:1] + BASE_TERMS[-2:], 1)) == 5  # none twice
+
+
+def test_every_reading_has_a_name_of_its_own():
+    readings = readings_of(BASE_TERMS, 4)
+    assert len({name_of_reading(item, REFERENCE) for item in readings}) == len(readings)
+    # none is another one in disguise
+    values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
+    before = Parameters(NAMES, values, np.zeros((4, 6)))
+    moves = np.array([(item.apply(before, 0.01) - values).ravel() for item in readings])
+    moves /= np.linalg.norm(moves, axis=1, keepdims=True)
+    alike = np.abs(moves @ moves.T) - np.eye(len(readings))
+    assert alike.max() < 1.0 - 1e-6
+
+
+def test_drawn_machines_are_changed_as_said():
+    drawn = drawn_machine(5, ('gain of one', 'payload 2'))
+    assert [item.kind for item in drawn.changes] == ['gain of one', 'payload 2']
+    mass = drawn.after.bodies.platform_mass_2 - drawn.before.bodies.platform_mass_2
+    assert mass == pytest.approx(drawn.changes[1].size)

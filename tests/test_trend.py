@@ -1,0 +1,212 @@
+"""A machine over its life: when series step and drift, bags as tasks, what is kept, bad bags."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from test_commands import checked_page, run
+from year import NAMES, YEAR, drawn_year
+
+from par4_dynamics.model import build_model
+from par4_identification.commands import trend
+from par4_identification.outcome.trend import outcome_of_life, sentence_of_event
+from par4_identification.trend import tasks
+from par4_identification.trend.bag_values import EARLIEST, BagValues
+from par4_identification.trend.channels import channels_of
+from par4_identification.trend.course import course_of
+from par4_identification.trend.life import FALSE_ALARMS, life_of
+from par4_kinematics.errors import InputError
+from par4_kinematics.excitation import excitation_motion
+from par4_sim.offline import SECOND, simulate_to_bag
+from par4_sim.simulation import build_simulation
+from robots import REFERENCE
+
+STD = np.array([2e-4, 8e-4, 8e-4, 3e-3, 3e-3, 2e-3])
+"""Of the parameters of a joint, about those of a bag of 20 s."""
+COVARIANCE = np.diag(np.tile(STD ** 2, 4))
+SECONDS = 1_772_000_000
+"""25 February 2026."""
+
+
+def noisy(values, seed, std=1.0):
+    return values + std * np.random.default_rng(seed).normal(size=len(values))
+
+
+# ---------------------------------------------------------------------------------- courses
+
+
+def test_a_step_is_found_where_it_is():
+    t = np.arange(60.0)
+    course = course_of(t, noisy(np.where(t >= 23, 8.0, 0.0), 1), np.ones(60), 1e-4)
+    assert [(item.kind, item.index) for item in course.changes] == [('step', 23)]
+    found = course.changes[0]
+    assert abs(found.step - 8.0) < 4.0 * found.std[0]
+
+
+def test_a_drift_is_found_where_it_begins():
+    t = np.arange(80.0)
+    found = [course_of(t, noisy(np.maximum(t - 30.0, 0.0), seed), np.ones(80), 1e-4).changes
+             for seed in range(20)]
+    assert all(len(changes) == 1 for changes in found)
+    for change, in found:
+        assert change.slope == pytest.approx(1.0, abs=4.5 * change.std[1])
+    assert sum(abs(change.index - 30) <= 2 for change, in found) >= 16
+
+
+def test_one_odd_value_is_no_change():
+    t = np.arange(50.0)
+    values = noisy(np.zeros(50), 3)
+    values[20] += 30.0
+    course = course_of(t, values, np.ones(50), 1e-4)
+    assert course.changes == ()
+    assert [(item.kind, item.index) for item in course.breaks] == [('odd', 20)]
+
+
+def test_a_drift_that_ends_is_no_row_of_odd_values():
+    # eight strong values between flat ones, as wear that a repair ends leaves them
+    t = np.arange(48.0)
+    values = noisy(np.where((t >= 12) & (t < 20), 20.0 * (t - 11.0), 0.0), 4)
+    course = course_of(t, values, np.ones(48), 1e-5)
+    assert all(item.kind != 'odd' for item in course.breaks)
+    assert {item.index for item in course.changes} <= {11, 12, 20}
+    assert len(course.changes) == 2
+
+
+@pytest.mark.parametrize('stated', [1.0, 0.3])
+def test_false_alarms_are_as_rare_as_asked_for(stated):
+    # also where values scatter more than their deviations say
+    series, length, chance = 300, 40, 2e-3
+    alarms = sum(len(course_of(np.arange(length, dtype=float), noisy(np.zeros(length), seed),
+                               np.full(length, stated), chance).breaks)
+                 for seed in range(series))
+    assert alarms <= series * length * chance  # 24 are expected at most
+
+
+def test_seasons_are_no_change():
+    t = np.sort(np.random.default_rng(5).uniform(0.0, YEAR, 150))
+    values = noisy(20.0 * np.sin(2.0 * np.pi * t / YEAR), 5)
+    assert course_of(t, values, np.ones(150), 1e-4, yearly=True).breaks == ()
+    assert course_of(t, values, np.ones(150), 1e-4).breaks  # without them it would be
+
+
+def test_few_values_say_nothing():
+    assert course_of(np.arange(4.0), np.array([0.0, 0.0, 9.0, 9.0]), np.ones(4), 1e-3).breaks == ()
+
+
+# -------------------------------------------------------------------------------------- life
+
+
+def test_weather_moves_what_is_common_and_wear_what_is_one_joints():
+    year = drawn_year(1, bags=60, eventful=False)
+    values = year.values.copy()
+    values[30:, 2, NAMES.index('viscous_friction')] *= 1.2
+    bags = [BagValues(str(number), number, 20.0, NAMES, own, COVARIANCE)
+            for number, own in enumerate(values)]
+    found = {channel.name: channel.values for channel in channels_of(bags)}
+    jump = {joint: np.median(found[f'viscous_friction[{joint}]'][30:])
+            / np.median(found[f'viscous_friction[{joint}]'][:30]) for joint in range(4)}
+    assert jump[2] == pytest.approx(1.2)
+    assert [jump[joint] for joint in (0, 1, 3)] == pytest.approx([1.0] * 3, abs=1e-9)
+    assert np.ptp(found['viscous_friction']) > 0.05  # the seasons
+
+
+def test_a_year_is_told():
+    year = drawn_year(7, bags=120)
+    life = life_of(year.bags(COVARIANCE, np.random.default_rng(7)))
+    places = [int(np.searchsorted(year.t, item.day)) for item in year.happened]
+    told = [event.index for event in life.events]
+    for place in places:
+        assert min(abs(index - place) for index in told) <= 2
+    for index in told:
+        assert min(abs(index - place) for place in places) <= 2
+    wear = next(event for event in life.events if any(
+        part.item.slope > 0.0 and life.channels[part.channel].name
+        == f'viscous_friction[{year.joint}]' for part in event.happenings))
+    sentence = sentence_of_event(life, wear, REFERENCE)
+    assert f'viscous friction of joint {year.joint} began to rise on ' in sentence
+    slope = next(part.item for part in wear.happenings if part.item.slope).slope
+    assert 7.0 * slope == pytest.approx(year.rate, rel=0.1)
+    load = next(event for event in life.events if any(
+        life.channels[part.channel].name.startswith('platform') and part.item.step > 0.0
+        for part in event.happenings))
+    assert 'a payload of ' in sentence_of_event(life, load, REFERENCE)
+    assert 'half plate' in outcome_of_life(life, {}, REFERENCE).sentence or len(told) > 4
+
+
+def test_a_quiet_year_is_quiet():
+    year = drawn_year(8, bags=120, eventful=False)
+    life = life_of(year.bags(COVARIANCE, np.random.default_rng(8)))
+    assert life.events == ()
+    assert outcome_of_life(life, {}, REFERENCE).sentence.startswith('Nothing changed')
+
+
+# ---------------------------------------------------------------------------------- command
+
+
+@pytest.fixture(scope='module')
+def bags(tmp_path_factory):
+    """Return seven short bags, a payload on the last three, a week apart."""
+    folder = tmp_path_factory.mktemp('bags')
+    year = drawn_year(9, bags=7, eventful=False)
+    year.values[4:, :, NAMES.index('platform_mass_1')] += 0.5
+    motion = excitation_motion(REFERENCE, 4.0, 3)
+    for number in range(7):
+        model = build_model(REFERENCE, year.model_file(number, 'paper'))
+        simulation = build_simulation(REFERENCE, model, 'exact', seed=number, torque_noise=0.05)
+        simulate_to_bag(simulation, motion, REFERENCE, folder / f'bag_{number}',
+                        began=(SECONDS + 604_800 * number) * SECOND)
+    undated = build_simulation(REFERENCE, model, 'exact', seed=99)
+    simulate_to_bag(undated, motion, REFERENCE, folder / 'undated')
+    return folder
+
+
+def test_a_payload_is_dated_and_bad_bags_are_said_one_by_one(bags, tmp_path, monkeypatch):
+    (tmp_path / 'broken').mkdir()
+    shutil.copytree(bags / 'bag_1', tmp_path / 'copy')
+    good = [str(bags / f'bag_{number}') for number in range(7)]
+    bad = [str(bags / 'undated'), str(tmp_path / 'broken'), str(tmp_path / 'nowhere'),
+           str(tmp_path / 'copy')]
+    monkeypatch.setattr(tasks, 'FEW', 100)  # in this process
+    output = tmp_path / 'life'
+    done = run(trend, *good, *bad, '--robot', 'reference', '--output', output)
+    assert done.code == 0, done.err
+    assert done.out.count('not used: ') == len(bad)
+    result = json.loads((output / 'trend.json').read_text(encoding='utf-8'))
+    assert result['schema'] == 'par4/trend/1'
+    assert [item['bag'] for item in result['bags']] == good
+    assert {item['bag'] for item in result['refused']} == set(bad)
+    assert all(item['bag'] in item['reason'] for item in result['refused'])
+    assert result['false_alarms_per_bag'] == FALSE_ALARMS
+    event, = result['changes']
+    assert event['bag'] == good[4]
+    assert event['date'].startswith('2026-03-25')
+    assert 'a payload of 0.50 kg at half plate 1' in event['sentence']
+    assert result['sentence'].startswith('On 25 March a payload of 0.50 kg')
+    checked_page(output / 'report.html', 1)
+    # what was seen is not computed again
+    monkeypatch.setattr(trend, 'results_of', lambda _, left, __: iter(
+        [(bag, {'error': 'computed again'}) for bag in left]))
+    assert run(trend, *good, '--robot', 'reference', '--output', output).code == 0
+    again = json.loads((output / 'trend.json').read_text(encoding='utf-8'))
+    assert again['changes'] == result['changes']
+    assert again['refused'] == []
+
+
+def test_no_bag_that_can_be_used(tmp_path):
+    done = run(trend, tmp_path / 'a', '--robot', 'reference', '--output', tmp_path / 'life')
+    assert done.code == 2
+    assert done.err.splitlines()[-1].startswith('error: none of 1 bags can be used')
+    assert not (tmp_path / 'life' / 'trend.json').exists()
+
+
+def test_no_scheduler(monkeypatch):
+    monkeypatch.setattr(tasks, 'REACHED', 1)
+    with pytest.raises(InputError, match='no dask scheduler answers'):
+        list(tasks.results_of(str, ['a bag'], 'tcp://127.0.0.1:9'))
+
+
+def test_undated_stamps_are_those_before_the_year_2000():
+    assert EARLIEST == 946_684_800 * SECOND
