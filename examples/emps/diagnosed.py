@@ -64,7 +64,8 @@ def claims(diagnosis: Diagnosis) -> list[Claim]:
     found = []
     for index, cause in enumerate(diagnosis.causes):
         others = [item for item in diagnosis.hypotheses if item.effect.name != cause.effect.name]
-        ratio = project(diagnosis.evidence, others).gain(diagnosis.hypotheses[index])
+        own = diagnosis.hypotheses[index]
+        ratio = project(diagnosis.evidence, others).gain(own.effect, own.shape)
         found.append(Claim(cause.effect.name, cause.parameters, ratio, cause.p_value, cause.gain,
                            cause.twins))
     return found

@@ -19,11 +19,10 @@ INSIDE = 1.5
 """Cut-off over the frequency up to which they reach."""
 OF_RATE = 0.1
 """Highest cut-off of the torque over the sample rate: its noise is measured above four times it."""
-ROWS = 2.5
-"""Rate of the rows over the cut-off."""
-TREMBLE = 3.0
-"""Low speed over the median size of what the speed has above the band of the torque."""
-SLOWEST = 0.004
+POSITION = 2.0
+"""Cut-off of the positions of an axis over that of its torque: half that of a Par4, as encoders
+and stamps of unknown make are often noisier, and noise would turn the sign of a slow motion."""
+SLOWEST = 0.01
 """Low speed over the speed that a twentieth of the motion exceeds."""
 
 
@@ -81,8 +80,9 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
                              f'{rate:.4g} Hz')
     if chosen.low_speed is not None:
         low_speed = chosen.low_speed
-    position = min(usual.position_cutoff_hz * scale, 0.4 * rate) if scale != 1.0 else (
-        usual.position_cutoff_hz)
+    position = usual.position_cutoff_hz * scale
+    if isinstance(machine, Axis):
+        position = POSITION * cutoff
     return replace(usual, position_cutoff_hz=position, torque_cutoff_hz=cutoff,
                    row_rate_hz=row_rate, low_speed=low_speed)
 
@@ -92,8 +92,8 @@ def _reach(log: Log) -> float:
     frequency, power = _spectrum(log)
     noise = float(np.median(power[frequency > 0.8 * frequency[-1]]))
     above = np.cumsum(np.where(frequency > 0.0, np.maximum(power - 2.0 * noise, 0.0), 0.0))
-    if above[-1] <= 0.0:
-        return 0.0
+    if above[-1] < noise * len(power):
+        return 0.0  # no more than its noise
     return INSIDE * float(frequency[np.searchsorted(above, ENERGY * above[-1])])
 
 
@@ -113,27 +113,23 @@ def _spectrum(log: Log) -> tuple[np.ndarray, np.ndarray]:
 def _low_speeds(log: Log, cutoff: float) -> tuple[float, float]:
     """Return two speeds below which the direction is not known.
 
-    The first is a small part of the speeds of the motion. The second is one step of the position
-    in the time that the filter of the torque remembers, or what the speed trembles above the
-    band of the torque, whichever is more.
+    The first is a small part of the speeds of the motion, the second one step of the position in
+    the time that the filter of the torque remembers.
     """
-    speeds, steps, tremble = [], [], []
+    speeds, steps = [], []
     for segment in log.segments:
         q = log.q[segment]
         if len(q) < 12:
             continue
         steps.append(np.abs(np.diff(q, axis=0)).ravel())
         smooth = low_pass(q, min(4.0 * cutoff, 0.4 / log.period), log.period)
-        speed = central_difference(smooth, log.period)
-        speeds.append(np.abs(speed).ravel())
-        tremble.append(np.abs(speed - low_pass(speed, cutoff, log.period)).ravel())
+        speeds.append(np.abs(central_difference(smooth, log.period)).ravel())
     if not speeds:
         return np.inf, 0.0
     step, speed = np.concatenate(steps), np.concatenate(speeds)
     moved = step[step > 1e-12]
     return (SLOWEST * float(np.quantile(speed, 0.95)),
-            max(cutoff * _count(moved) if len(moved) else 0.0,
-                TREMBLE * float(np.median(np.concatenate(tremble)))))
+            cutoff * _count(moved) if len(moved) else 0.0)
 
 
 def _count(steps: np.ndarray) -> float:

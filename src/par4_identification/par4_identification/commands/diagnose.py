@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import click
@@ -11,16 +11,18 @@ from rich.console import Console
 
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile, read_model_file
+from par4_identification.axis_gravity import with_gravity_told
 from par4_identification.changes.changes import (
     Changes,
     changes_between,
     changes_since_model,
     model_of_bags,
 )
+from par4_identification.commands.conditioning import conditioning_options
 from par4_identification.commands.identify import distinct_bags
 from par4_identification.confrontation import confront_diagnosis, model_after
 from par4_identification.diagnosis.answer import Diagnosis
-from par4_identification.diagnosis.diagnosis import diagnose
+from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.next_experiment import next_experiment
 from par4_identification.log import Log, read_log
 from par4_identification.outcome.changes import (
@@ -38,6 +40,7 @@ from par4_identification.outcome.next_experiment import MOTION_FILE
 from par4_identification.outcome.outcome import over_joints
 from par4_identification.outcome.results import model_in_units, provenance
 from par4_identification.outcome.setup import setup_json, setup_lines, with_setup
+from par4_identification.scales import Chosen, conditioning_for
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.unusable import diagnosed_if_sound, sound_or_refused
 from par4_kinematics.errors import InputError
@@ -84,10 +87,12 @@ class GreedyBags(click.Command):
               help='folder for diagnosis.json, extended_model.yaml, report.html and, where names '
                    'could not be told apart, motion.yaml')
 @click.option('--namespace', default=None, help='that the topics sit under')
+@conditioning_options
 @click.option('--simulate/--no-simulate', default=True, show_default=True,
               help='run the motion held out through the pybullet plant, the model before and after')
 def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple[str, ...],
                   robot: str, model: str | None, output: Path, namespace: str | None,
+                  cutoff: float | None, rows: float | None, low_speed: float | None,
                   simulate: bool) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
     machine = read_machine(robot)
@@ -102,14 +107,18 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
             logs.append(read_log(bag, machine, namespace))
         status.update('looking for mistakes of the setup')
         own = len(bags) + len(holdout)
+        chosen = Chosen(cutoff, rows, low_speed)
+        machine = with_gravity_told(machine, logs[:own], conditioning_for(
+            logs[:own], machine, CONDITIONING, chosen))
         earlier = Earlier.of(logs[own:], machine, baseline) if before else None
         if earlier is not None:
             baseline, known = earlier.model_file, build_model(machine, earlier.model_file)
         check = check_setup(logs[:own], machine, known)
         logs, machine = check.logs, check.machine
+        conditioning = conditioning_for(logs, machine, CONDITIONING, chosen)
         diagnosis = diagnosed_if_sound(check, lambda sound: diagnose(
             sound.logs[:len(bags)], sound.machine, baseline, sound.logs[len(bags):],
-            progress=status.update))
+            conditioning=conditioning, progress=status.update))
         experiment = confrontation = extended = changes = None
         untold: tuple[Remark, ...] = ()
         if isinstance(diagnosis, Diagnosis):
@@ -140,7 +149,7 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
             outcome = replace(outcome, first=(*outcome.first, *earlier.setup_lines))
         origin = provenance('par4_diagnose', machine, (*bags, *holdout, *before),
                             {'holdout': holdout, 'before': before, 'model': model,
-                             'namespace': namespace})
+                             'namespace': namespace, **asdict(conditioning)})
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
         from par4_identification.report import report_of_diagnosis

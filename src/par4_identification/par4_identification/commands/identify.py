@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import click
@@ -13,6 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from par4_dynamics.model import build_model, read_model
+from par4_identification.axis_gravity import with_gravity_told
+from par4_identification.commands.conditioning import conditioning_options
 from par4_identification.diagnosis.floor import noise_floor
 from par4_identification.identification import ESTIMATORS, Fitting, identify
 from par4_identification.log import read_log
@@ -26,6 +28,8 @@ from par4_identification.outcome.identification import (
 from par4_identification.outcome.loads import known_payloads, weighed_payload
 from par4_identification.outcome.results import model_in_units, provenance
 from par4_identification.outcome.setup import setup_json, with_setup
+from par4_identification.rows import Conditioning
+from par4_identification.scales import Chosen, conditioning_for
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.unusable import sound_or_refused
 from par4_kinematics.errors import InputError
@@ -55,6 +59,7 @@ from par4_sim.report.words import in_words, listed, percent, with_std
               help='one of the bags, recorded with a payload: its mass and half plate are '
                    'estimated, the parameters come from the other bags')
 @click.option('--namespace', default=None, help='that the topics sit under')
+@conditioning_options
 @click.option('--compare-true', default=None, metavar='MODEL',
               help='model of a simulated machine, shown beside what was identified')
 @click.option('--report/--no-report', default=True, show_default=True,
@@ -62,6 +67,7 @@ from par4_sim.report.words import in_words, listed, percent, with_std
 def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: str,
                   estimator: str, per_joint: bool, offsets: bool, payload: tuple[str, ...],
                   unknown_payload: tuple[str, ...], namespace: str | None,
+                  cutoff: float | None, rows: float | None, low_speed: float | None,
                   compare_true: str | None, report: bool) -> None:
     """Identify the parameters of equation (20) from measured bags."""
     machine = read_machine(robot)
@@ -77,16 +83,20 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
             logs.append(read_log(bag, machine, namespace))
         status.update('looking for mistakes of the setup')
         check = check_setup(logs, machine)
-        logs, machine = check.logs, check.machine
+        logs = check.logs
+        conditioning = conditioning_for(logs, check.machine, Conditioning(),
+                                        Chosen(cutoff, rows, low_speed))
+        machine = with_gravity_told(check.machine, logs, conditioning)
         status.update('identifying')
         bare = [log for log in logs if log.name not in loaded]
         identification = sound_or_refused(check, lambda: identify(
-            bare, machine, rigid_body, masses, fitting=Fitting(estimator, per_joint, offsets)))
+            bare, machine, rigid_body, masses, conditioning,
+            Fitting(estimator, per_joint, offsets)))
         model_file = model_in_units(identification.model_file(provenance(
             'par4_identify', machine, bags,
             {'rigid_body': rigid_body, 'payload': masses, 'unknown_payload': loaded,
              'namespace': namespace, 'estimator': estimator, 'per_joint': per_joint,
-             'offsets': offsets})), machine)
+             'offsets': offsets, **asdict(conditioning)})), machine)
         status.update('measuring the noise floor')
         floor = noise_floor(identification.runs, machine, build_model(machine, model_file))
         status.update('weighing payloads')
@@ -98,13 +108,13 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
         outcome = outcome_of_identification(identification, floor, machine, bare)
         outcome = with_setup(replace(outcome, remarks=(*outcome.remarks, *found)), check,
                              'identification')
-        rows = table_of_parameters(identification, machine, truth)
+        table = table_of_parameters(identification, machine, truth)
         page = None
         if report:
             status.update('drawing the report')
             # the plot library is slow to load, and some homes make it talk on stderr
             from par4_identification.report import report_of_identification
-            page = report_of_identification(identification, outcome, rows, floor, machine, logs,
+            page = report_of_identification(identification, outcome, table, floor, machine, logs,
                                             model_file.provenance)
         write_results(output, {
             'model.yaml': model_file,
@@ -115,7 +125,7 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
     console = Console(highlight=False)
     for line in outcome.first:
         console.print(line, soft_wrap=not console.is_terminal, markup=False)
-    console.print(terminal_table(rows))
+    console.print(terminal_table(table))
     findings = [remark.text for remark in (*estimator_remarks(identification, machine), *found)
                 if remark.good]
     reservations = [f'- {remark.text} {remark.advice}'.rstrip() for remark in outcome.remarks

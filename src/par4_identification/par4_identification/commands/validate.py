@@ -9,12 +9,14 @@ from rich.console import Console
 
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import read_model_file
+from par4_identification.commands.conditioning import conditioning_options
 from par4_identification.diagnosis.floor import noise_floor
 from par4_identification.log import read_log
 from par4_identification.outcome.results import bag_sha256, bags_of
 from par4_identification.outcome.setup import setup_json, with_setup
 from par4_identification.outcome.validation import outcome_of_validation, validation_json
-from par4_identification.rows import runs_of_log
+from par4_identification.rows import Conditioning, runs_of_log
+from par4_identification.scales import Chosen, conditioning_for
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.unusable import sound_or_refused
 from par4_identification.validation import validate
@@ -30,7 +32,9 @@ from par4_sim.report.results import refuse_unwritable, write_results
 @click.option('--output', required=True, type=click.Path(path_type=Path),
               help='folder for validation.json and report.html')
 @click.option('--namespace', default=None, help='that the topics sit under')
-def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str | None) -> None:
+@conditioning_options
+def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str | None,
+                 cutoff: float | None, rows: float | None, low_speed: float | None) -> None:
     """Cross-validate a model on a bag that it was not identified from."""
     machine = read_machine(robot)
     model_file = read_model_file(model)
@@ -43,8 +47,10 @@ def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str 
         (log,), machine = check.logs, check.machine
         built = build_model(machine, model_file)
         status.update('calculating the torque')
-        validation = sound_or_refused(check, lambda: validate(log, machine, built))
-        runs = runs_of_log(log, machine)
+        conditioning = conditioning_for([log], machine, Conditioning(),
+                                        Chosen(cutoff, rows, low_speed))
+        validation = sound_or_refused(check, lambda: validate(log, machine, built, conditioning))
+        runs = runs_of_log(log, machine, conditioning)
         floor = noise_floor(runs, machine, built)
         seen = bag_sha256(bag) in bags_of(model_file)
         outcome = with_setup(outcome_of_validation(validation, floor, machine, log, seen), check,

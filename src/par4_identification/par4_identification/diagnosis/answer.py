@@ -122,6 +122,7 @@ class Diagnosis:
         fit_runs: rows that were fitted.
         evidence: these rows, whitened.
         hypotheses: of the named causes, in their order.
+        left_out: base parameters that the motion does not show.
         doubts: what is unnamed or nearly passes as a cause, and what else it may be.
         effects: what their names stand for.
     """
@@ -138,5 +139,6 @@ class Diagnosis:
     fit_runs: tuple[Run, ...]
     evidence: Evidence
     hypotheses: tuple[Hypothesis, ...]
+    left_out: tuple[str, ...] = ()
     doubts: tuple[Pair, ...] = ()
     effects: Mapping[str, Effect] = field(default_factory=lambda: CATALOGUE)

@@ -22,8 +22,8 @@ from par4_identification.diagnosis.shapes import (
 )
 from par4_identification.diagnosis.swing import GRID, compliances
 
-ONE_WAY = 0.05
-"""Share of the rows that must go either way for a difference between the directions to show."""
+ONE_WAY = 0.1
+"""Share of the travel that must go either way for a difference between the directions to show."""
 
 
 @dataclass(frozen=True)
@@ -108,11 +108,10 @@ class Candidates:
 
 
 def goes_both_ways(observations: Observations) -> bool:
-    """Return whether a joint moves forward in some rows and backward in some, not in a few only."""
-    forward, moving = (sum((run.valid & side(run.speed)).sum(axis=0) for run in observations.runs)
-                       for side in (lambda speed: speed > 0.0, lambda speed: speed != 0.0))
-    share = forward / np.maximum(moving, 1)
-    return bool(np.any(np.minimum(share, 1.0 - share) > ONE_WAY))
+    """Return whether a joint travels both ways, not only jerks back now and then."""
+    forward, backward = (sum(np.sum(np.where(run.valid, np.maximum(side * run.speed, 0.0), 0.0),
+                                    axis=0) for run in observations.runs) for side in (1.0, -1.0))
+    return bool(np.any(np.minimum(forward, backward) > ONE_WAY * (forward + backward)))
 
 
 def price_of_shapes(candidate: Candidate) -> float:

@@ -182,7 +182,9 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         search = _search(observations, heldout, whitener, applicable, rules,
                          moved.with_nominal(better), kinds, search.pool.evidence if same else None)
         model = search.run(tuple(named))
-    return _answer(search, model, machine, baseline, rigid_body, effects, tuple(fit_runs), progress)
+    answer = _answer(search, model, machine, baseline, rigid_body, effects, tuple(fit_runs),
+                     progress)
+    return replace(answer, left_out=start.left_out)
 
 
 def _search(observations: Observations, heldout: Observations, whitener: Whitener,

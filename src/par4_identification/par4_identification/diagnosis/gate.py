@@ -17,14 +17,14 @@ WORST_STD = 0.3
 
 
 def unusable(observations: Observations, identification: Identification,
-             target: Sequence[np.ndarray]) -> list[str]:
+             target: Sequence[np.ndarray] | None = None) -> list[str]:
     """Return why the data cannot carry a diagnosis, each with what to do; empty if they can.
 
     Args:
         observations: rows to fit.
         identification: their base parameters.
-        target: what these were fitted to, (m, J) of each run: the torque, or less than it where
-            the rest is known to be bound to the position.
+        target: what these were fitted to, (m, J) of each run, where that is less than the torque
+            because the rest is known to be bound to the position.
     """
     reasons, runs = [], observations.runs
     rows = sum(run.valid.sum(axis=0) for run in runs)
@@ -38,7 +38,7 @@ def unusable(observations: Observations, identification: Identification,
     if friction < 0:
         reasons.append('friction comes out driving the joints instead of braking them; check the '
                        'sign of torque and position')
-    bound = any(part is not own for part, own in zip(target, observations.target))
+    bound = target is not None
     error = _error_beside(observations, identification) if bound else estimate.relative_error
     if error > WORST_ERROR and (bound or _error_in_motion(observations) > WORST_ERROR):
         reasons.append(f'the rigid bodies explain only {1 - error:.0%} of the '

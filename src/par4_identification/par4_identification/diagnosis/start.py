@@ -56,11 +56,11 @@ class Start:
 
 def start_of(observations: Observations, rigid_body: str, rules: Rules) -> Start:
     """Return where a diagnosis of these rows starts."""
-    start = _start(observations, observations.target, rigid_body)
+    start = _start(observations, None, rigid_body)
     if not start.reasons or observations.runs[0].state.geometry is not None:
         return start
     for bound in (False, True):
-        target = _without_periodic(observations, rules) if bound else observations.target
+        target = _without_periodic(observations, rules) if bound else None
         again = _start(observations, target, rigid_body)
         if again.reasons and _hides_inertia(again):
             again = _start(observations.without(INERTIA), target, rigid_body, (INERTIA,))
@@ -81,11 +81,13 @@ def alike(heldout: Observations, observations: Observations) -> Observations:
         for run in heldout.runs))
 
 
-def _start(observations: Observations, target: Sequence[np.ndarray], rigid_body: str,
+def _start(observations: Observations, target: Sequence[np.ndarray] | None, rigid_body: str,
            left_out: tuple[str, ...] = ()) -> Start:
+    """Return where a diagnosis starts that fits the base terms to `target`, by default all."""
     try:
-        identification = identify_runs(observations.runs, target, observations.base, rigid_body,
-                                       terms=observations.terms)
+        identification = identify_runs(
+            observations.runs, observations.target if target is None else target,
+            observations.base, rigid_body, terms=observations.terms)
     except InputError as error:
         return Start(observations, None, left_out, (str(error),))
     return Start(observations, identification, left_out,

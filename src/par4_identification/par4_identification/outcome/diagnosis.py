@@ -249,6 +249,19 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
                 advice(cause.effect.name, experiment)
                 or 'To tell such names apart, add a bag of slow wide sweeps and one with a known '
                 'payload.'))
+    if diagnosis.left_out:
+        names = listed([in_words(name) for name in diagnosis.left_out])
+        remarks.append(Remark(
+            False, f'The motion does not show the {names}; it is left out and counts as zero.',
+            'Record faster motions, or give a model that knows it.'))
+    if isinstance(machine, Axis):
+        used = diagnosis.fit_runs[0].conditioning
+        remarks.append(Remark(
+            True, f'Filters chosen for these data: torque below {number(used.torque_cutoff_hz, 3)} '
+            f'Hz, positions below {number(used.position_cutoff_hz, 3)} Hz, '
+            f'{number(used.row_rate_hz, 3)} rows a second, friction above '
+            f'{number(used.low_speed, 2)} {unit_on(machine, "rad/s")}; --cutoff, --rows and '
+            f'--low-speed set them.'))
     if diagnosis.verdict == 'clean':
         remarks.append(Remark(True, 'Effects below the noise floor of these data, and those that '
                                     'the base parameters swallow, are not excluded.'))

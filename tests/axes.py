@@ -1,0 +1,82 @@
+"""Simulated axes like those that others measured: a motor that a controller turns, with cogging.
+
+The plant is stepped in time with its own physics and its own sums of sines; nothing of the
+effects of the library is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from par4_identification.log import Log
+
+STEP = 5e-4
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A motor in SI units.
+
+    Attributes:
+        inertia, coulomb, viscous: of the rotor, kg m2, N m, N m s/rad.
+        lines: order -> amplitude and phase of the cogging, N m and rad.
+        hanging: weight times lever, N m; zero angle hangs down.
+    """
+
+    inertia: float
+    coulomb: float
+    viscous: float
+    lines: dict[int, tuple[float, float]] = field(default_factory=dict)
+    hanging: float = 0.0
+
+    def cogging(self, q):
+        """Return the torque that the motor needs against its cogging, N m."""
+        return sum((size * np.sin(order * q + phase)
+                    for order, (size, phase) in self.lines.items()), np.zeros_like(q))
+
+
+def recorded(motor: Motor, reference, duration: float, rate: float, counts: int = 20000,
+             noise: float = 1e-5, seed: int = 0, stiffness: float | None = None) -> Log:
+    """Return the log of a motor under position and speed control along `reference(t)`.
+
+    Args:
+        motor: the plant.
+        reference: position asked for at a time, rad.
+        duration: s.
+        rate: of the samples, Hz.
+        counts: of the encoder, a turn.
+        noise: of the torque, rms, N m.
+        seed: of the noise.
+        stiffness: of the loop, rad/s; how fast it follows.
+    """
+    loop = 60.0 if stiffness is None else stiffness
+    position_gain, speed_gain = motor.inertia * loop ** 2, 2.0 * motor.inertia * loop
+    orders = np.array(list(motor.lines), dtype=float)
+    sizes = np.array([size for size, _ in motor.lines.values()])
+    phases = np.array([phase for _, phase in motor.lines.values()])
+    t = STEP * np.arange(round(duration / STEP))
+    asked = reference(t)
+    speed = np.gradient(asked, STEP)
+    acceleration = np.gradient(speed, STEP)
+    q, qd = float(asked[0]), float(speed[0])
+    positions, torques = np.empty_like(t), np.empty_like(t)
+    for index in range(len(t)):
+        needed = (sizes @ np.sin(orders * q + phases) + motor.hanging * np.sin(q)
+                  + motor.viscous * qd)
+        # the loop has an observer of the load, as slow loops of real drives have an integral part
+        torque = (needed + motor.coulomb * np.tanh(qd / 1e-3)
+                  + motor.inertia * acceleration[index]
+                  + position_gain * (asked[index] - q) + speed_gain * (speed[index] - qd))
+        positions[index], torques[index] = q, torque
+        qdd = (torque - needed - motor.coulomb * np.tanh(qd / 1e-3)) / motor.inertia
+        qd += STEP * qdd
+        q += STEP * qd
+    every = round(1.0 / (rate * STEP))
+    random = np.random.default_rng(seed)
+    t, q, tau = t[::every], positions[::every], torques[::every]
+    q = np.round(q * counts / (2.0 * np.pi)) * (2.0 * np.pi / counts)
+    tau = tau + noise * random.standard_normal(len(tau))
+    return Log(f'axis {seed}', ('motor',), 1, every * STEP, t, q[:, None], tau[:, None],
+               (slice(0, len(t)),), None, None)

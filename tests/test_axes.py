@@ -1,0 +1,285 @@
+"""Axes as others measured them: synthetic twins always, the measured ones where they are at hand.
+
+PAR4_AXES_DATA gives the folder of the measured archives; docs/measured.md says what they are.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from axes import Motor, recorded
+from click.testing import CliRunner
+
+from par4_dynamics.base_terms import base_columns, base_terms, torque_of_values
+from par4_dynamics.effects.presliding import Presliding
+from par4_dynamics.model import build_model
+from par4_dynamics.model_file import ModelFile
+from par4_dynamics.state import State
+from par4_identification.axis_gravity import with_gravity_told
+from par4_identification.commands.bag import make_bag
+from par4_identification.commands.diagnose import diagnose_bags
+from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
+from par4_identification.identification import identify
+from par4_identification.outcome.diagnosis import outcome_of_diagnosis, source_of_order
+from par4_identification.rows import Conditioning
+from par4_identification.scales import Chosen, conditioning_for
+from par4_identification.setup_check.check import check_setup
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import Axis
+from robots import REFERENCE
+
+VARIABLE = 'PAR4_AXES_DATA'
+DRIVER = Motor(4.7e-6, 0.002, 1e-5, {72: (0.0047, -2.6), 18: (0.0010, 0.2)})
+HEALTHY = replace(DRIVER, lines={})
+BARE = Motor(2e-5, 0.015, 1e-3, {7: (0.048, -0.3), 14: (0.016, 3.0), 28: (0.021, 0.0),
+                                 84: (0.006, 1.0)})
+PENDULUM = Motor(5e-3, 0.04, 0.02, hanging=0.48)
+
+
+def axis(**facts):
+    """Return an axis that turns, with facts of its nameplate."""
+    return Axis.model_validate({'schema': 'par4/axis/1', 'name': 'axis', 'joint': 'motor',
+                                'kind': 'revolute', 'gain': 1.0, **facts})
+
+
+def diagnosed(fit, heldout, machine):
+    """Return the diagnosis of logs with the scales that suit them."""
+    conditioning = conditioning_for([*fit, *heldout], machine, CONDITIONING)
+    return diagnose(fit, machine, holdout_logs=heldout, conditioning=conditioning)
+
+
+def speeds(t):
+    """Return positions at about a turn a second, now faster, now slower."""
+    return 5.3 * t + 1.0 * np.sin(1.1 * t)
+
+
+def there_and_back(t):
+    """Return positions that go slowly over a turn and back."""
+    return 1.02 * np.pi * (1.0 - np.cos(2.0 * np.pi * t / 24.0))
+
+
+# --------------------------------------------------------------------------------- base terms
+
+
+@pytest.mark.parametrize(('kind', 'names'), [
+    ('revolute', ['gravity_sine', 'gravity_cosine']), ('linear', ['gravity_load'])])
+def test_a_hanging_axis_has_columns_that_sum_to_its_torque(kind, names):
+    machine = axis(kind=kind, gravity='vertical')
+    random = np.random.default_rng(3)
+    state = State(np.arange(50.0), *random.normal(size=(3, 50, 1)), hanging=machine.hanging)
+    assert [term.name for term in base_terms(state)][3:] == names
+    values = {term.name: random.normal() for term in base_terms(state)}
+    expected = base_columns(state) @ np.array(list(values.values()))
+    np.testing.assert_allclose(torque_of_values(state, values), expected)
+    # the load is a function of the pose alone, the slope of an energy
+    rest = replace(state, qd=np.zeros((50, 1)), qdd=np.zeros((50, 1)))
+    step = 1e-5
+    energy = {'gravity_sine': lambda q: -np.cos(q), 'gravity_cosine': np.sin,
+              'gravity_load': lambda q: q}
+    slope = sum(values[name] * (energy[name](rest.q + step) - energy[name](rest.q - step))
+                / (2.0 * step) for name in names)
+    np.testing.assert_allclose(torque_of_values(rest, values), slope, atol=1e-8)
+
+
+def test_a_robot_refuses_the_load_of_an_axis():
+    numbers = {name: {'value': 1.0} for name in (
+        'actuator_inertia', 'platform_mass_1', 'platform_mass_2', 'arm_gravity',
+        'coulomb_friction', 'viscous_friction', 'gravity_sine')}
+    model = ModelFile.model_validate({'schema': 'par4/model/1', 'parameters': numbers})
+    with pytest.raises(InputError, match='gravity_sine is of a single axis'):
+        build_model(REFERENCE, model)
+
+
+@pytest.fixture(scope='module')
+def pendulum():
+    """Return the log of a servo that swings a weight."""
+    return recorded(PENDULUM, lambda t: 0.9 * np.sin(2.0 * t) + 0.4 * np.sin(5.3 * t), 12.0, 500.0,
+                    noise=2e-3, stiffness=30.0)
+
+
+def test_the_data_tell_whether_an_axis_hangs(pendulum):
+    machine = axis(gravity='unknown')
+    conditioning = conditioning_for([pendulum], machine, Conditioning())
+    told = with_gravity_told(machine, [pendulum], conditioning)
+    assert told.gravity == 'vertical'
+    found = identify([pendulum], told, conditioning=conditioning)
+    assert found.parameters['gravity_sine'].value == pytest.approx(PENDULUM.hanging, rel=0.02)
+    assert abs(found.parameters['gravity_cosine'].value) < 0.01
+    level = recorded(replace(PENDULUM, hanging=0.0), lambda t: 0.9 * np.sin(2.0 * t)
+                     + 0.4 * np.sin(5.3 * t), 12.0, 500.0, noise=2e-3, stiffness=30.0)
+    assert with_gravity_told(machine, [level], conditioning).gravity == 'none'
+
+
+# --------------------------------------------------------------------------- scales of the data
+
+
+@pytest.mark.parametrize('usual', [CONDITIONING, Conditioning()])
+def test_a_par4_keeps_its_filters(usual):
+    # whatever its torque holds
+    assert conditioning_for([recorded(DRIVER, speeds, 1.0, 1000.0)], REFERENCE, usual) == usual
+
+
+def test_a_line_above_the_usual_filter_is_let_through():
+    fast = recorded(DRIVER, speeds, 6.0, 1000.0)
+    still = recorded(HEALTHY, speeds, 6.0, 1000.0)
+    line = 72 * 5.3 / (2.0 * np.pi)
+    assert conditioning_for([fast], axis(), CONDITIONING).torque_cutoff_hz > 1.2 * line
+    assert conditioning_for([still], axis(), CONDITIONING).torque_cutoff_hz == pytest.approx(40.0)
+
+
+def test_what_a_user_sets_rules_and_what_samples_do_not_carry_is_refused():
+    log = recorded(HEALTHY, speeds, 3.0, 500.0)
+    own = conditioning_for([log], axis(), CONDITIONING, Chosen(20.0, 80.0, 0.3))
+    assert (own.torque_cutoff_hz, own.row_rate_hz, own.low_speed) == (20.0, 80.0, 0.3)
+    with pytest.raises(InputError, match='--cutoff 150 Hz asked of samples at 500 Hz'):
+        conditioning_for([log], axis(), CONDITIONING, Chosen(cutoff_hz=150.0))
+    with pytest.raises(InputError, match='--rows'):
+        conditioning_for([log], axis(), CONDITIONING, Chosen(row_rate_hz=50.0))
+
+
+# --------------------------------------------------------------------------------------- names
+
+
+def test_cogging_of_a_driver_is_named_with_its_size_and_phase():
+    found = diagnosed([recorded(DRIVER, speeds, 8.0, 1000.0)],
+                      [recorded(DRIVER, lambda t: 4.6 * t, 5.0, 1000.0, seed=1)], axis())
+    assert [cause.effect.name for cause in found.causes] == ['cogging']
+    parameters = found.causes[0].parameters
+    orders = parameters['periods'].value
+    assert 72.0 in orders
+    assert 18.0 in orders
+    assert len(orders) <= 4
+    for order, (size, phase) in DRIVER.lines.items():
+        place = orders.index(order)
+        assert parameters['amplitude'].value[place] == pytest.approx(size, rel=0.1)
+        turned = np.angle(np.exp(1j * (parameters['phase'].value[place] - phase)))
+        assert abs(np.degrees(turned)) < 10.0
+    # the model file says the same torque
+    model = build_model(axis(), found.extended_model)
+    q = np.linspace(0.0, 2.0 * np.pi, 400)[:, None]
+    state = State(np.arange(400.0), q, np.zeros_like(q), np.zeros_like(q))
+    own = model.effects[-1].torque(state)[:, 0]
+    assert np.linalg.norm(own - DRIVER.cogging(q[:, 0])) < 0.1 * np.linalg.norm(own)
+
+
+def test_the_same_driver_without_cogging_is_not_accused():
+    found = diagnosed([recorded(HEALTHY, speeds, 8.0, 1000.0)],
+                      [recorded(HEALTHY, lambda t: 4.6 * t, 5.0, 1000.0, seed=1)], axis())
+    assert found.verdict in ('clean', 'unusable_data')
+    assert not getattr(found, 'causes', ())
+
+
+def test_a_torque_that_is_mostly_cogging_is_no_junk():
+    first = recorded(BARE, there_and_back, 24.0, 500.0, counts=8192, noise=1e-3)
+    second = recorded(BARE, lambda t: there_and_back(1.3 * t + 2.0), 18.0, 500.0, counts=8192,
+                      noise=1e-3, seed=1)
+    machine = axis(pole_pairs=7)
+    found = diagnosed([first], [second], machine)
+    assert [cause.effect.name for cause in found.causes] == ['cogging']
+    assert set(BARE.lines) <= {int(order) for order in found.causes[0].parameters['periods'].value}
+    before, after = found.holdout.baseline_rms[0], found.holdout.extended_rms[0]
+    assert after < 0.2 * before
+    sentence = outcome_of_diagnosis(found, machine).sentence
+    assert '84 periods a turn, 12 times the motor\'s pole pairs' in sentence
+
+
+def test_noise_is_still_junk():
+    log = recorded(BARE, there_and_back, 12.0, 500.0, counts=8192)
+    noise = 0.05 * np.random.default_rng(0).standard_normal(log.tau.shape)
+    found = diagnosed([replace(log, tau=noise)], [], axis())
+    assert found.verdict == 'unusable_data'
+    assert any('explain only' in reason for reason in found.reasons)
+
+
+def test_no_time_is_right_for_a_torque_that_no_time_explains():
+    log = recorded(BARE, there_and_back, 24.0, 500.0, counts=8192)
+    findings = [item.finding for item in check_setup([log], axis()).findings]
+    assert 'delay' not in findings
+    assert 'clock_drift' not in findings
+
+
+@pytest.mark.parametrize(('order', 'facts', 'words'), [
+    (7.0, {'pole_pairs': 7}, 'the motor\'s pole pairs'),
+    (12.0, {'pole_pairs': 7}, 'as of the motor\'s slots'),
+    (202.0, {'gear_ratio': 101.0}, '2 in a turn of the motor, as of its slots'),
+    (101.0, {'gear_ratio': 101.0}, 'a turn of the motor'),
+    (707.0, {'gear_ratio': 101.0, 'pole_pairs': 7}, 'the motor\'s pole pairs'),
+    (150.0, {'gear_ratio': 101.0}, 'of the gear or the encoder behind it'),
+    (72.0, {}, None)])
+def test_the_nameplate_tells_where_an_order_comes_from(order, facts, words):
+    assert source_of_order(order, axis(**facts)) == words
+
+
+def test_friction_never_builds_up_where_a_joint_only_jerks_back():
+    t = np.arange(0.0, 20.0, 1e-3)
+    still = np.zeros((len(t), 1))
+    one_way = (0.3 * t + 2e-3 * np.sin(40.0 * t))[:, None]
+    both = np.sin(t)[:, None]
+    assert Presliding().shapes(State(t, one_way, still, still)) == ()
+    assert len(Presliding().shapes(State(t, both, still, still))) > 5
+
+
+# --------------------------------------------------------------------------------- measured axes
+
+
+@pytest.fixture(scope='module')
+def archives():
+    """Return the folder of the measured archives."""
+    if VARIABLE not in os.environ:
+        pytest.skip(f'{VARIABLE} is not set')
+    return Path(os.environ[VARIABLE])
+
+
+def named(folder: Path, arguments: list[str], robot: str, bags: list[str], holdout: list[str]
+          ) -> dict:
+    """Return diagnosis.json of runs of an archive, through bags and the shipped commands."""
+    (folder / 'robot.yaml').write_text(robot)
+    for bag in (*bags, *holdout):
+        array, _, span = bag.partition(' ')
+        between = ['--between', *span.split()] if span else []
+        CliRunner().invoke(make_bag, [*arguments, '--array', array, '--joints', 'motor', *between,
+                                      '--output', str(folder / bag.replace(' ', '_'))],
+                           catch_exceptions=False)
+    heldout = ['--holdout', *(str(folder / bag.replace(' ', '_')) for bag in holdout)]
+    CliRunner().invoke(diagnose_bags, [
+        *(str(folder / bag.replace(' ', '_')) for bag in bags), '--robot',
+        str(folder / 'robot.yaml'), '--output', str(folder / 'out'), *(heldout if holdout else [])],
+        catch_exceptions=False)
+    return json.loads((folder / 'out' / 'diagnosis.json').read_text())
+
+
+LAAS = 'schema: par4/axis/1\nname: laas\njoint: motor\nkind: revolute\ngain: 1.0\n'
+LAAS_COLUMNS = ['--columns', 'time=1:s position=2:rad velocity=3:rad/s torque=5:A',
+                '--motor-gain', '0.025']
+
+
+def test_measured_driver_has_cogging_of_72_periods(archives, tmp_path):
+    found = named(tmp_path, [str(archives / 'laas.npz'), *LAAS_COLUMNS], LAAS,
+                  ['speed_test 8.01 40'], [])
+    assert [cause['effect'] for cause in found['causes']] == ['cogging']
+    parameters = found['causes'][0]['parameters']
+    strongest = int(np.argmax(parameters['amplitude']['value']))
+    assert parameters['periods']['value'][strongest] == 72.0
+    assert 0.15 < parameters['amplitude']['value'][strongest] / 0.025 < 0.21
+
+
+def test_measured_driver_at_high_speed_is_given_no_name(archives, tmp_path):
+    found = named(tmp_path, [str(archives / 'laas.npz'), '--columns',
+                             'time=1:s position=2:rad torque=4:A', '--motor-gain', '0.025'], LAAS,
+                  ['accel'], [])
+    assert found['causes'] == []
+
+
+def test_measured_bare_motor_has_cogging_of_its_poles_and_slots(archives, tmp_path):
+    found = named(tmp_path, [str(archives / 'odrive.npz'), '--columns',
+                             'time=1:s position=2:counts torque=3:A', '--counts-per-turn', '8192',
+                             '--motor-gain', '0.0551'], LAAS + 'pole_pairs: 7\n',
+                  ['slow2_slower__nocomp_0'], ['slow2_slower__comp_0'])
+    assert [cause['effect'] for cause in found['causes']] == ['cogging']
+    assert {7.0, 12.0, 14.0, 28.0, 36.0} <= set(found['causes'][0]['parameters']['periods'][
+        'value'])
