@@ -13,6 +13,7 @@ from scipy.signal import lfilter
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
 from par4_identification.diagnosis.candidates import Candidates
+from par4_identification.diagnosis.estimates import effect_parameters, estimated
 from par4_identification.diagnosis.evidence import (
     Hypothesis,
     flat_whitener,
@@ -183,6 +184,23 @@ def test_what_no_name_explains_has_a_kind(effect, values, kinds):
     model = search_of((effect, values)).run()
     assert model
     assert model[0].effect.name in kinds
+
+
+@pytest.mark.parametrize('joints', [EVERY, (1, 2)])
+def test_the_orders_of_a_periodic_torque_are_one_cause(joints):
+    amplitude = np.where(np.isin(EVERY, joints), 1.0, 0.0)
+    search = search_of(('cogging', {**COGGING, 'amplitude': tuple(0.3 * amplitude)}),
+                       ('cogging', {**COGGING, 'amplitude': tuple(0.2 * amplitude),
+                                    'periods': 54.0}), library=('cogging', 'torque_offset'))
+    found, = search.run()
+    assert (found.shape, found.joints) == ({'periods': (31.0, 54.0)}, joints)
+    fit = search.pool.solution((found,))
+    values, std = estimated(search.pool.evidence, found, fit, 0)
+    expected = np.array([(0.3, 0.2)] * len(joints))
+    np.testing.assert_allclose(values['amplitude'], expected, rtol=0.05)
+    assert np.all(np.abs(values['amplitude'] - expected) < 5.0 * std['amplitude'])
+    assert effect_parameters(search.pool.evidence, found, fit, 0)['amplitude'].value == (
+        tuple(values['amplitude'][:, 0]), tuple(values['amplitude'][:, 1]))
 
 
 # -------------------------------------------------------------------------------------- joints

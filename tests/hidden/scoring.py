@@ -50,7 +50,7 @@ def diagnosed(fit: Log, heldout: Log, robot: Robot, missing: Sequence[str] = (),
 def told(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return a diagnosis as plain data; what a version of it does not tell is None or empty."""
     remaining = getattr(diagnosis, 'remaining', None)
-    wandering = getattr(diagnosis, 'wandering', None)
+    unrelated = getattr(remaining, 'unrelated', None)
     return {
         'verdict': getattr(diagnosis, 'verdict', 'unusable_data'),
         'causes': [{
@@ -66,7 +66,8 @@ def told(diagnosis: Diagnosis) -> dict[str, Any]:
             'kind': item.kind, 'phrase': item.phrase, 'joints': list(item.joints),
             'torque_rms': _numbers(item.torque_rms), 'share': _numbers(item.share)}
             for item in getattr(diagnosis, 'unnamed', ())],
-        'wandering': None if wandering is None else str(wandering),
+        'wandering': None if unrelated is None or not unrelated.wanders else {
+            'rms': _numbers(unrelated.wandering_rms), 'time': unrelated.correlation_time},
         'reasons': list(getattr(diagnosis, 'reasons', ())),
         'rejected': [[getattr(item, 'label', str(item)), getattr(item, 'reason', '')]
                      for item in getattr(diagnosis, 'rejected', ())],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Shape
+from par4_dynamics.effects.effect import Shape, Values
 from par4_dynamics.parameters import Number, Parameter
 from par4_identification.diagnosis.evidence import Evidence, Fit, Hypothesis
 
@@ -14,7 +14,25 @@ SLOPE = 1e-3
 
 def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
                       inflation: float = 1.0) -> dict[str, Parameter]:
-    """Return the parameters of hypothesis number `index` of a fit.
+    """Return the parameters of hypothesis number `index` of a fit, as files have them.
+
+    One number for a parameter of the machine, else one for each joint of the hypothesis; a vector
+    for a parameter that has several numbers. See `estimated` for the arguments.
+    """
+    values, stds = estimated(evidence, hypothesis, fit, index, inflation)
+    result = {}
+    for parameter in hypothesis.effect.parameters:
+        value, std = values[parameter.name], stds[parameter.name]
+        single = parameter.scope == 'machine' and parameter.size == 1
+        result[parameter.name] = Parameter(value=_numbers(value, parameter.per_order, single),
+                                           std=_numbers(std, parameter.per_order, single),
+                                           unit=parameter.unit)
+    return result
+
+
+def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
+              inflation: float = 1.0) -> tuple[Values, Values]:
+    """Return the values of the parameters of hypothesis number `index` and their deviations.
 
     The standard deviations are those of coefficients and shape together: an error of the shape
     moves the coefficients, and so does one of the other columns. They follow by finite differences
@@ -28,8 +46,7 @@ def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, inde
         inflation: of the variances, by what the model may get wrong (`Requirement.inflation`).
 
     Returns:
-        One number for a parameter of the machine, else one for each joint of the hypothesis; a
-        vector for a parameter that has several numbers.
+        Two of the shapes that `Effect.values` gives for the joints of the hypothesis.
     """
     effect, shape = hypothesis.effect, hypothesis.shape
     acting = list(range(evidence.observations.joints) if effect.shared else hypothesis.joints)
@@ -52,15 +69,9 @@ def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, inde
             moved[row, joint] += step
         for name, value in effect.values(moved, other).items():
             slopes[name][number] = (value - values[name]) / step
-    result = {}
-    for parameter in effect.parameters:
-        value, slope = values[parameter.name], slopes[parameter.name]
-        std = np.sqrt(np.maximum(np.einsum('c...,cd,d...->...', slope, covariance, slope), 0.0))
-        single = parameter.scope == 'machine' and parameter.size == 1
-        result[parameter.name] = Parameter(value=_numbers(value, parameter.per_order, single),
-                                           std=_numbers(std, parameter.per_order, single),
-                                           unit=parameter.unit)
-    return result
+    return values, {name: np.sqrt(np.maximum(
+        np.einsum('c...,cd,d...->...', slope, covariance, slope), 0.0))
+        for name, slope in slopes.items()}
 
 
 def _numbers(value: np.ndarray, per_order: bool, single: bool) -> Number:

@@ -10,7 +10,7 @@ import numpy as np
 
 from par4_dynamics.effects.effect import CERTAIN
 from par4_identification.diagnosis.candidates import Candidate, Candidates, price_of_shapes
-from par4_identification.diagnosis.estimates import effect_parameters
+from par4_identification.diagnosis.estimates import estimated
 from par4_identification.diagnosis.evidence import (
     Fit,
     Hypothesis,
@@ -328,10 +328,7 @@ class Search:
                 return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '
                         f'it must be')
         inflation = self.requirement((*others, hypothesis)).inflation
-        parameters = effect_parameters(evidence, hypothesis, fit, len(others), inflation)
-        values = effect.values(coefficients, hypothesis.shape)
-        std = {name: np.broadcast_to(parameter.std, values[name].shape)
-               for name, parameter in parameters.items()}
+        values, std = estimated(evidence, hypothesis, fit, len(others), inflation)
         reason = effect.implausible(values, std, level)
         if reason is None and order_name(effect) is None:
             reason = self._driven_beside(others, fit, inflation)
