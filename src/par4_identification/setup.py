@@ -17,7 +17,8 @@ setup(
             'config/par4_record.yaml', 'config/par4_monitor.yaml']),
     ],
     install_requires=[
-        'click', 'daqp', 'dask', 'distributed', 'matplotlib', 'numba', 'numpy', 'rich', 'scipy'],
+        'click', 'daqp', 'dask', 'distributed', 'lazy-loader', 'matplotlib', 'numba',
+        'numpy', 'rich', 'scipy'],
     zip_safe=False,
     entry_points={
         'console_scripts': [

@@ -1,1 +1,18 @@
-"""Inverse and forward dynamics, models and effects of the Par4 parallel robot."""
+"""Models of the Par4: equation (20), the full mechanism, and effects beyond both.
+
+    >>> from par4_dynamics import read_model, state_of_joints
+    >>> model = read_model('table1', robot)
+    >>> torque = model.torque(state_of_joints(robot.geometry, t, q, qd, qdd))
+
+What is named here is public; it is loaded when it is first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    'effects.catalogue': ['CATALOGUE'],
+    'effects.effect': ['Effect', 'EffectParameter', 'Signature'],
+    'model': ['Model', 'build_model', 'read_model'],
+    'model_file': ['ModelFile', 'read_model_file', 'write_model_file'],
+    'state': ['State', 'state_of_joints', 'state_of_platform'],
+})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from par4_dynamics.base_terms import AXIS_TERMS, BASE_TERMS, torque_of_values, values_of_bodies
-from par4_dynamics.effects.catalogue import effect_named
+from par4_dynamics.effects.catalogue import CATALOGUE, effect_named
 from par4_dynamics.effects.effect import Effect, EffectParameter
 from par4_dynamics.mechanism import LumpedBodies, physical_bodies
 from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file
@@ -191,8 +191,11 @@ class Model:
         return replace(self, effects=())
 
 
-def build_model(machine: Robot | Axis, model_file: ModelFile) -> Model:
+def build_model(machine: Robot | Axis, model_file: ModelFile,
+                library: Mapping[str, Effect] = CATALOGUE) -> Model:
     """Return the model of `machine` with the parameters and effects of `model_file`.
+
+    `library` is what the names of effects stand for.
 
     Raises:
         InputError: a parameter that is missing or has the wrong number of values, an unknown
@@ -217,7 +220,8 @@ def build_model(machine: Robot | Axis, model_file: ModelFile) -> Model:
             raise InputError(f'{term.name}: expected one number or {joints}, found '
                              f'{len(parameter.value)}')
         values[term.name] = parameter.per_joint(joints)
-    effects = tuple(_active_effect(entry, joints, is_robot) for entry in model_file.effects)
+    effects = tuple(_active_effect(entry, effect_named(entry.effect, library), joints, is_robot)
+                    for entry in model_file.effects)
     bodies = machine.bodies if is_robot else Bodies()
     model = Model(model_file.rigid_body, values, bodies, effects, model_file.torque_limit)
     if is_robot and model.rigid_body == 'full':
@@ -225,8 +229,8 @@ def build_model(machine: Robot | Axis, model_file: ModelFile) -> Model:
     return model
 
 
-def _active_effect(entry: EffectEntry, joints: int, is_robot: bool) -> ActiveEffect:
-    effect = effect_named(entry.effect)
+def _active_effect(entry: EffectEntry, effect: Effect, joints: int, is_robot: bool
+                   ) -> ActiveEffect:
     if effect.needs_platform and not is_robot:
         raise InputError(f'effect {effect.name} needs a platform, the machine is a single axis')
     known = {parameter.name: parameter for parameter in effect.parameters}

@@ -1,1 +1,24 @@
-"""Recording, identification, validation and diagnosis of measured Par4 data."""
+"""Recording, identification, validation and diagnosis of measured Par4 data.
+
+    >>> from par4_identification import diagnose, identify, read_log
+    >>> logs = [read_log(bag, robot) for bag in ('first', 'second')]
+    >>> parameters = identify(logs, robot).parameters
+    >>> diagnosis = diagnose(logs, robot)
+    >>> [(cause.effect.name, cause.joints) for cause in diagnosis.causes]
+
+What is named here is public; it is loaded when it is first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    'changes.changes': ['Changes'],
+    'diagnosis.answer': ['Cause', 'Diagnosis', 'Unusable'],
+    'diagnosis.diagnosis': ['LIBRARY', 'diagnose'],
+    'diagnosis.next_experiment': ['next_experiment'],
+    'diagnosis.rules': ['Rules'],
+    'identification': ['Identification', 'identify'],
+    'log': ['Log', 'read_log'],
+    'setup_check.check': ['check_setup'],
+    'validation': ['validate'],
+})

@@ -419,7 +419,7 @@ def _signature_of_cause(diagnosis: Diagnosis, index: int, machine: Robot | Axis,
                         ) -> tuple[str, str]:
     """Return the signature plot of a cause and the label of its abscissa."""
     cause, holdout = diagnosis.causes[index], diagnosis.holdout
-    model = build_model(machine, diagnosis.extended_model)
+    model = build_model(machine, diagnosis.extended_model, diagnosis.effects)
     added = model.effects[-len(diagnosis.causes):]
     places, own, label = [], [], ''
     for run in holdout.runs:

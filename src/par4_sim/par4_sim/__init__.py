@@ -1,1 +1,15 @@
-"""Simulated Par4 with drives and sensors, in pybullet and in reduced coordinates."""
+"""The simulated Par4: plants, drives, sensors, controllers, and bags of what they do.
+
+    >>> from par4_sim import build_simulation, simulate_to_bag
+    >>> simulation = build_simulation(robot, model, 'exact', seed=1, torque_noise=0.1)
+    >>> simulate_to_bag(simulation, motion, robot, 'bag')
+
+What is named here is public; it is loaded when it is first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    'offline': ['simulate_to_bag'],
+    'simulation': ['build_plant', 'build_simulation'],
+})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from par4_dynamics.effects.actuator_lag import ActuatorLag
 from par4_dynamics.effects.arm_mass_offset import ArmMassOffset
 from par4_dynamics.effects.backlash import Backlash
@@ -87,15 +89,15 @@ effects:
 """For docs/effects.md: of order 7 each joint has its own, of 14 and 84 all have the same."""
 
 
-def effect_named(name: str) -> Effect:
-    """Return the effect of that name.
+def effect_named(name: str, library: Mapping[str, Effect] = CATALOGUE) -> Effect:
+    """Return the effect of that name in a library.
 
     Raises:
         InputError: no such effect; lists those that exist.
     """
-    if name not in CATALOGUE:
-        raise InputError(f'unknown effect {name!r}; known effects are {", ".join(CATALOGUE)}')
-    return CATALOGUE[name]
+    if name not in library:
+        raise InputError(f'unknown effect {name!r}; known effects are {", ".join(library)}')
+    return library[name]
 
 
 def markdown() -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
 
+from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.parameters import Parameter
@@ -122,6 +124,7 @@ class Diagnosis:
         hypotheses: of the named causes, in their order.
         left_out: base parameters that the motion does not show.
         doubts: what is unnamed or nearly passes as a cause, and what else it may be.
+        effects: what their names stand for.
     """
 
     verdict: Verdict
@@ -138,3 +141,4 @@ class Diagnosis:
     hypotheses: tuple[Hypothesis, ...]
     left_out: tuple[str, ...] = ()
     doubts: tuple[Pair, ...] = ()
+    effects: Mapping[str, Effect] = field(default_factory=lambda: CATALOGUE)

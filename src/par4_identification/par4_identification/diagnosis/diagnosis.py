@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from par4_dynamics.effects.backlash import Backlash
-from par4_dynamics.effects.catalogue import CATALOGUE, effect_named
+from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.model import build_model
@@ -143,6 +143,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         return Unusable(tuple(reasons), tuple(fit_runs))
 
     searched = LIBRARY if library is None else library
+    effects = {**CATALOGUE, **searched}
     applicable = {name: effect for name, effect in searched.items()
                   if isinstance(machine, Robot) or not (effect.needs_platform
                                                         or effect.against_the_others)}
@@ -175,14 +176,14 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         progress('searching again beside the causes found')
         better = build_model(machine, extended_model(
             baseline, rigid_body, search.pool.evidence, named,
-            search.pool.solution((*named, *unnamed_of(model)))))
+            search.pool.solution((*named, *unnamed_of(model)))), effects)
         observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
         whitener, held = quiet, names_of(named)
         search = _search(observations, heldout, whitener, applicable, rules,
                          moved.with_nominal(better), kinds, search.pool.evidence if same else None)
         model = search.run(tuple(named))
-    return replace(_answer(search, model, machine, baseline, rigid_body, tuple(fit_runs),
-                           progress), left_out=start.left_out)
+    return replace(_answer(search, model, machine, baseline, rigid_body, effects,
+                           tuple(fit_runs), progress), left_out=start.left_out)
 
 
 def _search(observations: Observations, heldout: Observations, whitener: Whitener,
@@ -195,7 +196,8 @@ def _search(observations: Observations, heldout: Observations, whitener: Whitene
 
 
 def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: ModelFile | None,
-            rigid_body: str, fit_runs: tuple[Run, ...], progress: Progress) -> Diagnosis:
+            rigid_body: str, effects: Mapping[str, Effect], fit_runs: tuple[Run, ...],
+            progress: Progress) -> Diagnosis:
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
     loose = _rattle(search, model)
@@ -216,8 +218,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     extended = extended_model(baseline, rigid_body, evidence, named, names_only)
     # of effects with a nominal torque the noise of counts is left out of the floor
     simple = extended.model_copy(update={'effects': tuple(
-        entry for entry in extended.effects if not effect_named(entry.effect).needs_nominal)})
-    floor = noise_floor(heldout.runs, machine, build_model(machine, simple))
+        entry for entry in extended.effects if not effects[entry.effect].needs_nominal)})
+    floor = noise_floor(heldout.runs, machine, build_model(machine, simple, effects))
     hypotheses = named
     if loose is not None:
         cause, entry = _loose(search.candidates.library[Backlash.name], loose)
@@ -240,7 +242,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         base_before=base_parameters(evidence, base_only),
         base_after=base_parameters(evidence, names_only), extended_model=extended,
         fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses,
-        doubts=tuple(pair for pair in doubts if pair is not None))
+        doubts=tuple(pair for pair in doubts if pair is not None), effects=effects)
 
 
 def _left(observations: Observations, model: Model, base_only: Fit, whole: Fit) -> list[Left]:

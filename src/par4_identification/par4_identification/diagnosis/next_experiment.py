@@ -10,7 +10,7 @@ as a cause, B is nothing at all. There A alone counts as true.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -108,12 +108,12 @@ def next_experiment(diagnosis: Diagnosis, machine: Robot | Axis, seed: int = 0
         the library.
     """
     evidence = diagnosis.evidence
-    pairs = [twins_of(evidence, diagnosis.hypotheses, number, effect_named(twin))
+    pairs = [twins_of(evidence, diagnosis.hypotheses, number, effect_named(twin, diagnosis.effects))
              for number, cause in enumerate(diagnosis.causes) for twin in cause.twins]
     pairs += diagnosis.doubts
     if not isinstance(machine, Robot) or not pairs:
         return None
-    prospect = Prospect(evidence, machine, diagnosis.extended_model)
+    prospect = Prospect(evidence, machine, diagnosis.extended_model, diagnosis.effects)
     trials = [Trial(prospect, pair) for pair in pairs]
     motions = motion_library(machine, prospect.model, seed)
     if not motions:
@@ -187,17 +187,19 @@ class Prospect:
         evidence: of the data at hand.
         robot: the machine.
         model_file: the extended model.
+        effects: what the names in it stand for.
     """
 
     evidence: Evidence
     robot: Robot
     model_file: ModelFile
+    effects: Mapping[str, Effect]
     _kept: dict[str, Evidence] = field(default_factory=dict)
 
     @cached_property
     def model(self) -> Model:
         """The extended model."""
-        return build_model(self.robot, self.model_file)
+        return build_model(self.robot, self.model_file, self.effects)
 
     def of_motion(self, motion: Motion) -> Evidence:
         """Return the whitened rows of a motion; computed once."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile
@@ -55,7 +56,7 @@ def beside_retimed(base_model: Model, observations: Observations, machine: Robot
                     {time: fit.coefficients[0][0, 0]}))
             fit = solve(evidence, [hypothesis])
             model = build_model(machine, extended_model(
-                baseline, rigid_body, evidence, [hypothesis], fit))
+                baseline, rigid_body, evidence, [hypothesis], fit), {**CATALOGUE, **library})
         left = project(evidence, [hypothesis]).residual
         if left @ left < least:
             best, least = model, left @ left

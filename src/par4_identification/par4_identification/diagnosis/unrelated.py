@@ -23,6 +23,9 @@ CHANCE = 1e-4
 """
 BACKGROUND = 31
 """Bins of the spectrum whose median is the level around a line."""
+CYCLES = 8
+"""Least periods of a line in the rows: slower than that it is no other than a drift, or what the
+model gets wrong of the slowest part of the motion."""
 BURST = 0.25
 """s over which a burst is looked for."""
 MEMORY = 60
@@ -142,7 +145,7 @@ def _peaks(time: np.ndarray, left: np.ndarray, valid: np.ndarray, chance: float
     limit = -np.log(chance / len(power))
     window = np.hanning(len(left))[valid].sum()
     found = []
-    for place in range(2, len(power) - 1):
+    for place in range(CYCLES, len(power) - 1):
         if power[place] > limit * level[place] and power[place] == power[place - 2:place + 3].max():
             found.append((float(frequency[place]), float(2.0 * np.sqrt(power[place]) / window)))
     return sorted(found, key=lambda item: -item[1])
