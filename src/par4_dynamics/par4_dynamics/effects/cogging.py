@@ -31,7 +31,7 @@ def _power_rows(phasor, exponent, columns):
 
 def _waves(state: State, periods: float) -> np.ndarray:
     """Return sine and cosine of so many times the joint positions, (n, J, 2)."""
-    if periods != int(periods):  # a model file may have any number
+    if periods < 0 or periods != int(periods):  # a model file may have any number
         return np.stack((np.sin(periods * state.q), np.cos(periods * state.q)), axis=-1)
     columns = np.empty((*state.q.shape, 2))
     _power_rows(state.phasor, int(periods), columns)

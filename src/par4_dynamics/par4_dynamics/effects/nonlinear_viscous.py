@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import CERTAIN, Effect, EffectParameter, Signature, beyond
 from par4_dynamics.effects.grid import around
 
 QUADRATIC = 2.0
@@ -58,8 +58,9 @@ class NonlinearViscous(Effect):
                 + super().torque(state, {**values, 'quadratic': none}, joints))
 
     def implausible(self, values, std, base):
-        powers = values['exponent'][values['torque'] != 0.0]
-        if np.any(np.abs(powers - 1.0) < LINEAR):
+        acting = values['torque'] != 0.0
+        powers, spread = (part['exponent'][acting] for part in (values, std))
+        if np.any(np.abs(powers - 1.0) + CERTAIN * spread < LINEAR):
             return (f'friction that grows with speed to the power {powers[0]:.3g} is viscous '
                     f'friction')
         torque, spread = (part['quadratic'] * SPEED ** 2
