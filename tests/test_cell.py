@@ -272,6 +272,8 @@ def test_a_foreign_robot_is_moved_recorded_and_identified(bench):
     bench.wait(lambda: np.abs(joint_values(states[-1], 'position') - rest).max() > 0.02, 'a motion')
     states.clear()
     child.send_signal(signal.SIGTERM)
+    # what is not taken when its sender goes is lost
+    bench.wait(lambda: child.poll() is not None, 'the end of the driver')
     assert bench.ended(child) == 0
     received = -1
     while received < len(states):  # what is still on its way

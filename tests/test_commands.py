@@ -207,7 +207,9 @@ def test_provenance_names_versions_date_and_the_bag_by_its_hash(identified, bags
         'path': str(bags.plain), 'sha256': hashlib.sha256(''.join(lines).encode()).hexdigest()}]
     assert provenance['versions']['numpy'] == np.__version__
     assert provenance['date'].endswith('+00:00')
-    assert provenance['options'] == {'rigid_body': 'paper', 'estimator': 'weighted'}
+    assert provenance['options'] == {
+        'rigid_body': 'paper', 'estimator': 'weighted', 'low_speed': 0.05,
+        'position_cutoff_hz': 160.0, 'torque_cutoff_hz': 40.0, 'row_rate_hz': 100.0}
 
 
 def test_terminal_shows_table_1_within_80_columns(identified):

@@ -234,8 +234,8 @@ def test_what_a_node_cannot_start_with_is_said_in_one_line(bench, node, paramete
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_signals_end_every_node_properly(bench, number):
     diagnostics = bench.listen(DIAGNOSTICS)
-    children = {node: bench.start(node, **(
-        {'fidelity': 'exact'} if node == 'par4_simulation' else {})) for node in MODULES}
+    own = {'par4_simulation': {'fidelity': 'exact'}, 'par4_motion': SIMULATED}
+    children = {node: bench.start(node, **own.get(node, {})) for node in MODULES}
     bench.wait(lambda: {message.status[0].name for message in diagnostics} == {
         f'/{node}' for node in MODULES}, 'diagnostics of every node')
     for child in children.values():
