@@ -38,6 +38,7 @@ from par4_sim.reference import ReferenceQueue
 from par4_sim.reference_curve import ReferenceLimits
 
 PERIOD = 2e-3
+REST = 0.3  # s at rest before the end, for all who listen
 ROBOT = read_robot('reference')
 GAIN = np.asarray(ROBOT.drives.gain)
 
@@ -119,23 +120,25 @@ class Driver:
 
 
 def main() -> None:
-    """Run until SIGINT or SIGTERM; then brake."""
+    """Run until SIGINT or SIGTERM; then brake and end at rest."""
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     driver, asked = Driver(), []
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: asked.append(driver.now))
+        signal.signal(number, lambda *_: asked.append(True))
     executor = SingleThreadedExecutor()
     executor.add_node(driver.node)
-    braked_at, cycles = None, 0
-    while braked_at is None or driver.now < braked_at + 0.5:
+    rest_from, cycles = None, 0
+    # all times are the cycles': on a busy machine the wall clock is ahead of what was followed
+    while rest_from is None or cycles * PERIOD < rest_from + REST:
         cycles = max(cycles + 1, int(driver.now / PERIOD) - 250)  # never catch up for long
-        while (wait := cycles * PERIOD - driver.now) > 0.0:
+        now = cycles * PERIOD
+        while (wait := now - driver.now) > 0.0:
             executor.spin_once(timeout_sec=wait)
-        if asked and braked_at is None:
-            braked_at = asked[0]
-            target = driver.queue.target(driver.now)
-            driver.queue.brake(driver.now, target[:4], target[4:8])
-        driver.cycle(cycles * PERIOD)
+        if asked and rest_from is None:
+            target = driver.queue.target(now)
+            driver.queue.brake(now, target[:4], target[4:8])
+            rest_from = driver.queue.end
+        driver.cycle(now)
     rclpy.try_shutdown()
 
 
