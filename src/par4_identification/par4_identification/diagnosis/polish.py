@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_identification.diagnosis.estimates import shape_knobs, shape_slopes, turned
-from par4_identification.diagnosis.evidence import Hypothesis
-from par4_identification.diagnosis.pool import Pool
-from par4_identification.diagnosis.search import Model, named_of, others_of
-from par4_identification.diagnosis.shapes import order_name
+from par4_identification.diagnosis.evidence.estimates import shape_knobs, shape_slopes, turned
+from par4_identification.diagnosis.evidence.evidence import Hypothesis
+from par4_identification.diagnosis.evidence.pool import Pool
+from par4_identification.diagnosis.search.search import Model, named_of, others_of
+from par4_identification.diagnosis.search.shapes import order_name
 
 STEPS = 4
 """Steps of Gauss and Newton; the grid is at most a few percent off."""
