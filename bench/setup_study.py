@@ -40,7 +40,7 @@ from singular_log import singular_log
 
 from par4_dynamics.model import Model
 from par4_identification.diagnosis.diagnosis import diagnose
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.finding import SetupCheck
 from par4_identification.setup_check.unusable import diagnosed_if_sound

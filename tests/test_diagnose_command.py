@@ -18,12 +18,12 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
 from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
 from par4_dynamics.parameters import Parameter
-from par4_identification import report
 from par4_identification.commands import diagnose
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import LIBRARY
-from par4_identification.diagnosis.next_experiment import WANTED
-from par4_identification.outcome.diagnosis import phrase_of_cause
+from par4_identification.diagnosis.experiment.next_experiment import WANTED
+from par4_identification.reports import report
+from par4_identification.reports.outcome.diagnosis import phrase_of_cause
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES

@@ -12,28 +12,28 @@ from scipy.signal import lfilter
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
-from par4_identification.diagnosis.candidates import Candidates
-from par4_identification.diagnosis.estimates import effect_parameters, estimated
-from par4_identification.diagnosis.evidence import (
+from par4_identification.diagnosis.evidence.estimates import effect_parameters, estimated
+from par4_identification.diagnosis.evidence.evidence import (
     Hypothesis,
     flat_whitener,
     gather,
     residuals,
     solve,
 )
-from par4_identification.diagnosis.gate import WORST_ERROR, unusable
-from par4_identification.diagnosis.holdout import blocks_of_runs
-from par4_identification.diagnosis.judgement import judge, unnamed_cause
-from par4_identification.diagnosis.law import Dithered
-from par4_identification.diagnosis.observations import observe
-from par4_identification.diagnosis.pool import Pool
-from par4_identification.diagnosis.requirement import requirement_of
-from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.search import Search, named_of
-from par4_identification.diagnosis.unnamed import Kind, Kinds
-from par4_identification.identification import identify_runs
-from par4_identification.noise import ArNoise
-from par4_identification.rows import runs_of_log
+from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
+from par4_identification.diagnosis.evidence.observations import observe
+from par4_identification.diagnosis.evidence.pool import Pool
+from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
+from par4_identification.diagnosis.nominal.gate import WORST_ERROR, unusable
+from par4_identification.diagnosis.search.candidates import Candidates
+from par4_identification.diagnosis.search.law import Dithered
+from par4_identification.diagnosis.search.requirement import requirement_of
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.search import Search, named_of
+from par4_identification.diagnosis.verdict.judgement import judge, unnamed_cause
+from par4_identification.fitting.identification import identify_runs
+from par4_identification.signals.noise import ArNoise
+from par4_identification.signals.rows import runs_of_log
 from robots import REFERENCE, model_with
 
 MODEL = read_model('table1', REFERENCE)

@@ -10,8 +10,8 @@ import pytest
 from test_commands import checked_page, run, simulated
 
 from par4_dynamics.model import read_model
-from par4_identification import log
 from par4_identification.commands import diagnose, identify, validate
+from par4_identification.logs import log
 from par4_sim.bag import BagWriter, read_bag
 from robots import REFERENCE
 

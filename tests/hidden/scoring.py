@@ -13,8 +13,8 @@ import par4_dynamics.effects
 import par4_identification.diagnosis
 from hidden.kept import Kept, hash_of
 from par4_identification.diagnosis.diagnosis import LIBRARY, Diagnosis, diagnose
-from par4_identification.diagnosis.rules import Rules
-from par4_identification.log import Log
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.logs.log import Log
 from par4_kinematics.robot import Robot
 
 RATTLING = ('backlash',)

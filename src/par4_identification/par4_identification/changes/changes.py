@@ -24,13 +24,13 @@ from par4_identification.changes.joint_values import (
     values_of_model,
 )
 from par4_identification.changes.readings import Parameters, applied, readings_of
-from par4_identification.diagnosis.answer import Diagnosis
 from par4_identification.diagnosis.diagnosis import CONDITIONING
-from par4_identification.diagnosis.holdout import blocks_of_runs
-from par4_identification.diagnosis.observations import Observations, observe, with_nominal
-from par4_identification.identification import identify_runs
-from par4_identification.log import Log
-from par4_identification.rows import Run, runs_of_log
+from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
+from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.verdict.answer import Diagnosis
+from par4_identification.fitting.identification import identify_runs
+from par4_identification.logs.log import Log
+from par4_identification.signals.rows import Run, runs_of_log
 from par4_kinematics.robot import Axis, Robot
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from par4_dynamics.base_terms import base_columns
 from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
 from par4_dynamics.state import State
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_identification.setup_check.equations import Equations, Stretch, equations_of
 from par4_identification.setup_check.finding import Finding
 from par4_kinematics.errors import UnreachableError
