@@ -36,7 +36,7 @@ from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
 from par4_identification.diagnosis.nominal.start import INERTIA, alike, start_of
-from par4_identification.diagnosis.polish import polished
+from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.progress import Progress, silent
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.law import Dithered, dithered
