@@ -34,6 +34,7 @@ from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.diagnosis.verdict.judgement import UnnamedCause
 from par4_identification.diagnosis.verdict.unrelated import Line, Unrelated
 from par4_identification.fitting.identification import identify as fit_parameters
+from par4_identification.logs.bag_hash import bag_sha256
 from par4_identification.logs.log import read_log
 from par4_identification.reports.outcome.diagnosis import (
     diagnosis_json,
@@ -45,7 +46,6 @@ from par4_identification.reports.outcome.identification import (
     memory,
     outcome_of_identification,
 )
-from par4_identification.reports.outcome.results import bag_sha256
 from par4_identification.reports.plots import (
     Names,
     residual_over_motion,

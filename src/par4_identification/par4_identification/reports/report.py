@@ -264,8 +264,8 @@ def _render(template: str, machine: Robot | Axis, logs: Sequence[Log], outcome: 
             title: str, insights_title: str, provenance: dict[str, Any],
             facts_title: str = 'Where this comes from', **content: Any) -> str:
     return rendered(
-        'par4_identification.reports', template, outcome, title, insights_title, provenance, facts_title,
-        names=_names(machine), bags=[_bag_cells(log) for log in logs], **content)
+        'par4_identification.reports', template, outcome, title, insights_title, provenance,
+        facts_title, names=_names(machine), bags=[_bag_cells(log) for log in logs], **content)
 
 
 def _cells(values: np.ndarray, total: float, text: Callable[[float], str]) -> list[str]:
