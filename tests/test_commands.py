@@ -35,7 +35,7 @@ from par4_identification.diagnosis.verdict.judgement import UnnamedCause
 from par4_identification.diagnosis.verdict.unrelated import Line, Unrelated
 from par4_identification.fitting.identification import identify as fit_parameters
 from par4_identification.logs.bag_hash import bag_sha256
-from par4_identification.logs.log import read_log
+from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.diagnosis import (
     diagnosis_json,
     outcome_of_diagnosis,

@@ -19,6 +19,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     'diagnosis.verdict.answer': ['Cause', 'Diagnosis', 'Unusable'],
     'fitting.identification': ['Identification', 'identify'],
     'fitting.validation': ['validate'],
-    'logs.log': ['Log', 'read_log'],
+    'logs.log': ['Log'],
+    'logs.read_log': ['read_log'],
     'setup_check.check': ['check_setup'],
 })

@@ -24,7 +24,8 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.experiment.next_experiment import next_experiment
 from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_identification.fitting.axis_gravity import with_gravity_told
-from par4_identification.logs.log import Log, read_log
+from par4_identification.logs.log import Log
+from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.changes import (
     diagnosis_json_with_changes,
     error_rows,

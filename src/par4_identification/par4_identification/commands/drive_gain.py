@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from par4_identification.gains.static_push import gains_of_pushes, pushes_of_log, read_force
-from par4_identification.logs.log import read_log
+from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.drive_gain import (
     drive_gain_json,
     gains_rows,

@@ -17,7 +17,7 @@ from par4_identification.commands.conditioning import conditioning_options
 from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import ESTIMATORS, Fitting, identify
-from par4_identification.logs.log import read_log
+from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.estimator import estimator_remarks
 from par4_identification.reports.outcome.identification import (
     ParameterRow,

@@ -13,7 +13,7 @@ from par4_identification.commands.conditioning import conditioning_options
 from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.fitting.validation import validate
 from par4_identification.logs.bag_hash import bag_sha256
-from par4_identification.logs.log import read_log
+from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.results import bags_of
 from par4_identification.reports.outcome.setup import setup_json, with_setup
 from par4_identification.reports.outcome.validation import outcome_of_validation, validation_json

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from par4_identification.logs.log import spacing_counts
+from par4_identification.logs.stamps import spacing_counts
 from par4_sim.bag import JOINT_STATE_TYPE, BagWriter
 
 

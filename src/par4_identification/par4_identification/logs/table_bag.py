@@ -15,8 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from par4_identification.logs.log import FEWEST_SAMPLES, GAP
 from par4_identification.logs.log_table import read_columns
+from par4_identification.logs.series import FEWEST_SAMPLES
+from par4_identification.logs.stamps import GAP
 from par4_identification.logs.units import Kind, Unit, si_unit, unit_named
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
