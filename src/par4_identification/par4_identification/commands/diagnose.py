@@ -153,7 +153,7 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
                              'namespace': namespace, **asdict(conditioning)})
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.reports.report import report_of_diagnosis
+        from par4_identification.reports.diagnosis_report import report_of_diagnosis
         results = {
             'diagnosis.json': {**diagnosis_json_with_changes(
                                    diagnosis_json(diagnosis, machine, experiment), changes,

@@ -113,7 +113,7 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
         if report:
             status.update('drawing the report')
             # the plot library is slow to load, and some homes make it talk on stderr
-            from par4_identification.reports.report import report_of_identification
+            from par4_identification.reports.identification_report import report_of_identification
             page = report_of_identification(identification, outcome, table, floor, machine, logs,
                                             model_file.provenance)
         write_results(output, {

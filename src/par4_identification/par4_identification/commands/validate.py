@@ -58,7 +58,7 @@ def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str 
                              'validation')
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.reports.report import report_of_validation
+        from par4_identification.reports.validation_report import report_of_validation
         write_results(output, {
             'validation.json': {**validation_json(validation, log), 'setup': setup_json(check)},
             'report.html': report_of_validation(validation, outcome, runs, floor, machine, log,
