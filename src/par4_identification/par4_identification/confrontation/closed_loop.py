@@ -14,7 +14,8 @@ from par4_kinematics.approach import with_approach
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.motion import motion_of_joints
 from par4_kinematics.robot import Robot
-from par4_sim.reference import COLUMNS, TARGET, interpolate
+from par4_sim.reference import TARGET, interpolate
+from par4_sim.reference_curve import COLUMNS
 from par4_sim.simulation import build_simulation
 
 PERIOD = 1e-3

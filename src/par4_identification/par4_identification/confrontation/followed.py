@@ -70,7 +70,8 @@ def path_followed(reference: Reference | None, part: Log, measured: Run, robot: 
         return _measured_path(measured), 0.0, 'the bag has no reference'
     rows = slice(max(0, int(np.searchsorted(reference.t, part.t[0] + 1e-9)) - 1),
                  int(np.searchsorted(reference.t, part.t[-1])) + 1)
-    path = Reference(*(getattr(reference, name)[rows] for name in ('t', 'q', 'qd', 'qdd')),
+    path = Reference(reference.t[rows], reference.q[rows], reference.qd[rows],
+                     reference.qdd[rows],
                      None if reference.effort is None else reference.effort[rows])
     if (len(path.t) < 2 or path.t[0] > part.t[0] + part.period
             or not all(np.isfinite(values).all() for values in (path.q, path.qd, path.qdd))):

@@ -240,7 +240,7 @@ def _slope_of_joint(pushes: Sequence[Push], joint: int, coulomb_friction: float 
     names += [f'level of push {index}' for index in used]
     estimate = weighted(problem_of(series, names, ['1'] * len(names)))
     slope, std = float(estimate.values[0]), float(estimate.std[0])
-    if slides:
+    if slides or coulomb_friction is None:
         return slope, std, 0.0
     stacked = np.concatenate([part.columns[:, 0] for part in series])
     share = np.linalg.pinv(stacked)[0]  # of each row in the slope

@@ -146,3 +146,16 @@ class Accounts:
         if self.reference not in ('absent', 'read'):
             found.append(f'{REFERENCE.name} ignored: {self.reference}')
         return tuple(dict.fromkeys(found))  # position and effort of one topic say the same
+
+
+def accounts_of_motion(name: str, samples: int, period: float) -> Accounts:
+    """Return the accounts of a log that no bag gave: of a motion, every `period` s."""
+    counts = SampleCounts(topic=name, read=samples, other_joints=0, incomplete=0, not_stamped=0,
+                          repeated=0, conflicting=0, crowded=0, not_finite=0, out_of_order=0,
+                          gaps=0, longest_gap=0.0, lost=0, period=period, jitter_rms=0.0)
+    return Accounts(
+        bag=name, namespace='', duration=(samples - 1) * period, samples=samples, segments=1,
+        period=period, resampled=False, filled=0, clock_resets=0, short_segments=0,
+        without_torque=0, torque_source='effort', torque_disagreement=None, position=counts,
+        torque=counts, reordered=0, ignored_joints=(), ignored_topics={}, unreadable={},
+        reference='absent')

@@ -31,10 +31,10 @@ def measured_torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock:
     voltages = bag.joints.get(AMPLIFIER_VOLTAGE.name)
     rows = None if voltages is None else stamped_rows(
         path, voltages, voltages.effort, machine.joint_names, 'voltage')
-    if rows is None and effort is None:
-        raise InputError(f'{path}: no torque, neither {AMPLIFIER_VOLTAGE.name} nor effort in '
-                         f'{states.topic}; record one of them')
     if rows is None:
+        if effort is None:
+            raise InputError(f'{path}: no torque, neither {AMPLIFIER_VOLTAGE.name} nor effort in '
+                             f'{states.topic}; record one of them')
         return effort, 'effort', None, 0.0
     offset = clock.offset(rows)
     voltage = series_of(path, replace(rows, stamp=rows.stamp + offset), clock)

@@ -35,8 +35,9 @@ def reference_of(bag: RawBag, joints: Sequence[str], clock: Clock) -> tuple[Refe
     kept = np.flatnonzero((time < replaced_from[points.message]) & np.isfinite(q).all(axis=1))
     if not len(kept) or (np.diff(time[kept]) <= 0).any():
         return None, f'{points.topic} has no points with increasing times'
-    return Reference(1e-9 * time[kept], q[kept], *(
-        points.select(part, joints)[kept] for part in (points.velocity, points.acceleration)),
+    return Reference(
+        1e-9 * time[kept], q[kept], points.select(points.velocity, joints)[kept],
+        points.select(points.acceleration, joints)[kept],
         _feedforward(bag, joints, clock, time[kept])), 'read'
 
 

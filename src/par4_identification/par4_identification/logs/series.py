@@ -64,7 +64,7 @@ def series_of(path: str | Path, rows: StampedRows, clock: Clock) -> Series:
     counts = SampleCounts(
         topic=rows.topic, **rows.dropped, repeated=repeated, conflicting=conflicting,
         crowded=count(crowded), not_finite=count(~finite),
-        out_of_order=out_of_order, **spacing)
+        out_of_order=out_of_order, **vars(spacing))
     order = order[finite]
     if len(order) < 2 or not counts.period:
         raise InputError(f'{path}: {len(order)} usable samples on {rows.topic}, at least '

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 GAP = 1.5
@@ -10,8 +12,27 @@ CROWDED = 0.25
 """Spacing in periods below which the later of two samples is dropped: splines would swing."""
 
 
-def spacing_counts(stamp: np.ndarray, run: np.ndarray | None = None) -> dict[str, float]:
-    """Return `gaps`, `longest_gap` (s), `lost`, `period` (s) and `jitter_rms` (s) of stamps.
+@dataclass(frozen=True)
+class Spacing:
+    """How evenly stamps are spaced.
+
+    Attributes:
+        gaps: spacings of more than `GAP` periods.
+        longest_gap: s.
+        lost: samples that the gaps would have held.
+        period: median spacing, s.
+        jitter_rms: of the spacing about the period, gaps left out, s.
+    """
+
+    gaps: int
+    longest_gap: float
+    lost: int
+    period: float
+    jitter_rms: float
+
+
+def spacing_counts(stamp: np.ndarray, run: np.ndarray | None = None) -> Spacing:
+    """Return how evenly stamps are spaced, and what is missing between them.
 
     Args:
         stamp: (n,) ns, increasing.
@@ -21,15 +42,14 @@ def spacing_counts(stamp: np.ndarray, run: np.ndarray | None = None) -> dict[str
     if run is not None:
         spacing = spacing[np.diff(run) == 0]
     if not len(spacing):
-        return {'gaps': 0, 'longest_gap': 0.0, 'lost': 0, 'period': 0.0, 'jitter_rms': 0.0}
+        return Spacing(0, 0.0, 0, 0.0, 0.0)
     period = float(np.median(spacing))
     gaps = spacing[spacing > GAP * period]
     others = spacing[spacing <= GAP * period]
-    return {
-        'gaps': len(gaps), 'longest_gap': 1e-9 * float(gaps.max(initial=0)),
-        'lost': int(np.sum(np.round(gaps / period) - 1)), 'period': 1e-9 * period,
-        'jitter_rms': 1e-9 * float(np.sqrt(np.mean((others - period) ** 2))),
-    }
+    return Spacing(
+        gaps=len(gaps), longest_gap=1e-9 * float(gaps.max(initial=0)),
+        lost=int(np.sum(np.round(gaps / period) - 1)), period=1e-9 * period,
+        jitter_rms=1e-9 * float(np.sqrt(np.mean((others - period) ** 2))))
 
 
 def nearest_stamp(stamp: np.ndarray, times: np.ndarray) -> np.ndarray:
