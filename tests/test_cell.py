@@ -32,7 +32,7 @@ from node_bench import (
 )
 from par4_dynamics.model import read_model
 from par4_identification.fitting.identification import identify
-from par4_identification.logs.log import read_log
+from par4_identification.logs.read_log import read_log
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.files import read_yaml
 from par4_kinematics.interface import (

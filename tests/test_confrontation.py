@@ -23,7 +23,8 @@ from par4_identification.diagnosis.evidence.estimates import effect_parameters
 from par4_identification.diagnosis.evidence.evidence import Hypothesis, flat_whitener, gather, solve
 from par4_identification.diagnosis.evidence.observations import observe, with_nominal
 from par4_identification.fitting.realisable import realisable
-from par4_identification.logs.log import Log, Reference, read_log
+from par4_identification.logs.log import Log, Reference
+from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.confrontation import (
     confrontation_in_words,
     remarks_of_confrontation,

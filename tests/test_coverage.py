@@ -14,7 +14,7 @@ from par4_dynamics.model import read_model
 from par4_dynamics.model_file import read_model_file
 from par4_identification.fitting.identification import Fitting, identify
 from par4_identification.fitting.lumping_bias import lumping_bias, lumping_of
-from par4_identification.logs.log import read_log
+from par4_identification.logs.read_log import read_log
 from par4_kinematics.motion_file import named_motion
 from par4_sim.offline import simulate_to_bag
 from par4_sim.simulation import build_simulation

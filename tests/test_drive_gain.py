@@ -21,7 +21,7 @@ from par4_identification.gains.static_push import (
     pushes_of_log,
     read_force,
 )
-from par4_identification.logs.log import read_log
+from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.drive_gain import gains_remarks, wrong_gains
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError

@@ -21,8 +21,8 @@ from par4_identification.diagnosis.experiment.next_experiment import (
     twins_of,
 )
 from par4_identification.logs.log import Log
+from par4_identification.reports.diagnosis_report import report_of_diagnosis
 from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
-from par4_identification.reports.report import report_of_diagnosis
 from par4_kinematics.approach import with_approach
 from par4_kinematics.circle import circle_motion
 from par4_kinematics.excitation import excitation_motion

@@ -15,7 +15,7 @@ import numpy as np
 
 from par4_dynamics.base_terms import BaseTerm
 from par4_dynamics.model import Model, build_model
-from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_file import ModelFile, RigidBody
 from par4_identification.changes.explanation import Explanation, Read, explained
 from par4_identification.changes.joint_values import (
     JointValues,
@@ -144,7 +144,7 @@ def changes_between(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequence[
     return _changes(diagnosis, machine, model, before, after, swallowed=False, since=name)
 
 
-def _observed(logs: Sequence[Log], machine: Robot | Axis, rigid_body: str,
+def _observed(logs: Sequence[Log], machine: Robot | Axis, rigid_body: RigidBody,
               baseline: ModelFile | None) -> Observations:
     runs = [run for log in logs for run in runs_of_log(log, machine, CONDITIONING)]
     return observe(runs, machine, rigid_body,

@@ -24,7 +24,8 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.experiment.next_experiment import next_experiment
 from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_identification.fitting.axis_gravity import with_gravity_told
-from par4_identification.logs.log import Log, read_log
+from par4_identification.logs.log import Log
+from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.changes import (
     diagnosis_json_with_changes,
     error_rows,
@@ -152,7 +153,7 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
                              'namespace': namespace, **asdict(conditioning)})
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.reports.report import report_of_diagnosis
+        from par4_identification.reports.diagnosis_report import report_of_diagnosis
         results = {
             'diagnosis.json': {**diagnosis_json_with_changes(
                                    diagnosis_json(diagnosis, machine, experiment), changes,

@@ -50,7 +50,7 @@ def simplify(robot: str, model: str, output: Path, motion: str | None, fidelity:
         outcome = outcome_of_simplification(study, imposed)
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.reports.report import report_of_simplification
+        from par4_identification.reports.simplification_report import report_of_simplification
         write_results(output, {
             'simplification.json': simplification_json(study, machine, imposed, fidelity, origin),
             'report.html': report_of_simplification(study, outcome, machine, imposed, origin)})

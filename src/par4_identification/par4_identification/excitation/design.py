@@ -147,14 +147,14 @@ def design_excitation(robot: Robot, model: Model, limits: MotionLimits,
     fast_samples = _fast_samples(robot, limits, request, period, conditioning)
     slow_time = request.slow_fraction * request.duration
     fast_time = request.duration - slow_time
-    noise = np.broadcast_to(np.asarray(noise, dtype=float), (len(robot.joint_names),))
-    noise = noise / noise.max()
+    of_joints = np.broadcast_to(np.asarray(noise, dtype=float), (len(robot.joint_names),))
+    relative_noise = of_joints / of_joints.max()
 
     def path(within: MotionLimits, samples: int, time: float, known: np.ndarray, step: int
              ) -> tuple[FourierPath, np.ndarray]:
         problem = PathProblem(
             robot.geometry, model.without_effects(), within, samples * period,
-            conditioning.row_rate_hz * time, noise, known, conditioning)
+            conditioning.row_rate_hz * time, relative_noise, known, conditioning)
         best = optimised_path(problem, request.harmonics, request.starts,
                               np.random.default_rng((request.seed, step)),
                               lambda share: progress and progress((step + share) / 3.0))

@@ -85,7 +85,7 @@ class MotionLimits:
             np.abs(state.q - 0.5 * (low + high)) / (0.5 * (high - low)),
             np.abs(state.qd) / self.joint_speed,
             np.linalg.norm(half_plate_accelerations(
-                state.geometry, state.x, state.xd, state.xdd), axis=-1).T / self.acceleration,
+                *state.platform), axis=-1).T / self.acceleration,
             np.abs(tau) / self.torque), strict=True))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from par4_dynamics.base_terms import base_columns, base_terms
 from par4_dynamics.model import Model
+from par4_identification.logs.accounts import accounts_of_motion
 from par4_identification.logs.log import Log
 from par4_identification.signals.filtering import low_pass
 from par4_identification.signals.rows import Conditioning, runs_of_log
@@ -57,7 +58,8 @@ def expected_precision(motion: Motion, robot: Robot, model: Model, noise: np.nda
     conditioning = conditioning or Conditioning()
     log = Log(name=motion.name, joint_names=robot.joint_names, start_stamp=0, period=motion.period,
               t=motion.t, q=motion.q, tau=np.zeros_like(motion.q),
-              segments=(slice(0, len(motion.t)),), reference=None, accounts=None)
+              segments=(slice(0, len(motion.t)),), reference=None,
+              accounts=accounts_of_motion(motion.name, len(motion.t), motion.period))
     run, = runs_of_log(log, robot, conditioning)
     columns = run.rows(base_columns(run.state))
     rows = columns * (run.valid / noise)[..., None]

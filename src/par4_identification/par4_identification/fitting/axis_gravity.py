@@ -34,7 +34,8 @@ def with_gravity_told(machine: Robot | Axis, logs: Sequence[Log], conditioning: 
         estimate = identify(list(logs), machine, conditioning=conditioning).estimate
     except InputError:
         return without
-    names = {term.name for term in HANGING_TERMS[machine.hanging]}
+    names = {term.name for hanging, terms in HANGING_TERMS.items() if hanging == machine.hanging
+             for term in terms}
     torque = float(np.sqrt(np.mean(np.concatenate([log.tau for log in logs]) ** 2)))
     told = any(abs(value) > max(TOLD * std, LEAST * torque) for label, value, std in zip(
         estimate.labels, estimate.values, estimate.std, strict=True) if label.name in names)

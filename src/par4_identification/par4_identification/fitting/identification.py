@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms, distributed_torque
 from par4_dynamics.model import build_model
-from par4_dynamics.model_file import EffectEntry, ModelFile
+from par4_dynamics.model_file import EffectEntry, ModelFile, RigidBody
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import State
 from par4_identification.estimators.consistent import consistent
@@ -89,7 +90,7 @@ class Identification:
 
     terms: tuple[BaseTerm, ...]
     estimate: Estimate
-    rigid_body: str
+    rigid_body: RigidBody
     runs: tuple[Run, ...]
     fitting: Fitting = Fitting()
     shared_condition: float | None = None
@@ -119,7 +120,7 @@ class Identification:
         return Parameter(value=tuple(value for value, _, _ in found),
                          std=tuple(std for _, std, _ in found), unit=unit)
 
-    def model_file(self, provenance: dict) -> ModelFile:
+    def model_file(self, provenance: dict[str, Any]) -> ModelFile:
         """Return the model to be written; what is negative by noise only is written as zero.
 
         Raises:
@@ -127,8 +128,8 @@ class Identification:
         """
         parameters = dict(self.parameters)
         for term in self.terms:
-            value, std = (np.atleast_1d(part) for part in (parameters[term.name].value,
-                                                           parameters[term.name].std))
+            value = np.atleast_1d(np.asarray(parameters[term.name].value, dtype=float))
+            std = np.atleast_1d(np.asarray(parameters[term.name].std, dtype=float))
             if not term.nonnegative or np.all(value >= 0.0):
                 continue
             worst = int(np.argmin(value + INSIGNIFICANT * std))
@@ -148,14 +149,14 @@ class Identification:
                          parameters=parameters, effects=effects, provenance=provenance)
 
 
-def known_torque(machine: Robot | Axis, rigid_body: str, state: State) -> np.ndarray:
+def known_torque(machine: Robot | Axis, rigid_body: RigidBody, state: State) -> np.ndarray:
     """Return what `rigid_body` knows of the torque (n, J) beside (20), N m."""
     if rigid_body == 'paper' or isinstance(machine, Axis):
         return np.zeros_like(state.q)
     return distributed_torque(machine.bodies, state)
 
 
-def identify(logs: list[Log], machine: Robot | Axis, rigid_body: str = 'paper',
+def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'paper',
              payloads: dict[str, float] | None = None,
              conditioning: Conditioning | None = None, fitting: Fitting | None = None
              ) -> Identification:
@@ -201,7 +202,7 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: str = 'paper',
 
 
 def identify_runs(runs: Sequence[Run], targets: Sequence[np.ndarray], bases: Sequence[np.ndarray],
-                  rigid_body: str, fitting: Fitting | None = None,
+                  rigid_body: RigidBody, fitting: Fitting | None = None,
                   terms: Sequence[BaseTerm] | None = None) -> Identification:
     """Return the fit of base columns (m, J, p) to targets (m, J) of runs, by a PLAIN estimator.
 

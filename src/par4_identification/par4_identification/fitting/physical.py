@@ -7,12 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from par4_dynamics.base_terms import BASE_TERMS
+from par4_dynamics.model_file import RigidBody
 from par4_identification.estimators.consistent import Constraint
 from par4_identification.estimators.problem import Label
 from par4_kinematics.robot import Axis, Robot
 
 
-def physical_constraints(labels: Sequence[Label], machine: Robot | Axis, rigid_body: str
+def physical_constraints(labels: Sequence[Label], machine: Robot | Axis, rigid_body: RigidBody
                          ) -> list[Constraint]:
     """Return the constraints on values with these labels.
 

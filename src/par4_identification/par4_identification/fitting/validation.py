@@ -11,6 +11,9 @@ from par4_identification.logs.log import Log
 from par4_identification.signals.rows import Conditioning, runs_of_log
 from par4_kinematics.robot import Axis, Robot
 
+LARGEST_ERROR = 0.3
+"""Relative error above which a model does not describe a machine."""
+
 
 @dataclass(frozen=True)
 class Errors:

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from par4_dynamics.base_terms import base_columns, base_terms, distributed_torque
+from par4_dynamics.model_file import RigidBody
 from par4_dynamics.state import State
 from par4_identification.estimators.estimate import Estimate
 from par4_identification.estimators.problem import Series, per_output, problem_of
@@ -95,7 +96,7 @@ def estimate_per_joint(runs: Sequence[Run], targets: Sequence[np.ndarray],
 
 
 def gains_of_payloads(runs: Sequence[Run], payloads: Mapping[str, float],
-                      machine: Robot | Axis, rigid_body: str = 'paper') -> DriveGains:
+                      machine: Robot | Axis, rigid_body: RigidBody = 'paper') -> DriveGains:
     """Return the drive gains that runs with different known payloads tell.
 
     A fit of every joint by itself (friction of every bag its own, since it drifts with
@@ -157,10 +158,10 @@ def _common_masses(products: np.ndarray, covariance: np.ndarray
         for joint in range(joints):
             jacobian[joint, :, joint] = masses
             jacobian[joint, :2, joints:] = ratio[joint] * np.eye(2)
-        jacobian = jacobian.reshape(3 * joints, -1)
+        slopes = jacobian.reshape(3 * joints, -1)
         left = (products - np.outer(ratio, masses)).ravel()
-        information = jacobian.T @ weight @ jacobian
-        step = np.linalg.solve(information, jacobian.T @ weight @ left)
+        information = slopes.T @ weight @ slopes
+        step = np.linalg.solve(information, slopes.T @ weight @ left)
         ratio, masses = ratio + step[:joints], masses + np.append(step[joints:], 0.0)
     left = (products - np.outer(ratio, masses)).ravel()
     return ratio, np.linalg.inv(information)[:joints, :joints], float(left @ weight @ left)

@@ -26,6 +26,7 @@ from par4_identification.estimators.problem import Series, problem_of
 from par4_identification.estimators.weighted import weighted
 from par4_identification.gains.known_payload import DriveGains
 from par4_identification.logs.log import Log
+from par4_identification.logs.masks import stretches
 from par4_identification.signals.filtering import low_pass
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Robot
@@ -117,7 +118,8 @@ def pushes_of_log(log: Log, readings: ForceReadings, robot: Robot) -> list[Push]
     time = 1e-9 * log.start_stamp + log.t
     for segment in log.segments:
         force = _force_at(readings, time[segment])
-        for part in _stretches(np.isfinite(force).all(axis=1)):
+        for start, end in stretches(np.isfinite(force).all(axis=1)):
+            part = slice(start, end)
             if (part.stop - part.start) * log.period < 2.0 / CUTOFF_HZ:
                 continue
             rows = slice(segment.start + part.start, segment.start + part.stop)
@@ -162,7 +164,8 @@ def _pushes(log: Log, rows: slice, force: np.ndarray, peak: float, robot: Robot)
     pressed = np.linalg.norm(smooth(force), axis=1) > PRESSED * peak
     pressed &= (np.abs(speed) < FASTEST).all(axis=1)
     torque, parts = smooth(log.tau[rows]), []
-    for stretch in _stretches(pressed):
+    for start, end in stretches(pressed):
+        stretch = slice(start, end)
         part = slice(stretch.start, stretch.stop, every)
         if len(range(stretch.start, stretch.stop, every)) >= FEWEST:
             parts.append(Push(log.name, carried[part], torque[part], direction[part], sure[part]))
@@ -183,11 +186,6 @@ def _travel(q: np.ndarray, direction: np.ndarray) -> np.ndarray:
         start = np.repeat(q[turns, joint], np.diff(np.r_[turns, len(q)]))
         travel[:, joint] = np.abs(q[:, joint] - start)
     return travel
-
-
-def _stretches(mask: np.ndarray) -> list[slice]:
-    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
-    return [slice(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
 
 
 def gains_of_pushes(pushes: Sequence[Push], robot: Robot,
@@ -242,7 +240,7 @@ def _slope_of_joint(pushes: Sequence[Push], joint: int, coulomb_friction: float 
     names += [f'level of push {index}' for index in used]
     estimate = weighted(problem_of(series, names, ['1'] * len(names)))
     slope, std = float(estimate.values[0]), float(estimate.std[0])
-    if slides:
+    if slides or coulomb_friction is None:
         return slope, std, 0.0
     stacked = np.concatenate([part.columns[:, 0] for part in series])
     share = np.linalg.pinv(stacked)[0]  # of each row in the slope

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from par4_dynamics.base_terms import distributed_torque
+from par4_dynamics.model_file import RigidBody
 from par4_identification.gains.known_payload import (
     OWN,
     PLATFORM,
@@ -108,7 +109,7 @@ class Payload:
 
 
 def payload_of_runs(runs: Sequence[Run], loaded: Collection[str], machine: Robot | Axis,
-                    rigid_body: str = 'paper') -> Payload:
+                    rigid_body: RigidBody = 'paper') -> Payload:
     """Return what the runs of loaded bags have beyond those of the others.
 
     Args:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from par4_identification.logs.log import spacing_counts
+from par4_identification.logs.stamps import spacing_counts
 from par4_sim.bag import JOINT_STATE_TYPE, BagWriter
 
 
@@ -45,7 +45,7 @@ class Recorder:
         """
         self._bag = BagWriter(output, storage)
         self._messages: Counter[str] = Counter()
-        self._stamps: dict[str, array] = {}
+        self._stamps: dict[str, array[int]] = {}
 
     def write(self, topic: str, type_name: str, received: int, data: bytes) -> None:
         """Write a message as it came, serialised.
@@ -81,7 +81,7 @@ class Recorder:
     def recording(self) -> Recording:
         """What was written so far."""
         return Recording(self._bag.path, dict(self._messages), {
-            topic: spacing_counts(np.unique(np.frombuffer(stamps, dtype=np.int64)))['lost']
+            topic: spacing_counts(np.unique(np.frombuffer(stamps, dtype=np.int64))).lost
             for topic, stamps in self._stamps.items()})
 
     def close(self) -> Recording:

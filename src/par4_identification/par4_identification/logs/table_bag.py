@@ -15,8 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from par4_identification.logs.log import FEWEST_SAMPLES, GAP
 from par4_identification.logs.log_table import read_columns
+from par4_identification.logs.series import FEWEST_SAMPLES
+from par4_identification.logs.stamps import GAP
 from par4_identification.logs.units import Kind, Unit, si_unit, unit_named
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
@@ -291,6 +292,8 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
         values['position'] = np.unwrap(values['position'], axis=0)
     start = time[0] if time[0] > EPOCH else 1.0
     stamp = round(start * SECOND) + np.rint((time - time[0]) * SECOND).astype(np.int64)
+    if kind is None:
+        raise InputError('--columns: the unit of position tells neither an angle nor a length')
     return Measured(kind, stamp, {name: column[kept] for name, column in values.items()}, rows,
                     untimed)
 
@@ -347,12 +350,13 @@ def write_measured(measured: Measured, joints: Sequence[str], path: str | Path,
         raise InputError(f'{path}: exists already; give another path or remove it')
     count, values = len(measured.stamp), measured.values
     nothing = np.empty((count, 0))
-    states = [values.get(name, nothing) for name in ('position', 'velocity', 'torque')]
+    position, velocity, torque = (
+        values.get(name, nothing) for name in ('position', 'velocity', 'torque'))
     received = np.maximum.accumulate(measured.stamp)  # a clock that goes back was still running
     with written_atomically(path) as scratch, BagWriter(scratch, storage) as bag:
         for row, (stamp, when) in enumerate(zip(measured.stamp.tolist(), received.tolist())):
             bag.write_joint_state(f'/{JOINT_STATES.name}', stamp, joints,
-                                  *(part[row] for part in states), received=when)
+                                  position[row], velocity[row], torque[row], received=when)
             if 'voltage' in values:
                 bag.write_joint_state(f'/{AMPLIFIER_VOLTAGE.name}', stamp, joints,
                                       effort=values['voltage'][row], received=when)

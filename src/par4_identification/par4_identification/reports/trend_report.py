@@ -44,8 +44,9 @@ def report_of_life(life: Life | None, outcome: Outcome, refused: Mapping[str, st
             'table': [_cells(channel, course, machine)
                       for channel, course in zip(life.channels, life.courses)],
             'dates': (day(life, 0), day(life, -1))}
-    return rendered('par4_identification.reports', 'trend.html', outcome, f'The life of {machine.name}',
-                    'What happened', provenance, refused=list(refused.items()), **content)
+    return rendered(
+        'par4_identification.reports', 'trend.html', outcome, f'The life of {machine.name}',
+        'What happened', provenance, refused=list(refused.items()), **content)
 
 
 def panels_of(life: Life, machine: Robot | Axis) -> list[Panel]:

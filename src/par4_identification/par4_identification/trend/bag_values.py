@@ -16,8 +16,8 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.estimates import effect_parameters
 from par4_identification.diagnosis.evidence.evidence import Hypothesis, solve
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
-from par4_identification.logs.log import read_log
-from par4_identification.reports.outcome.outcome import LARGEST_ERROR
+from par4_identification.fitting.validation import LARGEST_ERROR
+from par4_identification.logs.read_log import read_log
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError, Par4Error

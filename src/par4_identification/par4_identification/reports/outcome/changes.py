@@ -20,7 +20,7 @@ from par4_identification.changes.readings import (
     Reading,
 )
 from par4_identification.diagnosis.verdict.answer import Diagnosis, Verdict
-from par4_identification.gains.unknown_payload import PLATFORM
+from par4_identification.gains.known_payload import PLATFORM
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark

@@ -16,6 +16,7 @@ from par4_dynamics.parameters import Parameter
 from par4_identification.estimators.instrumental import InstrumentalEstimate
 from par4_identification.fitting.identification import OFFSET, Identification
 from par4_identification.fitting.lumping_bias import Lumping, lumping_of
+from par4_identification.fitting.validation import LARGEST_ERROR
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.estimator import (
     MATERIAL,
@@ -25,7 +26,6 @@ from par4_identification.reports.outcome.estimator import (
 )
 from par4_identification.reports.outcome.outcome import (
     FLOOR_EXCESS,
-    LARGEST_ERROR,
     data_remark,
     duration,
     over_joints,

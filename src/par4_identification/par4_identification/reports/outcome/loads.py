@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from par4_dynamics.model_file import RigidBody
 from par4_identification.gains.known_payload import gains_of_payloads
 from par4_identification.gains.unknown_payload import payload_of_runs
 from par4_identification.logs.log import Log
@@ -17,7 +18,7 @@ from par4_sim.report.outcome import Remark
 
 
 def known_payloads(runs: Sequence[Run], masses: Mapping[str, float], machine: Robot | Axis,
-                   rigid_body: str) -> tuple[tuple[Remark, ...], dict[str, Any]]:
+                   rigid_body: RigidBody) -> tuple[tuple[Remark, ...], dict[str, Any]]:
     """Return the drive gains in words and as fields of `identification.json`.
 
     Nothing without payloads; no field where bags or motions do not tell the gains.
@@ -33,7 +34,7 @@ def known_payloads(runs: Sequence[Run], masses: Mapping[str, float], machine: Ro
 
 
 def weighed_payload(runs: Sequence[Run], loaded: Sequence[Log], machine: Robot | Axis,
-                    rigid_body: str) -> tuple[tuple[Remark, ...], dict[str, Any]]:
+                    rigid_body: RigidBody) -> tuple[tuple[Remark, ...], dict[str, Any]]:
     """Return the payload in words and as fields of `identification.json`; nothing without one.
 
     Args:

@@ -12,8 +12,6 @@ from par4_sim.report.outcome import Remark
 
 FLOOR_EXCESS = Rules().floor_excess
 """Residual over noise floor above which a model misses something."""
-LARGEST_ERROR = 0.3
-"""Relative error above which a model does not describe a machine."""
 
 
 def data_remark(logs: Sequence[Log]) -> Remark:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import Any
 
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.parameters import Parameter
+from par4_identification.logs.bag_hash import bag_sha256
 from par4_identification.logs.log import Log
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.results import origin
@@ -18,21 +18,6 @@ from par4_sim.report.words import unit_on
 def data_of_logs(logs: Sequence[Log]) -> list[dict[str, Any]]:
     """Return what was read, repaired and dropped, a bag each."""
     return [{**log.accounts.to_json(), 'findings': log.accounts.findings()} for log in logs]
-
-
-def bag_sha256(path: str | Path) -> str:
-    """Return the hash of a bag: that of its file, or that of its files' hashes and names.
-
-    A folder's is the one of `sha256sum *` in it.
-    """
-    path = Path(path)
-    files = [path] if path.is_file() else sorted(item for item in path.rglob('*') if item.is_file())
-    lines = []
-    for file in files:
-        with file.open('rb') as stream:
-            digest = file_digest(stream, 'sha256').hexdigest()
-        lines.append(f'{digest}  {file.relative_to(path)}\n')
-    return digest if path.is_file() else sha256(''.join(lines).encode()).hexdigest()
 
 
 def provenance(tool: str, machine: Robot | Axis, bags: Sequence[str | Path],

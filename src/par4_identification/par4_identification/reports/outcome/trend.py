@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from par4_identification.gains.unknown_payload import PLATFORM
+from par4_identification.gains.known_payload import PLATFORM
 from par4_identification.reports.outcome.changes import phrase_of_reading
 from par4_identification.trend.channels import Channel
 from par4_identification.trend.course import FEWEST

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from par4_identification.fitting.validation import Errors, Validation
+from par4_identification.fitting.validation import LARGEST_ERROR, Errors, Validation
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.outcome import (
     FLOOR_EXCESS,
-    LARGEST_ERROR,
     data_remark,
     duration,
     over_joints,
