@@ -36,10 +36,10 @@ from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
 from par4_identification.diagnosis.nominal.start import INERTIA, alike, start_of
-from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.progress import Progress, silent
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.law import Dithered, dithered
+from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Model, Search, named_of, names_of, others_of
