@@ -198,12 +198,12 @@ class Search:
         What rows held out miss is needed, whatever its price.
         """
         hypothesis = self._with_confirmed_orders(hypothesis, others)
-        price = self.rules.price
-        if not hypothesis.effect.shared:  # what other causes get wrong may look like one more joint
-            price *= self.requirement((*others, hypothesis)).inflation
+        # what the causes get wrong may look like one more joint, though not all of it
+        doubt = np.sqrt(self.requirement((*others, hypothesis)).inflation)
+        price = self.rules.price * doubt
         trials = list(self._choices(hypothesis)) or [hypothesis]
         fits = [self.pool.fit((*others, trial)) for trial in trials]
-        most = min(fit.heldout_squares for fit in fits) + 2.0 * self.rules.margin
+        most = min(fit.heldout_squares for fit in fits) + 2.0 * self.rules.margin * doubt
         losses = [0.5 * fit.fit_squares + price * self.pool.width(trial)
                   if fit.heldout_squares <= most else np.inf for trial, fit in zip(trials, fits)]
         return trials[int(np.argmin(losses))]
@@ -214,6 +214,8 @@ class Search:
         Those with few come first.
         """
         effect = hypothesis.effect
+        if len(self._joints) == 1:
+            return
         numbers = range(len(effect.separable)) if effect.shared else self._joints
         of_joints = all(parameter.scope == 'joint' for parameter in effect.parameters)
         for count in range(1, len(numbers) + 1):
