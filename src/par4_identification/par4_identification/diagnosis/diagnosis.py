@@ -64,6 +64,7 @@ from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.verdict.unrelated import Left, unrelated
 from par4_identification.logs.log import Log
+from par4_identification.logs.stretches import parted, seconds_of, spread_over
 from par4_identification.signals.rows import Conditioning, Run, runs_of_log
 from par4_kinematics.robot import Axis, Robot
 
@@ -72,6 +73,9 @@ CONDITIONING = Conditioning(low_speed=0.02)
 LIBRARY = {name: effect for name, effect in CATALOGUE.items()
            if name not in ('quantization', 'torque_saturation')}
 """Effects that may be named: all but those that add no torque to a motion."""
+MOST = 480_000
+"""Readings of torque that are fitted: two minutes of four joints at 1 kHz. Of more, stretches are
+looked at, so that time and memory end; what the model gets wrong limits a long log anyway."""
 PASSES = 3
 """Searches beside the causes found by the one before."""
 SMOOTH = 0.5
@@ -80,6 +84,25 @@ SMOOTH = 0.5
 RINGING = 0.3
 """Share of it that twisting transmissions explain, though they are no cause, beyond which they are
 nearer than a load that rattles in a gap."""
+
+
+def manageable(fit_logs: Sequence[Log], holdout_logs: Sequence[Log]
+               ) -> tuple[Sequence[Log], Sequence[Log], float]:
+    """Return logs to fit and held out of which no more than `MOST` readings are looked at each.
+
+    Long logs are looked at in stretches that are spread over them. The third is the share of all
+    readings that is looked at.
+    """
+    logs = [*fit_logs, *holdout_logs]
+    if sum(log.tau.size for log in fit_logs) <= MOST >= sum(log.tau.size for log in holdout_logs):
+        return fit_logs, holdout_logs, 1.0
+    if not holdout_logs:
+        fit_logs, holdout_logs = ((fit_logs[:-1], fit_logs[-1:]) if len(fit_logs) > 1 else
+                                  ([part] for part in parted(fit_logs[0], 2.0 / 3.0)))
+    thin = [spread_over(part, seconds_of(part) * MOST * share / sum(log.tau.size for log in part))
+            for part, share in ((fit_logs, 1.0), (holdout_logs, 0.5))]
+    used = sum(log.tau.size for part in thin for log in part)
+    return *thin, used / sum(log.tau.size for log in logs)
 
 
 def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Robot | Axis,
@@ -133,6 +156,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     rigid_body = baseline.rigid_body if baseline else 'paper'
     known = build_model(machine, baseline) if baseline else None
     progress('filtering the logs')
+    fit_logs, holdout_logs, share = manageable(fit_logs, holdout_logs)
     fit_runs, holdout_runs = split_runs(fit_logs, holdout_logs, machine, conditioning)
     observations = observe(fit_runs, machine, rigid_body, known)
     heldout = observe(holdout_runs, machine, rigid_body, known)
@@ -190,7 +214,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         model = search.run(tuple(named))
     answer = _answer(search, model, machine, baseline, rigid_body, effects, tuple(fit_runs),
                      progress)
-    return replace(answer, left_out=start.left_out)
+    return replace(answer, left_out=start.left_out, share=share)
 
 
 def _search(observations: Observations, heldout: Observations, whitener: Whitener,

@@ -10,6 +10,7 @@ Stribeck friction, presliding or gaps in this way (errors in variables, attenuat
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,7 @@ class Counts:
     """
 
     dithered: Dithered
-    _moments: dict = field(default_factory=dict)
+    _moments: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
     _torque: list[np.ndarray] | None = None
 
     def imitate(self, projection: Projection, hypothesis: Hypothesis) -> float:
@@ -87,7 +88,8 @@ class Counts:
         runs = evidence.observations.runs
         told = [columns(run.state) for run in runs]
         width = told[0].shape[2] - evidence.base.shape[1]
-        of_cause = of_base = 0.0
+        of_cause = np.zeros(evidence.columns(hypothesis).shape[1])
+        of_base = np.zeros(evidence.base.shape[1])
         for draw, torque in zip(self.dithered.draws, self._torque):
             noise = evidence.whitener.whiten([
                 run.rows(columns(moved.state) - part)

@@ -123,6 +123,7 @@ class Diagnosis:
         evidence: these rows, whitened.
         hypotheses: of the named causes, in their order.
         left_out: base parameters that the motion does not show.
+        share: of the readings of long logs that was looked at, in stretches spread over them.
         doubts: what is unnamed or nearly passes as a cause, and what else it may be.
         effects: what their names stand for.
     """
@@ -140,5 +141,6 @@ class Diagnosis:
     evidence: Evidence
     hypotheses: tuple[Hypothesis, ...]
     left_out: tuple[str, ...] = ()
+    share: float = 1.0
     doubts: tuple[Pair, ...] = ()
     effects: Mapping[str, Effect] = field(default_factory=lambda: CATALOGUE)

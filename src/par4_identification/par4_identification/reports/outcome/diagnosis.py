@@ -249,6 +249,11 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
                 advice(cause.effect.name, experiment)
                 or 'To tell such names apart, add a bag of slow wide sweeps and one with a known '
                 'payload.'))
+    if diagnosis.share < 1.0:
+        remarks.append(Remark(
+            True, f'Of these long logs {100.0 * diagnosis.share:.0f} % was looked at, in stretches '
+            f'spread over all of them.', 'What shows only elsewhere: give those parts as bags of '
+            'their own.'))
     if diagnosis.left_out:
         names = listed([in_words(name) for name in diagnosis.left_out])
         remarks.append(Remark(

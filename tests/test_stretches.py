@@ -1,0 +1,74 @@
+"""Stretches of long logs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from par4_identification.diagnosis.diagnosis import MOST, manageable
+from par4_identification.logs.log import Log
+from par4_identification.logs.stretches import STRETCH, parted, seconds_of, spread_over
+
+
+def log_of(seconds: float, gap: bool = False) -> Log:
+    """Return a log at 100 Hz whose positions count the samples."""
+    count = round(100 * seconds)
+    q = np.arange(count, dtype=float)[:, None] * np.ones(2)
+    segments = (slice(0, count),) if not gap else (slice(0, count // 4), slice(count // 4, count))
+    return Log(name='counted', joint_names=('a', 'b'), start_stamp=0, period=0.01, q=q, tau=-q,
+               t=np.arange(count) * 0.01, segments=segments, reference=None, accounts=None)
+
+
+@pytest.mark.parametrize('gap', [False, True])
+def test_stretches_are_spread_over_all_of_a_log(gap):
+    log = log_of(600.0, gap)
+    thin, = spread_over([log], 120.0)
+    assert seconds_of([thin]) == pytest.approx(120.0, rel=0.02)
+    assert len(thin.segments) == round(120.0 / STRETCH)
+    assert thin.t[0] == 0.0
+    assert thin.t[-1] == log.t[-1]
+    assert np.diff(thin.t).max() < 2.0 * 600.0 / len(thin.segments)
+    # each sample is still itself, and a segment has no gap
+    np.testing.assert_array_equal(thin.q[:, 0], np.round(thin.t / 0.01))
+    for part in thin.segments:
+        np.testing.assert_allclose(np.diff(thin.t[part]), 0.01)
+    assert thin.segments[-1].stop == len(thin.t)
+
+
+def test_short_logs_stay_as_they_are():
+    logs = [log_of(20.0), log_of(30.0, gap=True)]
+    assert spread_over(logs, 60.0) == tuple(logs)
+
+
+def test_doubtful_samples_stay_doubtful():
+    log = log_of(100.0)
+    doubtful = log.q % 7 == 0
+    thin, = spread_over([replace(log, doubtful=doubtful)], 30.0)
+    np.testing.assert_array_equal(thin.doubtful, thin.q % 7 == 0)
+
+
+@pytest.mark.parametrize('gap', [False, True])
+@pytest.mark.parametrize('share', [0.1, 0.25, 2.0 / 3.0])
+def test_the_parts_of_a_log_are_the_log(gap, share):
+    log = log_of(60.0, gap)
+    first, last = parted(log, share)
+    assert seconds_of([first]) == pytest.approx(60.0 * share, abs=0.02)
+    np.testing.assert_array_equal(np.concatenate((first.q, last.q)), log.q)
+    for part in (first, last):
+        assert part.segments[0].start == 0
+        assert part.segments[-1].stop == len(part.t)
+
+
+def test_of_long_logs_stretches_are_diagnosed_and_of_others_everything():
+    short, long = log_of(100.0), log_of(5000.0)
+    assert manageable([short], []) == ([short], [], 1.0)
+    fit, held, share = manageable([long], [])
+    assert sum(log.tau.size for log in fit) == pytest.approx(MOST, rel=0.02)
+    assert sum(log.tau.size for log in held) <= MOST // 2 + 10
+    assert share == pytest.approx((sum(log.tau.size for log in (*fit, *held))) / long.tau.size)
+    # of one log the last third is held out; of several the last
+    assert fit[0].t[-1] < held[0].t[0]
+    assert manageable([short, long], [])[1][0].t[0] == 0.0
+    assert len(manageable([short], [long])[0]) == 1
