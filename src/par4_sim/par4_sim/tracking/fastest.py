@@ -1,9 +1,10 @@
 """How fast a path can be followed: by pace, until a limit is broken.
 
 A motion keeps its path and the shape of its timing, its own or the time-optimal one; at pace p it
-takes 1/p of the time with p times the speed and p^2 times the acceleration. The fastest pace that
-keeps torque, joint speed and a peak error of D is found by bisection, below the pace at which the
-motion would take the time that nothing can be faster than.
+takes 1/p of the time with p times the speed and p^2 times the acceleration. The fastest pace at
+which a peak error of D and the limit of joint speed are kept, with drives that clip what exceeds
+the torque limit, is found by bisection, below the pace at which the motion would take the time
+that nothing can be faster than.
 """
 
 from __future__ import annotations
@@ -17,7 +18,12 @@ from par4_dynamics.model import Model
 from par4_kinematics.errors import Par4Error
 from par4_kinematics.motion import Motion, check_limits
 from par4_sim.tracking.case import NEED_MODEL, Case, Plan
-from par4_sim.tracking.metrics import errors_of, longest_axis
+from par4_sim.tracking.metrics import (
+    errors_of,
+    first_limited_torque,
+    longest_axis,
+    point_in_words,
+)
 
 OWN, TIME_OPTIMAL = 'own', 'time_optimal'
 TIMINGS = {OWN: 'own timing', TIME_OPTIMAL: 'time-optimal'}
@@ -137,24 +143,18 @@ def fastest_cases(plans: Mapping[str, Plan], controllers: Sequence[str],
 
 
 def _broken(case: Case, peak: float) -> str:
-    """Return which limit a run breaks first, where and when; empty if none."""
+    """Return why a run does not keep the limit of the error, where and when; empty if it does.
+
+    The drives keep the torque limit by themselves; where it was met before the error grew beyond
+    its limit, the torque is what is missing.
+    """
     run = case.run
     distance = np.linalg.norm(errors_of(run), axis=1)
     over = np.flatnonzero(distance > peak)
-    found = []
-    if len(over):
-        t, place = run.motion.t[over[0]], run.motion.x[over[0], :3]
-        found.append((t, f'error of D above {1e3 * peak:.3g} mm at {t:.4f} s, at '
-                         f'{_point(place)}'))
-    if case.tracking.saturated > 0.0:
-        limit = np.abs(run.command).max()
-        row, joint = np.unravel_index(
-            np.argmax(np.abs(run.command) >= limit * (1.0 - 1e-9)), run.command.shape)
-        t = run.t[row]
-        found.append((t, f'torque of joint {joint} above {limit:.4g} N m at {t:.4f} s, at '
-                         f'{_point(run.pose[row, :3])}'))
-    return min(found)[1] if found else ''
-
-
-def _point(place: np.ndarray) -> str:
-    return f'({", ".join(f"{value:.3f}" for value in place)}) m'
+    if not len(over):
+        return ''
+    t, place = float(run.motion.t[over[0]]), run.motion.x[over[0], :3]
+    limited = first_limited_torque(run)
+    if limited and limited[0] < t:
+        return limited[1]
+    return f'error of D above {1e3 * peak:.3g} mm at {t:.4f} s, at {point_in_words(place)}'
