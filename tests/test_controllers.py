@@ -234,5 +234,6 @@ def test_what_needs_a_model_is_left_out_where_there_is_none():
         compared(plan, ('learning',), {'none': None})
     with pytest.raises(InputError, match='known are loops'):
         controller_named('perfect', REFERENCE, 200.0, STEP)
-    with pytest.raises(InputError, match='needs a model'):
-        controller_named('computed_torque', REFERENCE, 200.0, STEP)
+    for law in ('computed_torque', 'predictive'):
+        with pytest.raises(InputError, match=f'controller {law}: it needs a model'):
+            controller_named(law, REFERENCE, 200.0, STEP)

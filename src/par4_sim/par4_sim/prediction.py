@@ -52,21 +52,30 @@ def responses(damping: float, stiffness: float, interval: float, count: int
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _pass_on(times, points, t, interval, dt, per_torque, state, target):
+def _pass_on(times, points, t, interval, per_torque, state, target):
     """Write the target (TARGET,) at time t and hand over what sets in or stops since t - interval.
 
-    Feedforward that sets in or stops is looked for at every step dt of the drive: its torque at
-    that very step is handed over.
+    What is handed over is the torque of the very point at which feedforward sets in or stops.
     """
     had, has = False, False
     interpolate(times, points, t, 0.0, target)
     for joint in range(4):
         had = had or state[FEEDFORWARD, joint] != 0.0
         has = has or target[8 + joint] != 0.0
-    steps = max(1, round(interval / dt)) if had != has else 1
-    for step in range(steps - 1, -1, -1):
-        interpolate(times, points, t - step * dt, 0.0, target)
-        hand_over(target, state, per_torque, interval / steps)
+    if has and not had:
+        row = np.searchsorted(times, t - interval, side='right')
+        while row < times.shape[0] - 1 and not math.isfinite(points[row, 12]):
+            row += 1
+        first = target.copy()
+        first[8:12] = points[row, 12:16]
+        hand_over(first, state, per_torque, interval)
+    elif had and not has:
+        row = np.searchsorted(times, t, side='right') - 1
+        while row > 0 and times[row] > t - interval and not math.isfinite(points[row, 12]):
+            row -= 1
+        if math.isfinite(points[row, 12]):
+            state[FEEDFORWARD] = points[row, 12:16]
+    hand_over(target, state, per_torque, interval)
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -97,7 +106,7 @@ def predict(gains, geometry, bodies, state, times, points, start, interval, erro
     directions, pose = np.empty((2, 4)), np.empty((1, 4))
     pose[0] = np.array(HOME)
     for row in range(errors.shape[0]):
-        _pass_on(times, points, start + (row + 0.5) * interval, interval, gains[5], per_torque,
+        _pass_on(times, points, start + (row + 0.5) * interval, interval, per_torque,
                  ahead, target)
         for joint in range(4):
             left, speed = errors[row, 0, joint], errors[row, 1, joint]
