@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import click
@@ -23,11 +24,17 @@ from par4_sim.tracking.fastest import OWN, PEAK, TIME_OPTIMAL, TIMINGS, fastest_
               help='of the path: as MOTION has it, or time-optimal; may be given several times')
 @click.option('--peak', default=1e3 * PEAK, show_default=True,
               type=click.FloatRange(min=0.0, min_open=True), help='limit of the error of D, mm')
-def fastest(timing: tuple[str, ...], peak: float, **options: Any) -> None:
+@click.option('--joint-acceleration', default=None,
+              type=click.FloatRange(min=0.0, min_open=True),
+              help='limit of the joint accelerations asked for, rad/s2  [default: none]')
+@click.option('--joint-jerk', default=None,
+              type=click.FloatRange(min=0.0, min_open=True),
+              help='limit of the joint jerks asked for, rad/s3  [default: none]')
+def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | None,
+            joint_jerk: float | None, **options: Any) -> None:
     """Find how fast a simulated machine can do MOTION (adept, circle, a motion.yaml)."""
     asked = read_asked(**options)
     robot, played = asked.robot, asked.motion
-    limit = asked.machine.torque_limit or robot.drives.torque_limit
     with Console(stderr=True).status('looking for the bound') as status:
         from par4_sim.tracking.fastest_outcome import (
             HEADINGS,
@@ -39,21 +46,25 @@ def fastest(timing: tuple[str, ...], peak: float, **options: Any) -> None:
         )
         from par4_sim.tracking.fastest_report import report_of_fastest
         from par4_sim.tracking.time_optimal import (  # toppra is slow to load
+            PathLimits,
             fastest_along,
             motion_of,
         )
-        bound = fastest_along(robot, asked.machine, played, limit)
+        limits = PathLimits(asked.machine.torque_limit or robot.drives.torque_limit,
+                            joint_acceleration or math.inf, joint_jerk or math.inf)
+        bound = fastest_along(robot, asked.machine, played, limits)
         motions = {OWN: played, TIME_OPTIMAL: motion_of(
             bound, robot, f'{played.name}, time-optimal', STEP)}
         plans = {name: asked.plan(motions[name]) for name in timing}
         found = fastest_cases(plans, asked.controllers, asked.models, bound.bound, 1e-3 * peak,
-                              status.update)
+                              limits.acceleration, limits.jerk, status.update)
         status.update('drawing the report')
-        outcome = outcome_of_fastest(found, bound, played, robot, limit, 1e-3 * peak)
+        outcome = outcome_of_fastest(found, bound, played, robot, limits, 1e-3 * peak)
         provenance = origin('par4_fastest', robot, {
-            **asked.options, 'timing': list(timing), 'peak_mm': peak})
+            **asked.options, 'timing': list(timing), 'peak_mm': peak,
+            'joint_acceleration': joint_acceleration, 'joint_jerk': joint_jerk})
         write_results(asked.output, {
-            'fastest.json': fastest_json(found, bound, played, robot, limit, 1e-3 * peak,
+            'fastest.json': fastest_json(found, bound, played, robot, limits, 1e-3 * peak,
                                          provenance),
             'report.html': report_of_fastest(found, bound, outcome, played, robot, provenance)})
         best = best_of(found)

@@ -9,6 +9,7 @@ that nothing can be faster than.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -79,7 +80,8 @@ def at_pace(motion: Motion, pace: float) -> Motion:
 
 
 def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bound: float,
-                 peak: float = PEAK, timing: str = OWN) -> Reached | Unreached:
+                 peak: float = PEAK, timing: str = OWN, acceleration: float = math.inf,
+                 jerk: float = math.inf) -> Reached | Unreached:
     """Return the fastest that a controller does the motion of a plan within its limits.
 
     Args:
@@ -88,11 +90,12 @@ def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bo
         bound: time that no controller can undercut, s.
         peak: limit of the peak error of D, m.
         timing: what the motion of the plan has.
+        acceleration, jerk: limits of the motion asked of the joints, rad/s2, rad/s3.
     """
     def tried(pace: float) -> tuple[Case | None, str]:
         asked = replace(plan, motion=at_pace(plan.motion, pace))
         try:
-            check_limits(asked.motion, plan.robot)
+            check_limits(asked.motion, plan.robot, acceleration, jerk)
             case = asked.case(controller, name, model)
         except Par4Error as error:
             return None, str(error)
@@ -120,6 +123,7 @@ def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bo
 
 def fastest_cases(plans: Mapping[str, Plan], controllers: Sequence[str],
                   models: Mapping[str, Model | None], bound: float, peak: float = PEAK,
+                  acceleration: float = math.inf, jerk: float = math.inf,
                   progress: Callable[[str], None] = lambda _: None
                   ) -> list[Reached | Unreached]:
     """Return the fastest of every controller with every model in every timing of a path.
@@ -127,7 +131,7 @@ def fastest_cases(plans: Mapping[str, Plan], controllers: Sequence[str],
     Args:
         plans: timing -> plan with the motion of that timing.
         controllers, models: as `compared`.
-        bound, peak: as `fastest_case`.
+        bound, peak, acceleration, jerk: as `fastest_case`.
         progress: told what is being simulated.
     """
     reached: list[Reached | Unreached] = []
@@ -138,7 +142,7 @@ def fastest_cases(plans: Mapping[str, Plan], controllers: Sequence[str],
                     progress(f'looking for the fastest pace of {controller} with {name}, '
                              f'{TIMINGS[timing]}')
                     reached.append(fastest_case(plan, controller, name, model, bound, peak,
-                                                timing))
+                                                timing, acceleration, jerk))
     return reached
 
 
