@@ -109,10 +109,12 @@ def models_of(hidden: Hidden, folder: Path, seed: int) -> dict[str, Path | str]:
 
 
 def causes_of(folder: Path) -> str:
-    """Return what the diagnosis named."""
+    """Return what the diagnosis named, and what it says has changed since the identification."""
     content = json.loads((folder / 'diagnosed' / 'diagnosis.json').read_text())
-    names = ', '.join(cause['effect'] for cause in content['causes'])
-    return f'{content["verdict"]}: {names}' if names else content['verdict']
+    names = [cause['effect'] for cause in content['causes']]
+    readings = dict.fromkeys(change['reading'] for change in content['changes'])
+    told = ', '.join((*names, *filter(None, readings)))
+    return f'{content["verdict"]}: {told}' if told else content['verdict']
 
 
 def main() -> None:
