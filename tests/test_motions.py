@@ -502,7 +502,7 @@ def test_recipe_gives_its_motion(tmp_path, recipe):
     ({'schema': MOTION_SCHEMA, 'frame': 'tool', 'samples': 'a.csv'}, "'tool'"),
     ({'schema': MOTION_SCHEMA, 'frame': 'joint', 'samples': '../a.csv'}, 'beside this one'),
     ({'schema': MOTION_SCHEMA, 'frame': 'joint', 'samples': 'a.csv'}, r'a\.csv: no such file'),
-    ({'schema': MOTION_SCHEMA, 'recipe': {'kind': 'dance'}}, "circle, waypoints, found 'dance'"),
+    ({'schema': MOTION_SCHEMA, 'recipe': {'kind': 'dance'}}, "circle, waypoints, online, found 'dance'"),
     ({'schema': MOTION_SCHEMA, 'recipe': {'kind': 'adept', 'sped': 1.0}}, 'sped'),
     ({'schema': MOTION_SCHEMA, 'recipe': {'kind': 'adept', 'speed': 'fast'}}, "'fast'"),
     ({'schema': MOTION_SCHEMA, 'recipe': {'kind': 'adept', 'speed': math.inf}}, 'finite'),

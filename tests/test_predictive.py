@@ -39,9 +39,10 @@ def followed(robot, motion, law, machine=MACHINE, known=MACHINE):
     return run, tracking_of(run, space=robot.limits.workspace)
 
 
-def test_where_no_limit_is_met_it_is_computed_torque_to_the_last_bit():
-    ahead, _ = followed(REFERENCE, SMOOTH, 'predictive')
-    plain, _ = followed(REFERENCE, SMOOTH, 'computed_torque')
+@pytest.mark.parametrize('motion', [SMOOTH, TRAPEZOIDS], ids=['smooth', 'torque that jumps'])
+def test_where_no_limit_is_met_it_is_computed_torque_to_the_last_bit(motion):
+    ahead, _ = followed(REFERENCE, motion, 'predictive')
+    plain, _ = followed(REFERENCE, motion, 'computed_torque')
     np.testing.assert_array_equal(ahead.command, plain.command)
     np.testing.assert_array_equal(ahead.pose, plain.pose)
 

@@ -2,8 +2,9 @@
 
 The law makes of every joint the loop eddot + damping edot + stiffness e = -c, where c is a
 correction of the acceleration that it asks for, held over each interval of the horizon. So errors
-are known in advance, exactly and alike for every joint; torques and poses are those of the law's
-model along the errors without correction, and linear in the corrections about them.
+are known in advance, exactly and alike for every joint. Torques and poses are those of the law's
+model along the errors with the corrections that were planned before, and taken as linear in what
+changes of these.
 """
 
 from __future__ import annotations
@@ -118,8 +119,8 @@ def predict(gains, geometry, bodies, state, times, points, start, interval, erro
                                      + plan[row, joint])
             motions[2 + joint, 2, joint] += 1.0
             speeds[row, joint] = motions[1, 1, joint]
-        for case in range(6):
-            if not torque_of_joints_sample(geometry, bodies, motions[case], found[case]):
+        for part in range(6):
+            if not torque_of_joints_sample(geometry, bodies, motions[part], found[part]):
                 return False
         for column in range(4):
             inertias[row, :, column] = found[2 + column] - found[1]
