@@ -18,6 +18,7 @@ from par4_sim.machine_effects import machine_of_model
 from par4_sim.plant import STEP
 from par4_sim.prediction import responses
 from par4_sim.simulation import build_plant
+from par4_sim.tracking.case import Plan
 from par4_sim.tracking.metrics import tracking_of
 from par4_sim.tracking.run import feedforward_of, record_run
 from robots import REFERENCE, model_with
@@ -37,6 +38,14 @@ def followed(robot, motion, law, machine=MACHINE, known=MACHINE):
     run = record_run(robot, machine, motion, feedforward_of(robot, known, motion), law=law,
                      known=known)
     return run, tracking_of(run, space=robot.limits.workspace)
+
+
+def test_its_margin_is_that_of_computed_torque_over_the_whole_workspace():
+    plan = Plan(REFERENCE, MACHINE, SMOOTH)
+    margin = plan.margin('predictive', TABLE_1)
+    assert margin == plan.margin('computed_torque', TABLE_1)
+    assert margin.modulus > 0.9
+    assert plan.margin('loops', None).modulus < 0.5 * margin.modulus
 
 
 @pytest.mark.parametrize('motion', [SMOOTH, TRAPEZOIDS], ids=['smooth', 'torque that jumps'])
