@@ -132,6 +132,19 @@ def test_the_programs_are_solved_to_the_optimum(monkeypatch):
         np.testing.assert_allclose(found, nearest, atol=2e-3 * np.abs(nearest).max())
 
 
+def test_programs_that_are_not_solved_are_counted_and_leave_computed_torque(monkeypatch):
+    robot = with_drives(torque_limit=110.0)
+    solved, _ = followed(robot, SMOOTH, 'predictive')
+    assert solved.counts['unsolved_programs'] == 0
+    solve = predictive.daqp.solve
+    monkeypatch.setattr(predictive.daqp, 'solve', lambda *args, **options: (
+        *solve(*args, **options)[:2], -1, {}))
+    run, _ = followed(robot, SMOOTH, 'predictive')
+    assert run.counts['unsolved_programs'] > 50
+    plain, _ = followed(robot, SMOOTH, 'computed_torque')
+    np.testing.assert_array_equal(run.command, plain.command)
+
+
 @pytest.mark.parametrize(('motion', 'limit'), [(SMOOTH, 110.0), (SMOOTH, 70.0), (TRAPEZOIDS, 70.0)])
 def test_a_motion_that_asks_for_more_torque_than_there_is_is_followed_best(motion, limit):
     """142 N m would be needed; looking ahead brakes before the torque is missing."""

@@ -70,8 +70,7 @@ class Predictive(ComputedTorque):
         dt: s.
 
     Attributes:
-        programs: how many times limits lay ahead and a program was solved.
-        failures: how many of them the solver did not solve, so that nothing was corrected.
+        programs: how many times limits lay ahead and a program was put up.
     """
 
     def __init__(self, robot: Robot, model: Model, torque_limit: float, dt: float) -> None:
@@ -90,7 +89,7 @@ class Predictive(ComputedTorque):
         self._units = SCALE / np.array((1.0, 1.0, 1.0, robot.geometry.platform_radius))
         self._cost, self._slope = np.eye(LEGS * count), np.zeros(LEGS * count)
         self._plan = np.zeros((count, LEGS))
-        self.programs = self.failures = 0
+        self.programs = 0
 
     def restart(self, holding: np.ndarray) -> None:
         """Begin settled with the command `holding` (4,), N m, nothing planned."""
@@ -129,7 +128,7 @@ class Predictive(ComputedTorque):
             self._cost, self._slope, rows, high, low, np.full(len(rows), SOFT, dtype=np.intc),
             rho_soft=SOFTNESS)
         if flag < 1:
-            self.failures += 1
+            self.unsolved += 1
             return nothing
         return np.einsum('njk,nk->nj', to_joints, found.reshape(plan.shape))
 

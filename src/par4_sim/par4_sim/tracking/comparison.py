@@ -39,6 +39,9 @@ def outcome_of_tracking(cases: Sequence[Case], motion: Motion, machine: str, rob
           for case in limited),
         *(Remark(False, f'{_sentence(case.label)}: {case.tracking.missing_effort} reference points '
                         f'came without feedforward torque.') for case in lost),
+        *(Remark(False, f'{_sentence(case.label)}: {case.run.counts["unsolved_programs"]} looks '
+                        f'ahead found no correction; it went on as computed torque.')
+          for case in cases if case.run.counts['unsolved_programs']),
         *([] if limited else [Remark(True, 'No torque and no speed was limited.')]),
         Remark(True, f'The largest torque was '
                      f'{number(max(case.tracking.peak_torque for case in cases))} N m.'),
