@@ -21,9 +21,9 @@ The cost has nothing to tune. With damping^2 >= 2 stiffness the law without limi
 
     stiffness^2 |e|^2 + (damping^2 - 2 stiffness) |edot|^2 + |a - qdd_ref|^2
 
-and what corrections add to that integral is the integral of |c|^2, in any metric. So the program
-is linear-quadratic control over an infinite horizon with limits over a finite one (the closed-loop
-paradigm of Kouvaritakis, Rossiter and Schuurmans 2000).
+and what corrections add to that integral is the integral of |c|^2, in any metric; that of J changes
+little over the horizon. So the program is linear-quadratic control over an infinite horizon with
+limits over a finite one (the closed-loop paradigm of Kouvaritakis, Rossiter and Schuurmans 2000).
 
 Feedforward that is late or lost is handed over ahead as it is now, so that the law degrades as
 computed torque does.
