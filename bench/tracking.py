@@ -108,11 +108,13 @@ def models_of(hidden: Hidden, folder: Path, seed: int) -> dict[str, Path | str]:
             'extended': extended if extended.exists() else identified, 'exact': exact}
 
 
-def causes_of(folder: Path) -> str:
-    """Return what the diagnosis named."""
+def causes_of(folder: Path, changed: bool) -> str:
+    """Return what the diagnosis named, and what it reads of a machine that has changed since."""
     content = json.loads((folder / 'diagnosed' / 'diagnosis.json').read_text())
-    names = ', '.join(cause['effect'] for cause in content['causes'])
-    return f'{content["verdict"]}: {names}' if names else content['verdict']
+    names = [cause['effect'] for cause in content['causes']]
+    readings = dict.fromkeys(change['reading'] for change in content['changes'] if changed)
+    told = ', '.join((*names, *filter(None, readings)))
+    return f'{content["verdict"]}: {told}' if told else content['verdict']
 
 
 def main() -> None:
@@ -138,7 +140,7 @@ def main() -> None:
             rms = {case.feedforward: 1e3 * case.tracking.rms for case in cases}
             ratios = (rms['identified'] / rms['exact'], rms['extended'] / rms['exact'],
                       rms['identified'] / rms['extended'])
-            print(f'| {name} | {causes_of(folder)} | '
+            print(f'| {name} | {causes_of(folder, bool(hidden.later))} | '
                   + ' | '.join(f'{value:.3f}' for value in rms.values()) + ' | '
                   + ' | '.join(f'{value:.2f}' for value in ratios) + ' |', flush=True)
             table[name] = rms

@@ -227,12 +227,14 @@ def test_learning_does_no_harm_where_the_machine_is_not_what_the_model_says():
 
 def test_what_needs_a_model_is_left_out_where_there_is_none():
     plan = Plan(REFERENCE, MACHINE, SMOOTH)
-    cases = compared(plan, ('loops', 'computed_torque'), {'none': None, 'table1': TABLE_1})
+    cases = compared(plan, ('loops', 'predictive'), {'none': None, 'table1': TABLE_1})
     assert [(case.controller, case.feedforward) for case in cases] == [
-        ('loops', 'none'), ('loops', 'table1'), ('computed_torque', 'table1')]
+        ('loops', 'none'), ('loops', 'table1'), ('predictive', 'table1')]
+    assert cases[-1].margin.modulus > cases[0].margin.modulus
     with pytest.raises(InputError, match='learning: needs a model'):
         compared(plan, ('learning',), {'none': None})
     with pytest.raises(InputError, match='known are loops'):
         controller_named('perfect', REFERENCE, 200.0, STEP)
-    with pytest.raises(InputError, match='needs a model'):
-        controller_named('computed_torque', REFERENCE, 200.0, STEP)
+    for law in ('computed_torque', 'predictive'):
+        with pytest.raises(InputError, match=f'controller {law}: it needs a model'):
+            controller_named(law, REFERENCE, 200.0, STEP)

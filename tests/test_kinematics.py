@@ -382,6 +382,8 @@ def test_conditioning_summary_bounds_the_workspace(robot):
 def test_inside_is_the_cylinder_and_the_range_of_theta():
     assert inside(REFERENCE, HOME)
     assert inside(REFERENCE, (0.3, 0.39, -0.56, -0.78))
+    assert inside(REFERENCE, (0.0, 0.0, -0.78, math.pi / 4.0))  # the paper's range, to the letter
+    assert inside(REFERENCE, (0.0, 0.0, -0.78, -math.pi / 4.0))
     for pose in ((0.31, 0.4, -0.78, 0.0), (0.0, 0.0, -0.91, 0.0), (0.0, 0.0, -0.54, 0.0),
                  (0.0, 0.0, -0.78, 0.8), (0.0, 0.0, -0.78, -0.8)):
         assert not inside(REFERENCE, pose)

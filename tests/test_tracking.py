@@ -104,7 +104,7 @@ def swinging(decay: float, rate: float, size: float, axis: int = 0) -> Run:
     pose[:, axis] = 0.3 * np.minimum(t / 0.4, 1.0) + size * np.exp(-decay * after) * np.sin(
         rate * after)
     still, torque = np.zeros_like(x), np.zeros((len(t), 4))
-    counts = {'saturated_commands': 0, 'saturated_speeds': 0}
+    counts = {'saturated_commands': 0, 'saturated_speeds': 0, 'unsolved_programs': 0}
     return Run(Motion('ramp', asked, still, still, still, x, still, still), t, pose, torque,
                torque, torque, torque, None, counts)
 

@@ -64,6 +64,20 @@ def platform_breach(robot: Robot, x: np.ndarray) -> Breach | None:
         ('theta', x[:, 3], -space.theta, space.theta, 'rad')))
 
 
+def asked_breach(qdd: np.ndarray, period: float, acceleration: float, jerk: float
+                 ) -> Breach | None:
+    """Return where joint samples (n, 4) first exceed what is asked of a motion, None if nowhere.
+
+    Args:
+        qdd: every `period` seconds, rad/s2; the jerk is its change from one to the next.
+        period: s.
+        acceleration, jerk: of every joint, rad/s2, rad/s3.
+    """
+    rates = np.diff(qdd, axis=0, append=qdd[-1:]) / period
+    return _first([('joint acceleration', qdd, -acceleration, acceleration, 'rad/s2'),
+                   ('joint jerk', rates, -jerk, jerk, 'rad/s3')])
+
+
 def first_of(*breaches: Breach | None) -> Breach | None:
     """Return the breach of the earliest sample, the first named of equals; None without any."""
     return min((breach for breach in breaches if breach), key=lambda breach: breach.row,

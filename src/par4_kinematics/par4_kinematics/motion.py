@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from par4_kinematics.acceleration import joint_motion, platform_motion
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import POSE_NAMES, Geometry
-from par4_kinematics.limits import first_of, joint_breach, platform_breach
+from par4_kinematics.limits import asked_breach, first_of, joint_breach, platform_breach
 from par4_kinematics.robot import Robot
 from par4_kinematics.time_laws import SCurve, require_positive
 
@@ -152,18 +152,27 @@ def _move_law(step: np.ndarray, of_d: Sequence[float], of_theta: Sequence[float]
         for along, turning in zip(of_d, of_theta, strict=True)))
 
 
-def check_limits(motion: Motion, robot: Robot) -> None:
+def check_limits(motion: Motion, robot: Robot, acceleration: float = math.inf,
+                 jerk: float = math.inf) -> None:
     """Refuse a motion that leaves the robot's joint range, joint speed or workspace.
+
+    Args:
+        motion: what is asked.
+        robot: its limits.
+        acceleration, jerk: further limits of the joints that were asked for, rad/s2, rad/s3.
 
     Raises:
         InputError: names the limit that is broken first, when, where, and how far in the end.
     """
-    breach = first_of(joint_breach(robot, motion.q, motion.qd), platform_breach(robot, motion.x))
+    asked = asked_breach(motion.qdd, motion.period, acceleration, jerk)
+    breach = first_of(joint_breach(robot, motion.q, motion.qd), platform_breach(robot, motion.x),
+                      asked)
     if breach:
+        whose = ' as asked' if breach is asked else f' of robot {robot.name}'
         place = ', '.join(f'{value:.3f}' for value in motion.x[breach.row])
         raise InputError(
-            f'motion {motion.name}: {breach.found} is outside {breach.allowed} of robot '
-            f'{robot.name}, from {motion.t[breach.row]:.3f} s on, at the pose ({place}); '
+            f'motion {motion.name}: {breach.found} is outside {breach.allowed}{whose}, from '
+            f'{motion.t[breach.row]:.3f} s on, at the pose ({place}); '
             f'make the motion smaller or slower, or widen the limits')
 
 

@@ -32,13 +32,14 @@ from par4_kinematics.motion import (
     motion_of_platform,
     waypoints_motion,
 )
+from par4_kinematics.online import online_motion
 from par4_kinematics.robot import Robot
 
 MOTION_SCHEMA: Final = 'par4/motion/1'
 COLUMNS = {'joint': JOINT_COLUMNS, 'platform': PLATFORM_COLUMNS}
 RECIPES: dict[str, Callable[..., Motion]] = {
     'adept': adept_motion, 'excitation': excitation_motion, 'circle': circle_motion,
-    'waypoints': waypoints_motion}
+    'waypoints': waypoints_motion, 'online': online_motion}
 """What a recipe of each kind calls; its keys are the arguments of the function but the robot."""
 NAMED_MOTIONS = ('adept', 'excitation', 'circle')
 

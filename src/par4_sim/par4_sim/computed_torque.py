@@ -1,9 +1,10 @@
 """Computed torque: the model turns errors into torque, whatever the pose, on top of feedforward.
 
-    a = qdd_ref + damping edot + stiffness e, e = q_ref - q
+    a = qdd_ref + damping edot + stiffness e + c, e = q_ref - q
     command = tau_ff + I + D(q, qd, a) - D(q_ref, qd_ref, qdd_ref), limited
     dI/dt = M(q) integral e
 
+c is 0 but where `par4_sim.predictive` corrects for limits that lie ahead.
 D(q, qd, qdd) is the torque of the model's rigid bodies without friction, M its inertia matrix.
 tau_ff is the torque of the whole model, effects included, along the reference; it comes as every
 feedforward does. With the model right, e obeys eddot + damping edot + stiffness e + ... = 0 at
@@ -31,6 +32,7 @@ from par4_sim.controller import (
     CARRIED,
     COMMANDS,
     COMPUTED_TORQUE,
+    CORRECTION,
     INTEGRAL,
     Controller,
     hand_over,
@@ -46,7 +48,7 @@ def computed_torque(gains, geometry, bodies, target, q, qd, state, saturated, co
         geometry, bodies: of `Geometry.packed` and `Model.rigid_table`.
         target: (TARGET,).
         q, qd: what the encoders tell (4,).
-        state: rows of `Controller`, the integral in N m, (3, 4), moved on.
+        state: rows of `Controller`, the integral in N m, (4, 4), moved on.
         saturated: counts (2,), raised.
         command: written.
     """
@@ -58,7 +60,8 @@ def computed_torque(gains, geometry, bodies, target, q, qd, state, saturated, co
         motions[0, 0, joint], motions[0, 1, joint] = target[joint], target[4 + joint]
         motions[1:, 0, joint], motions[1:, 1, joint] = q[joint], qd[joint]
         error = target[joint] - q[joint]
-        asked = target[12 + joint] + damping * (target[4 + joint] - qd[joint]) + stiffness * error
+        asked = (target[12 + joint] + damping * (target[4 + joint] - qd[joint])
+                 + stiffness * error + state[CORRECTION, joint])
         motions[0, 2, joint] = target[12 + joint]
         motions[1, 2, joint], motions[2, 2, joint] = asked, asked + integral * error
     finite = True
@@ -71,7 +74,7 @@ def computed_torque(gains, geometry, bodies, target, q, qd, state, saturated, co
                   + torques[1, joint] - torques[0, joint])
         command[joint] = min(max(wanted, -torque_limit), torque_limit)
         saturated[COMMANDS] += command[joint] != wanted
-        if command[joint] == wanted:
+        if command[joint] == wanted and state[CORRECTION, joint] == 0.0:
             state[INTEGRAL, joint] += (torques[2, joint] - torques[1, joint]) * dt
 
 

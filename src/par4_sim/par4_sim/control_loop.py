@@ -36,7 +36,7 @@ def control_step(times, points, t, q, qd, encoders, law, amplifier, lag, drive, 
         t: time of the step's beginning on the queue's clock, s.
         q, qd: true positions and velocities (4,).
         encoders, law, amplifier, lag: as `read_encoders`, `command_of` and `deliver` take them.
-        drive, currents: states of `command_of` (3, 4) and of `deliver` (2, 4), moved on.
+        drive, currents: states of `command_of` (4, 4) and of `deliver` (2, 4), moved on.
         saturated: counts (2,), raised.
         history: (2, n, 4) command and torque; step s has row s % n.
         step: number of the step.
@@ -125,10 +125,20 @@ class ControlLoop:
     def torque(self, reference: ReferenceQueue, t: float, step: int, q: np.ndarray,
                qd: np.ndarray) -> np.ndarray:
         """Return the torque (4,), N m, delivered in step number `step`, which begins at t, s."""
+        if self.controller.stride and step % self.controller.stride == 0:
+            self._look_ahead(reference, t, q, qd)
         control_step(reference.times, reference.points, t, q, qd, self._encoders,
                      self._law, self._amplifier, self._lag, self.controller.state,
                      self._currents, self.controller.counts, self._history, step, self._lead)
         return self._history[TORQUE, step % self._history.shape[1]]
+
+    def _look_ahead(self, reference: ReferenceQueue, t: float, q: np.ndarray, qd: np.ndarray
+                    ) -> None:
+        reading, rate, silence = np.empty(LEGS), np.empty(LEGS), np.zeros(LEGS)
+        read_encoders(self._encoders, q, qd, silence, reading, rate)
+        target = reference.target(t)
+        self.controller.look_ahead(reference.times, reference.points, t,
+                                   target[:4] - reading, target[4:8] - rate)
 
     def record(self, step: int, q: np.ndarray, qd: np.ndarray, torque_noise: np.ndarray,
                position_noise: np.ndarray) -> np.ndarray:

@@ -19,9 +19,9 @@ LOOPS, COMPUTED_TORQUE, TORQUE = 0, 1, 2
 """Numbers of the laws: `drive`, `computed_torque`, `torque_mode`."""
 SPEEDS, COMMANDS = 0, 1
 """Which of the two limits was met, in the counts."""
-INTEGRAL, FEEDFORWARD, CARRIED = 0, 1, 2
-"""Rows of a state: the integral, the last feedforward torque, and a torque carried over where no
-integral can take it, N m."""
+INTEGRAL, FEEDFORWARD, CARRIED, CORRECTION = 0, 1, 2, 3
+"""Rows of a state: the integral, the last feedforward torque, a torque carried over where no
+integral can take it, N m, and an acceleration that looking ahead adds, rad/s2."""
 FADING = 0.02
 """Time constant with which a carried torque fades once feedforward is there again, s."""
 
@@ -34,7 +34,7 @@ def hand_over(target, state, per_torque, dt):
 
     Args:
         target: (TARGET,); feedforward of zero on all joints is none.
-        state: (3, 4), changed.
+        state: (4, 4), changed.
         per_torque: what the integral makes, N m a unit; 0 where there is none.
         dt: s.
     """
@@ -64,7 +64,9 @@ class Controller(ABC):
         gains: three of the law, limit of command and of speed, dt, (6,).
         geometry, bodies: of the model that the law knows, as the kernels take them; empty where
             it needs none.
-        state: (3, 4), see `INTEGRAL`.
+        state: (4, 4), see `INTEGRAL`.
+        stride: physics steps between looks ahead; 0 for a law that never looks ahead.
+        unsolved: looks ahead whose program was not solved, so that nothing was corrected.
         counts: of limited speeds and commands, (2,).
         command: torque asked of the amplifiers after clipping (4,), N m; volts times gain.
     """
@@ -76,8 +78,9 @@ class Controller(ABC):
         self.gains = gains
         self.geometry = np.empty(0) if geometry is None else np.array(geometry)
         self.bodies = np.empty(0) if bodies is None else np.array(bodies)
-        self.state, self.command = np.zeros((3, LEGS)), np.zeros(LEGS)
+        self.state, self.command = np.zeros((4, LEGS)), np.zeros(LEGS)
         self.counts = np.zeros(2, dtype=np.int64)
+        self.stride = self.unsolved = 0
 
     @property
     def law(self) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
@@ -88,6 +91,17 @@ class Controller(ABC):
     @abstractmethod
     def per_torque(self) -> float:
         """What one unit of the integral makes, N m; 0 without an integral."""
+
+    def look_ahead(  # noqa: B027  most laws have nothing to look at
+            self, times: np.ndarray, points: np.ndarray, t: float, error: np.ndarray,
+            rate: np.ndarray) -> None:
+        """Correct the law for what lies ahead; called every `stride` steps.
+
+        Args:
+            times, points: of the ReferenceQueue.
+            t: s.
+            error, rate: of the joints and of their speeds now, reference less reading, (4,).
+        """
 
     @property
     def saturated_commands(self) -> int:

@@ -25,7 +25,7 @@ def control(gains, target, q, qd, state, saturated, command):
         gains: (6,) velocity, position and integral gain, limit of command and of speed, dt.
         target: (TARGET,); its accelerations are not used.
         q, qd: what the encoders tell (4,).
-        state: rows of `Controller`, the integral in rad s, (3, 4), moved on.
+        state: rows of `Controller`, the integral in rad s, (4, 4), moved on.
         saturated: counts (2,) of limited speeds and commands, raised.
         command: written.
     """

@@ -10,9 +10,13 @@ from par4_kinematics.robot import Robot
 from par4_sim.computed_torque import ComputedTorque, computed_torque
 from par4_sim.controller import COMPUTED_TORQUE, TORQUE, Controller
 from par4_sim.drive import DriveLoops, control
+from par4_sim.predictive import Predictive
 from par4_sim.torque_mode import TorqueMode, torque_mode
 
-LAWS = ('loops', 'computed_torque', 'torque')
+LAWS = ('loops', 'computed_torque', 'predictive', 'torque')
+KNOWING: dict[str, type[ComputedTorque]] = {
+    'computed_torque': ComputedTorque, 'predictive': Predictive}
+"""Laws that know a model."""
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -44,7 +48,7 @@ def controller_named(name: str, robot: Robot, torque_limit: float, dt: float,
         robot: its drives and nominal geometry.
         torque_limit: of the commands, N m.
         dt: s between commands.
-        model: what the law knows of the machine; only `computed_torque` needs it.
+        model: what the law knows of the machine; those of KNOWING need it.
 
     Raises:
         InputError: unknown name, or a law without the model it needs.
@@ -53,8 +57,8 @@ def controller_named(name: str, robot: Robot, torque_limit: float, dt: float,
         return DriveLoops(robot.drives, torque_limit, dt)
     if name == 'torque':
         return TorqueMode(robot.drives, torque_limit, dt)
-    if name != 'computed_torque':
+    if name not in KNOWING:
         raise InputError(f'controller {name!r} asked; known are {", ".join(LAWS)}')
     if model is None:
-        raise InputError('controller computed_torque: it needs a model, found none; give one')
-    return ComputedTorque(robot, model, torque_limit, dt)
+        raise InputError(f'controller {name}: it needs a model, found none; give one')
+    return KNOWING[name](robot, model, torque_limit, dt)

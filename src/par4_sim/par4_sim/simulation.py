@@ -144,7 +144,8 @@ class Simulation:
                 'missing_effort': self._reference.missing_effort,
                 'interrupted_references': self._reference.interrupted,
                 'saturated_commands': self._loop.controller.saturated_commands,
-                'saturated_speeds': self._loop.controller.saturated_speeds}
+                'saturated_speeds': self._loop.controller.saturated_speeds,
+                'unsolved_programs': self._loop.controller.unsolved}
 
     @property
     def starved(self) -> bool:

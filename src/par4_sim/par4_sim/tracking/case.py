@@ -10,7 +10,7 @@ from par4_dynamics.model import Model, read_model
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
-from par4_sim.laws import LAWS
+from par4_sim.laws import KNOWING, LAWS
 from par4_sim.plant import STEP
 from par4_sim.report.words import in_words, listed
 from par4_sim.tracking.learning import CYCLES, Cycle, learn
@@ -27,7 +27,7 @@ from par4_sim.tracking.stability import (
 NO_FEEDFORWARD = 'none'
 LEARNING = 'learning'
 CONTROLLERS = (*LAWS, LEARNING)
-NEED_MODEL = ('computed_torque', 'torque', LEARNING)
+NEED_MODEL = (*KNOWING, 'torque', LEARNING)
 """Controllers that make no sense without a model."""
 
 
@@ -99,13 +99,15 @@ class Plan:
         else:
             run = record_run(self.robot, self.machine, self.motion, torque, self.fidelity,
                              controller, model)
-        return Case(controller, name, run, tracking_of(run, self.cycles, self.band), learned)
+        return Case(controller, name, run, tracking_of(run, self.cycles, self.band,
+                                                       self.robot.limits.workspace), learned)
 
     def margin(self, controller: str, model: Model | None) -> Margin | None:
-        """Return the margin of a controller's feedback over the workspace."""
+        """Return the margin of a controller's feedback over the workspace, where no limit acts.
+        """
         if controller == 'torque':
             return None
-        if controller == 'computed_torque':
+        if controller in KNOWING:
             gains, known = gains_of_computed_torque(self.robot, model), model
         else:
             gains, known = gains_of_loops(self.robot.drives), None

@@ -9,10 +9,12 @@ from typing import Any
 
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
+from par4_sim.laws import KNOWING
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
 from par4_sim.report.words import in_words, number, percent
 from par4_sim.tracking.case import Case
+from par4_sim.tracking.metrics import first_limited_torque
 
 MILLI = 1e3
 
@@ -31,11 +33,15 @@ def outcome_of_tracking(cases: Sequence[Case], motion: Motion, machine: str, rob
     lost = [case for case in cases if case.tracking.missing_effort > 0]
     remarks = [
         *(Remark(False, f'{_sentence(case.label)}: torque or speed was limited in '
-                        f'{percent(case.tracking.saturated)} of all samples.',
+                        f'{percent(case.tracking.saturated)} of all samples'
+                        f'{_first_limited(case)}.',
                  'Slow the motion down, or raise the limits of the robot file.')
           for case in limited),
         *(Remark(False, f'{_sentence(case.label)}: {case.tracking.missing_effort} reference points '
                         f'came without feedforward torque.') for case in lost),
+        *(Remark(False, f'{_sentence(case.label)}: {case.run.counts["unsolved_programs"]} looks '
+                        f'ahead found no correction; it went on as computed torque.')
+          for case in cases if case.run.counts['unsolved_programs']),
         *([] if limited else [Remark(True, 'No torque and no speed was limited.')]),
         Remark(True, f'The largest torque was '
                      f'{number(max(case.tracking.peak_torque for case in cases))} N m.'),
@@ -64,7 +70,7 @@ LEAST_MODULUS = 0.2
 
 def _margins_in_words(cases: Sequence[Case]) -> list[Remark]:
     """Return a remark for each feedback that the cases have, once."""
-    margins = {case.controller if case.controller == 'computed_torque' else 'loops': case.margin
+    margins = {case.controller if case.controller in KNOWING else 'loops': case.margin
                for case in cases if case.margin}
     return [Remark(margin.modulus >= LEAST_MODULUS, (
         f'Over the workspace the open loop of {in_words(name)} stays {number(margin.modulus, 2)} '
@@ -86,6 +92,12 @@ def _learning_in_words(case: Case, robot: Robot) -> Remark:
         f'rms.'))
 
 
+def _first_limited(case: Case) -> str:
+    """Return where and when a torque was limited first, empty where only speeds were."""
+    first = first_limited_torque(case.run)
+    return f', first the {first[1]}' if first else ''
+
+
 def _sentence(text: str) -> str:
     return text[0].upper() + text[1:]
 
@@ -99,7 +111,9 @@ COLUMNS: tuple[tuple[str, str, float], ...] = (
     ('beyond the ends, mm', 'excursion', MILLI), ('overshoot, mm', 'overshoot', MILLI),
     ('settling time, ms', 'settling_time', MILLI), ('arrival, ms', 'arrival', MILLI),
     ('peak torque, N m', 'peak_torque', 1.0), ('rms torque, N m', 'rms_torque', 1.0),
-    ('energy a cycle, J', 'energy', 1.0), ('driving, J', 'driving_energy', 1.0))
+    ('energy a cycle, J', 'energy', 1.0), ('driving, J', 'driving_energy', 1.0),
+    ('peak speed, rad/s', 'peak_speed', 1.0),
+    ('outside the workspace, mm', 'outside', MILLI))
 """Heading, field of `Tracking` and factor of the columns of the table."""
 FIELDS = tuple(field for _, field, _ in COLUMNS)
 

@@ -1,13 +1,15 @@
 """How fast a path can be followed: by pace, until a limit is broken.
 
 A motion keeps its path and the shape of its timing, its own or the time-optimal one; at pace p it
-takes 1/p of the time with p times the speed and p^2 times the acceleration. The fastest pace that
-keeps torque, joint speed and a peak error of D is found by bisection, below the pace at which the
-motion would take the time that nothing can be faster than.
+takes 1/p of the time with p times the speed and p^2 times the acceleration. The fastest pace at
+which a peak error of D and the limit of joint speed are kept, with drives that clip what exceeds
+the torque limit, is found by bisection, below the pace at which the motion would take the time
+that nothing can be faster than.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,7 +19,12 @@ from par4_dynamics.model import Model
 from par4_kinematics.errors import Par4Error
 from par4_kinematics.motion import Motion, check_limits
 from par4_sim.tracking.case import NEED_MODEL, Case, Plan
-from par4_sim.tracking.metrics import errors_of, longest_axis
+from par4_sim.tracking.metrics import (
+    errors_of,
+    first_limited_torque,
+    longest_axis,
+    point_in_words,
+)
 
 OWN, TIME_OPTIMAL = 'own', 'time_optimal'
 TIMINGS = {OWN: 'own timing', TIME_OPTIMAL: 'time-optimal'}
@@ -73,7 +80,8 @@ def at_pace(motion: Motion, pace: float) -> Motion:
 
 
 def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bound: float,
-                 peak: float = PEAK, timing: str = OWN) -> Reached | Unreached:
+                 peak: float = PEAK, timing: str = OWN, acceleration: float = math.inf,
+                 jerk: float = math.inf) -> Reached | Unreached:
     """Return the fastest that a controller does the motion of a plan within its limits.
 
     Args:
@@ -82,11 +90,12 @@ def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bo
         bound: time that no controller can undercut, s.
         peak: limit of the peak error of D, m.
         timing: what the motion of the plan has.
+        acceleration, jerk: limits of the motion asked of the joints, rad/s2, rad/s3.
     """
     def tried(pace: float) -> tuple[Case | None, str]:
         asked = replace(plan, motion=at_pace(plan.motion, pace))
         try:
-            check_limits(asked.motion, plan.robot)
+            check_limits(asked.motion, plan.robot, acceleration, jerk)
             case = asked.case(controller, name, model)
         except Par4Error as error:
             return None, str(error)
@@ -114,6 +123,7 @@ def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bo
 
 def fastest_cases(plans: Mapping[str, Plan], controllers: Sequence[str],
                   models: Mapping[str, Model | None], bound: float, peak: float = PEAK,
+                  acceleration: float = math.inf, jerk: float = math.inf,
                   progress: Callable[[str], None] = lambda _: None
                   ) -> list[Reached | Unreached]:
     """Return the fastest of every controller with every model in every timing of a path.
@@ -121,7 +131,7 @@ def fastest_cases(plans: Mapping[str, Plan], controllers: Sequence[str],
     Args:
         plans: timing -> plan with the motion of that timing.
         controllers, models: as `compared`.
-        bound, peak: as `fastest_case`.
+        bound, peak, acceleration, jerk: as `fastest_case`.
         progress: told what is being simulated.
     """
     reached: list[Reached | Unreached] = []
@@ -132,29 +142,23 @@ def fastest_cases(plans: Mapping[str, Plan], controllers: Sequence[str],
                     progress(f'looking for the fastest pace of {controller} with {name}, '
                              f'{TIMINGS[timing]}')
                     reached.append(fastest_case(plan, controller, name, model, bound, peak,
-                                                timing))
+                                                timing, acceleration, jerk))
     return reached
 
 
 def _broken(case: Case, peak: float) -> str:
-    """Return which limit a run breaks first, where and when; empty if none."""
+    """Return why a run does not keep the limit of the error, where and when; empty if it does.
+
+    The drives keep the torque limit by themselves; where it was met before the error grew beyond
+    its limit, the torque is what is missing.
+    """
     run = case.run
     distance = np.linalg.norm(errors_of(run), axis=1)
     over = np.flatnonzero(distance > peak)
-    found = []
-    if len(over):
-        t, place = run.motion.t[over[0]], run.motion.x[over[0], :3]
-        found.append((t, f'error of D above {1e3 * peak:.3g} mm at {t:.4f} s, at '
-                         f'{_point(place)}'))
-    if case.tracking.saturated > 0.0:
-        limit = np.abs(run.command).max()
-        row, joint = np.unravel_index(
-            np.argmax(np.abs(run.command) >= limit * (1.0 - 1e-9)), run.command.shape)
-        t = run.t[row]
-        found.append((t, f'torque of joint {joint} above {limit:.4g} N m at {t:.4f} s, at '
-                         f'{_point(run.pose[row, :3])}'))
-    return min(found)[1] if found else ''
-
-
-def _point(place: np.ndarray) -> str:
-    return f'({", ".join(f"{value:.3f}" for value in place)}) m'
+    if not len(over):
+        return ''
+    t, place = float(run.motion.t[over[0]]), run.motion.x[over[0], :3]
+    limited = first_limited_torque(run)
+    if limited and limited[0] < t:
+        return limited[1]
+    return f'error of D above {1e3 * peak:.3g} mm at {t:.4f} s, at {point_in_words(place)}'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,16 +11,16 @@ from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import in_words, number, percent
+from par4_sim.report.words import in_words, listed, number, percent
 from par4_sim.tracking.fastest import TIMINGS, Reached, Unreached
-from par4_sim.tracking.time_optimal import Fastest
+from par4_sim.tracking.time_optimal import Fastest, PathLimits
 
 NAMES = ('controller', 'feedforward', 'timing')
 HEADINGS = ('time, s', 'peak, G', 'bound / time', 'error, mm', 'torque, N m')
 
 
 def outcome_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest, motion: Motion,
-                       robot: Robot, limit: float, peak: float) -> Outcome:
+                       robot: Robot, limits: PathLimits, peak: float) -> Outcome:
     """Return what was found, in words.
 
     Args:
@@ -27,17 +28,25 @@ def outcome_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest, m
         fastest: of the path.
         motion: at its own pace.
         robot: whose joint speed is limited.
-        limit: of torque, N m.
+        limits: of the motion.
         peak: limit of the error, m.
     """
     best = best_of(found)
-    bound = Remark(True, (
-        f'Nothing that keeps {number(limit)} N m and {number(robot.limits.joint_speed)} rad/s '
-        f'follows this path in less than {number(fastest.bound, 4)} s; a motion that keeps them '
-        f'takes {number(fastest.duration, 4)} s, '
+    kept = [f'{number(limits.torque)} N m', f'{number(robot.limits.joint_speed)} rad/s']
+    if math.isfinite(limits.acceleration):
+        kept.append(f'{number(limits.acceleration)} rad/s2')
+    longer = 'that keeps them' if math.isinf(limits.jerk) else (
+        f'that keeps them and {number(limits.jerk)} rad/s3')
+    bound = Remark(not fastest.effects, (
+        f'Nothing that keeps {listed(kept)} follows this path in less than '
+        f'{number(fastest.bound, 4)} s; a motion {longer} takes {number(fastest.duration, 4)} s, '
         f'{percent(fastest.duration / fastest.bound - 1.0)} more. '
-        f'The bound knows no error: whoever tracks needs torque in reserve.'))
-    within = f'within {number(limit)} N m and a peak error of {number(1e3 * peak)} mm'
+        f'The bound knows no error: whoever tracks needs torque in reserve.'
+        + (f' Nor does it know what the machine has beside bodies and friction: '
+           f'{_effects(fastest.effects)}.' if fastest.effects else '')
+        + (f' The motion does not know {_effects(fastest.unknown)} either.'
+           if fastest.unknown else '')))
+    within = f'within {number(limits.torque)} N m and a peak error of {number(1e3 * peak)} mm'
     if best is None:
         return Outcome(f'No controller does {motion.name} {within} at any pace.', 'bad', (
             bound, Remark(False, 'Every run breaks the limit of the error, however slow.',
@@ -83,7 +92,7 @@ def rows_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest
 
 
 def fastest_json(found: Sequence[Reached | Unreached], fastest: Fastest, motion: Motion,
-                 robot: Robot, limit: float, peak: float, provenance: Mapping[str, Any]
+                 robot: Robot, limits: PathLimits, peak: float, provenance: Mapping[str, Any]
                  ) -> dict[str, Any]:
     """Return `fastest.json`; time and what follows from it are null where no pace is slow enough.
     """
@@ -100,6 +109,16 @@ def fastest_json(found: Sequence[Reached | Unreached], fastest: Fastest, motion:
     return plain({
         'schema': 'par4/fastest/1', 'robot': robot.name,
         'motion': {'name': motion.name, 'duration': motion.duration},
-        'limits': {'torque': limit, 'peak': peak},
+        'limits': {'torque': limits.torque, 'peak': peak,
+                   'joint_acceleration': _finite(limits.acceleration),
+                   'joint_jerk': _finite(limits.jerk)},
         'bound': fastest.bound, 'time_optimal': fastest.duration,
         'runs': [run(item) for item in found], 'provenance': provenance})
+
+
+def _effects(names: Sequence[str]) -> str:
+    return listed([in_words(name) for name in names])
+
+
+def _finite(limit: float) -> float | None:
+    return limit if math.isfinite(limit) else None

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from par4_kinematics.robot import Workspace
 from par4_sim.tracking.run import Run
 
 BAND = 0.5e-3
@@ -43,6 +44,8 @@ class Tracking:
             friction takes.
         driving_energy: what the motors put in a cycle while they drive, J: what it costs where
             nothing is fed back while they brake.
+        peak_speed: of the joints, as their encoders tell, rad/s.
+        outside: how far D goes beyond the radius and the heights of the robot's workspace, m.
         saturated: share of joint samples in which a torque or a speed was limited.
         missing_effort: reference points that came without their feedforward torque.
     """
@@ -57,6 +60,8 @@ class Tracking:
     rms_torque: float
     energy: float
     driving_energy: float
+    peak_speed: float
+    outside: float
     saturated: float
     missing_effort: int
 
@@ -73,13 +78,15 @@ def longest_axis(run: Run) -> int:
     return int(np.argmax(np.ptp(run.motion.x[:, :3], axis=0)))
 
 
-def tracking_of(run: Run, cycles: int = 1, band: float = BAND) -> Tracking:
+def tracking_of(run: Run, cycles: int = 1, band: float = BAND, space: Workspace | None = None
+                ) -> Tracking:
     """Return the figures of a run.
 
     Args:
         run: the record.
         cycles: how often the motion repeats itself; energies are those of one.
         band: half width of the limit band, m.
+        space: that D is to stay in; None where nobody asks.
     """
     distance = np.linalg.norm(errors_of(run), axis=1)
     axis = longest_axis(run)
@@ -95,7 +102,15 @@ def tracking_of(run: Run, cycles: int = 1, band: float = BAND) -> Tracking:
         overshoot, settling_time, arrival, float(np.abs(run.torque[moving]).max()),
         float(np.sqrt(np.mean(run.torque[moving] ** 2))),
         float(np.trapezoid(power, run.t)) / cycles, float(np.trapezoid(driving, run.t)) / cycles,
+        float(np.abs(run.qd).max()), _outside(run.pose, space) if space else 0.0,
         saturated / run.torque.size, run.counts.get('missing_effort', 0))
+
+
+def _outside(pose: np.ndarray, space: Workspace) -> float:
+    """Return how far D leaves a workspace at the most, m; 0 where it stays inside."""
+    beyond = (np.hypot(pose[:, 0], pose[:, 1]) - space.radius, space.z[0] - pose[:, 2],
+              pose[:, 2] - space.z[1])
+    return max(0.0, *(float(part.max()) for part in beyond))
 
 
 def _stop_of(run: Run, band: float) -> tuple[float, float, float]:
@@ -126,3 +141,20 @@ def _last_way(wanted: np.ndarray) -> int:
         return len(wanted) - 1
     back = moving[steps[moving] * steps[moving[-1]] < 0.0]
     return int(back[-1]) + 1 if len(back) else 0
+
+
+def first_limited_torque(run: Run) -> tuple[float, str] | None:
+    """Return when a command was limited first, s, and of which joint and where in words."""
+    if not run.counts['saturated_commands']:
+        return None
+    limit = np.abs(run.command).max()
+    row, joint = np.unravel_index(
+        np.argmax(np.abs(run.command) >= limit * (1.0 - 1e-9)), run.command.shape)
+    t = float(run.t[row])
+    return t, (f'torque of joint {joint} above {limit:.4g} N m at {t:.4f} s, at '
+               f'{point_in_words(run.pose[row, :3])}')
+
+
+def point_in_words(place: np.ndarray) -> str:
+    """Return a place (3,) in words, m."""
+    return f'({", ".join(f"{value:.3f}" for value in place)}) m'

@@ -1,22 +1,27 @@
 """The shortest time in which a path can be followed at all, and the motion that takes it.
 
 Along a path q(s) the torque of the rigid bodies is a(s) sdd + b(s) sd^2 + c(s), so that limits of
-torque and speed bound sdd and sd^2 linearly: time-optimal path parametrisation, solved by toppra.
-Viscous friction is linear in sd and does not fit; it is taken from the speed of the profile before,
-in two ways:
+torque, speed and acceleration bound sdd and sd^2 linearly: time-optimal path parametrisation,
+solved by toppra. Viscous friction is linear in sd and does not fit; it is taken from the speed of
+the profile before, in two ways:
 
-- As it is. At a fixed point the profile keeps the limits with all friction: a motion.
+- As it is, and with it what the effects of the model add that need no more than the motion (those
+  of the drives and transmissions act on a torque that jumps here). At a fixed point the profile
+  keeps the limits with that model: a motion.
 - As anything between nothing and what it is at most. This relaxes the limits. Of all profiles that
   keep them the time-optimal one is fastest at every s, so its speed bounds that of every profile
   that is possible, and with it the friction of the next turn. The time of each turn is a bound:
-  nothing that keeps the torque limit follows the path faster.
+  nothing that keeps the limits follows the path faster.
 
-Effects of a model take no part, nor do jerk and tracking: the bound holds whatever the controller.
+The bound knows bodies and friction, whatever the controller; effects take no part in it, nor does
+the jerk. A limit of jerk is kept by a second step, `par4_sim.tracking.jerk_limit`, which is not
+optimal.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -30,6 +35,9 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.motion import Motion, motion_of_joints
 from par4_kinematics.robot import Robot
+from par4_sim.plant import STEP
+from par4_sim.tracking.jerk_limit import jerk_limited
+from par4_sim.tracking.way import Profile, Way, joints_over_time
 
 POINTS = 1000
 """Of the grid along a path."""
@@ -44,22 +52,17 @@ AT_REST = 1e-6
 
 
 @dataclass(frozen=True)
-class Profile:
-    """Speed along a path between two rests.
+class PathLimits:
+    """What a motion along a path has to keep beside the joint speed of the robot.
 
     Attributes:
-        path: of the joints over s, rad.
-        s: grid, (n,).
-        sd: speed, 1/s, (n,).
-        torque: of the joints where each interval begins, friction included, (n - 1, 4) N m.
-        duration: s.
+        torque: of every joint, N m.
+        acceleration, jerk: of every joint, rad/s2, rad/s3.
     """
 
-    path: SplineInterpolator
-    s: np.ndarray
-    sd: np.ndarray
-    torque: np.ndarray
-    duration: float
+    torque: float
+    acceleration: float = math.inf
+    jerk: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -67,17 +70,23 @@ class Fastest:
     """The time that a motion's path takes under the limits.
 
     Attributes:
-        bound: nothing that keeps the limits is faster, s.
-        profiles: that keep the limits, one between two rests.
+        bound: nothing that keeps the limits of torque, speed and acceleration is faster, s.
+        profiles: that keep them, one between two rests.
+        ways: the same with the jerk limited, where it is.
+        effects: of the model, by name; the bound knows none of them.
+        unknown: those that the ways do not know either.
     """
 
     bound: float
     profiles: tuple[Profile, ...]
+    ways: tuple[Way, ...]
+    effects: tuple[str, ...]
+    unknown: tuple[str, ...]
 
     @property
     def duration(self) -> float:
-        """Of the profiles together, s: the bound and this enclose the shortest time."""
-        return sum(profile.duration for profile in self.profiles)
+        """Of all ways together, s."""
+        return sum(way.duration for way in self.ways)
 
 
 class _Limited(LinearConstraint):
@@ -87,8 +96,8 @@ class _Limited(LinearConstraint):
                  high: np.ndarray, fastest: np.ndarray) -> None:
         super().__init__()
         self.discretization_type = DiscretizationType.Collocation
-        self.dof = a.shape[1]
-        size = np.broadcast_to(np.vstack((np.eye(LEGS), -np.eye(LEGS))), (len(a), 2 * LEGS, LEGS))
+        self.dof = rows = a.shape[1]
+        size = np.broadcast_to(np.vstack((np.eye(rows), -np.eye(rows))), (len(a), 2 * rows, rows))
         bounds = np.stack((np.zeros(len(a)), fastest), axis=1)
         self._params = (a, b, c, size, np.hstack((high, -low)), None, bounds)
 
@@ -97,37 +106,43 @@ class _Limited(LinearConstraint):
         return self._params
 
 
-def fastest_along(robot: Robot, model: Model, motion: Motion, torque_limit: float) -> Fastest:
+def fastest_along(robot: Robot, model: Model, motion: Motion, limits: PathLimits) -> Fastest:
     """Return the shortest time along the path of a motion, between the rests that it has.
 
     Args:
         robot: geometry and limit of joint speed.
-        model: of the machine; its rigid bodies and friction.
+        model: of the machine.
         motion: whose path, not whose timing, is meant; at rest at both ends.
-        torque_limit: of every joint, N m.
+        limits: to be kept.
 
     Raises:
         InputError: the motion does not begin and end at rest, or no speed keeps the limits.
     """
-    bound, profiles = 0.0, []
+    known = replace(model, effects=tuple(
+        active for active in model.effects if not active.effect.needs_nominal))
+    bound, profiles, ways = 0.0, [], []
     for knots in _stretches(motion):
         path = _path(knots)
-        terms = _Terms.along(robot, model, path)
-        bound += _settled(terms, torque_limit, relaxed=True).duration
-        profiles.append(_settled(terms, torque_limit, relaxed=False))
-    return Fastest(bound, tuple(profiles))
+        bound += _settled(_Terms.along(robot, model.without_effects(), path), limits,
+                          relaxed=True).duration
+        profile = _settled(_Terms.along(robot, known, path), limits, relaxed=False)
+        profiles.append(profile)
+        ways.append(profile if math.isinf(limits.jerk) else jerk_limited(
+            robot, known, profile, limits.torque, limits.acceleration, limits.jerk))
+    return Fastest(bound, tuple(profiles), tuple(ways),
+                   tuple(active.effect.name for active in model.effects),
+                   tuple(active.effect.name for active in model.effects
+                         if active not in known.effects))
 
 
 def motion_of(fastest: Fastest, robot: Robot, name: str, period: float = 1e-3) -> Motion:
     """Return the time-optimal motion, stretched by a fraction of a period between two rests."""
     parts = []
-    for profile in fastest.profiles:
-        steps = int(np.ceil(profile.duration / period))
-        pace = profile.duration / (steps * period)
-        s, sd, sdd = _over_time(profile, pace * period * np.arange(steps + 1))
-        sd, sdd = pace * sd, pace ** 2 * sdd
-        q, slope, bend = (profile.path(s, order) for order in range(3))
-        part = (q, slope * sd[:, None], bend * sd[:, None] ** 2 + slope * sdd[:, None])
+    for way in fastest.ways:
+        steps = int(np.ceil(way.duration / period - 1e-9))
+        pace = way.duration / (steps * period)
+        part = joints_over_time(way, pace * period * np.arange(steps + 1))
+        part = [pace ** order * values for order, values in enumerate(part)]
         parts.append([values[1:] if parts else values for values in part])
     q, qd, qdd = (np.concatenate(column) for column in zip(*parts, strict=True))
     qdd[[0, -1]] = 0.0  # as every motion here: at rest before its first sample and after its last
@@ -163,14 +178,22 @@ def _path(q: np.ndarray) -> SplineInterpolator:
 
 @dataclass(frozen=True)
 class _Terms:
-    """What a path asks for at its grid (n,): torque a sdd + b sd^2 + c + friction, each (n, 4)."""
+    """What a path asks for at its grid (n,): torque a sdd + b sd^2 + c + friction, each (n, 4).
 
+    The accelerations of the joints are slope sdd + bend sd^2. Of a, a_effects is what the effects
+    of the model make that acts like inertia.
+    """
+
+    robot: Robot
+    model: Model
     path: SplineInterpolator
     s: np.ndarray
     slope: np.ndarray
+    bend: np.ndarray
     a: np.ndarray
     b: np.ndarray
     c: np.ndarray
+    a_effects: np.ndarray
     dry: np.ndarray
     viscous: np.ndarray
     fastest: np.ndarray
@@ -186,62 +209,88 @@ class _Terms:
             return model.rigid_torque(state_of_joints(robot.geometry, s, q, qd, qdd))
 
         weight = torque(still, still)
+        at_rest, pushed = (state_of_joints(robot.geometry, s, q, still, qdd)
+                           for qdd in (still, slope))
+        a_effects = still + sum(active.torque(pushed) - active.torque(at_rest)
+                                for active in model.effects)
         coulomb, viscous = (model.values[name] for name in FRICTION)
-        return cls(path, s, slope, torque(still, slope) - weight, torque(slope, bend) - weight,
-                   weight, coulomb * np.sign(slope), viscous * slope,
+        return cls(robot, model, path, s, slope, bend,
+                   torque(still, slope) - weight + a_effects,
+                   torque(slope, bend) - weight, weight, a_effects,
+                   coulomb * np.sign(slope), viscous * slope,
                    (robot.limits.joint_speed / np.abs(slope).max(axis=1)) ** 2)
 
-    def profile(self, low: np.ndarray, high: np.ndarray) -> Profile:
+    def profile(self, low: np.ndarray, high: np.ndarray, acceleration: float, other: np.ndarray
+                ) -> Profile:
         """Return the fastest profile with the torque of the bodies and dry friction within limits.
+
+        Args:
+            low, high: limits of these torques (n, 4), N m.
+            acceleration: limit of the joints, rad/s2.
+            other: torques that the limits were narrowed by, part of the profile's (n, 4), N m.
         """
-        limited = _Limited(self.a, self.b, self.c + self.dry, low, high, self.fastest)
-        solver = TOPPRA([limited], self.path, gridpoints=self.s, solver_wrapper='seidel')
+        a, b, c = self.a, self.b, self.c + self.dry
+        if math.isfinite(acceleration):
+            most = np.full_like(c, acceleration)
+            a, b, c = (np.hstack(parts) for parts in (
+                (a, self.slope), (b, self.bend), (c, np.zeros_like(c))))
+            low, high = np.hstack((low, -most)), np.hstack((high, most))
+        solver = TOPPRA([_Limited(a, b, c, low, high, self.fastest)], self.path,
+                        gridpoints=self.s, solver_wrapper='seidel')
         sdd, sd, _ = solver.compute_parameterization(0.0, 0.0)
         if sd is None:
             raise InputError('the torque limit does not hold the machine on this path: '
                              + self._worst(low, high))
-        speed = sd[:-1, None]
-        torque = (self.a[:-1] * sdd[:, None] + self.b[:-1] * speed ** 2 + self.c[:-1]
-                  + self.dry[:-1] + self.viscous[:-1] * speed)
-        return Profile(self.path, self.s, sd, torque,
-                       float(np.sum(2.0 * np.diff(self.s) / (sd[1:] + sd[:-1]))))
+        torque = (self.a[:-1] * sdd[:, None] + self.b[:-1] * sd[:-1, None] ** 2 + self.c[:-1]
+                  + self.dry[:-1] + other[:-1])
+        return Profile(self.path, self.s, sd, torque)
+
+    def others(self, profile: Profile) -> np.ndarray:
+        """Return what viscous friction and effects but inertia add along a profile (n, 4), N m.
+
+        Effects may look at the whole motion, so they see one in even steps of time.
+        """
+        viscous = self.viscous * profile.sd[:, None]
+        if not self.model.effects:
+            return viscous
+        t = STEP * np.arange(max(3, math.ceil(profile.duration / STEP) + 1))
+        state = state_of_joints(self.robot.geometry, t, *joints_over_time(profile, t))
+        added = self.model.torque(state) - self.model.without_effects().torque(state)
+        along, _, sdd = profile.over_time(t)
+        added -= sdd[:, None] * np.stack([np.interp(along, self.s, column)
+                                          for column in self.a_effects.T], axis=1)
+        # the first and the last sample rest, where friction does not know its side yet
+        rising = np.concatenate(([False], np.diff(along[:-1]) > 0.0, [False]))
+        return viscous + np.stack([np.interp(self.s, along[rising], column[rising])
+                                   for column in added.T], axis=1)
 
     def _worst(self, low: np.ndarray, high: np.ndarray) -> str:
         """Return where standing or creeping along the path breaks the limit most."""
         asked = self.c + self.dry
+        low, high = low[:, :LEGS], high[:, :LEGS]
         over = np.maximum(asked - high, low - asked)
         row, joint = np.unravel_index(np.argmax(over), over.shape)
         return (f'joint {joint} needs {asked[row, joint]:.4g} N m at {100.0 * self.s[row]:.0f} % '
                 f'of the way, at most {high[row, joint]:.4g} N m are given; raise the limit')
 
 
-def _settled(terms: _Terms, torque_limit: float, relaxed: bool) -> Profile:
-    """Return the profile with viscous friction as it is, or as at most it is (relaxed)."""
-    limit = np.full_like(terms.a, torque_limit)
+def _settled(terms: _Terms, limits: PathLimits, relaxed: bool) -> Profile:
+    """Return the profile with friction and effects as they are, or friction as at most (relaxed).
+    """
+    limit = np.full_like(terms.a, limits.torque)
     # no profile is faster than that of bodies which nothing but the speed limit slows down
-    sd = np.sqrt(terms.fastest) if relaxed else np.zeros(len(terms.s))
-    duration = 0.0
+    fastest = terms.viscous * np.sqrt(terms.fastest)[:, None]
+    other, duration = (fastest if relaxed else np.zeros_like(limit)), 0.0
     for _ in range(TURNS):
-        friction = terms.viscous * sd[:, None]
         if relaxed:
-            low, high = -limit - np.maximum(friction, 0.0), limit - np.minimum(friction, 0.0)
+            low, high = -limit - np.maximum(other, 0.0), limit - np.minimum(other, 0.0)
+            found = terms.profile(low, high, limits.acceleration, other)
+            other = terms.viscous * found.sd[:, None]
         else:
-            low, high = -limit - friction, limit - friction
-        found = terms.profile(low, high)
-        sd = found.sd if relaxed else 0.5 * (sd + found.sd) if duration else found.sd
+            found = terms.profile(-limit - other, limit - other, limits.acceleration, other)
+            now = terms.others(found)
+            other = 0.5 * (other + now) if duration else now
         if abs(found.duration - duration) < SETTLED * found.duration:
             break
         duration = found.duration
     return found
-
-
-def _over_time(profile: Profile, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return s, sd, sdd at times t of a profile whose acceleration is constant between points."""
-    steps = 2.0 * np.diff(profile.s) / (profile.sd[1:] + profile.sd[:-1])
-    at = np.concatenate(([0.0], np.cumsum(steps)))
-    row = np.clip(np.searchsorted(at, t, side='right') - 1, 0, len(steps) - 1)
-    sdd = np.diff(profile.sd ** 2) / (2.0 * np.diff(profile.s))
-    after = np.minimum(t, at[-1]) - at[row]
-    return (np.clip(profile.s[row] + profile.sd[row] * after + 0.5 * sdd[row] * after ** 2, 0.0,
-                    1.0), np.maximum(profile.sd[row] + sdd[row] * after, 0.0), sdd[row])
-
