@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
+import sys
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -42,6 +44,19 @@ def told_by(page: str, capsys: pytest.CaptureFixture[str]) -> tuple[dict, list[s
     return scope, capsys.readouterr().out.splitlines()
 
 
+def command_of(name: str) -> click.Command:
+    """Return the command line of an executable."""
+    module = import_module(COMMANDS[name].value.partition(':')[0])
+    return next(item for item in vars(module).values() if isinstance(item, click.Command))
+
+
+def expect_known_options(line: str) -> None:
+    """Fail where a command line has an option that the command does not know."""
+    name, *words = shlex.split(line, comments=True)
+    known = {option for parameter in command_of(name).params for option in parameter.opts}
+    assert {word for word in words if word.startswith('--')} <= known, line
+
+
 def test_a_robot_of_ones_own(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     scope, lines = told_by('your_own_robot', capsys)
@@ -74,13 +89,26 @@ def test_commands_of_a_tutorial_are_there_with_these_options(page):
              if line.startswith('par4_')]
     assert lines or page == 'effect_of_your_own'
     for line in lines:
-        name, *words = shlex.split(line, comments=True)
-        module, _, function = COMMANDS[name].value.partition(':')
-        command = next(item for item in vars(import_module(module)).values()
-                       if isinstance(item, click.Command))
-        known = {option for parameter in command.params for option in parameter.opts}
-        assert {word for word in words if word.startswith('--')} <= known, line
-        assert callable(getattr(import_module(module), function))
+        expect_known_options(line)
+
+
+@pytest.mark.parametrize('name', sorted(COMMANDS))
+def test_the_example_in_help_has_options_that_exist(name):
+    example = (command_of(name).epilog or '').partition('Example:\n')[2].replace('\\\n', ' ')
+    assert example.split()[0] == name
+    expect_known_options(example)
+
+
+def test_help_waits_for_no_library_that_it_does_not_need():
+    told = subprocess.run([sys.executable, '-c', """
+import sys
+import par4_identification.commands.diagnose, par4_identification.commands.excite
+import par4_identification.commands.identify, par4_identification.commands.trend
+import par4_identification.commands.validate, par4_sim.commands.simulate
+print(sorted({'dask', 'jinja2', 'matplotlib', 'pybullet', 'scipy.interpolate',
+              'scipy.optimize', 'scipy.stats'} & set(sys.modules)))
+"""], capture_output=True, text=True, check=True)
+    assert told.stdout.split() == ['[]']
 
 
 def test_every_effect_has_a_guide_with_values_that_it_takes():

@@ -21,7 +21,8 @@ from par4_sim.tracking.fastest import OWN, PEAK, TIME_OPTIMAL, TIMINGS, fastest_
 from par4_sim.tracking.learning import CYCLES
 
 
-@click.command('par4_fastest')
+@click.command('par4_fastest', epilog='\b\nExample:\n'
+    '  par4_fastest adept --feedforward table1_full --output fastest')
 @click.argument('motion')
 @click.option('--robot', default='reference', show_default=True, help='robot.yaml or built-in name')
 @click.option('--machine', default='table1_full', show_default=True,

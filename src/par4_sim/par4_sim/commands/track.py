@@ -35,7 +35,9 @@ from par4_sim.tracking.learning import CYCLES
 from par4_sim.tracking.metrics import BAND
 
 
-@click.command('par4_track')
+@click.command('par4_track', epilog='\b\nExample:\n'
+    '  par4_track adept --controller loops --feedforward table1 \\\n'
+    '      --output tracked')
 @click.argument('motion')
 @click.option('--robot', default='reference', show_default=True, help='robot.yaml or built-in name')
 @click.option('--machine', default='table1_full', show_default=True,
