@@ -132,7 +132,6 @@ def picture(effect: Effect) -> bytes:
     state, torque = known(), torque_of(effect)[:, 0]
     view = effect.signature(state)
     figure = Figure((8.0, 2.6), layout='constrained')
-    figure.patch.set_alpha(0.0)
     over, beside = figure.subplots(1, 2, sharey=True)
     abscissa = np.asarray(view.abscissa)
     over.plot(abscissa[:POINTS, 0], torque[:POINTS], '.', color=CURVE, markersize=2.5)
@@ -141,7 +140,6 @@ def picture(effect: Effect) -> bytes:
     beside.plot(state.t, torque, color=CURVE, linewidth=0.8)
     beside.set_xlabel('time, s')
     for axis in (over, beside):
-        axis.set_facecolor('white')
         axis.grid(alpha=0.3)
     stream = io.BytesIO()
     figure.savefig(stream, format='svg', metadata={'Date': None})
