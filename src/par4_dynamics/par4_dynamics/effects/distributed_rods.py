@@ -21,7 +21,7 @@ class DistributedRods(Effect):
     """tau += m_5, m_3 (torque of a distributed kg of rods, bars minus that of their end masses).
 
     The bars between the half plates are next to the rods what theta inertia of the wrong sign is;
-    a machine that has the one has the other.
+    a machine may have heavy rods without heavy bars, but not the reverse.
     """
 
     name = 'distributed_rods'
@@ -29,6 +29,7 @@ class DistributedRods(Effect):
     parameters = (EffectParameter('rod_mass', 'kg', 'machine'),
                   EffectParameter('bar_mass', 'kg', 'machine', default=0.0))
     shared = True
+    separable = ((0,), (0, 1))
     needs_platform = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:

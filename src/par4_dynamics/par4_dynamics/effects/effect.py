@@ -97,6 +97,9 @@ class Effect(ABC):
         name: the name in `diagnosis.json` and `model.yaml`.
         parameters: what describes it to a user.
         shared: True where the joints share the coefficients.
+        separable: of shared coefficients, the sets (indices of columns) that a machine may have
+            each without the others, such as the zero of one encoder; empty where all belong
+            together.
         needs_platform: True where a single axis cannot have it.
         needs_nominal: True where its columns need `State.nominal`.
         fixed_coefficients: True where the coefficients are 1 and only the shape is free; a fit
@@ -116,6 +119,7 @@ class Effect(ABC):
     name: ClassVar[str]
     parameters: ClassVar[tuple[EffectParameter, ...]]
     shared: ClassVar[bool] = False
+    separable: ClassVar[tuple[tuple[int, ...], ...]] = ()
     needs_platform: ClassVar[bool] = False
     needs_nominal: ClassVar[bool] = False
     fixed_coefficients: ClassVar[bool] = False

@@ -34,6 +34,7 @@ class EncoderEccentricity(Effect):
     parameters = (EffectParameter('amplitude', 'rad', 'joint'),
                   EffectParameter('phase', 'rad', 'joint'))
     shared = True
+    separable = ((0, 1), (2, 3), (4, 5), (6, 7))
     needs_platform = True
     needs_nominal = True
 

@@ -32,6 +32,7 @@ class EncoderOffset(Effect):
     phrase = 'a zero error of the joint encoders'
     parameters = (EffectParameter('offset', 'rad', 'joint'),)
     shared = True
+    separable = ((0,), (1,), (2,), (3,))
     needs_platform = True
     needs_nominal = True
 

@@ -34,6 +34,7 @@ class GeometryError(Effect):
     phrase = 'dimensions other than those of the robot file'
     parameters = tuple(EffectParameter(name, 'm', 'machine', default=0.0) for name in DIMENSIONS)
     shared = True
+    separable = ((0,), (1,), (2,), (3,), (4,))
     needs_platform = True
     needs_nominal = True
 

@@ -14,7 +14,7 @@ from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
-from par4_identification.diagnosis.evidence.estimates import effect_parameters
+from par4_identification.diagnosis.evidence.estimates import effect_parameters, with_doubt
 from par4_identification.diagnosis.evidence.evidence import (
     Evidence,
     Fit,
@@ -39,6 +39,8 @@ from par4_identification.diagnosis.nominal.start import INERTIA, alike, start_of
 from par4_identification.diagnosis.progress import Progress, silent
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.law import Dithered, dithered
+from par4_identification.diagnosis.search.polish import polished
+from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Model, Search, named_of, names_of, others_of
 from par4_identification.diagnosis.search.whitening import quieter, whitener_of
@@ -205,6 +207,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             progress: Progress) -> Diagnosis:
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
+    model = polished(pool, model, rules.price)
     loose = _rattle(search, model)
     if loose is not None:
         model = _beside_bounces(search, model)
@@ -213,7 +216,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     whole, names_only, base_only = (solve(evidence, part) for part in (model, named, ()))
     progress('comparing each cause with what could stand in its place')
     blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
-    causes = [_cause(judge(search, item, model), search, named, names_only, blocks, model)
+    causes = [_cause(judge(search, item, model), search, named, names_only, whole, blocks, model)
               for item in named]
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
@@ -331,15 +334,19 @@ def _loose(effect: Effect, found: Rattle) -> tuple[Cause, EffectEntry]:
 
 
 def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fit: Fit,
-           blocks: Blocks, model: Model) -> Cause:
+           whole: Fit, blocks: Blocks, model: Model) -> Cause:
     evidence, hypothesis = search.pool.evidence, judgement.hypothesis
     index = named.index(hypothesis)
+    errors = torque_errors(search.pool, named, unnamed_of(model), search.rules)
+    parameters = effect_parameters(evidence, hypothesis, fit, index, errors)
+    if unnamed_of(model):
+        parameters = with_doubt(parameters, effect_parameters(
+            evidence, hypothesis, whole, model.index(hypothesis), errors))
     before, after = (search.pool.heldout.left(part, solve(evidence, part))
                      for part in (others_of(model, hypothesis), model))
     return Cause(
         effect=hypothesis.effect, joints=hypothesis.joints,
-        parameters=effect_parameters(evidence, hypothesis, fit, index,
-                                     search.requirement(model).inflation),
+        parameters=parameters,
         twins=judgement.twins,
         visible_fraction=project(evidence, []).left_share(
             evidence.columns(hypothesis), hypothesis.stacked(fit.coefficients[index])),

@@ -17,15 +17,30 @@ from par4_identification.signals.noise import ArNoise, Whitening, fit_noise
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """An effect with its shape, or a kind of unnamed cause, acting on some joints."""
+    """An effect with its shape, or a kind of unnamed cause, acting on some joints.
+
+    Attributes:
+        effect: or kind.
+        shape: of its columns.
+        joints: where it acts; of a shared effect those whose parameters are not zero.
+        sets: which of the `Effect.separable` sets of a shared effect it has; None for all.
+    """
 
     effect: Effect | Kind
     shape: Shape
     joints: tuple[int, ...]
+    sets: tuple[int, ...] | None = None
+
+    @property
+    def columns(self) -> list[int] | slice:
+        """Which columns of its effect it has."""
+        if self.sets is None:
+            return slice(None)
+        return sorted({column for number in self.sets for column in self.effect.separable[number]})
 
     def stacked(self, coefficients: np.ndarray) -> np.ndarray:
         """Return coefficients (K, J) in the order of this hypothesis's stacked columns."""
-        return (coefficients[:, 0] if self.effect.shared
+        return (coefficients[self.columns, 0] if self.effect.shared
                 else coefficients[:, list(self.joints)].T.ravel())
 
     @property
@@ -37,7 +52,7 @@ class Hypothesis:
     @property
     def key(self) -> tuple:
         """What tells it from any other."""
-        return self.effect, tuple(sorted(self.shape.items())), self.joints
+        return self.effect, tuple(sorted(self.shape.items())), self.joints, self.sets
 
 
 def _shown(value: float | tuple[float, ...]) -> str:
@@ -212,7 +227,9 @@ class Evidence:
     def columns(self, hypothesis: Hypothesis) -> np.ndarray:
         """Return the whitened, stacked columns of a hypothesis."""
         block = self.block(hypothesis.effect, hypothesis.shape)
-        return spread(list(block.columns), hypothesis.joints, hypothesis.effect.shared)
+        shared = hypothesis.effect.shared
+        return spread([part[:, hypothesis.columns] for part in block.columns],
+                      tuple(range(len(block.columns))) if shared else hypothesis.joints, shared)
 
     def design(self, hypotheses: Sequence[Hypothesis]) -> np.ndarray:
         """Return base columns and those of the hypotheses, (N, c)."""
@@ -368,7 +385,8 @@ def prior_weights(evidence: Evidence, hypotheses: Sequence[Hypothesis], coeffici
     for item in reversed(hypotheses):
         block = evidence.block(item.effect, item.shape)
         squares = np.einsum('jkk->jk', block.gram)
-        own = squares.sum(axis=0) if item.effect.shared else squares[list(item.joints)].ravel()
+        own = (squares.sum(axis=0)[item.columns] if item.effect.shared
+               else squares[list(item.joints)].ravel())
         first = last - len(own)
         if isinstance(item.effect, Kind):
             rows = evidence.rows if item.effect.shared else evidence.rows / len(squares)
@@ -420,8 +438,8 @@ def fit_of(evidence: Evidence, hypotheses: Sequence[Hypothesis], values: np.ndar
         width = rows[0].shape[2]
         full = np.zeros((width, joints))
         if hypothesis.effect.shared:
-            span = slice(first, first + width)
-            full[:] = values[span, None]
+            span = slice(first, first + len(full[hypothesis.columns]))
+            full[hypothesis.columns] = values[span, None]
         else:
             span = slice(first, first + width * len(hypothesis.joints))
             full[:, list(hypothesis.joints)] = values[span].reshape(-1, width).T

@@ -188,7 +188,8 @@ class Pool:
     def columns_of(self, item: Hypothesis) -> np.ndarray:
         """Return which columns a hypothesis has; they are taken in where they are not there."""
         places = [self._place(item.effect, shape) for shape in item.effect.parts(item.shape)]
-        return np.concatenate([np.arange(place.start, place.stop) for place in places])
+        columns = np.concatenate([np.arange(place.start, place.stop) for place in places])
+        return columns[item.columns]
 
     def _place(self, effect: Effect | Kind, shape: Shape) -> slice:
         key = (effect, tuple(sorted(shape.items())))

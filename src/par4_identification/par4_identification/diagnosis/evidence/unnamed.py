@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numba
 import numpy as np
@@ -181,6 +182,7 @@ class Kind:
     function: Callable[[State, Ranges], np.ndarray]
     ranges: Ranges | None = None
     shared: bool = False
+    separable: ClassVar[tuple[tuple[int, ...], ...]] = ()
     needs_platform: bool = False
     needs_nominal: bool = False
     left_by_filters: bool = False

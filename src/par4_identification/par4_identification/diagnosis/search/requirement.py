@@ -62,6 +62,24 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
                        1.0 + causes[0] / rules.evidence)
 
 
+def torque_errors(pool: Pool, named: Sequence[Hypothesis], unnamed: Sequence[Hypothesis],
+                  rules: Rules) -> list[np.ndarray]:
+    """Return the torques by which a model may be wrong, on the whitened rows to fit, (N,) each.
+
+    They are the shares that `Rules` gives: of the measured torque, of that of the named causes and
+    of that of the unnamed ones.
+    """
+    evidence = pool.evidence
+    fit = pool.solution([*named, *unnamed])
+    torques = [evidence.columns(item) @ item.stacked(coefficients)
+               for item, coefficients in zip(fit.hypotheses, fit.coefficients)]
+    count = len(named)
+    measured = evidence.whitened([run.tau for run in evidence.observations.runs])
+    shares = ((rules.base_error, [measured]), (rules.named_error, torques[:count]),
+              (rules.unnamed_error, torques[count:]))
+    return [share * sum(parts) for share, parts in shares if parts]
+
+
 def _common(pool: Pool, model: Sequence[Hypothesis], cause: Hypothesis | None) -> float:
     """Return the share of what a name explains that it loses beside the unnamed causes."""
     if cause is None or isinstance(cause.effect, Kind):

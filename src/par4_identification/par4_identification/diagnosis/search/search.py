@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -119,28 +119,40 @@ class Search:
     def _with_a_name(self, model: Model, refused: set[str]) -> Model | None:
         """Return the model with the most likely name that can be confirmed."""
         projection = project(self.pool.evidence, model)
-        found = self.candidates.all_of(projection, {*names_of(model), *refused})
-        scored = [(self._score(item), item) for item in found if item.gain > self.rules.evidence]
-        scored = [item for item in scored if item[0] > 0.0]
-        while scored:
-            most = max(score for score, _ in scored)
+        found = [item for item in self.candidates.all_of(projection, {*names_of(model), *refused})
+                 if item.gain > self.rules.evidence]
+        trimmed: dict[str, tuple[float, Hypothesis]] = {}
+        while found:
+            # no score exceeds the gain on all joints
+            most = 0.0
+            for item in sorted(found, key=lambda item: -item.gain):
+                if item.gain <= most:
+                    break
+                name = item.hypothesis.effect.name
+                if name not in trimmed:
+                    trimmed[name] = self._trimmed(item, model)
+                most = max(most, trimmed[name][0])
+            if most <= 0.0:
+                return None
             # of equals the first of the library, which is the simplest
-            score, candidate = next(item for item in scored if item[0] > most - self.rules.equal)
-            scored.remove((score, candidate))
-            hypothesis = self.with_needed_joints(candidate.hypothesis, model)
+            candidate = next(item for item in found if trimmed.get(
+                item.hypothesis.effect.name, (0.0,))[0] > most - self.rules.equal)
+            found.remove(candidate)
+            hypothesis = trimmed[candidate.hypothesis.effect.name][1]
             if self._is_confirmed(hypothesis, model):
                 return (*model, hypothesis)
             refused.add(hypothesis.effect.name)
         return None
 
-    def _score(self, candidate: Candidate) -> float:
-        """Return the log-likelihood of a candidate less what chance gives so many choices."""
-        hypothesis = candidate.hypothesis
-        coefficients = len(hypothesis.shape) + self.pool.evidence.block(
-            hypothesis.effect, hypothesis.shape).columns[0].shape[1] * (
-                1 if hypothesis.effect.shared else len(hypothesis.joints))
-        chance = 0.5 * coefficients * np.log(self.pool.evidence.rows)
-        return candidate.gain - float(chance) - price_of_shapes(candidate)
+    def _trimmed(self, candidate: Candidate, model: Model) -> tuple[float, Hypothesis]:
+        """Return a candidate with what it needs, and its log-likelihood less what chance gives.
+
+        So many coefficients, and the best of so many shapes, gain something by chance.
+        """
+        hypothesis = self.with_needed_joints(candidate.hypothesis, model)
+        coefficients = len(hypothesis.shape) + self.pool.width(hypothesis)
+        chance = 0.5 * coefficients * float(np.log(self.pool.evidence.rows))
+        return (self.gains(hypothesis, model)[0] - chance - price_of_shapes(candidate), hypothesis)
 
     def _with_unnamed(self, model: Model, refused: set[str]) -> Model | None:
         """Return the model with the unnamed cause that rows held out know best, if any do."""
@@ -178,24 +190,41 @@ class Search:
         return hypothesis
 
     def with_needed_joints(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
-        """Return a hypothesis on the set of joints that explains most at a price a coefficient.
+        """Return a hypothesis of the fewest coefficients, each of which is worth its price.
 
         Joints share the base parameters, so that an effect on one leaves a trace on all, and what
-        all have in common belongs to the base: every set is tried.
+        all have in common belongs to the base: every set of joints is tried. So is, of a shared
+        effect, every choice of its separable sets: one dimension that is wrong looks like several.
+        What rows held out miss is needed, whatever its price.
         """
         hypothesis = self._with_confirmed_orders(hypothesis, others)
-        if hypothesis.effect.shared or len(self._joints) == 1:
-            return hypothesis
-        price = self.rules.price * self.requirement((*others, hypothesis)).inflation
-        best, least = hypothesis, np.inf
-        for count in range(1, len(self._joints) + 1):
-            for joints in combinations(self._joints, count):
-                trial = replace(hypothesis, joints=joints)
-                loss = (0.5 * self.pool.fit((*others, trial)).fit_squares
-                        + price * self.pool.width(trial))
-                if loss < least:
-                    best, least = trial, loss
-        return best
+        # what the causes get wrong may look like one more joint, though not all of it
+        doubt = np.sqrt(self.requirement((*others, hypothesis)).inflation)
+        price = self.rules.price * doubt
+        trials = list(self._choices(hypothesis)) or [hypothesis]
+        fits = [self.pool.fit((*others, trial)) for trial in trials]
+        most = min(fit.heldout_squares for fit in fits) + 2.0 * self.rules.margin * doubt
+        losses = [0.5 * fit.fit_squares + price * self.pool.width(trial)
+                  if fit.heldout_squares <= most else np.inf for trial, fit in zip(trials, fits)]
+        return trials[int(np.argmin(losses))]
+
+    def _choices(self, hypothesis: Hypothesis) -> Iterator[Hypothesis]:
+        """Yield a hypothesis on each set of joints, or with each choice of its separable sets.
+
+        Those with few come first.
+        """
+        effect = hypothesis.effect
+        if len(self._joints) == 1:
+            return
+        numbers = range(len(effect.separable)) if effect.shared else self._joints
+        of_joints = all(parameter.scope == 'joint' for parameter in effect.parameters)
+        for count in range(1, len(numbers) + 1):
+            for chosen in combinations(numbers, count):
+                if not effect.shared:
+                    yield replace(hypothesis, joints=chosen)
+                else:
+                    yield replace(hypothesis, sets=chosen,
+                                  joints=chosen if of_joints else hypothesis.joints)
 
     def _with_confirmed_orders(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
         """Return a periodic torque without the orders that rows held out do not ask for."""
@@ -313,7 +342,8 @@ class Search:
 
     def _implausible(self, hypothesis: Hypothesis, others: Model, fit: Fit) -> str | None:
         """Return why the values of a hypothesis, the last of a fit, are not those of a machine."""
-        effect, acting = hypothesis.effect, list(hypothesis.joints)
+        effect = hypothesis.effect
+        acting = list(self._joints if effect.shared else hypothesis.joints)
         evidence = self.pool.evidence
         coefficients = fit.coefficients[-1][:, acting]
         level = {term.name: np.full(len(acting), value)
@@ -366,8 +396,10 @@ class Search:
                 if rival.hypothesis is None or isinstance(rival.hypothesis.effect, Kind):
                     continue
                 swapped = (*others, rival.hypothesis)
+                gain = -rival.margin - rival.fit_margin
+                fewer = self.pool.width(item) - self.pool.width(rival.hypothesis)
                 if (rival.believable and names_of(swapped) not in visited and
-                        -rival.margin - rival.fit_margin > needed.inflation * self.rules.twin):
+                        gain / needed.inflation + self.rules.price * fewer > self.rules.twin):
                     return swapped
         return self._with_unnamed_instead(model, visited)
 
