@@ -274,7 +274,7 @@ def _nearest(search: Search) -> Hypothesis | None:
     if best is None:
         return None
     needed = search.requirement((best.hypothesis,))
-    fit_gain, gain = search.gains(best.hypothesis, ())
+    fit_gain, gain = search.sound_gains(best.hypothesis, ())
     evident = fit_gain > needed.fit and gain > needed.heldout
     return best.hypothesis if evident else None
 

@@ -25,7 +25,6 @@ TOLD = 0.5
 SURE = 10.0
 """Log-likelihood of a second order that is no chance."""
 
-
 @dataclass(frozen=True)
 class Dithered:
     """Motions as encoders could have told them that count otherwise.
@@ -61,8 +60,8 @@ class Dithered:
         columns = projection.rest(columns)
         gram, moment = columns.T @ columns, columns.T @ projection.residual
         told = gram[1, 1]
-        for torque, orders in zip(self._noise(evidence, _delivered),
-                                  self._noise(evidence, _orders(hypothesis))):
+        for torque, orders in zip(self.noise(evidence, delivered),
+                                  self.noise(evidence, _orders(hypothesis))):
             gram = gram - orders.T @ orders / len(self.draws)
             moment = moment + orders.T @ torque[:, 0] / len(self.draws)
         if gram[1, 1] < TOLD * told:
@@ -71,7 +70,7 @@ class Dithered:
         gain = 0.5 * float(both @ moment - moment[0] ** 2 / gram[0, 0])
         return gain < inflation * SURE or abs(both[1]) < WRONG * 0.5 * time ** 2
 
-    def _noise(self, evidence: Evidence, function: Callable[[State], np.ndarray]
+    def noise(self, evidence: Evidence, function: Callable[[State], np.ndarray]
                ) -> list[np.ndarray]:
         """Return the change of `function`, (n, J, K) of a state, in each draw, whitened (N, K)."""
         runs = evidence.observations.runs
@@ -102,7 +101,7 @@ def dithered_state(run: Run, state: State, counts: int, random: np.random.Genera
                            state.qdd + second_difference(dither, period))
 
 
-def _delivered(state: State) -> np.ndarray:
+def delivered(state: State) -> np.ndarray:
     return state.nominal.delivered[..., None]
 
 

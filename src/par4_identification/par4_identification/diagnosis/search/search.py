@@ -19,6 +19,7 @@ from par4_identification.diagnosis.evidence.evidence import (
 from par4_identification.diagnosis.evidence.pool import Fitted, Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
 from par4_identification.diagnosis.search.candidates import Candidate, Candidates, price_of_shapes
+from par4_identification.diagnosis.search.counts import Counts
 from par4_identification.diagnosis.search.law import Dithered
 from par4_identification.diagnosis.search.requirement import Requirement, requirement_of
 from par4_identification.diagnosis.search.rules import Rules
@@ -82,6 +83,7 @@ class Search:
         self.rules = rules
         self.journal = Journal()
         self._dithered = dithered
+        self._counts = Counts(dithered)
         self._joints = tuple(range(pool.evidence.observations.joints))
         self._all_kinds = kinds
         self._kinds: tuple[Kind, ...] = ()
@@ -171,7 +173,8 @@ class Search:
             found.append((gain, hypothesis))
         if not found:
             return None
-        gain, hypothesis = max(found, key=lambda item: item[0])
+        hypothesis = max(found, key=lambda item: item[0])[1]
+        gain = self.sound_gains(hypothesis, model)[1]
         if gain <= self.requirement((*model, hypothesis)).heldout + self.rules.margin:
             return None
         return (*model, self._with_acting_joints(hypothesis, model))
@@ -247,7 +250,7 @@ class Search:
         reason = self.unbelievable(hypothesis, others)
         if reason is None:
             needed = self.requirement(together, hypothesis)
-            fit_gain, gain = self.gains(hypothesis, others)
+            fit_gain, gain = self.sound_gains(hypothesis, others)
             if fit_gain <= needed.fit:
                 reason = (f'explains {fit_gain:.0f} in log-likelihood, less than the '
                           f'{needed.fit:.0f} that chance and the other causes may make')
@@ -267,6 +270,13 @@ class Search:
         without, together = self.pool.fit(others), self.pool.fit((*others, hypothesis))
         return (0.5 * (without.fit_squares - together.fit_squares),
                 0.5 * (without.heldout_squares - together.heldout_squares))
+
+    def sound_gains(self, hypothesis: Hypothesis, others: Model) -> tuple[float, float]:
+        """Return the gains of `gains` without what encoder counts may have made of the motion."""
+        fit_gain, gain = self.gains(hypothesis, others)
+        imitated = self._counts.imitate(project(self.pool.evidence, others), hypothesis)
+        return (fit_gain - imitated,
+                gain - imitated * self.pool.heldout.rows / max(self.pool.evidence.rows, 1))
 
     def tested(self, model: Model) -> Model:
         """Return a model without the causes that the others do not leave anything to explain.
@@ -294,7 +304,7 @@ class Search:
     def _standing(self, cause: Hypothesis, model: Model) -> float:
         """Return what a cause gains over what it must gain, on the worse part of the data."""
         needed = self.requirement(model, cause)
-        fit_gain, gain = self.gains(cause, others_of(model, cause))
+        fit_gain, gain = self.sound_gains(cause, others_of(model, cause))
         return min(fit_gain / needed.fit, gain / self._heldout_need(cause, needed))
 
     def _heldout_need(self, hypothesis: Hypothesis, needed: Requirement) -> float:
