@@ -77,7 +77,7 @@ def torque_errors(pool: Pool, named: Sequence[Hypothesis], unnamed: Sequence[Hyp
     measured = evidence.whitened([run.tau for run in evidence.observations.runs])
     shares = ((rules.base_error, [measured]), (rules.named_error, torques[:count]),
               (rules.unnamed_error, torques[count:]))
-    return [share * sum(parts) for share, parts in shares if parts]
+    return [share * np.sum(parts, axis=0) for share, parts in shares if parts]
 
 
 def _common(pool: Pool, model: Sequence[Hypothesis], cause: Hypothesis | None) -> float:
