@@ -1,0 +1,95 @@
+"""Encoder counts as errors of the columns: what they imitate, and what they leave alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from measured import excitation
+from planned import evidence_of, log_of, state_of_motion
+from searches import EVERY, MODEL
+
+from par4_dynamics.base_terms import base_columns
+from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_identification.diagnosis.evidence.evidence import Evidence, Hypothesis, project, solve
+from par4_identification.diagnosis.search.counts import DOUBT, Counts
+from par4_identification.diagnosis.search.law import Dithered, dithered
+from par4_kinematics.motion import Motion
+from robots import REFERENCE, model_with
+
+COARSE = REFERENCE.model_copy(update={
+    'drives': REFERENCE.drives.model_copy(update={'encoder_counts': 8192})})
+COUNT = 2.0 * np.pi / 8192
+
+
+@pytest.fixture(scope='module')
+def motion() -> Motion:
+    return excitation('reference', 12.0, 70)
+
+
+def evidence_on(motion: Motion, *, counted: bool, model=MODEL) -> Evidence:
+    """Return rows of a machine that obeys a model, with positions in counts or without."""
+    torque = model.torque(state_of_motion(REFERENCE, motion))
+    q = COUNT * np.round(motion.q / COUNT) if counted else motion.q
+    return evidence_of(log_of(COARSE, motion.t, q, torque, 1), COARSE, MODEL)
+
+
+def judged(evidence: Evidence, effect: str) -> tuple[float, float]:
+    """Return the gain of an effect on all joints and how much of it counts may have made."""
+    hypothesis = Hypothesis(CATALOGUE[effect], {}, EVERY)
+    counts = Counts(dithered(evidence.observations, COARSE).with_nominal(MODEL))
+    projection = project(evidence, ())
+    return (0.5 * projection.gain(hypothesis.effect, {}),
+            counts.imitate(projection, hypothesis))
+
+
+@pytest.mark.parametrize('effect', ['distributed_rods', 'theta_inertia'])
+def test_what_counts_imitate_is_not_held_for_a_cause(motion, effect):
+    """The machine obeys (20). In counts its motion has a false cause, which is seen through."""
+    gain, imitated = judged(evidence_on(motion, counted=True), effect)
+    assert gain > 1000.0, 'counts no longer imitate it: the test shows nothing'
+    assert gain - imitated < 0.01 * gain
+    plain, _ = judged(evidence_on(motion, counted=False), effect)
+    assert plain < 10.0
+
+
+def test_a_cause_that_is_there_keeps_its_gain(motion):
+    rods = model_with(MODEL, 'distributed_rods', rod_mass=0.3, bar_mass=0.0)
+    gain, imitated = judged(evidence_on(motion, counted=True, model=rods), 'distributed_rods')
+    assert gain > 500.0
+    assert imitated < 0.6 * gain
+    offset = model_with(MODEL, 'torque_offset', offset=(0.1, -0.1, 0.1, 0.05))
+    gain, imitated = judged(evidence_on(motion, counted=True, model=offset), 'torque_offset')
+    assert gain > 500.0
+    assert imitated < 0.05 * gain
+
+
+def test_nothing_is_imitated_where_the_counts_are_not_known(motion):
+    evidence = evidence_on(motion, counted=True)
+    hypothesis = Hypothesis(CATALOGUE['distributed_rods'], {}, EVERY)
+    assert Counts(Dithered()).imitate(project(evidence, ()), hypothesis) == 0.0
+
+
+def test_least_squares_are_off_by_what_the_moments_say(motion):
+    """A second way to the same bias: the fit of what counts add, on many drawn motions."""
+    evidence = evidence_on(motion, counted=False)
+    item = Hypothesis(CATALOGUE['distributed_rods'], {}, EVERY)
+    moved = dithered(evidence.observations, COARSE, seed=5).with_nominal(MODEL)
+    plain = solve(evidence, (item,)).coefficients[0][0, 0]
+    drawn = [fitted_with(draw, evidence, item) for draw in moved.draws]
+    counts = Counts(moved)
+    own = evidence.columns(item)
+    projection = project(evidence, ())
+    rest = projection.rest(own)
+    told = -np.linalg.solve(rest.T @ rest, counts._moment(evidence, item, own))[0]
+    assert float(np.mean(drawn) - plain) == pytest.approx(told, rel=0.3)
+    assert DOUBT > 1.3
+
+
+def fitted_with(draw, evidence: Evidence, item: Hypothesis) -> float:
+    """Return the rod mass that a fit gives whose columns are those of another motion."""
+    base = evidence.whitener.whiten([run.rows(base_columns(run.state)) for run in draw.runs])
+    own = evidence.whitener.whiten([run.rows(item.effect.columns(run.state, {}))
+                                    for run in draw.runs])
+    design = np.vstack([np.hstack(parts) for parts in zip(base, own)])
+    return float(np.linalg.lstsq(design, evidence.target, rcond=None)[0][base[0].shape[1]])
+
