@@ -19,6 +19,7 @@ default_role = 'code'
 napoleon_use_ivar = True
 autodoc_typehints = 'signature'
 autodoc_member_order = 'bysource'
+autodoc_default_options = {'exclude-members': 'model_config'}
 python_maximum_signature_line_length = 80
 
 
