@@ -8,7 +8,7 @@ PACKAGES := par4_kinematics par4_dynamics par4_sim par4_identification
 unexport PYTHONPATH
 unexport PYTHONHOME
 
-.PHONY: help setup demo test lint bench blind setup_study docs clean
+.PHONY: help setup demo test lint bench blind setup_study site docs clean
 
 help:
 	@echo 'make demo   install and run the main job end to end (results in demo_output/)'
@@ -18,6 +18,7 @@ help:
 	@echo 'make setup_study  make mistakes of the setup and count what is told: docs/setup_study.md'
 	@echo 'make blind  hide effects and count what is found: docs/blind_study.md (hours; ARGUMENTS=...)'
 	@echo 'make lint   check style and types'
+	@echo 'make site   build the site of the documentation into build/site'
 	@echo 'make docs   regenerate docs/interface.md, docs/effects.md and the parameter files'
 	@echo 'make clean  remove what the above made'
 
@@ -44,7 +45,7 @@ test: setup
 	$(BIN)/python -m pytest
 
 lint: setup
-	$(BIN)/ruff check src tests demo bench examples
+	$(BIN)/ruff check src tests demo bench examples site
 	$(BIN)/mypy
 
 bench: setup
@@ -55,6 +56,10 @@ blind: setup
 
 setup_study: setup
 	$(BIN)/python bench/setup_study.py $(ARGUMENTS)
+
+site: setup
+	$(BIN)/pip install --quiet --disable-pip-version-check -r requirements-site.txt -c constraints.txt
+	$(BIN)/python site/build.py
 
 docs: setup
 	$(BIN)/python -m par4_kinematics.interface > docs/interface.md

@@ -695,6 +695,10 @@ def test_sizes_that_differ_or_are_parts_of_a_whole_or_shares():
     values = {name: Parameter(value=value, unit='N') for name, value in zip('xyz', (1, -2, 0.5))}
     assert phrase_of_cause(SimpleNamespace(effect=force, joints=(0, 1, 2, 3), parameters=values),
                            REFERENCE) == 'external force (x 1.0 N, y -2.0 N, z 0.50 N)'
+    told = {name: parameter.model_copy(update={'std': std}) for (name, parameter), std in zip(
+        values.items(), (0.1, 0.2, 0.4))}
+    assert phrase_of_cause(SimpleNamespace(effect=force, joints=(0, 1, 2, 3), parameters=told),
+                           REFERENCE) == 'external force (x 1.0 N, y -2.0 N)'
     gain = SimpleNamespace(name='drive_gain_error', phrase='drive gain error', parameters=(
         EffectParameter('relative', '1', 'joint'),))
     assert phrase_of_cause(SimpleNamespace(effect=gain, joints=(2,), parameters={

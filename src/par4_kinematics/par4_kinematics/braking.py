@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import BPoly
+import scipy
 
 from par4_kinematics.motion import Motion
 
@@ -42,7 +42,7 @@ def braked(motion: Motion, start: float) -> tuple[np.ndarray, np.ndarray, np.nda
     pace = (1.0 - 3.0 * u ** 2 + 2.0 * u ** 3)[:, None]
     slowing = (6.0 * (u ** 2 - u) / BRAKING_TIME)[:, None]
     piece = slice(first, last + 1)
-    path = BPoly.from_derivatives(
+    path = scipy.interpolate.BPoly.from_derivatives(
         motion.t[piece], np.stack((motion.q[piece], motion.qd[piece], motion.qdd[piece]), axis=1))
     slope = path.derivative()
     return (begin + elapsed, path(s), pace * slope(s),

@@ -118,8 +118,8 @@ def online_motion(robot: Robot, start: Sequence[float], targets: Sequence[Sequen
         raise InputError(f'online motion: the first target comes at {targets[0][0]:g} s; '
                          f'give a time from 0 on')
     reference = OnlineReference(robot, start, joint_speed, joint_acceleration, joint_jerk)
-    for t, *pose in targets:
-        reference.aim(t, pose)
+    for moment, *pose in targets:
+        reference.aim(moment, pose)
     if reference.arrival == 0.0:
         raise InputError('online motion: its targets are its start; give one elsewhere')
     t = sample_times(reference.arrival, period)

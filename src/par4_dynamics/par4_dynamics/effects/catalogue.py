@@ -106,7 +106,7 @@ def markdown() -> str:
     for effect in CATALOGUE.values():
         formula = (effect.__doc__ or '').partition('\n')[0].rstrip('.').replace('|', '\\|')
         parameters = ', '.join(
-            f'`{parameter.name}` ({_meaning(parameter)})' for parameter in effect.parameters)
+            f'`{parameter.name}` ({meaning_of(parameter)})' for parameter in effect.parameters)
         rows.append(f'| `{effect.name}` | {effect.phrase} | {formula} | {parameters} |')
     return f"""# Effects
 
@@ -133,7 +133,8 @@ Where `periods` is one number, a list is one number a joint.
 """
 
 
-def _meaning(parameter: EffectParameter) -> str:
+def meaning_of(parameter: EffectParameter) -> str:
+    """Return unit, scope, number of values and default of a parameter in words."""
     unit = parameter.unit if parameter.other_unit is None else (
         f'{parameter.unit} or {parameter.other_unit}')
     whole = ', of the machine' if parameter.scope == 'machine' else ', of each joint'

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import chi2
+import scipy
 
 from par4_identification.changes.readings import Parameters, Reading, applied
 
@@ -148,14 +148,14 @@ def explained(readings: Sequence[Reading], before: Parameters, after: np.ndarray
     """
     difference = _Difference(readings, before, after, covariance)
     nothing, size = difference.none, after.size
-    p_value = float(chi2.sf(nothing.squares, size))
+    p_value = float(scipy.stats.chi2.sf(nothing.squares, size))
     best = _fewest(difference)  # one direction may show what all together drown
     read = [_read(difference, best, place) for place in range(len(best.chosen))]
     read.sort(key=lambda item: item.p_value)
     wrong = READING_ERROR ** 2 * (nothing.squares - best.squares)
     left = difference.left(best)
     allowed = 1.0 + wrong / max(size - len(best.chosen), 1)
-    left_p = float(chi2.sf(best.squares / allowed, max(size - len(best.chosen), 1)))
+    left_p = float(scipy.stats.chi2.sf(best.squares / allowed, max(size - len(best.chosen), 1)))
     return Explanation(tuple(read), p_value, left,
                        np.sqrt(allowed * np.diag(covariance)), left_p if read else p_value)
 
@@ -171,7 +171,7 @@ def _fewest(difference: _Difference) -> _Fit:
         fits = sorted((difference.fit(chosen) for chosen in larger), key=lambda fit: fit.squares)
         kept = fits[:KEPT]
         wrong = READING_ERROR ** 2 * (difference.none.squares - best.squares)
-        needed = float(chi2.isf(CHANCE / count, 1)) + wrong
+        needed = float(scipy.stats.chi2.isf(CHANCE / count, 1)) + wrong
         if best.squares - kept[0].squares <= needed:
             # one more may be worth nothing by itself and two much: only while chance is left
             break
@@ -191,7 +191,7 @@ def _read(difference: _Difference, best: _Fit, place: int) -> Read:
     return Read(
         difference.readings[best.chosen[place]], float(best.sizes[place]),
         float(np.sqrt(best.covariance[place, place])),
-        min(1.0, count * float(chi2.sf(gain, 1))),
+        min(1.0, count * float(scipy.stats.chi2.sf(gain, 1))),
         tuple(difference.readings[index] for index in twins))
 
 

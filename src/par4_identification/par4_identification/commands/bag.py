@@ -41,7 +41,10 @@ class Numbers(click.ParamType):
         return numbers
 
 
-@click.command('par4_bag')
+@click.command('par4_bag', epilog='\b\nExample:\n'
+    "  par4_bag log.csv \\\n"
+    "      --columns 'time=t:ms position=2-5:deg voltage=6-9:V' \\\n"
+    "      --robot reference --output my_bag")
 @click.argument('files', nargs=-1, required=True, metavar='FILE...')
 @click.option('--columns', required=True, metavar="'QUANTITY=COLUMN:UNIT ...'",
               help='what the columns are: time, position, velocity, torque, voltage; a column by '

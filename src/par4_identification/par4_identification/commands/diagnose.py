@@ -73,7 +73,9 @@ class GreedyBags(click.Command):
         return super().parse_args(ctx, spread)
 
 
-@click.command('par4_diagnose', cls=GreedyBags)
+@click.command('par4_diagnose', cls=GreedyBags, epilog='\b\nExample:\n'
+    '  par4_diagnose my_bag --holdout other_bag --robot reference \\\n'
+    '      --output diagnosed')
 @click.argument('bags', nargs=-1, required=True, metavar='BAG...')
 @click.option('--holdout', multiple=True, metavar='BAG...',
               help='bags to confirm on; without them the last bag, or the last third of one')

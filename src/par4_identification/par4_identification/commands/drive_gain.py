@@ -24,7 +24,8 @@ from par4_sim.commands.entry import run
 from par4_sim.report.results import refuse_unwritable, write_results
 
 
-@click.command('par4_drive_gain')
+@click.command('par4_drive_gain', epilog='\b\nExample:\n'
+    '  par4_drive_gain push=push.csv --robot reference --output gains')
 @click.argument('pushes', nargs=-1, required=True, metavar='BAG=FORCE.csv...')
 @click.option('--robot', required=True, help='robot.yaml or built-in name; its gains are nominal')
 @click.option('--output', required=True, type=click.Path(path_type=Path),

@@ -37,7 +37,8 @@ from par4_sim.report.words import in_words, number, percent
 DEFAULTS = DesignRequest()
 
 
-@click.command('par4_excite')
+@click.command('par4_excite', epilog='\b\nExample:\n'
+    '  par4_excite --robot reference --duration 20 --output motion.yaml')
 @click.option('--robot', required=True, help='robot.yaml or built-in name')
 @click.option('--model', default='table1', show_default=True,
               help='model.yaml or built-in name: about what the machine is')

@@ -40,7 +40,9 @@ from par4_sim.report.results import refuse_unwritable, write_results
 from par4_sim.report.words import in_words, listed, percent, with_std
 
 
-@click.command('par4_identify')
+@click.command('par4_identify', epilog='\b\nExample:\n'
+    '  par4_identify my_bag --robot reference --rigid-body full \\\n'
+    '      --output identified')
 @click.argument('bags', nargs=-1, required=True, metavar='BAG...')
 @click.option('--robot', required=True, help='robot.yaml or built-in name')
 @click.option('--output', required=True, type=click.Path(path_type=Path),

@@ -10,7 +10,8 @@ from par4_sim.bag_repair import repair_bag
 from par4_sim.commands.entry import run
 
 
-@click.command('par4_record')
+@click.command('par4_record', epilog='\b\nExample:\n'
+    '  par4_record --repair my_bag')
 @click.option('--repair', 'bag', required=True, type=click.Path(path_type=Path),
               help='bag that was cut off; it stays as it is')
 @click.option('--output', default=None, type=click.Path(path_type=Path),

@@ -24,7 +24,9 @@ from par4_sim.commands.entry import run
 from par4_sim.report.results import refuse_unwritable, write_results
 
 
-@click.command('par4_simplification')
+@click.command('par4_simplification', epilog='\b\nExample:\n'
+    '  par4_simplification --robot reference --model table1 \\\n'
+    '      --output simplification')
 @click.option('--robot', default='reference', show_default=True,
               help='robot.yaml or built-in name; its bodies are what (20) leaves out')
 @click.option('--model', default='table1', show_default=True,

@@ -26,7 +26,8 @@ from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import origin, refuse_unwritable, write_results
 
 
-@click.command('par4_trend')
+@click.command('par4_trend', epilog='\b\nExample:\n'
+    '  par4_trend bags/2026-* --robot reference --output life')
 @click.argument('bags', nargs=-1, required=True, metavar='BAG...')
 @click.option('--robot', required=True, help='robot.yaml or built-in name')
 @click.option('--output', required=True, type=click.Path(path_type=Path),

@@ -26,7 +26,9 @@ from par4_sim.commands.entry import run
 from par4_sim.report.results import refuse_unwritable, write_results
 
 
-@click.command('par4_validate')
+@click.command('par4_validate', epilog='\b\nExample:\n'
+    '  par4_validate other_bag --model identified/model.yaml \\\n'
+    '      --robot reference --output validated')
 @click.argument('bag')
 @click.option('--model', required=True, help='model.yaml or built-in name')
 @click.option('--robot', required=True, help='robot.yaml or built-in name')

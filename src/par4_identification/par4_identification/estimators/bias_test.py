@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc
+import scipy
 
 from par4_identification.estimators.covariance import long_run_covariance
 
@@ -66,4 +66,4 @@ def bias_test(difference: np.ndarray, influences: Sequence[np.ndarray], own_std:
     statistic = float(np.sum(along[kept] ** 2 / sizes[kept]))
     freedom = int(kept.sum())
     return BiasTest(difference, own_std * std, statistic, freedom,
-                    float(chdtrc(freedom, statistic)))
+                    float(scipy.special.chdtrc(freedom, statistic)))

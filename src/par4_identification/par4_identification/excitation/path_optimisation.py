@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
+import scipy
 
 from par4_dynamics.base_terms import base_columns, base_terms
 from par4_dynamics.model import Model
@@ -175,7 +175,7 @@ def optimised_path(problem: PathProblem, harmonics: int, starts: int,
             return value, (unit * np.einsum('onc,ona->ca', basis, slope)).ravel()
 
         nonlocal done
-        result = minimize(cost, free.ravel(), jac=True, method='L-BFGS-B',
+        result = scipy.optimize.minimize(cost, free.ravel(), jac=True, method='L-BFGS-B',
                           options={'maxiter': iterations, 'maxcor': 20})
         done += iterations
         if progress:

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+import scipy
 
 from par4_dynamics.base_terms import base_columns, base_terms, distributed_torque
 from par4_dynamics.model_file import RigidBody
@@ -138,7 +138,7 @@ def gains_of_payloads(runs: Sequence[Run], payloads: Mapping[str, float],
                          f'payload; check which bag carried it')
     slope = np.diag(-nominal / ratio ** 2)
     return DriveGains(nominal / ratio, slope @ covariance @ slope, nominal,
-                      np.zeros(joints), float(chi2.sf(misfit, 2 * joints - 2)))
+                      np.zeros(joints), float(scipy.stats.chi2.sf(misfit, 2 * joints - 2)))
 
 
 def _common_masses(products: np.ndarray, covariance: np.ndarray

@@ -31,7 +31,7 @@ from par4_identification.signals.rows import Run
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
-SURE = 0.99
+NAMED_FROM = 0.99
 """Probability from which a half is named."""
 SEEN = 4.0
 """Standard deviations that a mass must reach to be one."""
@@ -103,7 +103,7 @@ class Payload:
     @property
     def half(self) -> int | None:
         """1 or 2 where the motion tells, None where it does not or where both carry it."""
-        if not self.is_seen or self.on_both or self.confidence < SURE:
+        if not self.is_seen or self.on_both or self.confidence < NAMED_FROM:
             return None
         return self.likelier_half
 

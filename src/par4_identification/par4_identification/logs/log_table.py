@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
+import scipy
 
 from par4_kinematics.errors import InputError
 
@@ -105,10 +104,11 @@ def _archive(path: Path) -> Mapping[str, np.ndarray]:
         if path.suffix.lower() == '.npz':
             with np.load(path, allow_pickle=False) as archive:
                 return {name: archive[name] for name in archive.files}
-        return {name: values for name, values in loadmat(path).items()
+        return {name: values for name, values in scipy.io.loadmat(path).items()
                 if not name.startswith('__')}
-    # loadmat raises NotImplementedError for MATLAB 7.3 files, which are HDF5
-    except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile, MatReadError) as error:
+    # scipy.io.loadmat raises NotImplementedError for MATLAB 7.3 files, which are HDF5
+    except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile,
+            scipy.io.matlab.MatReadError) as error:
         raise InputError(f'{path}: cannot be read ({" ".join(str(error).split())}); give an '
                          f'archive of plain numbers') from error
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from par4_identification.logs.log import Log
 from par4_identification.setup_check.equations import Equations, Fit
@@ -120,8 +120,8 @@ class _Torque:
         cuts = np.flatnonzero(step > 1.5 * np.median(step)) + 1
         self._parts = np.split(np.arange(len(rows.t)), cuts)
         self._t = rows.t
-        self._splines = [CubicSpline(rows.t[part], rows.tau[part]) for part in self._parts
-                         if len(part) > 3]
+        self._splines = [scipy.interpolate.CubicSpline(rows.t[part], rows.tau[part])
+                         for part in self._parts if len(part) > 3]
         self._parts = [part for part in self._parts if len(part) > 3]
         self._shape = rows.tau.shape
 
@@ -185,7 +185,7 @@ def on_time(log: Log, timing: Timing) -> Log:
         if len(rows) < 4:
             continue
         kept.append(segment.start + rows)
-        tau.append(CubicSpline(time, log.tau[segment])(wanted[rows]))
+        tau.append(scipy.interpolate.CubicSpline(time, log.tau[segment])(wanted[rows]))
         segments.append(slice(end, end + len(rows)))
         end += len(rows)
     rows = np.concatenate(kept)

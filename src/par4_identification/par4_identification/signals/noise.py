@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from scipy.linalg import solve_toeplitz
+import scipy
 
 ORDER = 6
 
@@ -175,7 +175,7 @@ def fit_noise(residuals: list[np.ndarray], valid: list[np.ndarray], parameters: 
     floor = max(covariance[0], 1e-18)
     covariance[0] = floor * (1.0 + 1e-6)
     for used in range(order, 0, -1):
-        coefficients = solve_toeplitz(covariance[:used], covariance[1:used + 1])
+        coefficients = scipy.linalg.solve_toeplitz(covariance[:used], covariance[1:used + 1])
         variance = covariance[0] - coefficients @ covariance[1:used + 1]
         stable = np.max(np.abs(np.linalg.eigvals(_companion(coefficients)))) < 0.9999
         if variance > 0 and stable:

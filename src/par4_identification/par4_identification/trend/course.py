@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.stats import f as f_distribution
+import scipy
 
 Kind = Literal['step', 'slope', 'both', 'odd']
 KINDS: tuple[Kind, ...] = ('step', 'slope', 'both', 'odd')
@@ -215,7 +215,7 @@ def _worth(series: _Series, others: list[Break], item: Break, each: float) -> fl
 
 def _needed(own: int, freedom: int, each: float) -> float:
     """Return the gain in squares of unit variance that chance exceeds with a probability."""
-    return own * float(f_distribution.isf(each, own, max(freedom, 1)))
+    return own * float(scipy.stats.f.isf(each, own, max(freedom, 1)))
 
 
 def _best(series: _Series, others: list[Break], each: float, kinds: tuple[Kind, ...]

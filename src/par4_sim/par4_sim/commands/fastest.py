@@ -17,7 +17,8 @@ from par4_sim.report.results import origin, write_results
 from par4_sim.tracking.fastest import OWN, PEAK, TIME_OPTIMAL, TIMINGS, fastest_cases
 
 
-@click.command('par4_fastest')
+@click.command('par4_fastest', epilog='\b\nExample:\n'
+    '  par4_fastest adept --feedforward table1_full --output fastest')
 @comparison_options('fastest.json, report.html and the fastest motion, fastest.yaml')
 @click.option('--timing', default=tuple(TIMINGS), multiple=True, show_default=True,
               type=click.Choice(tuple(TIMINGS)),

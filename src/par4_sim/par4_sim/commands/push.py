@@ -13,7 +13,8 @@ from par4_sim.simulation import FIDELITIES
 from par4_sim.static_push import simulate_push
 
 
-@click.command('par4_push')
+@click.command('par4_push', epilog='\b\nExample:\n'
+    '  par4_push --torque-noise 0.05 --force-noise 0.5 --output push')
 @click.option('--robot', default='reference', show_default=True, help='robot.yaml or built-in name')
 @click.option('--model', default='table1_full', show_default=True,
               help='model.yaml or built-in name: the machine as it truly is, effects included')

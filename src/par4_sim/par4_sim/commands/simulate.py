@@ -15,7 +15,9 @@ from par4_sim.offline import SECOND, simulate_to_bag
 from par4_sim.simulation import FIDELITIES, build_simulation
 
 
-@click.command('par4_simulate')
+@click.command('par4_simulate', epilog='\b\nExample:\n'
+    '  par4_simulate excitation --duration 20 --torque-noise 0.05 \\\n'
+    '      --output my_bag')
 @click.argument('motion')
 @click.option('--robot', default='reference', show_default=True, help='robot.yaml or built-in name')
 @click.option('--model', default='table1_full', show_default=True,

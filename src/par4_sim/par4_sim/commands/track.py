@@ -23,7 +23,9 @@ from par4_sim.tracking.comparison import (
 from par4_sim.tracking.metrics import BAND
 
 
-@click.command('par4_track')
+@click.command('par4_track', epilog='\b\nExample:\n'
+    '  par4_track adept --controller loops --feedforward table1 \\\n'
+    '      --output tracked')
 @comparison_options('tracking.json and report.html')
 @click.option('--band', default=1e3 * BAND, show_default=True,
               type=click.FloatRange(min=0.0, min_open=True),

@@ -38,6 +38,17 @@ class Hypothesis:
             return slice(None)
         return sorted({column for number in self.sets for column in self.effect.separable[number]})
 
+    @property
+    def named(self) -> Effect:
+        """The effect, where this is one of the catalogue's.
+
+        Raises:
+            TypeError: it is a kind of unnamed cause.
+        """
+        if isinstance(self.effect, Kind):
+            raise TypeError(f'{self.effect.name} is a kind of unnamed cause, not an effect')
+        return self.effect
+
     def stacked(self, coefficients: np.ndarray) -> np.ndarray:
         """Return coefficients (K, J) in the order of this hypothesis's stacked columns."""
         return (coefficients[self.columns, 0] if self.effect.shared

@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import numba
 import numpy as np
+import scipy
 from numpy.polynomial.legendre import legvander
-from scipy.interpolate import BSpline
 
 from par4_dynamics.effects.cogging import HIGHEST_PERIODS, LEAST_TURNS, LOWEST_PERIODS
 from par4_dynamics.effects.effect import Shape
@@ -50,7 +50,8 @@ def splines(values: np.ndarray, low: np.ndarray, high: np.ndarray, count: int) -
     """Return cubic B-splines (n, J, count) of values (n, J) over low .. high (J,)."""
     unit = np.clip((values - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
     knots = np.concatenate(([0.0] * 3, np.linspace(0.0, 1.0, count - 2), [1.0] * 3))
-    flat = BSpline.design_matrix(np.minimum(unit.ravel(), 1.0 - 1e-12), knots, 3).toarray()
+    flat = scipy.interpolate.BSpline.design_matrix(
+        np.minimum(unit.ravel(), 1.0 - 1e-12), knots, 3).toarray()
     return flat.reshape(*values.shape, count)
 
 

@@ -10,7 +10,6 @@ Stribeck friction, presliding or gaps in this way (errors in variables, attenuat
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -39,7 +38,7 @@ class Counts:
     """
 
     dithered: Dithered
-    _moments: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
+    _moments: dict[tuple[object, ...], np.ndarray] = field(default_factory=dict)
     _torque: list[np.ndarray] | None = None
 
     def imitate(self, projection: Projection, hypothesis: Hypothesis) -> float:
@@ -88,15 +87,13 @@ class Counts:
         runs = evidence.observations.runs
         told = [columns(run.state) for run in runs]
         width = told[0].shape[2] - evidence.base.shape[1]
-        of_cause = np.zeros(evidence.columns(hypothesis).shape[1])
-        of_base = np.zeros(evidence.base.shape[1])
+        of_cause, of_base = [], []  # of each draw
         for draw, torque in zip(self.dithered.draws, self._torque):
             noise = evidence.whitener.whiten([
                 run.rows(columns(moved.state) - part)
                 for run, moved, part in zip(runs, draw.runs, told)])
-            of_cause += spread([rows[:, :width][:, hypothesis.columns] for rows in noise],
-                               acting, effect.shared).T @ torque[:, 0]
-            of_base += spread([rows[:, width:] for rows in noise], everywhere,
-                              shared=True).T @ torque[:, 0]
-        draws = len(self.dithered.draws)
-        return of_cause / draws, of_base / draws
+            of_cause.append(spread([rows[:, :width][:, hypothesis.columns] for rows in noise],
+                                   acting, effect.shared).T @ torque[:, 0])
+            of_base.append(spread([rows[:, width:] for rows in noise], everywhere,
+                                  shared=True).T @ torque[:, 0])
+        return np.mean(of_cause, axis=0), np.mean(of_base, axis=0)

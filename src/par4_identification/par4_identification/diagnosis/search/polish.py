@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, Shape
+from par4_dynamics.effects.effect import single
 from par4_identification.diagnosis.evidence.estimates import shape_knobs, shape_slopes, turned
 from par4_identification.diagnosis.evidence.evidence import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
-from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.search import Model, named_of, others_of
 from par4_identification.diagnosis.search.shapes import order_name
 
@@ -32,13 +31,11 @@ def polished(pool: Pool, model: Sequence[Hypothesis], price: float) -> Model:
     """
     model = tuple(model)
     for item in named_of(model):
-        effect = item.effect
-        if isinstance(effect, Kind) or order_name(effect) is not None or not shape_knobs(item):
-            continue
-        moved = _with_best_shape(pool, model, item)
-        gain = 0.5 * (pool.fit(model).fit_squares - pool.fit(moved).fit_squares)
-        if gain > (price if _is_usual(effect, item.shape) else 0.0):
-            model = moved
+        if order_name(item.named) is None and shape_knobs(item):
+            moved = _with_best_shape(pool, model, item)
+            gain = 0.5 * (pool.fit(model).fit_squares - pool.fit(moved).fit_squares)
+            if gain > (price if _is_usual(item) else 0.0):
+                model = moved
     return model
 
 
@@ -57,7 +54,7 @@ def _with_best_shape(pool: Pool, model: Model, item: Hypothesis) -> Model:
             break
         moved = item
         for knob, part in zip(knobs, step):
-            size = LARGEST * float(np.max(np.abs(moved.shape[knob[0]])))
+            size = LARGEST * abs(single(moved.shape[knob[0]]))
             moved = replace(moved, shape=turned(moved.shape, knob,
                                                 float(np.clip(part, -size, size))))
         trial = tuple(moved if other is item else other for other in model)
@@ -67,7 +64,7 @@ def _with_best_shape(pool: Pool, model: Model, item: Hypothesis) -> Model:
     return model
 
 
-def _is_usual(effect: Effect, shape: Shape) -> bool:
+def _is_usual(item: Hypothesis) -> bool:
     """Return whether all numbers of a shape have their defaults, such as a power of two."""
-    return all(parameter.default == shape[parameter.name]
-               for parameter in effect.parameters if parameter.name in shape)
+    return all(parameter.default == item.shape[parameter.name]
+               for parameter in item.named.parameters if parameter.name in item.shape)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtrc
+import scipy
 
 from par4_identification.diagnosis.evidence.evidence import Hypothesis, project, solve
 from par4_identification.diagnosis.evidence.unnamed import Kind
@@ -70,7 +70,8 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
              or (rival.hypothesis.effect.retimes and cause.effect.retimes)))
     best = rivals[0]
     gain, _ = search.gains(cause, others)
-    p_value = chdtrc(search.pool.width(cause) + len(cause.shape), 2.0 * max(gain, 0.0))
+    p_value = scipy.special.chdtrc(
+        search.pool.width(cause) + len(cause.shape), 2.0 * max(gain, 0.0))
     return Judgement(cause, best.margin, best.hypothesis and name_of(best.hypothesis), twins,
                      float(min(1.0, p_value * search.candidates.family)))
 

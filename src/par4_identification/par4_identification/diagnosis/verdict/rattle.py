@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import combine_pvalues, mannwhitneyu
+import scipy
 
 from par4_dynamics.effects.transmission import load_inertia, transmitted_torque
 from par4_identification.diagnosis.evidence.observations import Observations
@@ -74,8 +74,8 @@ class _Slip:
     @property
     def p_value(self) -> float:
         """That of equal sizes near changes of sides and away from them (Mann and Whitney)."""
-        return float(mannwhitneyu(np.abs(self.loud[::APART]), np.abs(self.quiet[::APART]),
-                                  alternative='greater').pvalue)
+        return float(scipy.stats.mannwhitneyu(
+            np.abs(self.loud[::APART]), np.abs(self.quiet[::APART]), alternative='greater').pvalue)
 
     @property
     def gap(self) -> float:
@@ -100,7 +100,7 @@ def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle
                    if all(slip.rattles for slip in same))
     if not joints:
         return None
-    p_values = [combine_pvalues([slip[joint].p_value for slip in slips]).pvalue
+    p_values = [scipy.stats.combine_pvalues([slip[joint].p_value for slip in slips]).pvalue
                 for joint in joints]
     return Rattle(joints, np.array([np.mean([slip[joint].gap for slip in slips])
                                     for joint in joints]),

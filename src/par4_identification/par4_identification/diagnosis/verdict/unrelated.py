@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
-from scipy.stats import f as f_distribution
+import scipy
 
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.signals.noise import fit_noise
@@ -141,7 +140,7 @@ def _peaks(time: np.ndarray, left: np.ndarray, valid: np.ndarray, chance: float
     power = np.abs(np.fft.rfft(kept)) ** 2
     frequency = np.fft.rfftfreq(len(kept), float(time[1] - time[0]))
     # the median of the squares of noise is ln 2 of their mean
-    level = median_filter(power, BACKGROUND, mode='nearest') / np.log(2.0)
+    level = scipy.ndimage.median_filter(power, BACKGROUND, mode='nearest') / np.log(2.0)
     limit = -np.log(chance / len(power))
     window = np.hanning(len(left))[valid].sum()
     found = []
@@ -174,7 +173,7 @@ def _bursts(runs: Sequence[Left], rules: Rules) -> tuple[tuple[float, float], ..
             if enough.sum() < 8:
                 continue
             level = np.median(squares[enough] / count[enough])
-            limit = f_distribution.isf(CHANCE / len(firsts), length, enough.sum() * length // 4)
+            limit = scipy.stats.f.isf(CHANCE / len(firsts), length, enough.sum() * length // 4)
             for first, size, rows in zip(firsts, squares, count):
                 if rows > length // 2 and size > 2.0 * limit * level * rows:
                     found.append((float(run.t[first]), float(run.t[first + length - 1])))

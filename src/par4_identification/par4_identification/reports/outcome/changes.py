@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
+import scipy
 
 from par4_dynamics.effects.payload import Payload
 from par4_identification.changes.changes import Changes
@@ -174,7 +174,7 @@ def _left_places(changes: Changes) -> list[int]:
         return []
     explanation = changes.explanation
     off = np.abs(explanation.left) / np.maximum(explanation.left_std, 1e-30)
-    limit = norm.isf(0.5 * CHANCE / len(off))
+    limit = scipy.stats.norm.isf(0.5 * CHANCE / len(off))
     order = np.argsort(-off)
     return [int(index) for index in order if off[index] > limit] or [int(order[0])]
 

@@ -119,7 +119,8 @@ def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
         return _phrase_of_orders(cause, machine)
     sizes = {item.name: _size(cause.parameters[item.name], machine) for item in effect.parameters}
     if any(item.unit == first.unit for item in others):  # parts of one whole, as x, y, z
-        parts = ', '.join(f'{in_words(name)} {size}' for name, size in sizes.items())
+        told = [name for name in sizes if _stands_out(cause.parameters[name])] or list(sizes)
+        parts = ', '.join(f'{in_words(name)} {sizes[name]}' for name in told)
         return f'{effect.phrase} ({parts})'
     shown = {item.name for item in effect.parameters
              if _stands_out(cause.parameters[item.name])} or set(sizes)

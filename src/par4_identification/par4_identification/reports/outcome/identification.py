@@ -54,7 +54,7 @@ MEMORY = 0.15
 """Autocorrelation of a residual, behind the filters' own, above which it is not noise."""
 UNEQUAL = 1.5
 """Residual over noise floor of a joint, over that of the median joint, that stands out."""
-SURE = 2.0
+TOLD_FROM = 2.0
 """Standard deviations by which the residual must tell rods as in the robot file from none."""
 HALF = 0.5
 """Share between none of them and all."""
@@ -188,7 +188,7 @@ def _lumping_remark(identification: Identification, lumping: Lumping) -> Remark:
     if size.max() < MATERIAL:
         return Remark(True, f'Lumping rods and bars, as equation (20) does, biases no value by '
                             f'more than {number(size.max(), 2)} of its standard deviations.')
-    margin = SURE * lumping.share_std
+    margin = TOLD_FROM * lumping.share_std
     if lumping.share + margin < HALF:
         return Remark(True, 'No bias from lumping rods and bars, as equation (20) does: the '
                             'residual shows that the machine is not as the robot file describes '

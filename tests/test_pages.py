@@ -1,0 +1,128 @@
+"""The tutorials do what they say: their code runs, their commands exist, the effects have pages."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+
+from par4_dynamics import build_model, read_model_file
+from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.effects.guide import GUIDES
+from par4_dynamics.model_file import EffectEntry
+from par4_dynamics.parameters import Parameter
+from par4_kinematics.robot import Robot
+from robots import REFERENCE
+
+DOCS = Path(__file__).parents[1] / 'docs'
+TUTORIALS = ('first_ten_minutes', 'your_own_robot', 'fault_step_by_step', 'effect_of_your_own',
+             'cluster')
+COMMANDS = {entry.name: entry for entry in entry_points(group='console_scripts')
+            if '.commands.' in entry.value}
+
+
+def blocks(page: str, language: str) -> list[str]:
+    """Return the blocks of code of a page."""
+    found = re.findall(r'^```(\w*)\n(.*?)^```$', (DOCS / f'{page}.md').read_text(),
+                       re.DOTALL | re.MULTILINE)
+    return [code for own, code in found if own == language]
+
+
+def told_by(page: str, capsys: pytest.CaptureFixture[str]) -> tuple[dict, list[str]]:
+    """Run the Python of a page in this folder and return its names and what it printed."""
+    scope: dict = {}
+    for code in blocks(page, 'python'):
+        exec(compile(code, page, 'exec'), scope)
+    return scope, capsys.readouterr().out.splitlines()
+
+
+def command_of(name: str) -> click.Command:
+    """Return the command line of an executable."""
+    module = import_module(COMMANDS[name].value.partition(':')[0])
+    return next(item for item in vars(module).values() if isinstance(item, click.Command))
+
+
+def expect_known_options(line: str) -> None:
+    """Fail where a command line has an option that the command does not know."""
+    name, *words = shlex.split(line, comments=True)
+    known = {option for parameter in command_of(name).params for option in parameter.opts}
+    assert {word for word in words if word.startswith('--')} <= known, line
+
+
+def test_a_robot_of_ones_own(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    scope, lines = told_by('your_own_robot', capsys)
+    assert isinstance(scope['robot'], Robot)
+    assert lines[1] == 'corners within the limits: True'
+    assert 1.0 < float(lines[2].rpartition(' ')[2]) < 20.0
+    assert 1.0 < float(lines[3].rpartition(' ')[2]) < scope['robot'].drives.torque_limit
+
+
+def test_a_fault_step_by_step(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    scope, lines = told_by('fault_step_by_step', capsys)
+    rms = scope['found'].estimate.rms
+    assert rms[2] > 5.0 * np.delete(rms, 2).max()
+    assert lines[1].startswith('strongest order: 24 ')
+    assert lines[2] == 'explained cogging on joints (2,)'
+    assert abs(scope['cause'].parameters['amplitude'].value[0] - 0.6) < 0.05
+    assert lines[4].endswith('twins: ()')
+
+
+def test_an_effect_of_ones_own(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    _, lines = told_by('effect_of_your_own', capsys)
+    assert lines == ["explained [('brake_drag', (1,))]"]
+
+
+@pytest.mark.parametrize('page', TUTORIALS)
+def test_commands_of_a_tutorial_are_there_with_these_options(page):
+    lines = [line for block in blocks(page, '') for line in block.splitlines()
+             if line.startswith('par4_')]
+    assert lines or page == 'effect_of_your_own'
+    for line in lines:
+        expect_known_options(line)
+
+
+@pytest.mark.parametrize('name', sorted(COMMANDS))
+def test_the_example_in_help_has_options_that_exist(name):
+    example = (command_of(name).epilog or '').partition('Example:\n')[2].replace('\\\n', ' ')
+    assert example.split()[0] == name
+    expect_known_options(example)
+
+
+def test_help_waits_for_no_library_that_it_does_not_need():
+    told = subprocess.run([sys.executable, '-c', """
+import sys
+import par4_identification.commands.diagnose, par4_identification.commands.excite
+import par4_identification.commands.identify, par4_identification.commands.trend
+import par4_identification.commands.validate, par4_sim.commands.simulate
+print(sorted({'dask', 'jinja2', 'matplotlib', 'pybullet', 'scipy.interpolate',
+              'scipy.optimize', 'scipy.stats'} & set(sys.modules)))
+"""], capture_output=True, text=True, check=True)
+    assert told.stdout.split() == ['[]']
+
+
+def test_every_effect_has_a_guide_with_values_that_it_takes():
+    assert list(GUIDES) == list(CATALOGUE)
+    table = read_model_file('table1')
+    for name, guide in GUIDES.items():
+        units = {parameter.name: parameter.unit for parameter in CATALOGUE[name].parameters}
+        entry = EffectEntry(effect=name, parameters={
+            parameter: Parameter(value=value, unit=units[parameter])
+            for parameter, value in guide.usual.items()})
+        model = build_model(REFERENCE, table.model_copy(update={'effects': (entry,)}))
+        values = model.effects[0].values
+        still = {parameter: np.zeros_like(value) for parameter, value in values.items()}
+        assert CATALOGUE[name].implausible(values, still, model.values) is None, name
+        for words in (guide.physics, guide.remedy):
+            assert words.endswith('.'), name
+            assert words[0].isupper(), name
