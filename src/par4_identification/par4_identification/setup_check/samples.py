@@ -29,8 +29,10 @@ STOPPED = 3.0
 """Counts a sample from which no drive stops a joint within a sample."""
 TRAVEL = 0.1
 """rad that other joints travel while a reading that stopped at once stands still."""
-LONG_TRAVEL, LONG = 0.4, 0.5
-"""The same, and for how long, s, where the reading stopped at rest."""
+LONG_TRAVEL = 0.4
+"""The same where a reading never changes."""
+UNSLOWED = 0.5
+"""Least part of the speed before it that the last step of a reading that stopped at once has."""
 SMALLEST_SLIP = 3e-3
 """rad; what is smaller belongs to the noise of a reading."""
 BEYOND = 12.0
@@ -151,10 +153,12 @@ def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, in
             if jump > COUNTS * count and jump > FASTER * speed:
                 found.append((start, end, short and jump > UNMOVED * speed * (end - start)))
                 continue
+        # a joint that comes to rest slows down first; a reading that stops does not
+        last_step = abs(own[start] - own[max(start - 1, 0)])
+        stopped = last_step > max(STOPPED * count, UNSLOWED * before) > 0.0
         travel = np.ptp(np.delete(q[start:end], joint, axis=1), axis=0).max(initial=0.0)
-        stopped = before > STOPPED * count > 0.0
         if (stopped and travel > TRAVEL) or (
-                travel > LONG_TRAVEL and (end - start) * period > LONG):
+                end - start == len(own) and travel > LONG_TRAVEL):
             found.append((start, end, False))
     return found
 
