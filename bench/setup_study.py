@@ -30,7 +30,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / 'tests'))
 
 import mistakes
 import numpy as np
-from blind_study import commit, machine_name, read_outcomes, share, table
+from blind_scores import share, table
+from blind_study import commit, machine_name, read_outcomes
 from dask.distributed import Client, LocalCluster, as_completed
 from hidden.hiders import HIDERS
 from hidden.recording import record
