@@ -10,7 +10,7 @@ begins again at errors with which they are (see `starts`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,8 +36,10 @@ ZEROS = tuple(range(LEGS))
 HYPOTHESES = (ZEROS, *((index,) for index in range(LEGS, ERRORS)))
 SMALLEST = np.array((math.radians(1.0),) * LEGS + (8e-3,) * len(DIMENSIONS))
 """rad and m from which an error is a mistake of the setup."""
-LARGEST = np.array((math.radians(20.0),) * LEGS + (0.08,) * len(DIMENSIONS))
-SURE, SURE_BESIDE = 5.0, 3.5
+LARGEST = np.array((math.radians(20.0),) * LEGS + (0.06,) * len(DIMENSIONS))
+LARGEST_PART = 0.3
+"""Of a dimension, by which it can be wrong."""
+SURE, SURE_BESIDE = 4.0, 3.0
 """Standard deviations, clustered, from which an error is believed, and from which it is beside
 another that is."""
 WORTH_FITTING = 2.5, 0.4
@@ -49,9 +51,13 @@ EACH = 1.025
 """Factor on what is left that makes up for one error more."""
 FEWER = 0.985
 """Most of the squared error that a mistake may leave."""
+PLAIN = 1.06
+"""Most that a plain machine may leave, in what a rich one leaves, to be believed."""
 ODD_POSES = 0.002
 """Share of samples that do not close or lie beside a singular pose from which other starts are
 tried."""
+FEW_LEFT = 0.1
+"""The same from which too little is left to believe what the others say."""
 BETTER_START = 0.9
 """Most of the error of the first start that another one must leave."""
 STARTS = 2
@@ -101,17 +107,15 @@ def calibration_of(stretches: Sequence[Stretch], geometry: Geometry) -> Calibrat
     """
     nowhere = np.zeros(ERRORS)
     here = placement_at(stretches, geometry, nowhere)
-    found = None if here is None else _explained(here)
+    found, least = (None, np.inf) if here is None else _explained(here)
     if here is None or here.odd > ODD_POSES:
-        least = np.inf
-        if here is not None:
-            least = BETTER_START * here.relative(found or here.fitted(nowhere))
+        least *= BETTER_START if found is None or here.odd < FEW_LEFT else np.inf
         for start in possible_starts(stretches, geometry)[:STARTS]:
             there = placement_at(stretches, geometry, start)
-            trial = None if there is None else _begun(there, start)
-            if trial is not None and there.relative(trial) < least:
-                found, least = trial, there.relative(trial)
-    if found is None or (np.abs(found.values) > LARGEST).any():
+            trial, left = (None, np.inf) if there is None else _begun(there, start)
+            if trial is not None and left < least:
+                found, least = trial, left
+    if found is None or (np.abs(found.values) > largest_errors(geometry)).any():
         return None
     before = _error(stretches, geometry, nowhere)
     after = _error(stretches, geometry, found.values)
@@ -120,31 +124,60 @@ def calibration_of(stretches: Sequence[Stretch], geometry: Geometry) -> Calibrat
     return Calibration(found.values, found.std, before, after)
 
 
-def _explained(placement: Placement) -> Solution | None:
-    """Return the errors that explain decisively more than none, or None."""
-    nothing = placement.fitted(np.zeros(ERRORS))
+def largest_errors(geometry: Geometry) -> np.ndarray:
+    """Return the largest errors (ERRORS,) that a setup has, rad and m."""
+    lengths = np.array([getattr(geometry, name) for name in DIMENSIONS])
+    return np.minimum(LARGEST, np.concatenate((np.full(LEGS, np.inf), LARGEST_PART * lengths)))
+
+
+def _explained(plain: Placement) -> tuple[Solution | None, float]:
+    """Return the errors that explain decisively more than none, or None, and what is left."""
+    return _plain_or_rich(plain, np.zeros(ERRORS), _best)
+
+
+def _begun(plain: Placement, start: np.ndarray) -> tuple[Solution | None, float]:
+    """Return the errors to which a start leads, or None, and what is left."""
+    group = ZEROS if start[:LEGS].any() else tuple(map(int, np.flatnonzero(start)))
+
+    def ended(placement: Placement, start: Solution) -> Solution | None:
+        try:
+            return _pruned(placement, placement.solve(group, start.values), group)
+        except UnreachableError:
+            return None
+
+    return _plain_or_rich(plain, start, ended)
+
+
+def _plain_or_rich(plain: Placement, start: np.ndarray,
+                   search: Callable[[Placement, Solution], Solution | None]
+                   ) -> tuple[Solution | None, float]:
+    """Return what a search finds in a plain machine if that explains all that a rich one does.
+
+    Else what it finds beside all that a machine may have; and |residual| / |torque|.
+    """
+    rich = plain.beside_much()
+    begun, bare = plain.fitted(start), rich.fitted(start)
+    found = search(plain, begun)
+    left = plain.relative(found or begun)
+    if left < PLAIN * rich.relative(bare):
+        return found, left
+    found = search(rich, bare)
+    return found, rich.relative(found or bare)
+
+
+def _best(placement: Placement, nothing: Solution) -> Solution | None:
+    """Return the hypothesis that explains most, if it explains decisively more than none."""
     least_sure, least_large = WORTH_FITTING
     poor = placement.relative(nothing) > UNEXPLAINED
     worth = [group for group, (values, std) in zip(
         HYPOTHESES, placement.linear(nothing, HYPOTHESES), strict=True)
         if poor or ((np.abs(values) > least_sure * std)
                     & (np.abs(values) > least_large * SMALLEST[list(group)])).any()]
-    if not worth:
-        return None
     found = [_pruned(placement, placement.solve(group, nothing.values), group) for group in worth]
     best = min((solution for solution in found if solution is not None),
                key=lambda solution: solution.left * EACH ** np.count_nonzero(solution.values),
                default=nothing)
     return best if best.left < FEWER * nothing.left else None
-
-
-def _begun(placement: Placement, start: np.ndarray) -> Solution | None:
-    """Return the errors to which a start leads, or None."""
-    group = ZEROS if start[:LEGS].any() else tuple(map(int, np.flatnonzero(start)))
-    try:
-        return _pruned(placement, placement.solve(group, start), group)
-    except UnreachableError:
-        return None
 
 
 def _pruned(placement: Placement, solution: Solution, free: Sequence[int]) -> Solution | None:

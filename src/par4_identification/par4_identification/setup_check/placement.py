@@ -6,15 +6,17 @@ kinematics solved anew at every step; everything linear is refitted each time (v
 Golub and Pereyra 1973). Standard deviations are clustered by half seconds (Liang and Zeger 1986):
 what the model lacks is coloured, and counts as often as it comes, not as often as it is sampled.
 
-What is refitted beside the bodies: on each joint an offset, a weight, inertia, friction and lag of
-its own; on the platform any constant force and moment, a spring and drag along each axis, friction
-about theta. What only follows the pose, a quadratic polynomial of all joint positions on each
-joint, may explain as well, but not more than `SLACK` of the torque (a Gaussian prior).
+What is refitted beside the bodies: inertia and friction that all joints share, which is all that a
+machine without other faults needs; or as much as the library knows and more: on each joint an
+offset, a weight, inertia, friction, a lag of its own and a quadratic polynomial of all positions,
+on the platform any constant force and moment, a spring and drag along each axis, friction about
+theta.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 
@@ -45,8 +47,6 @@ LONGEST_STEP = np.array((np.radians(5.0),) * LEGS + (0.025,) * len(DIMENSIONS))
 STEPS = 8
 SETTLED = 1e-4
 """rad and m."""
-SLACK = 0.03
-"""Torque, in that recorded, that functions of the pose explain as a rule."""
 CLUSTER = 0.5
 """s of residuals that count as one where a standard deviation is taken."""
 FEWEST = 100
@@ -113,27 +113,29 @@ class Placement:
         even = np.arange(len(rows.t)) % every == 0
         self._valid = rows.valid & settled & (near & even)[:, None]
         self.size = int(self._valid.sum())
-        free = _stacked(np.concatenate((loads, _own(rows)), axis=-1), self._valid)
-        self._free = _basis(free)
-        slack = _stacked(_polynomials(rows.q), self._valid)
-        slack /= np.maximum(np.linalg.norm(slack, axis=0), 1e-12)
-        self._slack = _basis(slack - self._free @ (self._free.T @ slack), least=1e-3)
-        torque = _stacked(rows.tau, self._valid)
-        self.torque = float(np.sqrt(np.mean(torque ** 2)))
+        self._rows, self._loads = rows, loads
+        self._torque = _stacked(rows.tau, self._valid)
+        self.torque = float(np.sqrt(np.mean(self._torque ** 2)))
         clusters = np.floor(rows.t / CLUSTER) + 1e6 * rows.log
         self._cluster = np.unique(np.concatenate([clusters[valid] for valid in self._valid.T]),
                                   return_inverse=True)[1]
-        self._share = 1.0  # first all that follows the pose is taken out: what is left is noise
-        self._target = self._reduced(torque)
-        noise = self.fitted(start).left / self.size
-        self._share = 1.0 - 1.0 / np.sqrt(
-            1.0 + self.size * (SLACK * self.torque) ** 2 / max(noise, 1e-12))
-        self._target = self._reduced(torque)
+        self._take_out(rows.columns[..., list(JOINT_ALONE)])
+
+    def beside_much(self) -> Placement:
+        """Return the same rows, beside loads, joints of their own and functions of the pose."""
+        other = copy(self)
+        other._take_out(np.concatenate(
+            (self._loads, _own(self._rows), _polynomials(self._rows.q)), axis=-1))
+        return other
+
+    def _take_out(self, columns: np.ndarray) -> None:
+        """Take columns (n, J, k), which no error moves, out of the torque and of the bodies'."""
+        self._beside = _basis(_stacked(columns, self._valid))
+        self._target = self._reduced(self._torque)
 
     def _reduced(self, values: np.ndarray) -> np.ndarray:
-        """Return values (m, ...) without what is free, and with the prior's share of the slack."""
-        rest = values - self._free @ (self._free.T @ values)
-        return rest - self._share * (self._slack @ (self._slack.T @ rest))
+        """Return values (m, ...) without what is taken out."""
+        return values - self._beside @ (self._beside.T @ values)
 
     def _columns(self, values: np.ndarray) -> np.ndarray:
         """Return the bodies' columns (m, p) for these errors.
@@ -151,8 +153,7 @@ class Placement:
 
     def relative(self, solution: Solution) -> float:
         """Return |residual| / |torque| of a solution, the residual for each degree of freedom."""
-        freedom = self.size - self._free.shape[1] - self._share * self._slack.shape[1] - len(
-            solution.chi)
+        freedom = self.size - self._beside.shape[1] - len(solution.chi)
         return float(np.sqrt(solution.left / max(freedom, 1.0))) / max(self.torque, 1e-12)
 
     def fitted(self, values: np.ndarray) -> Solution:
@@ -326,10 +327,10 @@ def _stacked(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
     return np.concatenate([values[valid[:, joint], joint] for joint in range(LEGS)])
 
 
-def _basis(columns: np.ndarray, least: float = 1e-12) -> np.ndarray:
-    """Return an orthonormal basis (m, r) of what columns (m, k) of at least that size span."""
+def _basis(columns: np.ndarray) -> np.ndarray:
+    """Return an orthonormal basis (m, r) of what columns (m, k) span."""
     sizes = np.linalg.norm(columns, axis=0)
-    columns = columns[:, sizes > least] / sizes[sizes > least]
+    columns = columns[:, sizes > 1e-12] / sizes[sizes > 1e-12]
     values, vectors = np.linalg.eigh(columns.T @ columns)
-    kept = values > 1e-10 * values[-1]
+    kept = values > 1e-9 * values[-1]
     return columns @ (vectors[:, kept] / np.sqrt(values[kept]))
