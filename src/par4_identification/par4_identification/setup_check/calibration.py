@@ -159,10 +159,11 @@ def _plain_or_rich(plain: Placement, start: np.ndarray,
     begun, bare = plain.fitted(start), rich.fitted(start)
     found = search(plain, begun)
     left = plain.relative(found or begun)
-    if left < PLAIN * rich.relative(bare):
-        return found, left
-    found = search(rich, bare)
-    return found, rich.relative(found or bare)
+    if found is None and left < PLAIN * rich.relative(bare):
+        return None, left
+    other = search(rich, bare)
+    least = rich.relative(other or bare)
+    return (found, left) if left < PLAIN * least else (other, least)
 
 
 def _best(placement: Placement, nothing: Solution) -> Solution | None:
