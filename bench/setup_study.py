@@ -2,7 +2,7 @@
 
 Machines and motions come from tests/hidden, half of them with a hidden effect of the library; the
 mistake is made to the recorded samples by tests/mistakes.py, which shares nothing with what looks
-for it. Every recording is judged as it is, and a quarter of them with four mistakes, one at a time;
+for it. Every recording is judged as it is, and every sixth one with six mistakes, one at a time;
 some are diagnosed too, to see whether the hidden effect is still named after the mend.
 
     python bench/setup_study.py                      the whole study, scoring seeds
