@@ -17,7 +17,7 @@ help:
 	@echo 'make bench  measure accuracy and speed'
 	@echo 'make setup_study  make mistakes of the setup and count what is told: docs/setup_study.md'
 	@echo 'make blind  hide effects and count what is found: docs/blind_study.md (hours; ARGUMENTS=...)'
-	@echo 'make lint   check style'
+	@echo 'make lint   check style and types'
 	@echo 'make docs   regenerate docs/interface.md, docs/effects.md and the parameter files'
 	@echo 'make clean  remove what the above made'
 
@@ -45,6 +45,7 @@ test: setup
 
 lint: setup
 	$(BIN)/ruff check src tests demo bench examples
+	$(BIN)/mypy
 
 bench: setup
 	$(BIN)/python bench/bench.py
@@ -66,6 +67,6 @@ docs: setup
 	$(BIN)/par4_monitor --config > src/par4_identification/config/par4_monitor.yaml
 
 clean:
-	rm -rf $(VENV) demo_output build install log .pytest_cache .ruff_cache
+	rm -rf $(VENV) demo_output build install log .pytest_cache .ruff_cache .mypy_cache
 	find src tests -name __pycache__ -prune -exec rm -rf {} +
 	find src -name '*.egg-info' -prune -exec rm -rf {} +

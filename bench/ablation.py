@@ -33,7 +33,7 @@ from rich.console import Console
 from rich.progress import track
 from traced import Traced
 
-from par4_identification.diagnosis.rules import Rules
+from par4_identification.diagnosis.search.rules import Rules
 
 ROOT = Path(__file__).parents[1]
 Changes = dict[str, dict[str, Any]]

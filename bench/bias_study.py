@@ -30,10 +30,10 @@ from rich.table import Table
 from par4_dynamics.base_terms import BASE_TERMS
 from par4_dynamics.model import read_model
 from par4_dynamics.model_file import read_model_file
-from par4_identification.identification import identify
-from par4_identification.log import Log
-from par4_identification.lumping_bias import lumping_bias
-from par4_identification.rows import runs_of_log
+from par4_identification.fitting.identification import identify
+from par4_identification.fitting.lumping_bias import lumping_bias
+from par4_identification.logs.log import Log
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.motion import Motion
 from robots import REFERENCE

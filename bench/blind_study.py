@@ -46,7 +46,7 @@ from hidden.study import made, tasks_of_study
 from rich.console import Console
 from rich.progress import track
 
-from par4_identification.diagnosis.rules import Rules
+from par4_identification.diagnosis.search.rules import Rules
 
 ROOT = Path(__file__).parents[1]
 SCORING_SEED = 8_000_000

@@ -28,6 +28,8 @@ HIDDEN_AS = {('theta_inertia', 'inertia'): 'theta_inertia',
 """(effect, diagnosed parameter) -> hidden one, where their names differ."""
 NOT_TOLD = {('rods', 'bar_mass')}
 """(kind, parameter) whose hidden value is not recorded."""
+FORMS = {'nonlinear_viscous': {'quadratic', 'torque', 'exponent'}}
+"""Effect -> parameters of its several forms, of which a hidden one gives those of its own."""
 WIDTH = 1.96
 """Deviations on either side of a 95 % interval."""
 
@@ -64,8 +66,10 @@ def compared(outcome: dict[str, Any]) -> Iterator[Compared]:
         item = hidden.get(cause['effect'])
         if item is None or cause['effect'] in LEFT_OUT:
             continue
+        forms = set(item['values']) & FORMS.get(cause['effect'], set())
         for parameter, value in cause['values'].items():
-            if (outcome['kind'], parameter) not in NOT_TOLD:
+            if (outcome['kind'], parameter) not in NOT_TOLD and (
+                    not forms or parameter in forms):
                 yield from _numbers(cause, parameter, value, item['values'])
 
 

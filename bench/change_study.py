@@ -45,12 +45,12 @@ from par4_identification.changes.readings import (
     GainFactor,
     Reading,
 )
-from par4_identification.diagnosis.answer import Unusable
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
-from par4_identification.diagnosis.observations import observe
-from par4_identification.identification import Fitting, identify
-from par4_identification.outcome.changes import phrase_of_reading
-from par4_identification.rows import runs_of_log
+from par4_identification.diagnosis.evidence.observations import observe
+from par4_identification.diagnosis.verdict.answer import Unusable
+from par4_identification.fitting.identification import Fitting, identify
+from par4_identification.reports.outcome.changes import phrase_of_reading
+from par4_identification.signals.rows import runs_of_log
 
 SCORING_SEED = 8_910_000
 """Seeds from here on are run once, after everything is fixed."""

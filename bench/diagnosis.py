@@ -34,8 +34,9 @@ from rich.table import Table
 
 from par4_dynamics.model import read_model
 from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
-from par4_identification.diagnosis.shapes import shapes_of
-from par4_identification.log import Log, read_log
+from par4_identification.diagnosis.search.shapes import shapes_of
+from par4_identification.logs.log import Log
+from par4_identification.logs.read_log import read_log
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot, read_robot

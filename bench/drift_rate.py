@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from par4_dynamics.model import read_model
-from par4_identification.drift import LEARNING, WINDOW, DriftWatch, projections
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
+from par4_identification.trend.drift import LEARNING, WINDOW, DriftWatch, projections
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
 from par4_sim.simulation import build_simulation

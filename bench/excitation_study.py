@@ -23,12 +23,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / 'tests'))
 
 from par4_dynamics.base_terms import BASE_TERMS
 from par4_dynamics.model import Model, read_model
-from par4_identification.excitation_design import DesignRequest, design_excitation
-from par4_identification.identification import identify
-from par4_identification.log import Log
-from par4_identification.motion_limits import largest_loads, limits_of
-from par4_identification.precision import expected_precision
-from par4_identification.quasi_random import quasi_random_within
+from par4_identification.excitation.design import DesignRequest, design_excitation
+from par4_identification.excitation.motion_limits import largest_loads, limits_of
+from par4_identification.excitation.precision import expected_precision
+from par4_identification.excitation.quasi_random import quasi_random_within
+from par4_identification.fitting.identification import identify
+from par4_identification.logs.log import Log
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 from par4_sim.simulation import build_simulation

@@ -29,9 +29,9 @@ from year import BEGIN, Year, drawn_year
 from par4_dynamics.model import build_model
 from par4_identification.changes.joint_values import fitted_values
 from par4_identification.diagnosis.diagnosis import CONDITIONING
-from par4_identification.diagnosis.observations import observe
-from par4_identification.log import Log
-from par4_identification.rows import runs_of_log
+from par4_identification.diagnosis.evidence.observations import observe
+from par4_identification.logs.log import Log
+from par4_identification.signals.rows import runs_of_log
 from par4_identification.trend.life import Life, life_of
 from par4_kinematics.excitation import excitation_motion
 from par4_sim.offline import SECOND, simulate_to_bag

@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 from rich.progress import track
 
-from par4_identification.log import read_log
+from par4_identification.logs.read_log import read_log
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.files import written_atomically
 from par4_kinematics.position import forward_kinematics

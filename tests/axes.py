@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 
 STEP = 5e-4
 

@@ -14,7 +14,7 @@ from hidden.motions import SHAPES, draw_motion
 from hidden.physics import Torques
 from hidden.recording import PERIOD, Wander, drawn, record
 
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_sim.machine import Machine
 from par4_sim.noise import Noise, NoiseSource
 

@@ -10,7 +10,7 @@ from scipy.stats import norm
 
 from par4_dynamics.base_terms import BASE_TERMS
 from par4_dynamics.model import read_model
-from par4_identification.identification import identify
+from par4_identification.fitting.identification import identify
 from robots import OTHER, REFERENCE, other_model
 
 NAMES = tuple(term.name for term in BASE_TERMS)

@@ -8,7 +8,7 @@ import numpy as np
 
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints, state_of_platform
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot

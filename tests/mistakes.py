@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_kinematics.geometry import Geometry
 from par4_kinematics.robot import Robot
 

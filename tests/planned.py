@@ -9,10 +9,10 @@ import numpy as np
 from par4_dynamics.model import Model
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.diagnosis.diagnosis import CONDITIONING
-from par4_identification.diagnosis.evidence import Evidence, flat_whitener, gather
-from par4_identification.diagnosis.observations import observe, with_nominal
-from par4_identification.log import Log
-from par4_identification.rows import runs_of_log
+from par4_identification.diagnosis.evidence.evidence import Evidence, flat_whitener, gather
+from par4_identification.diagnosis.evidence.observations import observe, with_nominal
+from par4_identification.logs.log import Log
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Axis, Robot
 

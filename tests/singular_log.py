@@ -11,7 +11,7 @@ from hidden.machines import Known
 from scipy.interpolate import CubicSpline
 
 from par4_dynamics.state import state_of_platform
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.velocity import jacobian_parts
 from par4_kinematics.workspace import home_pose

@@ -20,15 +20,15 @@ from par4_dynamics.effects.presliding import Presliding
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.state import State
-from par4_identification.axis_gravity import with_gravity_told
 from par4_identification.commands.bag import make_bag
 from par4_identification.commands.diagnose import diagnose_bags
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
-from par4_identification.identification import identify
-from par4_identification.outcome.diagnosis import outcome_of_diagnosis, source_of_order
-from par4_identification.rows import Conditioning
-from par4_identification.scales import Chosen, conditioning_for
+from par4_identification.fitting.axis_gravity import with_gravity_told
+from par4_identification.fitting.identification import identify
+from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis, source_of_order
 from par4_identification.setup_check.check import check_setup
+from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis
 from robots import REFERENCE

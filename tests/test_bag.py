@@ -19,7 +19,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from par4_identification.recorder import Recorder
+from par4_identification.logs.recorder import Recorder
 from par4_kinematics.errors import InputError
 from par4_sim import bag as bag_module
 from par4_sim.bag import STORAGES, BagWriter, read_bag

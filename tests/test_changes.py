@@ -32,10 +32,10 @@ from par4_identification.changes.readings import (
     readings_of,
 )
 from par4_identification.diagnosis.diagnosis import CONDITIONING
-from par4_identification.diagnosis.observations import observe
-from par4_identification.identification import identify
-from par4_identification.outcome.changes import name_of_reading, phrase_of_reading
-from par4_identification.rows import runs_of_log
+from par4_identification.diagnosis.evidence.observations import observe
+from par4_identification.fitting.identification import identify
+from par4_identification.reports.outcome.changes import name_of_reading, phrase_of_reading
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.robot import Axis
 from par4_sim.noise import Noise
 from robots import REFERENCE

@@ -27,33 +27,33 @@ from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file
 from par4_dynamics.parameters import Parameter
 from par4_identification.commands import diagnose, identify, validate
-from par4_identification.diagnosis.answer import Cause, Diagnosis, Holdout, Remaining
-from par4_identification.diagnosis.floor import noise_floor
-from par4_identification.diagnosis.holdout import Gain
-from par4_identification.diagnosis.judgement import UnnamedCause
-from par4_identification.diagnosis.unnamed import KINDS
-from par4_identification.diagnosis.unrelated import Line, Unrelated
-from par4_identification.identification import identify as fit_parameters
-from par4_identification.log import read_log
-from par4_identification.outcome.diagnosis import (
+from par4_identification.diagnosis.evidence.holdout import Gain
+from par4_identification.diagnosis.evidence.unnamed import KINDS
+from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis, Holdout, Remaining
+from par4_identification.diagnosis.verdict.floor import noise_floor
+from par4_identification.diagnosis.verdict.judgement import UnnamedCause
+from par4_identification.diagnosis.verdict.unrelated import Line, Unrelated
+from par4_identification.fitting.identification import identify as fit_parameters
+from par4_identification.logs.bag_hash import bag_sha256
+from par4_identification.logs.read_log import read_log
+from par4_identification.reports.cause_cells import parameter_cells
+from par4_identification.reports.outcome.diagnosis import (
     diagnosis_json,
     outcome_of_diagnosis,
     phrase_of_cause,
 )
-from par4_identification.outcome.identification import (
+from par4_identification.reports.outcome.identification import (
     autocorrelation,
     memory,
     outcome_of_identification,
 )
-from par4_identification.outcome.results import bag_sha256
-from par4_identification.plots import (
+from par4_identification.reports.plots import (
     Names,
     residual_over_motion,
     residual_over_time,
     residual_statistics,
     signature,
 )
-from par4_identification.report import _parameter_cells
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
 from par4_sim.bag import BagWriter
@@ -667,12 +667,12 @@ def test_each_verdict_has_its_sentence(given, standing, parts):
 
 def test_a_report_gives_numbers_of_the_machine_one_cell_and_those_of_joints_their_own():
     cable = cause('cable_spring', stiffness=(40.0, 20.0, 1.0), anchor=(0.1, 0.2, 0.0))
-    found = _parameter_cells(cable, 'stiffness', REFERENCE)
+    found = parameter_cells(cable, 'stiffness', REFERENCE)
     assert found['common']
     assert found['cells'] == ['40 ± 40, 20 ± 20, 1.0 ± 1.0']
-    assert _parameter_cells(STRIBECK, 'stribeck_torque', REFERENCE)['cells'] == [
+    assert parameter_cells(STRIBECK, 'stribeck_torque', REFERENCE)['cells'] == [
         '', '1.2 ± 1.2', '', '1.2 ± 1.2']
-    assert _parameter_cells(COGS, 'periods', REFERENCE)['cells'] == ['22 ± 22']
+    assert parameter_cells(COGS, 'periods', REFERENCE)['cells'] == ['22 ± 22']
 
 
 def test_twins_are_told_with_what_to_do():

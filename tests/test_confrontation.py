@@ -12,25 +12,26 @@ from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import state_of_joints
-from par4_identification.confrontation import (
+from par4_identification.confrontation.confrontation import (
     Unsimulated,
     confront,
     confront_diagnosis,
     model_before,
 )
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
-from par4_identification.diagnosis.estimates import effect_parameters
-from par4_identification.diagnosis.evidence import Hypothesis, flat_whitener, gather, solve
-from par4_identification.diagnosis.observations import observe, with_nominal
-from par4_identification.log import Log, Reference, read_log
-from par4_identification.outcome.confrontation import (
+from par4_identification.diagnosis.evidence.estimates import effect_parameters
+from par4_identification.diagnosis.evidence.evidence import Hypothesis, flat_whitener, gather, solve
+from par4_identification.diagnosis.evidence.observations import observe, with_nominal
+from par4_identification.fitting.realisable import realisable
+from par4_identification.logs.log import Log, Reference
+from par4_identification.logs.read_log import read_log
+from par4_identification.reports.outcome.confrontation import (
     confrontation_in_words,
     remarks_of_confrontation,
     simulation_json,
 )
-from par4_identification.outcome.outcome import over_joints
-from par4_identification.realisable import realisable
-from par4_identification.rows import runs_of_log
+from par4_identification.reports.outcome.outcome import over_joints
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis
 from par4_sim.machine_effects import machine_of_model

@@ -12,9 +12,9 @@ from scipy.stats import binom
 
 from par4_dynamics.model import read_model
 from par4_dynamics.model_file import read_model_file
-from par4_identification.identification import Fitting, identify
-from par4_identification.log import read_log
-from par4_identification.lumping_bias import lumping_bias, lumping_of
+from par4_identification.fitting.identification import Fitting, identify
+from par4_identification.fitting.lumping_bias import lumping_bias, lumping_of
+from par4_identification.logs.read_log import read_log
 from par4_kinematics.motion_file import named_motion
 from par4_sim.offline import simulate_to_bag
 from par4_sim.simulation import build_simulation

@@ -18,12 +18,12 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
 from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
 from par4_dynamics.parameters import Parameter
-from par4_identification import report
 from par4_identification.commands import diagnose
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import LIBRARY
-from par4_identification.diagnosis.next_experiment import WANTED
-from par4_identification.outcome.diagnosis import phrase_of_cause
+from par4_identification.diagnosis.experiment.next_experiment import WANTED
+from par4_identification.reports import diagnosis_report
+from par4_identification.reports.outcome.diagnosis import phrase_of_cause
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES
@@ -217,7 +217,7 @@ def test_stopped_while_the_report_is_drawn_nothing_has_changed(again, machine, m
     def stopped(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(report, 'report_of_diagnosis', stopped)
+    monkeypatch.setattr(diagnosis_report, 'report_of_diagnosis', stopped)
     (again / 'motion.yaml').write_text('of an earlier run')
     before = contents(again)
     done = run(diagnose, machine / 'narrow', '--holdout', machine / 'held_out', '--robot',

@@ -12,10 +12,10 @@ from measured import DWELL, excitation, log_of_machine, log_of_model
 
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file
-from par4_identification.diagnosis.answer import Unusable
 from par4_identification.diagnosis.diagnosis import diagnose
-from par4_identification.diagnosis.holdout import blocks_of_runs
-from par4_identification.rows import runs_of_log
+from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
+from par4_identification.diagnosis.verdict.answer import Unusable
+from par4_identification.signals.rows import runs_of_log
 from par4_sim.machine_effects import machine_of_model
 from robots import REFERENCE, model_with
 

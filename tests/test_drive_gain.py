@@ -13,17 +13,17 @@ from test_commands import run
 from par4_dynamics.model import read_model
 from par4_dynamics.state import GRAVITY
 from par4_identification.commands import drive_gain
-from par4_identification.drive_gain import gains_of_payloads
-from par4_identification.log import read_log
-from par4_identification.outcome.drive_gain import gains_remarks, wrong_gains
-from par4_identification.rows import runs_of_log
-from par4_identification.static_push import (
+from par4_identification.gains.known_payload import gains_of_payloads
+from par4_identification.gains.static_push import (
     ForceReadings,
     Push,
     gains_of_pushes,
     pushes_of_log,
     read_force,
 )
+from par4_identification.logs.read_log import read_log
+from par4_identification.reports.outcome.drive_gain import gains_remarks, wrong_gains
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_yaml
 from par4_kinematics.position import forward_kinematics, inverse_kinematics

@@ -24,7 +24,7 @@ from remainder import low_speed_friction, strongest_periods
 from axis_simulation import simulated, synthetic_recording
 from own_recipe import own_estimates, values_by_name
 from par4_identification.diagnosis.diagnosis import diagnose
-from par4_identification.log import read_log
+from par4_identification.logs.read_log import read_log
 from par4_kinematics.errors import InputError
 from published_recipe import BY_DIRECTION, COLUMNS, published_estimate
 from recording import VARIABLE, data_path, read_recording, write_bag

@@ -26,16 +26,16 @@ from par4_identification.estimators.problem import (
 )
 from par4_identification.estimators.robust import robust
 from par4_identification.estimators.weighted import weighted
-from par4_identification.identification import ESTIMATORS, Fitting, identify, identify_runs
-from par4_identification.log import Reference
-from par4_identification.outcome.estimator import (
+from par4_identification.fitting.identification import ESTIMATORS, Fitting, identify, identify_runs
+from par4_identification.fitting.physical import physical_constraints
+from par4_identification.fitting.simulated import simulated_log
+from par4_identification.logs.log import Reference
+from par4_identification.reports.outcome.estimator import (
     IN_WORDS,
     estimator_in_words,
     estimator_remarks,
 )
-from par4_identification.physical import physical_constraints
-from par4_identification.rows import runs_of_log
-from par4_identification.simulated import simulated_log
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion_file import named_motion
 from par4_sim.offline import simulate_to_bag

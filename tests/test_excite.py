@@ -11,18 +11,18 @@ from test_commands import run
 
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_joints
-from par4_identification import path_optimisation
 from par4_identification.commands import excite, identify
-from par4_identification.excitation_design import DesignRequest, design_excitation
-from par4_identification.fourier_path import FourierPath
-from par4_identification.identification import identify as fit_parameters
-from par4_identification.log import Log
-from par4_identification.motion_limits import largest_loads, limits_of
-from par4_identification.path_optimisation import PathProblem, criterion
-from par4_identification.precision import expected_precision
-from par4_identification.quasi_random import quasi_random_within
-from par4_identification.rows import Conditioning
-from par4_identification.transition import DURATIONS, shortest_durations, transition
+from par4_identification.excitation import path_optimisation
+from par4_identification.excitation.design import DesignRequest, design_excitation
+from par4_identification.excitation.fourier_path import FourierPath
+from par4_identification.excitation.motion_limits import largest_loads, limits_of
+from par4_identification.excitation.path_optimisation import PathProblem, criterion
+from par4_identification.excitation.precision import expected_precision
+from par4_identification.excitation.quasi_random import quasi_random_within
+from par4_identification.excitation.transition import DURATIONS, shortest_durations, transition
+from par4_identification.fitting.identification import identify as fit_parameters
+from par4_identification.logs.log import Log
+from par4_identification.signals.rows import Conditioning
 from par4_kinematics.acceleration import half_plate_accelerations
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion_file import read_motion

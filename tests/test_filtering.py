@@ -7,8 +7,8 @@ import pytest
 from scipy.ndimage import binary_dilation
 from scipy.signal import butter, sosfiltfilt
 
-from par4_identification import rows
-from par4_identification.filtering import low_pass
+from par4_identification.signals import rows
+from par4_identification.signals.filtering import low_pass
 
 PERIOD = 1e-3
 

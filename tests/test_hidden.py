@@ -23,7 +23,7 @@ from hidden.scoring import outcome_of
 from hidden.study import COUNTS, diagnosis_of, made, tasks_of_study
 from hidden.truth import VISIBLE
 
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 
 
 def diagnosed(task: Task):

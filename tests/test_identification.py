@@ -10,11 +10,11 @@ from measured import log_of_model
 from scipy.signal import lfilter
 
 from par4_dynamics.model import build_model, read_model
-from par4_identification.filtering import central_difference, low_pass, second_difference
-from par4_identification.identification import identify
-from par4_identification.noise import ArNoise, fit_noise
-from par4_identification.rows import runs_of_log
-from par4_identification.validation import validate
+from par4_identification.fitting.identification import identify
+from par4_identification.fitting.validation import validate
+from par4_identification.signals.filtering import central_difference, low_pass, second_difference
+from par4_identification.signals.noise import ArNoise, fit_noise
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError
 from robots import OTHER, REFERENCE, other_model
 

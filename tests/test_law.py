@@ -13,14 +13,14 @@ from planned import evidence_of, log_of
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_platform
-from par4_identification.diagnosis.candidates import Candidates
-from par4_identification.diagnosis.evidence import Hypothesis, project
-from par4_identification.diagnosis.judgement import judge
-from par4_identification.diagnosis.law import DRAWS, Dithered, dithered
-from par4_identification.diagnosis.pool import Pool
-from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.search import Search
-from par4_identification.diagnosis.unnamed import Kinds
+from par4_identification.diagnosis.evidence.evidence import Hypothesis, project
+from par4_identification.diagnosis.evidence.pool import Pool
+from par4_identification.diagnosis.evidence.unnamed import Kinds
+from par4_identification.diagnosis.search.candidates import Candidates
+from par4_identification.diagnosis.search.law import DRAWS, Dithered, dithered
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.search import Search
+from par4_identification.diagnosis.verdict.judgement import judge
 from par4_kinematics.workspace import home_pose
 from robots import OTHER, REFERENCE, other_model
 

@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from par4_identification.log import CROWDED, SHORTEST_SEGMENT, Log, read_log
+from par4_identification.logs.accounts import SHORTEST_SEGMENT
+from par4_identification.logs.log import Log
+from par4_identification.logs.read_log import read_log
+from par4_identification.logs.stamps import CROWDED
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import JOINT_NAMES, Axis, read_robot
 from par4_sim.bag import BagWriter

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from par4_identification.log_table import read_columns
+from par4_identification.logs.log_table import read_columns
 from par4_kinematics.errors import InputError
 
 T = np.array((0.0, 0.1, 0.2, 0.3))

@@ -12,17 +12,17 @@ from par4_dynamics.mechanism import STANDARD_GRAVITY
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_joints
 from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
-from par4_identification.diagnosis.motion_library import joined, motion_library
-from par4_identification.diagnosis.next_experiment import (
+from par4_identification.diagnosis.experiment.motion_library import joined, motion_library
+from par4_identification.diagnosis.experiment.next_experiment import (
     difference,
     moments,
     next_experiment,
     squared_rest,
     twins_of,
 )
-from par4_identification.log import Log
-from par4_identification.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
-from par4_identification.report import report_of_diagnosis
+from par4_identification.logs.log import Log
+from par4_identification.reports.diagnosis_report import report_of_diagnosis
+from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
 from par4_kinematics.approach import with_approach
 from par4_kinematics.circle import circle_motion
 from par4_kinematics.excitation import excitation_motion

@@ -12,9 +12,9 @@ from test_commands import run, simulated
 
 from par4_dynamics.model import read_model
 from par4_identification.commands import identify
-from par4_identification.outcome.payload import payload_json, payload_remark
-from par4_identification.payload import Payload, payload_of_runs
-from par4_identification.rows import runs_of_log
+from par4_identification.gains.unknown_payload import Payload, payload_of_runs
+from par4_identification.reports.outcome.payload import payload_json, payload_remark
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis
 from robots import OTHER, REFERENCE, model_with, other_model

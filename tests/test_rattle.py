@@ -11,9 +11,9 @@ from hidden.study import diagnosis_of
 
 from par4_dynamics.effects.transmission import load_inertia, transmitted_torque
 from par4_dynamics.mechanism import joint_mass_matrix
-from par4_identification.diagnosis.evidence import residuals, solve
-from par4_identification.diagnosis.rattle import rattle
-from par4_identification.outcome.diagnosis import outcome_of_diagnosis
+from par4_identification.diagnosis.evidence.evidence import residuals, solve
+from par4_identification.diagnosis.verdict.rattle import rattle
+from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
 
 
 @pytest.fixture(scope='module')

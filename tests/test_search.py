@@ -6,83 +6,45 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from measured import excitation
-from planned import evidence_of, log_of, state_of_motion
+from planned import evidence_of
 from scipy.signal import lfilter
+from searches import (
+    BELT,
+    COGGING,
+    DRIFT,
+    EVERY,
+    GAIN,
+    LOADED,
+    MODEL,
+    OFFSET,
+    cause,
+    log_with,
+    names,
+    search_of,
+    search_on,
+)
 
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.model import read_model
-from par4_identification.diagnosis.candidates import Candidates
-from par4_identification.diagnosis.estimates import effect_parameters, estimated
-from par4_identification.diagnosis.evidence import (
+from par4_identification.diagnosis.evidence.estimates import effect_parameters, estimated
+from par4_identification.diagnosis.evidence.evidence import (
     Hypothesis,
     flat_whitener,
     gather,
     residuals,
     solve,
 )
-from par4_identification.diagnosis.gate import WORST_ERROR, unusable
-from par4_identification.diagnosis.holdout import blocks_of_runs
-from par4_identification.diagnosis.judgement import judge, unnamed_cause
-from par4_identification.diagnosis.law import Dithered
-from par4_identification.diagnosis.observations import observe
-from par4_identification.diagnosis.pool import Pool
-from par4_identification.diagnosis.requirement import requirement_of
-from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.search import Search, named_of
-from par4_identification.diagnosis.unnamed import Kind, Kinds
-from par4_identification.identification import identify_runs
-from par4_identification.noise import ArNoise
-from par4_identification.rows import runs_of_log
-from robots import REFERENCE, model_with
-
-MODEL = read_model('table1', REFERENCE)
-EVERY = (0, 1, 2, 3)
-OFFSET = (0.3, -0.2, 0.25, 0.15)
-TILT = {'about_x': 0.02, 'about_y': -0.015}
-LOADED = ('load_dependent_friction', {'coefficient': 0.02})
-DRIFT = {'drop': 0.5, 'time_constant': 4.0}
-GAIN = {'relative': (0.05, -0.03, 0.02, -0.04)}
-BELT = {'coulomb': 0.05, 'viscous': 0.01}
-COGGING = {'amplitude': 0.3, 'periods': 31.0, 'phase': (0.0, 1.0, 2.0, 3.0)}
-
-
-def log_with(*effects, seed=1, duration=12.0, beside=None):
-    """Return the log of the reference robot that has effects, each a name and its values.
-
-    `beside` is a torque (n, 4), N m, of the motion's state that no effect of the library is.
-    """
-    model = MODEL
-    for name, values in effects:
-        model = model_with(model, name, **values)
-    motion = excitation('reference', duration, 900 + seed)
-    state = state_of_motion(REFERENCE, motion)
-    torque = model.torque(state) + (0.0 if beside is None else beside(state))
-    return log_of(REFERENCE, motion.t, motion.q, torque, seed)
-
-
-def search_of(*effects, library=(), beside=None, rules=None):
-    """Return a search on logs with effects, whose library has some names only."""
-    evidence, heldout = (
-        evidence_of(log_with(*effects, seed=seed, duration=duration, beside=beside), REFERENCE,
-                    MODEL)
-        for seed, duration in ((1, 12.0), (2, 8.0)))
-    return search_on(evidence, heldout, library, rules)
-
-
-def search_on(evidence, heldout, library=(), rules=None):
-    rules = rules or Rules()
-    effects = {name: CATALOGUE[name] for name in library}
-    return Search(Candidates(effects, evidence, rules), Pool(evidence, heldout), rules, Dithered(),
-                  Kinds(evidence.observations))
-
-
-def cause(name, joints=EVERY, **shape):
-    return Hypothesis(CATALOGUE[name], shape, joints)
-
-
-def names(model):
-    return [item.effect.name for item in model]
+from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
+from par4_identification.diagnosis.evidence.observations import observe
+from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
+from par4_identification.diagnosis.nominal.gate import WORST_ERROR, unusable
+from par4_identification.diagnosis.search.requirement import requirement_of
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.search import named_of
+from par4_identification.diagnosis.verdict.judgement import judge, unnamed_cause
+from par4_identification.fitting.identification import identify_runs
+from par4_identification.signals.noise import ArNoise
+from par4_identification.signals.rows import runs_of_log
+from robots import REFERENCE
 
 
 def bump(state):

@@ -18,11 +18,11 @@ from hidden.recording import record
 from singular_log import singular_log
 
 from par4_dynamics.model import read_model
-from par4_identification.rows import runs_of_log
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.equations import equations_of, stretches_of
 from par4_identification.setup_check.repair import filled
 from par4_identification.setup_check.samples import Held, held_stretches
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.position import closes
 from par4_kinematics.robot import Axis
 from par4_sim.noise import Noise

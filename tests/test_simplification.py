@@ -14,8 +14,7 @@ from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file
 from par4_dynamics.state import state_of_joints
 from par4_identification.commands import simplification
-from par4_identification.outcome.simplification import outcome_of_simplification
-from par4_identification.simplification import (
+from par4_identification.fitting.simplification_cost import (
     ALL,
     NOTHING,
     adept_of,
@@ -23,6 +22,7 @@ from par4_identification.simplification import (
     rigid_model,
     study_simplification,
 )
+from par4_identification.reports.outcome.simplification import outcome_of_simplification
 from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.motion import Motion
 from par4_kinematics.position import forward_kinematics

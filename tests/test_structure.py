@@ -14,12 +14,17 @@ ROOT = Path(__file__).parents[1]
 CHAIN = ('par4_kinematics', 'par4_dynamics', 'par4_sim', 'par4_identification')
 HOMES = {
     'rosbags': ('par4_sim/bag.py',),
-    'matplotlib': ('par4_sim/report/drawing.py', 'par4_identification/plots.py'),
+    'matplotlib': ('par4_sim/report/drawing.py', 'par4_identification/reports/plots.py'),
     'pybullet': ('par4_sim/bullet.py',),
     'jinja2': ('par4_sim/report/page.py',),
 }
 MESSAGES = ('rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'rosgraph_msgs',
             'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs', 'rcl_interfaces')
+ROOMS = ('logs', 'signals', 'estimators', 'fitting', 'gains', 'excitation', 'diagnosis/evidence',
+         'diagnosis/search', 'diagnosis/nominal', 'diagnosis/verdict', 'diagnosis',
+         'diagnosis/experiment', 'setup_check', 'changes', 'confrontation', 'trend',
+         'reports/outcome', 'reports', 'commands', 'ros')
+"""Of par4_identification; each may import from those in front of it."""
 SOURCES = sorted(path for package in CHAIN
                  for path in (ROOT / 'src' / package / package).rglob('*.py'))
 
@@ -58,6 +63,34 @@ def test_imports(path):
         assert not any('.ros.' in name for name in imported(path)), 'nothing below knows the nodes'
     if place.parts[1] != 'commands':
         assert 'click' not in tops, 'command lines live under <package>/commands'
+
+
+def room(place: tuple[str, ...]) -> str:
+    """Return the innermost room of a place below par4_identification."""
+    inside = [name for name in ROOMS if place[:len(name.split('/'))] == tuple(name.split('/'))]
+    assert inside, f'{"/".join(place)} stands in no room; tests/test_structure.py lists them'
+    return max(inside, key=len)
+
+
+@pytest.mark.parametrize('path', [path for path in SOURCES if inner(path).parts[0] == CHAIN[3]],
+                         ids=lambda path: str(inner(path)))
+def test_rooms(path):
+    place = inner(path).parts[1:]
+    if place == ('__init__.py',):
+        return
+    own = ROOMS.index(room(place[:-1]))
+    for name in imported(path):
+        if name.startswith(f'{CHAIN[3]}.'):
+            other = room(tuple(name.split('.')[1:]))
+            assert ROOMS.index(other) <= own, f'{ROOMS[own]} stands below {other}'
+
+
+def test_every_room_is_described():
+    page = (ROOT / 'docs' / 'architecture.md').read_text(encoding='utf-8')
+    for name in ROOMS:
+        assert f'| `{name}/` |' in page, name
+        door = ROOT / 'src' / CHAIN[3] / CHAIN[3] / name / '__init__.py'
+        assert ast.get_docstring(ast.parse(door.read_text(encoding='utf-8'))), door
 
 
 @pytest.mark.parametrize('library', sorted(HOMES))

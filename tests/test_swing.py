@@ -13,9 +13,9 @@ from planned import evidence_of, log_of
 from par4_dynamics.effects.transmission import DAMPING_RATIO, MOTOR_SHARE
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
-from par4_identification.diagnosis.evidence import project
-from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.swing import compliances
+from par4_identification.diagnosis.evidence.evidence import project
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.swing import compliances
 from par4_kinematics.robot import Axis
 
 AXIS = Axis(schema='par4/axis/1', name='arm', joint='arm', kind='revolute', gain=1.0)

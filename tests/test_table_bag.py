@@ -21,9 +21,9 @@ from scipy.io import savemat
 
 from par4_dynamics.model import read_model
 from par4_identification.commands import bag
-from par4_identification.log import read_log
-from par4_identification.table_bag import chosen_columns
-from par4_identification.units import UNITS
+from par4_identification.logs.read_log import read_log
+from par4_identification.logs.table_bag import chosen_columns
+from par4_identification.logs.units import UNITS
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import JOINT_NAMES, Axis
 from recording import VARIABLE as EMPS_VARIABLE

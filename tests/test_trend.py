@@ -12,7 +12,7 @@ from year import NAMES, YEAR, drawn_year
 
 from par4_dynamics.model import build_model
 from par4_identification.commands import trend
-from par4_identification.outcome.trend import outcome_of_life, sentence_of_event
+from par4_identification.reports.outcome.trend import outcome_of_life, sentence_of_event
 from par4_identification.trend import tasks
 from par4_identification.trend.bag_values import EARLIEST, BagValues
 from par4_identification.trend.channels import channels_of

@@ -69,6 +69,7 @@ class Driver:
         self.limits = ReferenceLimits(ROBOT)
         # a reference that ends in motion ends in a ramp to rest: nobody else stops the machine
         self.queue = ReferenceQueue(self.amplifiers.q, self.limits)
+        self.stopping = False
         self.began_ns = time.time_ns()  # doubles would not tell nanoseconds since 1970 apart
         for topic, take in ((REFERENCE, self.reference), (FEEDFORWARD_TORQUE, self.effort)):
             self.node.create_subscription(JointTrajectory, topic.name, take, qos_of(topic))
@@ -83,6 +84,8 @@ class Driver:
 
     def reference(self, message: JointTrajectory) -> None:
         """Queue points within the limits; say what is wrong with others."""
+        if self.stopping:
+            return
         try:
             points = read_trajectory(message)
             times = self.times(points)
@@ -136,9 +139,12 @@ def main() -> None:
             executor.spin_once(timeout_sec=wait)
         if asked and rest_from is None:
             target = driver.queue.target(now)
+            driver.stopping = True
             driver.queue.brake(now, target[:4], target[4:8])
             rest_from = driver.queue.end
         driver.cycle(now)
+    speed = np.abs(driver.queue.target(now)[4:8]).max()
+    driver.node.get_logger().info(f'stopped, joints at {speed:.3f} rad/s')
     rclpy.try_shutdown()
 
 

@@ -13,8 +13,8 @@ from par4_identification.estimators.ordinary import ordinary
 from par4_identification.estimators.problem import Problem, Series, problem_of, with_offsets
 from par4_identification.estimators.robust import robust
 from par4_identification.estimators.weighted import weighted
-from par4_identification.physical import physical_constraints
-from par4_identification.rows import Conditioning, Run, runs_of_log
+from par4_identification.fitting.physical import physical_constraints
+from par4_identification.signals.rows import Conditioning, Run, runs_of_log
 from recording import Recording
 
 CONDITIONING = Conditioning(low_speed=0.005)

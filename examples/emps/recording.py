@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from par4_identification.filtering import central_difference, second_difference
-from par4_identification.log import Log, Reference
+from par4_identification.logs.log import Log, Reference
+from par4_identification.signals.filtering import central_difference, second_difference
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, REFERENCE
 from par4_kinematics.robot import Axis

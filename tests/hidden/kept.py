@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import par4_sim
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_kinematics.files import written_atomically
 from par4_kinematics.robot import Robot
 

@@ -17,7 +17,7 @@ from hidden.outside import Act, Outside
 from hidden.physics import Torques, in_band
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints, state_of_platform
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_kinematics.approach import with_approach
 from par4_kinematics.motion import Motion
 from par4_kinematics.workspace import home_pose

@@ -16,7 +16,7 @@ from hidden.outside import OUTSIDE, Outside
 from hidden.physics import OutOfReach, Torques, in_band
 from hidden.recording import PERIOD, Recording, Wander, loaded, record, simulation_of
 from hidden.truth import BAND, CHAOTIC, EVERY, Truth, base_variants, build, usable
-from par4_identification.log import read_log
+from par4_identification.logs.read_log import read_log
 from par4_kinematics.motion import Motion
 from par4_sim.machine import Machine
 from par4_sim.noise import Noise

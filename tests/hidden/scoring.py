@@ -13,21 +13,21 @@ import par4_dynamics.effects
 import par4_identification.diagnosis
 from hidden.kept import Kept, hash_of
 from par4_identification.diagnosis.diagnosis import LIBRARY, Diagnosis, diagnose
-from par4_identification.diagnosis.rules import Rules
-from par4_identification.log import Log
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.logs.log import Log
 from par4_kinematics.robot import Robot
 
 RATTLING = ('backlash',)
 """Effects of which the true machine itself would not do the same a second time."""
 BESIDE = ('noise.py', 'rows.py', 'filtering.py')
-"""Sources of par4_identification that the diagnosis decides with, beside its own."""
+"""Sources of par4_identification.signals that the diagnosis decides with, beside its own."""
 
 
 def decisions() -> str:
     """Return the hash of the sources that decide what is named."""
     core = Path(par4_identification.diagnosis.__file__).parent
-    return hash_of([*core.glob('*.py'), *Path(par4_dynamics.effects.__file__).parent.glob('*.py'),
-                    *(core.parent / name for name in BESIDE)])
+    return hash_of([*core.rglob('*.py'), *Path(par4_dynamics.effects.__file__).parent.glob('*.py'),
+                    *(core.parent / 'signals' / name for name in BESIDE)])
 
 
 def outcome_of(kept: Kept, rules: Rules | None = None) -> dict[str, Any]:

@@ -92,7 +92,8 @@ def unmodelled_columns(state: State) -> np.ndarray:
     return rigid_body_columns(state)[..., len(BASE_TERMS):]
 
 
-def torque_of_values(state: State, values: Mapping[str, np.ndarray]) -> np.ndarray:
+def torque_of_values(state: State, values: Mapping[str, np.ndarray | float]
+                     ) -> np.ndarray:
     """Return the torque (n, J), N m, of base terms and `UNMODELLED` with these values.
 
     Args:

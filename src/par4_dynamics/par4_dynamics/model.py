@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +15,7 @@ from par4_dynamics.base_terms import AXIS_TERMS, BASE_TERMS, torque_of_values, v
 from par4_dynamics.effects.catalogue import CATALOGUE, effect_named
 from par4_dynamics.effects.effect import Effect, EffectParameter
 from par4_dynamics.mechanism import LumpedBodies, physical_bodies
-from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file
+from par4_dynamics.model_file import EffectEntry, ModelFile, RigidBody, read_model_file
 from par4_dynamics.parameters import Number
 from par4_dynamics.rigid_body import (
     torque_of_joints_sample,
@@ -61,7 +62,7 @@ class Model:
         torque_limit: of the drives where the model needs its own, N m.
     """
 
-    rigid_body: str
+    rigid_body: RigidBody
     values: dict[str, np.ndarray]
     bodies: Bodies
     effects: tuple[ActiveEffect, ...] = ()
@@ -133,7 +134,7 @@ class Model:
         t = np.broadcast_to(t, leading).reshape(-1)
         return self.torque(state_of_joints(geometry, t, q, qd, qdd)).reshape((*leading, LEGS))
 
-    def _torque_of_one(self, sample: Callable, geometry: Geometry, *motion: ArrayLike
+    def _torque_of_one(self, sample: Callable[..., Any], geometry: Geometry, *motion: ArrayLike
                        ) -> np.ndarray | None:
         """Return the torques (4,) of one sample, None if it is not one or not so simple."""
         if self.effects or any(np.shape(part) != (LEGS,) for part in motion):
@@ -222,9 +223,9 @@ def build_model(machine: Robot | Axis, model_file: ModelFile,
         values[term.name] = parameter.per_joint(joints)
     effects = tuple(_active_effect(entry, effect_named(entry.effect, library), joints, is_robot)
                     for entry in model_file.effects)
-    bodies = machine.bodies if is_robot else Bodies()
+    bodies = machine.bodies if isinstance(machine, Robot) else Bodies()
     model = Model(model_file.rigid_body, values, bodies, effects, model_file.torque_limit)
-    if is_robot and model.rigid_body == 'full':
+    if isinstance(machine, Robot) and model.rigid_body == 'full':
         physical_bodies(machine.geometry, model.lumped_bodies(), bodies.rod_mass, bodies.bar_mass)
     return model
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from pydantic import Field, field_validator
 
@@ -18,7 +18,9 @@ from par4_kinematics.files import (
     write_yaml,
 )
 
-MODEL_SCHEMA = 'par4/model/1'
+MODEL_SCHEMA: Final = 'par4/model/1'
+RigidBody = Literal['paper', 'full']
+"""Equation (20) as printed, or with the masses of rods and bars where they are."""
 
 
 class EffectEntry(FileModel):
@@ -33,7 +35,7 @@ class ModelFile(FileModel):
     """The content of `model.yaml`."""
 
     schema_name: Literal['par4/model/1'] = Field(MODEL_SCHEMA, alias='schema')
-    rigid_body: Literal['paper', 'full'] = 'paper'
+    rigid_body: RigidBody = 'paper'
     parameters: dict[str, Parameter]
     effects: tuple[EffectEntry, ...] = ()
     torque_limit: float | None = Field(None, gt=0)

@@ -194,7 +194,7 @@ def rigid_body_torque(state: State, table: np.ndarray) -> np.ndarray:
     """Return the torque (n, 4), N m, that the parameters make; table of `value_table`."""
     x, xd, xdd, qd, qdd = _motion(state)
     torque = np.empty_like(x)
-    _torque_rows(state.geometry.packed, table, x, xd, xdd, turns_of(x), qd, qdd, torque)
+    _torque_rows(state.platform.geometry.packed, table, x, xd, xdd, turns_of(x), qd, qdd, torque)
     return torque
 
 
@@ -205,10 +205,10 @@ def rigid_body_columns(state: State, count: int = len(COLUMNS)) -> np.ndarray:
     """
     x, xd, xdd, qd, qdd = _motion(state)
     columns = np.empty((len(x), LEGS, count))
-    _column_rows(state.geometry.packed, x, xd, xdd, turns_of(x), qd, qdd, columns)
+    _column_rows(state.platform.geometry.packed, x, xd, xdd, turns_of(x), qd, qdd, columns)
     return columns
 
 
 def _motion(state: State) -> list[np.ndarray]:
     return [np.ascontiguousarray(part, dtype=float)
-            for part in (state.x, state.xd, state.xdd, state.qd, state.qdd)]
+            for part in (*state.platform[1:], state.qd, state.qdd)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,6 +51,20 @@ class Nominal:
         return self.torque - self.friction
 
 
+class Platform(NamedTuple):
+    """Motion of the platform of a machine that has one.
+
+    Attributes:
+        geometry: dimensions of the machine.
+        x, xd, xdd: pose of D and theta, (n, 4).
+    """
+
+    geometry: Geometry
+    x: np.ndarray
+    xd: np.ndarray
+    xdd: np.ndarray
+
+
 @dataclass(frozen=True)
 class State:
     """Motion of n samples of a machine with J joints; SI, radians.
@@ -79,6 +94,28 @@ class State:
         """Number of joints J."""
         return self.q.shape[1]
 
+    @property
+    def platform(self) -> Platform:
+        """The motion of the platform.
+
+        Raises:
+            TypeError: a single axis has none.
+        """
+        if self.geometry is None or self.x is None or self.xd is None or self.xdd is None:
+            raise TypeError('a single axis has no platform')
+        return Platform(self.geometry, self.x, self.xd, self.xdd)
+
+    @property
+    def known(self) -> Nominal:
+        """The nominal torque.
+
+        Raises:
+            TypeError: only the motion is known.
+        """
+        if self.nominal is None:
+            raise TypeError('the nominal torque of this motion is not known')
+        return self.nominal
+
     @cached_property
     def phasor(self) -> np.ndarray:
         """exp(i q), (n, J), contiguous: kept, as its powers cost less than sine and cosine."""
@@ -87,7 +124,7 @@ class State:
     @cached_property
     def jacobian(self) -> np.ndarray:
         """J_1 of (2), (n, 4, 4)."""
-        return jacobian(self.geometry, self.x)
+        return jacobian(self.platform.geometry, self.platform.x)
 
     @cached_property
     def torque_by_q(self) -> np.ndarray:
@@ -115,13 +152,15 @@ class State:
         """Return the bodies' torque (n, J), N m, with q, qd or qdd changed by (J,)."""
         motion = {part: getattr(self, part) for part in ('q', 'qd', 'qdd')}
         motion[name] = motion[name] + change
-        return self.nominal.rigid_torque(state_of_joints(self.geometry, self.t, **motion))
+        return self.known.rigid_torque(state_of_joints(self.geometry, self.t, **motion))
 
     def part(self, rows: slice) -> State:
         """Return the motion of some of the samples, without its nominal torque."""
-        arrays = {name: getattr(self, name) for name in ('t', 'q', 'qd', 'qdd', 'x', 'xd', 'xdd')}
-        return replace(self, nominal=None, **{
-            name: None if values is None else values[rows] for name, values in arrays.items()})
+        def cut(values: np.ndarray | None) -> np.ndarray | None:
+            return None if values is None else values[rows]
+
+        return replace(self, nominal=None, t=self.t[rows], q=self.q[rows], qd=self.qd[rows],
+                       qdd=self.qdd[rows], x=cut(self.x), xd=cut(self.xd), xdd=cut(self.xdd))
 
     def torque_of_force(self, force: ArrayLike) -> np.ndarray:
         """Return the joint torques J_1^T f (n, 4), N m, that carry a generalised force f.
@@ -129,7 +168,7 @@ class State:
         Args:
             force: (n, 4) or (4,): force on D in `base`, N, and moment about theta, N m.
         """
-        force = np.broadcast_to(np.asarray(force, dtype=float), self.x.shape)
+        force = np.broadcast_to(np.asarray(force, dtype=float), self.platform.x.shape)
         return np.einsum('nij,ni->nj', self.jacobian, force)
 
 
@@ -142,7 +181,8 @@ def state_of_joints(geometry: Geometry | None, t: ArrayLike, q: ArrayLike, qd: A
     """
     t = np.asarray(t, dtype=float)
     if geometry is None:
-        return State(t, *(np.asarray(part, dtype=float) for part in (q, qd, qdd)))
+        return State(t, np.asarray(q, dtype=float), np.asarray(qd, dtype=float),
+                     np.asarray(qdd, dtype=float))
     (q, qd, qdd), _ = as_matching_rows({'q': q, 'qd': qd, 'qdd': qdd})
     platform = platform_motion(geometry, q, qd, qdd)
     return State(t, q, qd, qdd, geometry, platform.x, platform.xd, platform.xdd)

@@ -13,12 +13,13 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     'changes.changes': ['Changes'],
-    'diagnosis.answer': ['Cause', 'Diagnosis', 'Unusable'],
     'diagnosis.diagnosis': ['LIBRARY', 'diagnose'],
-    'diagnosis.next_experiment': ['next_experiment'],
-    'diagnosis.rules': ['Rules'],
-    'identification': ['Identification', 'identify'],
-    'log': ['Log', 'read_log'],
+    'diagnosis.experiment.next_experiment': ['next_experiment'],
+    'diagnosis.search.rules': ['Rules'],
+    'diagnosis.verdict.answer': ['Cause', 'Diagnosis', 'Unusable'],
+    'fitting.identification': ['Identification', 'identify'],
+    'fitting.validation': ['validate'],
+    'logs.log': ['Log'],
+    'logs.read_log': ['read_log'],
     'setup_check.check': ['check_setup'],
-    'validation': ['validate'],
 })

@@ -52,15 +52,15 @@ def adept_motion(robot: Robot, *, speed: float = 5.0, acceleration: float = 150.
     if cycles < 1:
         raise InputError(f'adept motion: cycles must be at least 1, found {cycles}')
     overlap = _overlap(lift, across, round_trip)
-    centre = home_pose(robot)[:3] if centre is None else np.asarray(centre, dtype=float)
-    if centre.shape != (3,):
-        raise InputError(f'adept motion: centre must be x, y, z, found shape {centre.shape}')
+    middle = home_pose(robot)[:3] if centre is None else np.asarray(centre, dtype=float)
+    if middle.shape != (3,):
+        raise InputError(f'adept motion: centre must be x, y, z, found shape {middle.shape}')
     step_across = np.array((REACH * math.cos(azimuth), REACH * math.sin(azimuth), 0.0, theta_swing))
     step_up = np.array((0.0, 0.0, LIFT, 0.0))
     one_way = 2.0 * (lift.duration - overlap) + across.duration
     t = sample_times(2.0 * cycles * one_way, period)
     x = np.zeros((3, len(t), 4))
-    x[0] += np.append(centre, 0.0) - 0.5 * step_across
+    x[0] += np.append(middle, 0.0) - 0.5 * step_across
     for way in range(2 * cycles):
         start = way * one_way
         for law, delay, step in (

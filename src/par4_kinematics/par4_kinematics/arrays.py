@@ -37,7 +37,8 @@ def as_rows(values: ArrayLike, name: str, width: int = 4) -> tuple[np.ndarray, t
     return rows, array.shape[:-1]
 
 
-def as_matching_rows(name_to_values: dict[str, ArrayLike]) -> tuple[list[np.ndarray], tuple]:
+def as_matching_rows(name_to_values: dict[str, ArrayLike]
+                     ) -> tuple[list[np.ndarray], tuple[int, ...]]:
     """Return several arrays (..., 4), broadcast to one leading shape, as rows, and that shape.
 
     Raises:
@@ -50,7 +51,7 @@ def as_matching_rows(name_to_values: dict[str, ArrayLike]) -> tuple[list[np.ndar
         shapes = ', '.join(f'{name} {array.shape}' for name, array in arrays.items())
         raise InputError(f'expected arrays of matching shape, found {shapes}') from None
     rows = []
-    leading: tuple = ()
+    leading: tuple[int, ...] = ()
     for name, array in zip(arrays, broadcast, strict=True):
         row, leading = as_rows(array, name)
         rows.append(row)

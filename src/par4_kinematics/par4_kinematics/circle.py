@@ -40,9 +40,9 @@ def circle_motion(robot: Robot, *, radius: float | None = None, speed: float = 1
     radius = 0.5 * space.radius if radius is None else radius
     require_positive({'radius': radius, 'speed': speed, 'turns': turns}, 'circle')
     swing = space.theta if theta_swing is None else theta_swing
-    centre = home_pose(robot)[:3] if centre is None else np.asarray(centre, dtype=float)
-    if centre.shape != (3,):
-        raise InputError(f'circle: centre must be x, y, z, found shape {centre.shape}')
+    middle = home_pose(robot)[:3] if centre is None else np.asarray(centre, dtype=float)
+    if middle.shape != (3,):
+        raise InputError(f'circle: centre must be x, y, z, found shape {middle.shape}')
     rate = speed / radius
     # A rise of which each jerk phase takes half covers rate * rise / 2.
     rise = 4.0 * math.pi * min(RISE_SHARE, 0.5 * turns) / rate
@@ -53,7 +53,7 @@ def circle_motion(robot: Robot, *, radius: float | None = None, speed: float = 1
     radii = np.array((radius, radius, 0.0, 0.5 * swing))
     quarter = 0.5 * math.pi * np.array((1.0, 0.0, 0.0, 0.0))
     sine, cosine = np.sin(phase + quarter), np.cos(phase + quarter)
-    x = np.append(centre, 0.0) + radii * sine
+    x = np.append(middle, 0.0) + radii * sine
     xd = radii * cosine * phase_rate
     xdd = radii * (cosine * phase_acceleration - sine * phase_rate ** 2)
     return motion_of_platform('circle', robot.geometry, t, x, xd, xdd)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from ruamel.yaml import YAML
@@ -118,7 +118,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 def write_yaml(path: str | Path, content: object) -> None:
     """Write `content` (plain dicts, lists, numbers and strings) as YAML atomically."""
-    yaml = YAML(typ='safe', pure=True)
+    yaml: Any = YAML(typ='safe', pure=True)  # its settings are declared as None only
     yaml.default_flow_style = False
     yaml.sort_base_mapping_type_on_output = False
     with written_atomically(path) as scratch, scratch.open('w', encoding='utf-8') as stream:

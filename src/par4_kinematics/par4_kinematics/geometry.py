@@ -38,8 +38,8 @@ class Geometry(FileModel):
     base_radius: float = Field(ge=0)
     platform_radius: float = Field(ge=0)
     platform_bar_length: float = Field(gt=0)
-    actuator_azimuth: tuple[float, float, float, float] = tuple(
-        math.pi / 4 + leg * math.pi / 2 for leg in range(LEGS))
+    actuator_azimuth: tuple[float, float, float, float] = (
+        0.25 * math.pi, 0.75 * math.pi, 1.25 * math.pi, 1.75 * math.pi)
     rotation_amplification: float = 4.0
 
     @model_validator(mode='after')

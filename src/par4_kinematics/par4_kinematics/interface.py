@@ -5,6 +5,7 @@ Readable without ROS; `python -m par4_kinematics.interface` prints `docs/interfa
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from par4_kinematics.robot import JOINT_NAMES
@@ -128,7 +129,7 @@ START_DELAY = 0.2
 """Seconds from receipt to the start of a reference whose stamp is zero."""
 
 
-def _table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     lines = ['| ' + ' | '.join(header) + ' |', '|' + '---|' * len(header)]
     return '\n'.join(lines + ['| ' + ' | '.join(row) + ' |' for row in rows])
 

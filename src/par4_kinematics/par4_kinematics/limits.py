@@ -7,6 +7,7 @@ from them and only keeps absurd numbers out.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numba
@@ -131,7 +132,7 @@ def check_torque(robot: Robot, tau: np.ndarray, limit: float) -> None:
             f'N m of robot {robot.name} ({found} at the worst); send a slower reference')
 
 
-def _first(checks) -> Breach | None:
+def _first(checks: Iterable[tuple[str, np.ndarray, float, float, str]]) -> Breach | None:
     breaches = []
     for name, values, lowest, highest, unit in checks:
         outside = np.maximum(values - highest, lowest - values).reshape(len(values), -1)

@@ -87,8 +87,8 @@ def motion_of_joints(name: str, geometry: Geometry, t: ArrayLike, q: ArrayLike, 
         UnreachableError: a sample with which the mechanism does not close.
     """
     platform = platform_motion(geometry, q, qd, qdd)
-    return Motion(name, np.asarray(t, float), *(np.asarray(part, float) for part in (q, qd, qdd)),
-                  platform.x, platform.xd, platform.xdd)
+    return Motion(name, np.asarray(t, float), np.asarray(q, float), np.asarray(qd, float),
+                  np.asarray(qdd, float), platform.x, platform.xd, platform.xdd)
 
 
 def waypoints_motion(robot: Robot, poses: Sequence[Sequence[float]], *, speed: float = 1.0,

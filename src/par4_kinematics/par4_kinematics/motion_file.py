@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal, get_type_hints
+from typing import Any, Final, Literal, get_type_hints
 
 import numpy as np
 from pydantic import Field, create_model, model_validator
@@ -34,7 +34,7 @@ from par4_kinematics.motion import (
 )
 from par4_kinematics.robot import Robot
 
-MOTION_SCHEMA = 'par4/motion/1'
+MOTION_SCHEMA: Final = 'par4/motion/1'
 COLUMNS = {'joint': JOINT_COLUMNS, 'platform': PLATFORM_COLUMNS}
 RECIPES: dict[str, Callable[..., Motion]] = {
     'adept': adept_motion, 'excitation': excitation_motion, 'circle': circle_motion,
@@ -80,7 +80,7 @@ def _recipe_model(kind: str) -> type[FileModel]:
         name: (types[name], ... if argument.default is argument.empty else argument.default)
         for name, argument in inspect.signature(function).parameters.items() if name != 'robot'}
     return create_model(f'{kind.capitalize()}Recipe', __base__=FileModel,
-                        kind=(Literal[kind], ...), **fields)
+                        **{'kind': (Literal[kind], ...), **fields})
 
 
 def _checked_recipe(recipe: Mapping[str, Any], source: str) -> FileModel:
@@ -155,6 +155,8 @@ def read_motion(path: str | Path, robot: Robot) -> Motion:
     motion_file = parse(content, MotionFile, str(path))
     if motion_file.recipe is not None:
         return motion_of_recipe(motion_file.recipe, robot, str(path))
+    if motion_file.samples is None or motion_file.frame is None:
+        raise InputError(f'{path}: expected either recipe, or frame and samples')
     table = path.parent / motion_file.samples
     t, columns = read_samples(table, motion_file.frame)
     build = motion_of_joints if motion_file.frame == 'joint' else motion_of_platform
@@ -224,7 +226,7 @@ def _check_derivatives(path: Path, names: tuple[str, ...], t: np.ndarray, values
     slope = np.diff(position, axis=0) / period
     excess = (np.abs(slope - 0.5 * (speed[1:] + speed[:-1]))
               - SPEED_TOLERANCE * np.abs(speed).max(axis=0) - rounding)
-    row, column = np.unravel_index(np.argmax(excess), excess.shape)
+    row, column = map(int, np.unravel_index(np.argmax(excess), excess.shape))
     if excess[row, column] > 0.0:
         raise InputError(
             f'{path}: {speed_names[column]} is not the derivative of {position_names[column]} at '

@@ -19,8 +19,8 @@ def leg_gaps(geometry: Geometry, x: np.ndarray) -> np.ndarray:
     arm, rod = geometry.arm_length, geometry.forearm_length
     gaps = np.zeros(LEGS)
     for leg in range(LEGS):
-        along, across, up = plate_joint(geometry.packed, *x[:3], math.cos(x[3]), math.sin(x[3]),
-                                        leg)
+        along, across, up = plate_joint(geometry.packed, x[0], x[1], x[2], math.cos(x[3]),
+                                        math.sin(x[3]), leg)
         in_plane = math.hypot(along, up)
         nearest = math.hypot(in_plane - arm, across)
         farthest = math.hypot(in_plane + arm, across)

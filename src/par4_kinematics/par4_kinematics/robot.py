@@ -146,7 +146,9 @@ def read_machine(name_or_path: str | Path) -> Robot | Axis:
     path = resolve_builtin(name_or_path, 'par4_kinematics')
     content = read_yaml(path)
     schema = expect_schema(content, (ROBOT_SCHEMA, AXIS_SCHEMA), str(path))
-    return parse(content, Robot if schema == ROBOT_SCHEMA else Axis, str(path))
+    if schema == ROBOT_SCHEMA:
+        return parse(content, Robot, str(path))
+    return parse(content, Axis, str(path))
 
 
 def read_robot(name_or_path: str | Path) -> Robot:

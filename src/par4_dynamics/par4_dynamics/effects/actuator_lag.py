@@ -2,8 +2,19 @@
 
 from __future__ import annotations
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+import numpy as np
+
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
 from par4_dynamics.effects.time_rate import time_rate
+from par4_dynamics.state import State
 
 LONGEST = 0.05
 
@@ -18,15 +29,15 @@ class ActuatorLag(Effect):
     retimes = True
     needs_nominal = True
 
-    def columns(self, state, shape):  # noqa: ARG002
-        return time_rate(state, state.nominal.delivered)[..., None]
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        return time_rate(state, state.known.delivered)[..., None]
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         constant = float(values['time_constant'][0])
         if beyond(constant, std['time_constant'][0], 0.0, LONGEST) is not None:
             return (f'a drive lags by a time constant above 0 and up to {LONGEST:g} s, '
                     f'found {constant:.3g} s')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(self.columns(state, {})[..., 0], 'rate of the torque, N m/s')

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
-from par4_dynamics.state import GRAVITY
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import GRAVITY, State
 
 
 class ArmMassOffset(Effect):
@@ -21,10 +29,10 @@ class ArmMassOffset(Effect):
     parameters = (EffectParameter('first_moment', 'kg m', 'joint'),)
     needs_platform = True  # the angle to gravity of a single axis is not known
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         return (GRAVITY * np.sin(state.q))[..., None]
 
-    def implausible(self, values, std, base):
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         torque, spread = GRAVITY * values['first_moment'], GRAVITY * std['first_moment']
         along = float(np.max(np.abs(base['arm_gravity'])))
         largest = max(2.0 * along, 1.0)
@@ -34,5 +42,5 @@ class ArmMassOffset(Effect):
                     f'lies along it, {along:.3g} N m')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(np.sin(state.q), 'sine of the joint position')

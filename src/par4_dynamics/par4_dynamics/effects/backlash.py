@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
 from par4_dynamics.effects.transmission import (
     one_a_joint,
     transmission_columns,
     transmitted_torque,
 )
+from par4_dynamics.state import State
 
 CROSSING = 0.01
 """s that a load takes through the dead zone: assumed, less than a torque filter resolves."""
@@ -30,16 +39,16 @@ class Backlash(Effect):
     shared = True
     needs_nominal = True
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         return transmission_columns(state, -0.5 * _side(state.t, transmitted_torque(state)))
 
-    def coefficients(self, values):
+    def coefficients(self, values: Values) -> np.ndarray:
         return one_a_joint(values['gap'])
 
-    def values(self, coefficients, shape):  # noqa: ARG002
+    def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
         return {'gap': np.diagonal(coefficients).copy()}
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         gap = values['gap']
         worst = beyond(gap, std['gap'], low=0.0)
         if worst is not None:
@@ -50,7 +59,7 @@ class Backlash(Effect):
                     f'{WIDEST:g} rad')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(transmitted_torque(state), 'load torque, N m')
 
 

@@ -6,8 +6,16 @@ import math
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
-from par4_dynamics.state import GRAVITY
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import GRAVITY, State
 
 STEEPEST = math.radians(5.0)
 
@@ -29,27 +37,27 @@ class BaseTilt(Effect):
     needs_platform = True
     needs_nominal = True
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         return np.stack([self._torque(state, change)
                          for change in (np.array((0.0, -GRAVITY)), np.array((GRAVITY, 0.0)))],
                         axis=-1)
 
     def _torque(self, state, change):
         """Return the torque (n, 4) of a change of gravity along x and y, (2,) m/s2."""
-        values, theta = state.nominal.values, state.x[:, 3]
-        azimuth = np.array(state.geometry.actuator_azimuth)
-        pull = np.zeros_like(state.x)
+        values, theta = state.known.values, state.platform.x[:, 3]
+        azimuth = np.array(state.platform.geometry.actuator_azimuth)
+        pull = np.zeros_like(state.platform.x)
         pull[:, :2] = change
         at_d = state.torque_of_force(pull)
         # D' = D + h (-sin theta, cos theta, 0)
-        pull[:, 3] = -state.geometry.platform_bar_length * (
+        pull[:, 3] = -state.platform.geometry.platform_bar_length * (
             np.cos(theta) * change[0] + np.sin(theta) * change[1])
         at_d2 = state.torque_of_force(pull)
         outward = change[0] * np.cos(azimuth) + change[1] * np.sin(azimuth)
         return (values['arm_gravity'] / GRAVITY * np.sin(state.q) * outward
                 - values['platform_mass_1'] * at_d - values['platform_mass_2'] * at_d2)
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         tilt, spread = (math.hypot(float(part['about_x'][0]), float(part['about_y'][0]))
                         for part in (values, std))
         if beyond(tilt, spread, high=STEEPEST) is not None:
@@ -57,5 +65,5 @@ class BaseTilt(Effect):
                     f'{math.degrees(STEEPEST):g} are not believed')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(state.q, 'joint position, rad')

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 from par4_kinematics.geometry import LEGS
 
 SOFTEST, STIFFEST = 2.0, 500.0
@@ -28,22 +37,22 @@ class CableSpring(Effect):
     shared = True
     needs_platform = True
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         # J_1^T e of a unit force along each axis
         unit = np.stack([state.torque_of_force(axis) for axis in np.eye(4)[:3]], axis=-1)
-        return np.concatenate((unit * state.x[:, None, :3], unit), axis=-1)
+        return np.concatenate((unit * state.platform.x[:, None, :3], unit), axis=-1)
 
-    def coefficients(self, values):
+    def coefficients(self, values: Values) -> np.ndarray:
         stiffness = values['stiffness']
         column = np.concatenate((stiffness, -stiffness * values['anchor']))
         return np.tile(column[:, None], LEGS)
 
-    def values(self, coefficients, shape):  # noqa: ARG002
+    def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
         stiffness, pull = coefficients[:3, 0], -coefficients[3:, 0]
         anchor = np.divide(pull, stiffness, out=np.zeros(3), where=stiffness != 0.0)
         return {'stiffness': stiffness.copy(), 'anchor': anchor}
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         stiffness, spread = values['stiffness'], std['stiffness']
         worst = beyond(stiffness, spread, low=0.0)
         if worst is not None:
@@ -61,7 +70,7 @@ class CableSpring(Effect):
                     f'for a cable; a constant force does the same')
         return None
 
-    def signature(self, state):
-        azimuth = np.array(state.geometry.actuator_azimuth)
-        return Signature(state.x[:, :2] @ (np.cos(azimuth), np.sin(azimuth)),
+    def signature(self, state: State) -> Signature:
+        azimuth = np.array(state.platform.geometry.actuator_azimuth)
+        return Signature(state.platform.x[:, :2] @ (np.cos(azimuth), np.sin(azimuth)),
                          'platform position towards the leg, m')

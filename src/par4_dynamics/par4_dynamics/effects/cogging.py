@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Base, Effect, EffectParameter, Shape, Signature, Values
 from par4_dynamics.state import State
 
 LOWEST_PERIODS, HIGHEST_PERIODS = 4, 160
@@ -66,32 +66,32 @@ class Cogging(Effect):
         EffectParameter('periods', '1/turn', 'machine', is_shape=True, per_order=True),
         EffectParameter('phase', 'rad', 'joint', per_order=True))
 
-    def shapes(self, state):
+    def shapes(self, state: State) -> tuple[Shape, ...]:
         # periods a turn are whole: the torque returns after one turn
         span = float(np.max(np.ptp(state.q, axis=0)))  # of the joint that moves most
         lowest = max(LOWEST_PERIODS, int(np.ceil(LEAST_TURNS * 2.0 * np.pi / max(span, 1e-3))))
         return tuple({'periods': float(periods)}
                      for periods in range(lowest, _highest(state) + 1))
 
-    def parts(self, shape):
+    def parts(self, shape: Shape) -> tuple[Shape, ...]:
         periods = shape['periods']
         if not isinstance(periods, tuple):
             return (shape,)
         return tuple({**shape, 'periods': order} for order in periods)
 
-    def columns(self, state, shape):
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         periods = shape['periods']
         if isinstance(periods, tuple):
             return np.concatenate([_waves(state, order) for order in periods], axis=-1)
         return _waves(state, periods)
 
-    def coefficients(self, values):
+    def coefficients(self, values: Values) -> np.ndarray:
         amplitude, phase = (np.reshape(values[name], (len(values[name]), -1)).T  # (K, J)
                             for name in ('amplitude', 'phase'))
         waves = np.stack((amplitude * np.cos(phase), amplitude * np.sin(phase)), axis=1)
         return waves.reshape(-1, amplitude.shape[1])  # (2 K, J)
 
-    def values(self, coefficients, shape):
+    def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
         sine, cosine = coefficients[0::2].T, coefficients[1::2].T  # (J, K)
         found = {'amplitude': np.hypot(sine, cosine),
                  'periods': np.broadcast_to(shape['periods'], sine.shape).astype(float),
@@ -100,8 +100,8 @@ class Cogging(Effect):
             return found
         return {name: value[:, 0] for name, value in found.items()}
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(state.q, 'joint position, rad')

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+import numpy as np
+
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 
 
 class CoulombAsymmetry(Effect):
@@ -13,10 +24,10 @@ class CoulombAsymmetry(Effect):
     parameters = (EffectParameter('asymmetry', 'N m', 'joint'),)
     needs_both_ways = True
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         return (state.qd != 0.0).astype(float)[..., None]
 
-    def implausible(self, values, std, base):
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         asymmetry, level = values['asymmetry'], base['coulomb_friction']
         worst = beyond(asymmetry, std['asymmetry'], -level, level)
         if worst is not None:
@@ -25,5 +36,5 @@ class CoulombAsymmetry(Effect):
                     f'direction')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(state.qd, 'joint speed, rad/s')

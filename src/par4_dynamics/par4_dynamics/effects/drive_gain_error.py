@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+import numpy as np
+
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 
 SMALLEST, LARGEST = -0.6, 1.5
 """A true gain of 2.5 times the nominal one, and of that part of it: a motor of another winding or a
@@ -18,10 +29,10 @@ class DriveGainError(Effect):
     parameters = (EffectParameter('relative', '1', 'joint'),)
     needs_nominal = True
 
-    def columns(self, state, shape):  # noqa: ARG002
-        return state.nominal.torque[..., None]
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        return state.known.torque[..., None]
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         relative = values['relative']
         worst = beyond(relative, std['relative'], SMALLEST, LARGEST)
         if worst is not None:
@@ -29,5 +40,5 @@ class DriveGainError(Effect):
                     f'unit, not an error of the drive gain; expected {SMALLEST:g} to {LARGEST:g}')
         return None
 
-    def signature(self, state):
-        return Signature(state.nominal.torque, 'torque of the model, N m')
+    def signature(self, state: State) -> Signature:
+        return Signature(state.known.torque, 'torque of the model, N m')

@@ -17,6 +17,9 @@ Shape = Mapping[str, float | tuple[float, ...]]
 Values = Mapping[str, np.ndarray]
 """Parameter -> (J,), (size,) of a vector, or (J, orders) where several orders are given."""
 
+Base = Mapping[str, np.ndarray]
+"""Base parameter -> (J,)."""
+
 CERTAIN = 3.0
 """Standard deviations out of bounds from which on an estimate cannot be inside by chance."""
 
@@ -73,6 +76,17 @@ def beyond(value: ArrayLike, std: ArrayLike, low: ArrayLike = -np.inf, high: Arr
     return worst if outside[worst] > 0.0 else None
 
 
+def single(value: float | tuple[float, ...]) -> float:
+    """Return the value of a shape parameter that has one, not one an order.
+
+    Raises:
+        TypeError: it has several.
+    """
+    if isinstance(value, tuple):
+        raise TypeError(f'expected one value of a shape parameter, found {len(value)}')
+    return value
+
+
 class Effect(ABC):
     """One effect of the catalogue.
 
@@ -83,6 +97,9 @@ class Effect(ABC):
         name: the name in `diagnosis.json` and `model.yaml`.
         parameters: what describes it to a user.
         shared: True where the joints share the coefficients.
+        separable: of shared coefficients, the sets (indices of columns) that a machine may have
+            each without the others, such as the zero of one encoder; empty where all belong
+            together.
         needs_platform: True where a single axis cannot have it.
         needs_nominal: True where its columns need `State.nominal`.
         fixed_coefficients: True where the coefficients are 1 and only the shape is free; a fit
@@ -102,6 +119,7 @@ class Effect(ABC):
     name: ClassVar[str]
     parameters: ClassVar[tuple[EffectParameter, ...]]
     shared: ClassVar[bool] = False
+    separable: ClassVar[tuple[tuple[int, ...], ...]] = ()
     needs_platform: ClassVar[bool] = False
     needs_nominal: ClassVar[bool] = False
     fixed_coefficients: ClassVar[bool] = False
@@ -113,11 +131,11 @@ class Effect(ABC):
     needs_both_ways: ClassVar[bool] = False
     phrase: ClassVar[str]
 
-    def shapes(self, state: State) -> tuple[Shape, ...]:  # noqa: ARG002
+    def shapes(self, state: State) -> tuple[Shape, ...]:
         """Return the shape parameters worth trying on this motion; one empty one if linear."""
         return ({},)
 
-    def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:  # noqa: ARG002
+    def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:
         """Return shapes around `shape`, `step` being 1 for the spacing of `shapes`."""
         return (shape,)
 
@@ -144,8 +162,7 @@ class Effect(ABC):
                 if parameter.is_shape else next(rows) for parameter in self.parameters}
 
     @abstractmethod
-    def implausible(self, values: Values, std: Values, base: Mapping[str, np.ndarray]
-                    ) -> str | None:
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         """Return why no machine can have these values, or None if one may.
 
         Args:

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Shape, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.effects.transmission import (
     Springs,
@@ -12,6 +20,7 @@ from par4_dynamics.effects.transmission import (
     transmission_columns,
     transmitted_torque,
 )
+from par4_dynamics.state import State
 
 STIFFNESSES = (1e2, 1e6)
 """N m/rad."""
@@ -33,25 +42,25 @@ class ElasticTransmission(Effect):
     needs_nominal = True
     tolerance = 2.0
 
-    def columns(self, state, shape):
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         compliance = np.array([shape.get(name, 0.0) for name in _names(state.joints)])
         return transmission_columns(state, -Springs(state).torque(compliance)[0])
 
-    def coefficients(self, values):
+    def coefficients(self, values: Values) -> np.ndarray:
         return one_a_joint(_inverse(values['stiffness']))
 
-    def values(self, coefficients, shape):  # noqa: ARG002
+    def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
         return {'stiffness': _inverse(np.diagonal(coefficients))}
 
     def expansion(self, coefficients: np.ndarray) -> Shape:
         """Return the shape that is exact at the coefficients (J,)."""
         return dict(zip(_names(len(coefficients)), map(float, coefficients)))
 
-    def torque(self, state, values, joints):  # noqa: ARG002
+    def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
         compliance = self.coefficients(values)[:, 0]
         return self.columns(state, self.expansion(compliance)) @ compliance
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         compliance = _inverse(values['stiffness'])
         spread = std['stiffness'] * compliance ** 2
         worst = beyond(compliance, spread, low=0.0)
@@ -65,7 +74,7 @@ class ElasticTransmission(Effect):
                     f'one of a transmission, expected {low:g} to {high:g}')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         twist = time_rate(state, time_rate(state, transmitted_torque(state)))
         return Signature(twist, 'curvature of the load torque in time, N m/s2')
 

@@ -6,8 +6,17 @@ import math
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
 from par4_dynamics.effects.shifted import shift_columns
+from par4_dynamics.state import State
 
 LARGEST = math.radians(1.0)
 """A disc of 20 mm radius that sits 0.35 mm beside its shaft, which is to be seen as it turns."""
@@ -25,12 +34,13 @@ class EncoderEccentricity(Effect):
     parameters = (EffectParameter('amplitude', 'rad', 'joint'),
                   EffectParameter('phase', 'rad', 'joint'))
     shared = True
+    separable = ((0, 1), (2, 3), (4, 5), (6, 7))
     needs_platform = True
     needs_nominal = True
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         sine, cosine = np.sin(state.q), np.cos(state.q)
-        viscous = state.nominal.values['viscous_friction'] * np.eye(state.joints)
+        viscous = state.known.values['viscous_friction'] * np.eye(state.joints)
         columns = []
         for wave, slope in ((sine, cosine), (cosine, -sine)):
             rate = slope * state.qd
@@ -39,16 +49,16 @@ class EncoderEccentricity(Effect):
             columns.append(-change - viscous * rate[:, None, :])
         return np.stack(columns, axis=-1).reshape(*state.q.shape, 2 * state.joints)
 
-    def coefficients(self, values):
+    def coefficients(self, values: Values) -> np.ndarray:
         amplitude, phase = values['amplitude'], values['phase']
         waves = np.stack((amplitude * np.cos(phase), amplitude * np.sin(phase)), axis=1)
         return np.tile(waves.reshape(-1, 1), len(amplitude))
 
-    def values(self, coefficients, shape):  # noqa: ARG002
+    def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
         in_phase, across = (np.diagonal(coefficients[first::2]) for first in (0, 1))
         return {'amplitude': np.hypot(in_phase, across), 'phase': np.arctan2(across, in_phase)}
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         amplitude = values['amplitude']
         worst = beyond(amplitude, std['amplitude'], -LARGEST, LARGEST)
         if worst is not None:
@@ -56,5 +66,5 @@ class EncoderEccentricity(Effect):
                     f'a badly mounted encoder has')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(state.q, 'joint position, rad')

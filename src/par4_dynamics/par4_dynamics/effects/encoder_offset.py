@@ -6,7 +6,16 @@ import math
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 
 LARGEST = math.radians(12.0)
 """A zero that was set by eye is right to 10 degrees; more is a belt that skipped."""
@@ -23,20 +32,21 @@ class EncoderOffset(Effect):
     phrase = 'a zero error of the joint encoders'
     parameters = (EffectParameter('offset', 'rad', 'joint'),)
     shared = True
+    separable = ((0,), (1,), (2,), (3,))
     needs_platform = True
     needs_nominal = True
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         return -state.torque_by_q
 
-    def coefficients(self, values):
+    def coefficients(self, values: Values) -> np.ndarray:
         offset = values['offset']
         return np.tile(offset[:, None], len(offset))
 
-    def values(self, coefficients, shape):  # noqa: ARG002
+    def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
         return {'offset': np.diagonal(coefficients).copy()}
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         offset = values['offset']
         worst = beyond(offset, std['offset'], -LARGEST, LARGEST)
         if worst is not None:
@@ -44,5 +54,5 @@ class EncoderOffset(Effect):
                     f'more than {math.degrees(LARGEST):g} are not believed')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(state.q, 'joint position, rad')

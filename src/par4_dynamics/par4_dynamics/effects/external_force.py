@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 
 LARGEST = 50.0
 """N, ten times what a hose or a counterweight pulls."""
@@ -19,10 +28,10 @@ class ExternalForce(Effect):
     shared = True
     needs_platform = True
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         return np.stack([-state.torque_of_force(unit) for unit in np.eye(4)[:3]], axis=-1)
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         force, spread = (float(np.linalg.norm([part[axis][0] for axis in 'xyz']))
                          for part in (values, std))
         if beyond(force, spread, high=LARGEST) is not None:
@@ -30,5 +39,5 @@ class ExternalForce(Effect):
                     f'or a counterweight pulls')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(state.q, 'joint position, rad')

@@ -4,8 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+    single,
+)
 from par4_dynamics.effects.grid import around
+from par4_dynamics.state import State
 
 SHARES = np.geomspace(0.05, 3.2, 7)
 """Time constants over the duration of a log: beyond, the drift is a straight line."""
@@ -27,19 +37,20 @@ class FrictionDrift(Effect):
     shared = True
     needs_nominal = True
 
-    def shapes(self, state):
+    def shapes(self, state: State) -> tuple[Shape, ...]:
         return tuple({'time_constant': float(share * state.t[-1])} for share in SHARES)
 
-    def refined(self, shape, step):
-        return around('time_constant', shape['time_constant'], (SHARES[1] / SHARES[0]) ** step)
+    def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:
+        return around('time_constant', single(shape['time_constant']),
+                      (SHARES[1] / SHARES[0]) ** step)
 
-    def columns(self, state, shape):
-        warm = -np.expm1(-state.t / shape['time_constant'])[:, None]
-        values = state.nominal.values
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        warm = -np.expm1(-state.t / single(shape['time_constant']))[:, None]
+        values = state.known.values
         return np.stack((-warm * values['coulomb_friction'] * np.sign(state.qd),
                          -warm * values['viscous_friction'] * state.qd), axis=-1)
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         for kind, name in (('Coulomb', 'drop'), ('viscous', 'viscous_drop')):
             drop = float(values[name][0])
             if beyond(drop, std[name][0], 0.0, 1.0) is not None:
@@ -50,5 +61,5 @@ class FrictionDrift(Effect):
             return f'a time constant must be positive, found {constant:.3g} s'
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(np.broadcast_to(state.t[:, None], state.q.shape), 'time, s')

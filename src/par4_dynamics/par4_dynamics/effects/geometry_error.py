@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
-from par4_dynamics.state import state_of_joints
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State, state_of_joints
 from par4_kinematics.geometry import Geometry
 
 DIMENSIONS = ('arm_length', 'forearm_length', 'base_radius', 'platform_radius',
@@ -26,11 +34,12 @@ class GeometryError(Effect):
     phrase = 'dimensions other than those of the robot file'
     parameters = tuple(EffectParameter(name, 'm', 'machine', default=0.0) for name in DIMENSIONS)
     shared = True
+    separable = ((0,), (1,), (2,), (3,), (4,))
     needs_platform = True
     needs_nominal = True
 
-    def columns(self, state, shape):  # noqa: ARG002
-        dimensions = state.geometry.model_dump()
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        dimensions = state.platform.geometry.model_dump()
         columns = []
         for name in DIMENSIONS:
             ends = []
@@ -38,12 +47,12 @@ class GeometryError(Effect):
                 # not validated: a radius of 0 is stepped below 0 as well
                 changed = Geometry.model_construct(
                     **{**dimensions, name: dimensions[name] + step})
-                ends.append(state.nominal.rigid_torque(
+                ends.append(state.known.rigid_torque(
                     state_of_joints(changed, state.t, state.q, state.qd, state.qdd)))
             columns.append((ends[1] - ends[0]) / (2.0 * STEP))
         return np.stack(columns, axis=-1)
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         errors, spread = (np.array([part[name][0] for name in DIMENSIONS])
                           for part in (values, std))
         worst = beyond(errors, spread, -LARGEST, LARGEST)
@@ -52,5 +61,5 @@ class GeometryError(Effect):
                     f'another robot, expected at most {1e3 * LARGEST:g} mm')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(state.q, 'joint position, rad')

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 
 _BASE = {'coulomb': 'coulomb_friction', 'viscous': 'viscous_friction'}
 
@@ -18,10 +27,10 @@ class JointFrictionDifference(Effect):
     parameters = (EffectParameter('coulomb', 'N m', 'joint', default=0.0),
                   EffectParameter('viscous', 'N m s/rad', 'joint', default=0.0))
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         return np.stack((np.sign(state.qd), state.qd), axis=-1)
 
-    def implausible(self, values, std, base):
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         for parameter in self.parameters:
             difference, level = values[parameter.name], base[_BASE[parameter.name]]
             worst = beyond(difference, std[parameter.name], -level, level)
@@ -31,5 +40,5 @@ class JointFrictionDifference(Effect):
                         f'joints')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(state.qd, 'joint speed, rad/s')

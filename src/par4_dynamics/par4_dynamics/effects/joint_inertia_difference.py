@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+import numpy as np
+
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 
 
 class JointInertiaDifference(Effect):
@@ -13,10 +24,10 @@ class JointInertiaDifference(Effect):
     against_the_others = True
     parameters = (EffectParameter('inertia', 'kg m2', 'joint'),)
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         return state.qdd[..., None]
 
-    def implausible(self, values, std, base):
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         inertia, whole = values['inertia'], base['actuator_inertia']
         worst = beyond(inertia, std['inertia'], -whole, whole)
         if worst is not None:
@@ -24,5 +35,5 @@ class JointInertiaDifference(Effect):
                     f'kg m2 is not a difference between like actuators')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(state.qdd, 'joint acceleration, rad/s2')

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 
 HIGHEST = 0.5
 
@@ -17,10 +26,10 @@ class LoadDependentFriction(Effect):
     parameters = (EffectParameter('coefficient', '1', 'joint'),)
     needs_nominal = True
 
-    def columns(self, state, shape):  # noqa: ARG002
-        return (np.abs(state.nominal.load) * np.sign(state.qd))[..., None]
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        return (np.abs(state.known.load) * np.sign(state.qd))[..., None]
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         coefficient = values['coefficient']
         worst = beyond(coefficient, std['coefficient'], low=0.0)
         if worst is not None:
@@ -31,6 +40,6 @@ class LoadDependentFriction(Effect):
                     f'a machine, expected at most {HIGHEST:g}')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(self.columns(state, {})[..., 0], 'size of the load, signed by the joint '
                          'speed, N m')

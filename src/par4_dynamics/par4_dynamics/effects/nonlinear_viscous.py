@@ -4,8 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import CERTAIN, Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    CERTAIN,
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+    single,
+)
 from par4_dynamics.effects.grid import around
+from par4_dynamics.state import State
 
 QUADRATIC = 2.0
 EXPONENTS = (0.25, 0.35, 0.5, 0.7, 1.4, QUADRATIC, 2.8)
@@ -30,34 +41,34 @@ class NonlinearViscous(Effect):
                   EffectParameter('torque', 'N m', 'joint', default=0.0),
                   EffectParameter('exponent', '1', 'joint', default=QUADRATIC))
 
-    def shapes(self, state):  # noqa: ARG002
+    def shapes(self, state: State) -> tuple[Shape, ...]:
         return tuple({'exponent': exponent} for exponent in EXPONENTS)
 
-    def refined(self, shape, step):
-        return around('exponent', shape['exponent'], np.sqrt(2.0) ** step)
+    def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:
+        return around('exponent', single(shape['exponent']), np.sqrt(2.0) ** step)
 
-    def columns(self, state, shape):
-        return (np.sign(state.qd) * np.abs(state.qd) ** shape['exponent'])[..., None]
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        return (np.sign(state.qd) * np.abs(state.qd) ** single(shape['exponent']))[..., None]
 
-    def coefficients(self, values):
+    def coefficients(self, values: Values) -> np.ndarray:
         return np.where(values['torque'] == 0.0, values['quadratic'], values['torque'])[None]
 
-    def values(self, coefficients, shape):
+    def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
         torque, none = coefficients[0], np.zeros_like(coefficients[0])
-        quadratic = shape['exponent'] == QUADRATIC
+        quadratic = single(shape['exponent']) == QUADRATIC
         return {'quadratic': torque if quadratic else none,
                 'torque': none if quadratic else torque,
-                'exponent': np.full_like(torque, shape['exponent'])}
+                'exponent': np.full_like(torque, single(shape['exponent']))}
 
-    def shape_of(self, values):
+    def shape_of(self, values: Values) -> Shape:
         return {'exponent': float(values['exponent']) if values['torque'] else QUADRATIC}
 
-    def torque(self, state, values, joints):
+    def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
         none = np.zeros_like(values['torque'])
         return (super().torque(state, {**values, 'torque': none}, joints)
                 + super().torque(state, {**values, 'quadratic': none}, joints))
 
-    def implausible(self, values, std, base):
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         acting = values['torque'] != 0.0
         powers, spread = (part['exponent'][acting] for part in (values, std))
         if np.any(np.abs(powers - 1.0) + CERTAIN * spread < LINEAR):
@@ -76,5 +87,5 @@ class NonlinearViscous(Effect):
                     f'friction there, {friction[worst]:.3g} N m')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(state.qd, 'joint speed, rad/s')

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 from par4_kinematics.passive import passive_friction_force
 
 TYPICAL_RATE = 3.0
@@ -27,12 +36,13 @@ class PassiveJointFriction(Effect):
     shared = True
     needs_platform = True
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        geometry, x, xd, _ = state.platform
         return np.stack([
-            state.torque_of_force(passive_friction_force(state.geometry, state.x, state.xd, *unit))
+            state.torque_of_force(passive_friction_force(geometry, x, xd, *unit))
             for unit in ((1.0, 0.0), (0.0, 1.0))], axis=-1)
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         coulomb, viscous = float(values['coulomb'][0]), float(values['viscous'][0])
         spread = np.array((std['coulomb'][0], std['viscous'][0] * TYPICAL_RATE))
         torque = np.array((coulomb, viscous * TYPICAL_RATE))
@@ -44,6 +54,6 @@ class PassiveJointFriction(Effect):
                     f'at {TYPICAL_RATE:g} rad/s is ten times what a preloaded ball takes')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(self.columns(state, {})[..., 0],
                          'torque of Coulomb friction in the passive joints, N m per N m')

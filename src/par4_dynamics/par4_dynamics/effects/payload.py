@@ -2,8 +2,20 @@
 
 from __future__ import annotations
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+import numpy as np
+
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+    single,
+)
 from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
+from par4_dynamics.state import State
 from par4_kinematics.errors import InputError
 
 HALVES = [COLUMNS.index('platform_mass_1'), COLUMNS.index('platform_mass_2')]
@@ -24,21 +36,21 @@ class Payload(Effect):
     shared = True
     needs_platform = True
 
-    def shapes(self, state):  # noqa: ARG002
+    def shapes(self, state: State) -> tuple[Shape, ...]:
         return ({'half': 1.0}, {'half': 2.0})
 
-    def columns(self, state, shape):
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         # between the halves the mass is shared, so that the shape has a derivative
         columns = rigid_body_columns(state)[..., HALVES]
-        return columns @ [[2.0 - shape['half']], [shape['half'] - 1.0]]
+        return columns @ [[2.0 - single(shape['half'])], [single(shape['half']) - 1.0]]
 
-    def shape_of(self, values):
+    def shape_of(self, values: Values) -> Shape:
         if values['half'] not in (1.0, 2.0):
             raise InputError(f'effect payload, half: expected 1 (at D) or 2 (at D\'), found '
                              f'{values["half"]:g}')
         return {'half': float(values['half'])}
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         mass = float(values['mass'][0])
         if beyond(mass, std['mass'][0], low=0.0) is not None:
             return f'a payload cannot weigh {mass:.3g} kg'
@@ -46,6 +58,6 @@ class Payload(Effect):
             return f'a payload of {mass:.3g} kg is more than such a robot can carry'
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(self.columns(state, {'half': 1.0})[..., 0],
                          'torque of a mass at D, N m/kg')

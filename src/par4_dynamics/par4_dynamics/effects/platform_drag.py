@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 
 TYPICAL_SPEED = 2.0
 """m/s of D."""
@@ -22,14 +31,14 @@ class PlatformDrag(Effect):
     shared = True
     needs_platform = True
 
-    def columns(self, state, shape):  # noqa: ARG002
-        velocity = state.xd.copy()
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        velocity = state.platform.xd.copy()
         velocity[:, 3] = 0.0
         speed = np.linalg.norm(velocity, axis=1, keepdims=True)
         return np.stack((state.torque_of_force(velocity), state.torque_of_force(speed * velocity)),
                         axis=-1)
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         viscous, quadratic = float(values['viscous'][0]), float(values['quadratic'][0])
         forces = np.array((TYPICAL_SPEED, TYPICAL_SPEED ** 2))
         force, spread = (forces * (part['viscous'][0], part['quadratic'][0])
@@ -41,7 +50,7 @@ class PlatformDrag(Effect):
                     f'and hoses take')
         return None
 
-    def signature(self, state):
-        azimuth = np.array(state.geometry.actuator_azimuth)
-        return Signature(state.xd[:, :2] @ (np.cos(azimuth), np.sin(azimuth)),
+    def signature(self, state: State) -> Signature:
+        azimuth = np.array(state.platform.geometry.actuator_azimuth)
+        return Signature(state.platform.xd[:, :2] @ (np.cos(azimuth), np.sin(azimuth)),
                          'platform velocity towards the leg, m/s')

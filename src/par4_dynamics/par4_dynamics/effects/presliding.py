@@ -7,8 +7,18 @@ import math
 import numba
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+    single,
+)
 from par4_dynamics.effects.grid import around
+from par4_dynamics.state import State
 
 DISTANCES = np.geomspace(2e-4, 3.2e-2, 9)
 LONGEST = 0.1
@@ -65,31 +75,31 @@ class Presliding(Effect):
     needs_nominal = True
     fixed_coefficients = True
 
-    def shapes(self, state):
+    def shapes(self, state: State) -> tuple[Shape, ...]:
         span = float(np.max(np.ptp(state.q, axis=0)))
         return tuple({'distance': float(distance)} for distance in DISTANCES
                      if distance < span and _goes_both_ways(state.q, STROKE * distance))
 
-    def refined(self, shape, step):
-        return around('distance', shape['distance'], (DISTANCES[1] / DISTANCES[0]) ** step)
+    def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:
+        return around('distance', single(shape['distance']), (DISTANCES[1] / DISTANCES[0]) ** step)
 
-    def columns(self, state, shape):
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         share = np.empty_like(state.q)
-        _share_rows(np.ascontiguousarray(state.q), shape['distance'], share)
-        level = state.nominal.values['coulomb_friction']
+        _share_rows(np.ascontiguousarray(state.q), single(shape['distance']), share)
+        level = state.known.values['coulomb_friction']
         return (level * (share - np.sign(state.qd)))[..., None]
 
-    def coefficients(self, values):
+    def coefficients(self, values: Values) -> np.ndarray:
         return np.ones_like(values['distance'])[None]
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         distance = float(values['distance'][0])
         if beyond(distance, std['distance'][0], 0.0, LONGEST) is not None:
             return (f'friction builds up within a positive distance of at most {LONGEST:g} rad, '
                     f'found {distance:.3g} rad')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         side = np.sign(np.diff(state.q, axis=0, prepend=state.q[:1]))
         # the row before a step of another sign is the reversal
         turns = np.zeros(state.q.shape, dtype=int)

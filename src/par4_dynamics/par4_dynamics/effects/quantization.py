@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+    single,
+)
+from par4_dynamics.state import State
 
 LARGEST = 1.0
 
@@ -19,19 +29,19 @@ class Quantization(Effect):
     phrase = 'quantization of the recorded signal'
     parameters = (EffectParameter('step', 'rad', 'joint', other_unit='N m', is_shape=True),)
 
-    def shapes(self, state):  # noqa: ARG002
+    def shapes(self, state: State) -> tuple[Shape, ...]:
         return ()
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         return np.zeros((*state.q.shape, 0))
 
-    def coefficients(self, values):
+    def coefficients(self, values: Values) -> np.ndarray:
         return np.zeros((0, len(values['step'])))
 
-    def values(self, coefficients, shape):
-        return {'step': np.full(coefficients.shape[1], shape['step'])}
+    def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
+        return {'step': np.full(coefficients.shape[1], single(shape['step']))}
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         step = values['step']
         worst = beyond(step, std['step'], 0.0, LARGEST)
         if worst is not None:
@@ -39,5 +49,5 @@ class Quantization(Effect):
                     f'{step[worst]:.3g}')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(state.q, 'joint position, rad')

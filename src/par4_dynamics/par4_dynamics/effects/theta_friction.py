@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 
 TYPICAL_RATE = 5.0
 """rad/s of theta."""
@@ -22,12 +31,12 @@ class ThetaFriction(Effect):
     shared = True
     needs_platform = True
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         unit = state.torque_of_force((0.0, 0.0, 0.0, 1.0))
-        rate = state.xd[:, 3:]
+        rate = state.platform.xd[:, 3:]
         return np.stack((unit * np.sign(rate), unit * rate), axis=-1)
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         coulomb, viscous = float(values['coulomb'][0]), float(values['viscous'][0])
         spread = np.array((std['coulomb'][0], std['viscous'][0] * TYPICAL_RATE))
         torque = np.array((coulomb, viscous * TYPICAL_RATE))
@@ -39,5 +48,6 @@ class ThetaFriction(Effect):
                     f'{TYPICAL_RATE:g} rad/s is ten times what belt and pulleys take')
         return None
 
-    def signature(self, state):
-        return Signature(np.broadcast_to(state.xd[:, 3:], state.q.shape), 'theta rate, rad/s')
+    def signature(self, state: State) -> Signature:
+        return Signature(np.broadcast_to(state.platform.xd[:, 3:], state.q.shape),
+                         'theta rate, rad/s')

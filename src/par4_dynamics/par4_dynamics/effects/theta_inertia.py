@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from par4_dynamics.base_terms import UNMODELLED, unmodelled_columns
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 
 LARGEST = 0.05
 """kg m2 at theta; ten times a heavy tool behind its belt."""
@@ -20,10 +29,10 @@ class ThetaInertia(Effect):
     shared = True
     needs_platform = True
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         return unmodelled_columns(state)[..., [UNMODELLED.index('theta_inertia')]]
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         inertia = float(values['inertia'][0])
         if beyond(inertia, std['inertia'][0], low=0.0) is not None:
             return f'an inertia about theta cannot be negative, found {inertia:.3g} kg m2'
@@ -32,6 +41,6 @@ class ThetaInertia(Effect):
                     f'a heavy tool')
         return None
 
-    def signature(self, state):
-        return Signature(np.broadcast_to(state.xdd[:, 3:], state.q.shape),
+    def signature(self, state: State) -> Signature:
+        return Signature(np.broadcast_to(state.platform.xdd[:, 3:], state.q.shape),
                          'theta acceleration, rad/s2')

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+    single,
+)
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State
 
@@ -27,27 +36,27 @@ class TimeOffset(Effect):
     retimes = True
     needs_nominal = True
 
-    def shapes(self, state):  # noqa: ARG002
+    def shapes(self, state: State) -> tuple[Shape, ...]:
         return ({'expanded_at': 0.0},)
 
-    def columns(self, state, shape):
-        torque, delay = state.nominal.delivered, shape['expanded_at']
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        torque, delay = state.known.delivered, single(shape['expanded_at'])
         if delay == 0.0 or len(state.t) < 2:
             return -time_rate(state, torque)[..., None]
         return ((_earlier(state, torque, delay) - torque) / delay)[..., None]
 
-    def shape_of(self, values):
+    def shape_of(self, values: Values) -> Shape:
         return {'expanded_at': float(values['delay'])}
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         delay = float(values['delay'][0])
         if beyond(delay, std['delay'][0], -LONGEST, LONGEST) is not None:
             return (f'stamps that are wrong by {delay:.3g} s are not an offset of a recorder, '
                     f'expected at most {LONGEST:g} s')
         return None
 
-    def signature(self, state):
-        return Signature(time_rate(state, state.nominal.delivered), 'rate of the torque, N m/s')
+    def signature(self, state: State) -> Signature:
+        return Signature(time_rate(state, state.known.delivered), 'rate of the torque, N m/s')
 
 
 def _earlier(state: State, values: np.ndarray, delay: float) -> np.ndarray:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature
+from par4_dynamics.effects.effect import Base, Effect, EffectParameter, Shape, Signature, Values
+from par4_dynamics.state import State
 
 
 class TorqueOffset(Effect):
@@ -15,11 +16,11 @@ class TorqueOffset(Effect):
     parameters = (EffectParameter('offset', 'N m', 'joint'),)
     needs_both_ways = True
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         return np.ones((*state.q.shape, 1))
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(np.broadcast_to(state.t[:, None], state.q.shape), 'time, s')

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from par4_dynamics.effects.cogging import Cogging
-from par4_dynamics.effects.effect import EffectParameter, beyond
+from par4_dynamics.effects.effect import Base, EffectParameter, Shape, Values, beyond
+from par4_dynamics.state import State
 
 LARGEST = 0.3
 
@@ -17,17 +20,17 @@ class TorqueRipple(Cogging):
                   *Cogging.parameters[1:])
     needs_nominal = True
 
-    def columns(self, state, shape):
-        return state.nominal.torque[..., None] * super().columns(state, shape)
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        return state.known.torque[..., None] * super().columns(state, shape)
 
-    def coefficients(self, values):
+    def coefficients(self, values: Values) -> np.ndarray:
         return super().coefficients({**values, 'amplitude': values['relative']})
 
-    def values(self, coefficients, shape):
+    def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
         cogging = super().values(coefficients, shape)
         return {'relative': cogging.pop('amplitude'), **cogging}
 
-    def implausible(self, values, std, base):  # noqa: ARG002
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         relative = values['relative']
         worst = beyond(relative, std['relative'], high=LARGEST)
         if worst is not None:

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+    single,
+)
+from par4_dynamics.state import State
 
 
 class TorqueSaturation(Effect):
@@ -21,17 +31,17 @@ class TorqueSaturation(Effect):
     needs_nominal = True
     fixed_coefficients = True
 
-    def shapes(self, state):  # noqa: ARG002
+    def shapes(self, state: State) -> tuple[Shape, ...]:
         return ()
 
-    def columns(self, state, shape):
-        torque = state.nominal.torque
-        return (np.clip(torque, -shape['limit'], shape['limit']) - torque)[..., None]
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        torque, limit = state.known.torque, single(shape['limit'])
+        return (np.clip(torque, -limit, limit) - torque)[..., None]
 
-    def coefficients(self, values):
+    def coefficients(self, values: Values) -> np.ndarray:
         return np.ones_like(values['limit'])[None]
 
-    def implausible(self, values, std, base):
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         limit, level = values['limit'], base['coulomb_friction']
         worst = beyond(limit, std['limit'], low=level)
         if worst is not None:
@@ -39,5 +49,5 @@ class TorqueSaturation(Effect):
                     f'Coulomb friction of {level[worst]:.3g} N m')
         return None
 
-    def signature(self, state):
-        return Signature(state.nominal.torque, 'torque of the model, N m')
+    def signature(self, state: State) -> Signature:
+        return Signature(state.known.torque, 'torque of the model, N m')

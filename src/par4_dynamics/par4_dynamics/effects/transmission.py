@@ -30,12 +30,12 @@ INERTIA_PERIOD = 0.05
 
 
 def _motor_side(state: State, qdd: np.ndarray) -> np.ndarray:
-    return MOTOR_SHARE * state.nominal.values['actuator_inertia'] * qdd
+    return MOTOR_SHARE * state.known.values['actuator_inertia'] * qdd
 
 
 def transmitted_torque(state: State) -> np.ndarray:
     """Return the torque (n, J), N m, that the transmission carries to the load."""
-    return state.nominal.load - _motor_side(state, state.qdd)
+    return state.known.load - _motor_side(state, state.qdd)
 
 
 def transmission_columns(state: State, shift: np.ndarray) -> np.ndarray:
@@ -116,8 +116,9 @@ class Springs:
             return spring[self._before:], change[self._before:]
         told = every * np.arange(len(load))
         wanted = self._before + np.arange(len(self._rigid))
-        return tuple(np.stack([np.interp(wanted, told, joint) for joint in part.T], axis=1)
-                     for part in (spring, change))
+        spring, change = (np.stack([np.interp(wanted, told, joint) for joint in part.T], axis=1)
+                          for part in (spring, change))
+        return spring, change
 
 
 @numba.njit(cache=True, error_model='numpy')

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, EffectParameter, Signature, beyond
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    beyond,
+)
+from par4_dynamics.state import State
 
 
 class ViscousAsymmetry(Effect):
@@ -15,10 +24,10 @@ class ViscousAsymmetry(Effect):
     parameters = (EffectParameter('asymmetry', 'N m s/rad', 'joint'),)
     needs_both_ways = True
 
-    def columns(self, state, shape):  # noqa: ARG002
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
         return np.abs(state.qd)[..., None]
 
-    def implausible(self, values, std, base):
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         asymmetry, slope = values['asymmetry'], base['viscous_friction']
         worst = beyond(asymmetry, std['asymmetry'], -slope, slope)
         if worst is not None:
@@ -27,5 +36,5 @@ class ViscousAsymmetry(Effect):
                     f'one direction')
         return None
 
-    def signature(self, state):
+    def signature(self, state: State) -> Signature:
         return Signature(state.qd, 'joint speed, rad/s')

@@ -15,7 +15,7 @@ import numpy as np
 
 from par4_dynamics.base_terms import BaseTerm
 from par4_dynamics.model import Model, build_model
-from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_file import ModelFile, RigidBody
 from par4_identification.changes.explanation import Explanation, Read, explained
 from par4_identification.changes.joint_values import (
     JointValues,
@@ -24,13 +24,13 @@ from par4_identification.changes.joint_values import (
     values_of_model,
 )
 from par4_identification.changes.readings import Parameters, applied, readings_of
-from par4_identification.diagnosis.answer import Diagnosis
 from par4_identification.diagnosis.diagnosis import CONDITIONING
-from par4_identification.diagnosis.holdout import blocks_of_runs
-from par4_identification.diagnosis.observations import Observations, observe, with_nominal
-from par4_identification.identification import identify_runs
-from par4_identification.log import Log
-from par4_identification.rows import Run, runs_of_log
+from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
+from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.verdict.answer import Diagnosis
+from par4_identification.fitting.identification import identify_runs
+from par4_identification.logs.log import Log
+from par4_identification.signals.rows import Run, runs_of_log
 from par4_kinematics.robot import Axis, Robot
 
 
@@ -144,7 +144,7 @@ def changes_between(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequence[
     return _changes(diagnosis, machine, model, before, after, swallowed=False, since=name)
 
 
-def _observed(logs: Sequence[Log], machine: Robot | Axis, rigid_body: str,
+def _observed(logs: Sequence[Log], machine: Robot | Axis, rigid_body: RigidBody,
               baseline: ModelFile | None) -> Observations:
     runs = [run for log in logs for run in runs_of_log(log, machine, CONDITIONING)]
     return observe(runs, machine, rigid_body,

@@ -14,7 +14,7 @@ import numpy as np
 
 from par4_dynamics.base_terms import BASE_TERMS, BaseTerm
 from par4_dynamics.model_file import ModelFile
-from par4_identification.diagnosis.evidence import (
+from par4_identification.diagnosis.evidence.evidence import (
     Evidence,
     Hypothesis,
     flat_whitener,
@@ -22,8 +22,8 @@ from par4_identification.diagnosis.evidence import (
     spread,
     whitener_of_residuals,
 )
-from par4_identification.diagnosis.observations import Observations
-from par4_identification.diagnosis.rules import Rules
+from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.search.rules import Rules
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 

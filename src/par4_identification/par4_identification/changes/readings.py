@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from par4_dynamics.base_terms import BaseTerm
-from par4_identification.payload import PLATFORM
+from par4_identification.gains.known_payload import PLATFORM
 
 FRICTION = ('coulomb_friction', 'viscous_friction')
 SCALE = 'torque_scale'

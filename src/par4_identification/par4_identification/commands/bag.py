@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from par4_identification.table_bag import (
+from par4_identification.logs.table_bag import (
     Part,
     Scales,
     chosen_columns,

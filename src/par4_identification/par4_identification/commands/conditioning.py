@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import click
 
 POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
 
-def conditioning_options(command: Callable) -> Callable:
+def conditioning_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Return a command function with `--cutoff`, `--rows` and `--low-speed`."""
     for option in reversed((
         click.option('--cutoff', default=None, type=POSITIVE, metavar='HZ',

@@ -11,7 +11,6 @@ from rich.console import Console
 
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile, read_model_file
-from par4_identification.axis_gravity import with_gravity_told
 from par4_identification.changes.changes import (
     Changes,
     changes_between,
@@ -20,29 +19,31 @@ from par4_identification.changes.changes import (
 )
 from par4_identification.commands.conditioning import conditioning_options
 from par4_identification.commands.identify import distinct_bags
-from par4_identification.confrontation import confront_diagnosis, model_after
-from par4_identification.diagnosis.answer import Diagnosis
+from par4_identification.confrontation.confrontation import confront_diagnosis, model_after
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
-from par4_identification.diagnosis.next_experiment import next_experiment
-from par4_identification.log import Log, read_log
-from par4_identification.outcome.changes import (
+from par4_identification.diagnosis.experiment.next_experiment import next_experiment
+from par4_identification.diagnosis.verdict.answer import Diagnosis
+from par4_identification.fitting.axis_gravity import with_gravity_told
+from par4_identification.logs.log import Log
+from par4_identification.logs.read_log import read_log
+from par4_identification.reports.outcome.changes import (
     diagnosis_json_with_changes,
     error_rows,
     verdict_with_changes,
     with_changes,
 )
-from par4_identification.outcome.confrontation import (
+from par4_identification.reports.outcome.confrontation import (
     remarks_of_confrontation,
     simulation_json,
 )
-from par4_identification.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
-from par4_identification.outcome.next_experiment import MOTION_FILE
-from par4_identification.outcome.outcome import over_joints
-from par4_identification.outcome.results import model_in_units, provenance
-from par4_identification.outcome.setup import setup_json, setup_lines, with_setup
-from par4_identification.scales import Chosen, conditioning_for
+from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
+from par4_identification.reports.outcome.next_experiment import MOTION_FILE
+from par4_identification.reports.outcome.outcome import over_joints
+from par4_identification.reports.outcome.results import model_in_units, provenance
+from par4_identification.reports.outcome.setup import setup_json, setup_lines, with_setup
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.unusable import diagnosed_if_sound, sound_or_refused
+from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion_file import write_motion
 from par4_kinematics.robot import Axis, Robot, read_machine
@@ -152,7 +153,7 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
                              'namespace': namespace, **asdict(conditioning)})
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.report import report_of_diagnosis
+        from par4_identification.reports.diagnosis_report import report_of_diagnosis
         results = {
             'diagnosis.json': {**diagnosis_json_with_changes(
                                    diagnosis_json(diagnosis, machine, experiment), changes,

@@ -10,10 +10,14 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from par4_identification.log import read_log
-from par4_identification.outcome.drive_gain import drive_gain_json, gains_rows, outcome_of_gains
-from par4_identification.outcome.results import provenance
-from par4_identification.static_push import gains_of_pushes, pushes_of_log, read_force
+from par4_identification.gains.static_push import gains_of_pushes, pushes_of_log, read_force
+from par4_identification.logs.read_log import read_log
+from par4_identification.reports.outcome.drive_gain import (
+    drive_gain_json,
+    gains_rows,
+    outcome_of_gains,
+)
+from par4_identification.reports.outcome.results import provenance
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import read_robot
 from par4_sim.commands.entry import run
@@ -52,7 +56,7 @@ def find_gains(pushes: tuple[str, ...], robot: str, output: Path,
             'coulomb_friction': coulomb_friction, 'namespace': namespace})
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.report import report_of_gains
+        from par4_identification.reports.gains_report import report_of_gains
         write_results(output, {
             'drive_gain.json': drive_gain_json(gains, logs, len(found), origin),
             'report.html': report_of_gains(gains, outcome, machine, logs, origin)})

@@ -13,20 +13,20 @@ from rich.progress import Progress
 from rich.table import Table
 
 from par4_dynamics.model import read_model
-from par4_identification.excitation_design import (
+from par4_identification.excitation.design import (
     Design,
     DesignRequest,
     Repeats,
     design_excitation,
 )
-from par4_identification.motion_limits import (
+from par4_identification.excitation.motion_limits import (
     ACCELERATION,
     MotionLimits,
     largest_loads,
     limits_of,
 )
-from par4_identification.precision import Precision, expected_precision
-from par4_identification.quasi_random import quasi_random_within
+from par4_identification.excitation.precision import Precision, expected_precision
+from par4_identification.excitation.quasi_random import quasi_random_within
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion_file import write_motion
 from par4_kinematics.robot import read_robot

@@ -13,25 +13,26 @@ from rich.console import Console
 from rich.table import Table
 
 from par4_dynamics.model import build_model, read_model
-from par4_identification.axis_gravity import with_gravity_told
+from par4_dynamics.model_file import RigidBody
 from par4_identification.commands.conditioning import conditioning_options
-from par4_identification.diagnosis.floor import noise_floor
-from par4_identification.identification import ESTIMATORS, Fitting, identify
-from par4_identification.log import read_log
-from par4_identification.outcome.estimator import estimator_remarks
-from par4_identification.outcome.identification import (
+from par4_identification.diagnosis.verdict.floor import noise_floor
+from par4_identification.fitting.axis_gravity import with_gravity_told
+from par4_identification.fitting.identification import ESTIMATORS, Fitting, identify
+from par4_identification.logs.read_log import read_log
+from par4_identification.reports.outcome.estimator import estimator_remarks
+from par4_identification.reports.outcome.identification import (
     ParameterRow,
     identification_json,
     outcome_of_identification,
     table_of_parameters,
 )
-from par4_identification.outcome.loads import known_payloads, weighed_payload
-from par4_identification.outcome.results import model_in_units, provenance
-from par4_identification.outcome.setup import setup_json, with_setup
-from par4_identification.rows import Conditioning
-from par4_identification.scales import Chosen, conditioning_for
+from par4_identification.reports.outcome.loads import known_payloads, weighed_payload
+from par4_identification.reports.outcome.results import model_in_units, provenance
+from par4_identification.reports.outcome.setup import setup_json, with_setup
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.unusable import sound_or_refused
+from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.commands.entry import run
@@ -64,7 +65,7 @@ from par4_sim.report.words import in_words, listed, percent, with_std
               help='model of a simulated machine, shown beside what was identified')
 @click.option('--report/--no-report', default=True, show_default=True,
               help='draw report.html')
-def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: str,
+def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: RigidBody,
                   estimator: str, per_joint: bool, offsets: bool, payload: tuple[str, ...],
                   unknown_payload: tuple[str, ...], namespace: str | None,
                   cutoff: float | None, rows: float | None, low_speed: float | None,
@@ -113,7 +114,7 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: s
         if report:
             status.update('drawing the report')
             # the plot library is slow to load, and some homes make it talk on stderr
-            from par4_identification.report import report_of_identification
+            from par4_identification.reports.identification_report import report_of_identification
             page = report_of_identification(identification, outcome, table, floor, machine, logs,
                                             model_file.provenance)
         write_results(output, {

@@ -8,12 +8,16 @@ import click
 from rich.console import Console
 
 from par4_dynamics.model_file import read_model_file
-from par4_identification.outcome.results import provenance
-from par4_identification.outcome.simplification import (
+from par4_identification.fitting.simplification_cost import (
+    adept_of,
+    rigid_model,
+    study_simplification,
+)
+from par4_identification.reports.outcome.results import provenance
+from par4_identification.reports.outcome.simplification import (
     outcome_of_simplification,
     simplification_json,
 )
-from par4_identification.simplification import adept_of, rigid_model, study_simplification
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
 from par4_sim.commands.entry import run
@@ -46,7 +50,7 @@ def simplify(robot: str, model: str, output: Path, motion: str | None, fidelity:
         outcome = outcome_of_simplification(study, imposed)
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.report import report_of_simplification
+        from par4_identification.reports.simplification_report import report_of_simplification
         write_results(output, {
             'simplification.json': simplification_json(study, machine, imposed, fidelity, origin),
             'report.html': report_of_simplification(study, outcome, machine, imposed, origin)})

@@ -14,7 +14,7 @@ from rich.progress import Progress
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile, read_model_file
 from par4_identification.commands.identify import distinct_bags
-from par4_identification.outcome.trend import lines_of_refused, outcome_of_life, trend_json
+from par4_identification.reports.outcome.trend import lines_of_refused, outcome_of_life, trend_json
 from par4_identification.trend.bag_values import BagValues, outcome_of_bag
 from par4_identification.trend.kept import Kept
 from par4_identification.trend.life import life_of
@@ -66,7 +66,7 @@ def trend_of_bags(bags: tuple[str, ...], robot: str, output: Path, scheduler: st
     provenance = origin('par4_trend', machine, {
         'bags': len(bags), 'model': model, 'namespace': namespace})
     # the plot library is slow to load, and some homes make it talk on stderr
-    from par4_identification.trend.report import report_of_life
+    from par4_identification.reports.trend_report import report_of_life
     write_results(output, {
         'trend.json': trend_json(life, refused, machine, outcome.sentence),
         'report.html': report_of_life(life, outcome, refused, machine, provenance)})

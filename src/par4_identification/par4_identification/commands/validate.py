@@ -10,16 +10,17 @@ from rich.console import Console
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import read_model_file
 from par4_identification.commands.conditioning import conditioning_options
-from par4_identification.diagnosis.floor import noise_floor
-from par4_identification.log import read_log
-from par4_identification.outcome.results import bag_sha256, bags_of
-from par4_identification.outcome.setup import setup_json, with_setup
-from par4_identification.outcome.validation import outcome_of_validation, validation_json
-from par4_identification.rows import Conditioning, runs_of_log
-from par4_identification.scales import Chosen, conditioning_for
+from par4_identification.diagnosis.verdict.floor import noise_floor
+from par4_identification.fitting.validation import validate
+from par4_identification.logs.bag_hash import bag_sha256
+from par4_identification.logs.read_log import read_log
+from par4_identification.reports.outcome.results import bags_of
+from par4_identification.reports.outcome.setup import setup_json, with_setup
+from par4_identification.reports.outcome.validation import outcome_of_validation, validation_json
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.unusable import sound_or_refused
-from par4_identification.validation import validate
+from par4_identification.signals.rows import Conditioning, runs_of_log
+from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.robot import read_machine
 from par4_sim.commands.entry import run
 from par4_sim.report.results import refuse_unwritable, write_results
@@ -57,7 +58,7 @@ def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str 
                              'validation')
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.report import report_of_validation
+        from par4_identification.reports.validation_report import report_of_validation
         write_results(output, {
             'validation.json': {**validation_json(validation, log), 'setup': setup_json(check)},
             'report.html': report_of_validation(validation, outcome, runs, floor, machine, log,

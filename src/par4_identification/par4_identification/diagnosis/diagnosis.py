@@ -14,17 +14,8 @@ from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
-from par4_identification.diagnosis.answer import (
-    Cause,
-    Diagnosis,
-    Holdout,
-    Remaining,
-    Unusable,
-    Verdict,
-)
-from par4_identification.diagnosis.candidates import Candidates
-from par4_identification.diagnosis.estimates import effect_parameters
-from par4_identification.diagnosis.evidence import (
+from par4_identification.diagnosis.evidence.estimates import effect_parameters, with_doubt
+from par4_identification.diagnosis.evidence.evidence import (
     Evidence,
     Fit,
     Hypothesis,
@@ -34,31 +25,46 @@ from par4_identification.diagnosis.evidence import (
     residuals,
     solve,
 )
-from par4_identification.diagnosis.extended import base_parameters, baseline_with, extended_model
-from par4_identification.diagnosis.floor import noise_floor
-from par4_identification.diagnosis.holdout import Blocks, Gain, blocks_of_runs
-from par4_identification.diagnosis.judgement import (
+from par4_identification.diagnosis.evidence.extended import (
+    base_parameters,
+    baseline_with,
+    extended_model,
+)
+from par4_identification.diagnosis.evidence.holdout import Blocks, Gain, blocks_of_runs
+from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.evidence.pool import Pool
+from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
+from par4_identification.diagnosis.nominal.retimed import beside_retimed
+from par4_identification.diagnosis.nominal.start import INERTIA, alike, start_of
+from par4_identification.diagnosis.progress import Progress, silent
+from par4_identification.diagnosis.search.candidates import Candidates
+from par4_identification.diagnosis.search.law import Dithered, dithered
+from par4_identification.diagnosis.search.polish import polished
+from par4_identification.diagnosis.search.requirement import torque_errors
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.search import Model, Search, named_of, names_of, others_of
+from par4_identification.diagnosis.search.whitening import quieter, whitener_of
+from par4_identification.diagnosis.verdict.answer import (
+    Cause,
+    Diagnosis,
+    Holdout,
+    Remaining,
+    Unusable,
+    Verdict,
+)
+from par4_identification.diagnosis.verdict.floor import noise_floor
+from par4_identification.diagnosis.verdict.judgement import (
     Judgement,
     doubt_of,
     judge,
     unnamed_cause,
     unnamed_of,
 )
-from par4_identification.diagnosis.law import Dithered, dithered
-from par4_identification.diagnosis.observations import Observations, observe, with_nominal
-from par4_identification.diagnosis.pair import Pair
-from par4_identification.diagnosis.pool import Pool
-from par4_identification.diagnosis.rattle import WIDTH_ERROR, Rattle, rattle
-from par4_identification.diagnosis.retimed import beside_retimed
-from par4_identification.diagnosis.rules import Rules
-from par4_identification.diagnosis.search import Model, Search, named_of, names_of, others_of
-from par4_identification.diagnosis.start import INERTIA, alike, start_of
-from par4_identification.diagnosis.unnamed import Kind, Kinds
-from par4_identification.diagnosis.unrelated import Left, unrelated
-from par4_identification.diagnosis.whitening import quieter, whitener_of
-from par4_identification.log import Log
-from par4_identification.progress import Progress, silent
-from par4_identification.rows import Conditioning, Run, runs_of_log
+from par4_identification.diagnosis.verdict.pair import Pair
+from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR, Rattle, rattle
+from par4_identification.diagnosis.verdict.unrelated import Left, unrelated
+from par4_identification.logs.log import Log
+from par4_identification.signals.rows import Conditioning, Run, runs_of_log
 from par4_kinematics.robot import Axis, Robot
 
 CONDITIONING = Conditioning(low_speed=0.02)
@@ -201,6 +207,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             progress: Progress) -> Diagnosis:
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
+    model = polished(pool, model, rules.price)
     loose = _rattle(search, model)
     if loose is not None:
         model = _beside_bounces(search, model)
@@ -209,7 +216,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     whole, names_only, base_only = (solve(evidence, part) for part in (model, named, ()))
     progress('comparing each cause with what could stand in its place')
     blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
-    causes = [_cause(judge(search, item, model), search, named, names_only, blocks, model)
+    causes = [_cause(judge(search, item, model), search, named, names_only, whole, blocks, model)
               for item in named]
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
@@ -327,15 +334,19 @@ def _loose(effect: Effect, found: Rattle) -> tuple[Cause, EffectEntry]:
 
 
 def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fit: Fit,
-           blocks: Blocks, model: Model) -> Cause:
+           whole: Fit, blocks: Blocks, model: Model) -> Cause:
     evidence, hypothesis = search.pool.evidence, judgement.hypothesis
     index = named.index(hypothesis)
+    errors = torque_errors(search.pool, named, unnamed_of(model), search.rules)
+    parameters = effect_parameters(evidence, hypothesis, fit, index, errors)
+    if unnamed_of(model):
+        parameters = with_doubt(parameters, effect_parameters(
+            evidence, hypothesis, whole, model.index(hypothesis), errors))
     before, after = (search.pool.heldout.left(part, solve(evidence, part))
                      for part in (others_of(model, hypothesis), model))
     return Cause(
         effect=hypothesis.effect, joints=hypothesis.joints,
-        parameters=effect_parameters(evidence, hypothesis, fit, index,
-                                     search.requirement(model).inflation),
+        parameters=parameters,
         twins=judgement.twins,
         visible_fraction=project(evidence, []).left_share(
             evidence.columns(hypothesis), hypothesis.stacked(fit.coefficients[index])),

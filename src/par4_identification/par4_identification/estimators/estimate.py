@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class Estimate:
 
 
 def fields_of_estimate(problem: Problem, values: np.ndarray, covariance: np.ndarray,
-                       textbook_std: np.ndarray) -> dict:
+                       textbook_std: np.ndarray) -> dict[str, Any]:
     """Return the fields of an `Estimate` of these values."""
     residuals = residuals_of(problem, values)
     square = mean_square(problem, residuals)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from par4_dynamics.model import read_model
-from par4_identification.drift import LEARNING, WINDOW, DriftWatch, projections
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
+from par4_identification.trend.drift import LEARNING, WINDOW, DriftWatch, projections
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
 from par4_kinematics.robot import read_robot

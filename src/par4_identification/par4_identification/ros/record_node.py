@@ -12,7 +12,7 @@ from typing import Any
 
 from rclpy.subscription import Subscription
 
-from par4_identification.recorder import Recorder
+from par4_identification.logs.recorder import Recorder
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, RECORDED_TOPICS, Topic
 from par4_kinematics.ros.convert import SECOND

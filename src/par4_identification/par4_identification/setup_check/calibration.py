@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_identification.setup_check.equations import Stretch, closing, equations_of
 from par4_identification.setup_check.finding import Finding
 from par4_identification.setup_check.placement import (

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from par4_dynamics.model import Model
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_identification.setup_check.calibration import calibration_findings, calibration_of
 from par4_identification.setup_check.equations import (
     Equations,

@@ -1,4 +1,4 @@
-"""How hard the drives answer a count of their encoders: a scale of the torque from the loops' gains.
+"""How hard the drives answer a count of their encoders: a scale of the torque from their gains.
 
 Faster than any motion there are the steps from count to count, and what the drives' loops make of
 them: velocity_gain x position_gain of torque per radian, the other way. So torque and reading tell
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_identification.filtering import low_pass
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
+from par4_identification.signals.filtering import low_pass
 from par4_kinematics.robot import Drives
 
 TOLD_IN_FILE = {'velocity_gain', 'position_gain', 'encoder_counts'}
@@ -59,7 +59,7 @@ def answer_of(logs: Sequence[Log], drives: Drives) -> Answer | None:
         drives: of the robot file; gains that it leaves to their defaults tell nothing.
     """
     expected = drives.velocity_gain * drives.position_gain
-    if not TOLD_IN_FILE <= drives.model_fields_set or not expected or not drives.encoder_counts:
+    if not drives.model_fields_set >= TOLD_IN_FILE or not expected or not drives.encoder_counts:
         return None
     found = []
     for log in logs:

@@ -19,8 +19,8 @@ import numpy as np
 
 from par4_dynamics.base_terms import BASE_TERMS, base_columns
 from par4_dynamics.state import State, state_of_joints
-from par4_identification.filtering import central_difference, low_pass, second_difference
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
+from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_kinematics.geometry import Geometry
 from par4_kinematics.position import closes
 

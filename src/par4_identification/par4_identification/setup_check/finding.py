@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_kinematics.robot import Axis, Robot
 
 Kind = Literal['joints_exchanged', 'sign_reversed', 'wrong_unit', 'common_gain', 'zero_error',

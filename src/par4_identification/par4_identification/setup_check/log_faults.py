@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_identification.setup_check.repair import (
     despiked,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_identification.setup_check.equations import SLOW, stretches_of
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_identification.setup_check.log_faults import joints_in_words

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_identification.log import SHORTEST_SEGMENT, Log
+from par4_identification.logs.accounts import SHORTEST_SEGMENT
+from par4_identification.logs.log import Log
 from par4_identification.setup_check.samples import Held, runs_of
 
 LONGEST_FILLED = 0.06

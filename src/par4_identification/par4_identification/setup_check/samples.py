@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 
 FEWEST = 4
 """Samples in a row that a held reading repeats."""

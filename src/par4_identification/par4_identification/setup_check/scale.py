@@ -1,8 +1,8 @@
 """All torques too large or too small by one factor.
 
 (20) is homogeneous: a factor of all torques is one of all base parameters, and no motion tells it.
-What tells it are numbers from elsewhere: the torque limit of the drives, how hard their loops answer
-a count, masses that the platform cannot go below, or a model that is known of this machine.
+What tells it are numbers from elsewhere: the torque limit of the drives, how hard their loops
+answer a count, masses that the platform cannot go below, or a model that is known of this machine.
 """
 
 from __future__ import annotations

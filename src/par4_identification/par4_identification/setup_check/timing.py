@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from par4_identification.log import Log
+from par4_identification.logs.log import Log
 from par4_identification.setup_check.equations import Equations, Fit
 from par4_identification.setup_check.finding import Finding
 from par4_sim.report.words import number, percent

@@ -7,9 +7,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from par4_identification.diagnosis.answer import Diagnosis, Unusable
-from par4_identification.rows import Run, runs_of_log
+from par4_identification.diagnosis.verdict.answer import Diagnosis, Unusable
 from par4_identification.setup_check.finding import SetupCheck
+from par4_identification.signals.rows import Run, runs_of_log
 from par4_kinematics.errors import InputError, Par4Error
 
 Result = TypeVar('Result')

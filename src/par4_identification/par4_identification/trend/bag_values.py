@@ -13,13 +13,13 @@ from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.changes.joint_values import JointValues, fitted_values, whitened
 from par4_identification.diagnosis.diagnosis import CONDITIONING
-from par4_identification.diagnosis.estimates import effect_parameters
-from par4_identification.diagnosis.evidence import Hypothesis, solve
-from par4_identification.diagnosis.observations import Observations, observe, with_nominal
-from par4_identification.log import read_log
-from par4_identification.outcome.outcome import LARGEST_ERROR
-from par4_identification.rows import runs_of_log
+from par4_identification.diagnosis.evidence.estimates import effect_parameters
+from par4_identification.diagnosis.evidence.evidence import Hypothesis, solve
+from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
+from par4_identification.fitting.validation import LARGEST_ERROR
+from par4_identification.logs.read_log import read_log
 from par4_identification.setup_check.check import check_setup
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.words import percent

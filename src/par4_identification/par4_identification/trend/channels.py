@@ -15,7 +15,7 @@ import numpy as np
 
 from par4_dynamics.base_terms import BASE_TERMS
 from par4_identification.changes.readings import FRICTION
-from par4_identification.payload import PLATFORM
+from par4_identification.gains.known_payload import PLATFORM
 from par4_identification.trend.bag_values import BagValues
 
 APART = 4.0

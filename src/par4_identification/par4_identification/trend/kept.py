@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from par4_dynamics.model_file import ModelFile
-from par4_identification.outcome.results import bag_sha256
+from par4_identification.logs.bag_hash import bag_sha256
 from par4_identification.trend.bag_values import FORMAT
 from par4_kinematics.files import written_atomically
 from par4_kinematics.robot import Axis, Robot

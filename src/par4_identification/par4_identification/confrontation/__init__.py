@@ -1,0 +1,1 @@
+"""The simulation against the measurement, with the model before and after."""

@@ -1,0 +1,107 @@
+"""A simulated machine under its own drives along a path, recorded at the times of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from par4_dynamics.model import FRICTION, Model
+from par4_dynamics.state import state_of_joints
+from par4_identification.logs.log import Reference
+from par4_kinematics.approach import with_approach
+from par4_kinematics.geometry import LEGS
+from par4_kinematics.motion import motion_of_joints
+from par4_kinematics.robot import Robot
+from par4_sim.reference import TARGET, interpolate
+from par4_sim.reference_curve import COLUMNS
+from par4_sim.simulation import build_simulation
+
+PERIOD = 1e-3
+"""s, of the simulated samples."""
+BLEND = 0.5
+"""Seconds from rest to the speed at which a stretch begins."""
+
+
+def closed_loop(robot: Robot, model: Model, path: Reference, t: np.ndarray, fidelity: str,
+                late: float = 0.0, progress: Callable[[float], None] | None = None
+                ) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions and recorded torques (n, 4) of a machine along a path at times t (n,), s.
+
+    The machine approaches the first point from home, and its drives settle. They read speeds
+    `late` seconds late, whatever those of the plant are.
+    """
+    from scipy.interpolate import CubicSpline  # slow to load and only needed here
+
+    still = np.zeros((2, LEGS))
+    rest = motion_of_joints('the stretch', robot.geometry, np.array((0.0, PERIOD)),
+                            np.repeat(path.q[:1], 2, axis=0), still, still)
+    home = build_simulation(robot, model, 'exact', PERIOD)
+    approach = with_approach(rest, robot, home.q)
+    there = home.time + approach.duration + BLEND
+    home.close()
+    # a whole number of samples, so that samples of an even log fall on simulated ones
+    shift = PERIOD * np.ceil((there - path.t[0]) / PERIOD)
+    simulation = build_simulation(robot, _warmed(model, -shift), fidelity, PERIOD)
+    try:
+        simulation.queue_reference(simulation.time + approach.t, approach.q, approach.qd,
+                                   approach.qdd)
+        simulation.queue_reference(shift + path.t, path.q, path.qd, path.qdd)
+        # a speed read by d too late lets the drives ask for velocity_gain d qdd more; the plant's
+        # are late by -velocity_offset
+        late += simulation.plant.velocity_offset
+        simulation.queue_effort(shift + path.t, known_effort(path)
+                                + late * robot.drives.velocity_gain * path.qdd)
+        count = int(np.ceil((shift + t[-1] - simulation.time) / PERIOD)) + 2
+        told = simulation.time - shift + PERIOD * np.arange(count)
+        q, tau = np.empty((2, count, LEGS))
+        for row in range(count):
+            sample = simulation.next_sample()
+            q[row], tau[row] = sample.q, sample.effort
+            if progress and row % 200 == 0:
+                progress(row / count)
+    finally:
+        simulation.close()
+    return CubicSpline(told, q)(t), CubicSpline(told, tau)(t)
+
+
+def _warmed(model: Model, begin: float) -> Model:
+    """Return the model for a clock that begins `begin` seconds after that of the log.
+
+    Only friction that drifts knows the time. With a the drop of a friction and T the time constant,
+    1 - a (1 - exp(-(t + b) / T)) = c (1 - a' (1 - exp(-t / T))), c = 1 - a (1 - exp(-b / T)),
+    a' = a exp(-b / T) / c. What went before the log by more than T is taken as T.
+    """
+    for index, active in enumerate(model.effects):
+        if active.effect.name == 'friction_drift':
+            left = np.exp(np.minimum(-begin / active.values['time_constant'], 1.0))
+            base, warmed = dict(model.values), dict(active.values)
+            for friction, drop in zip(FRICTION, ('drop', 'viscous_drop')):
+                scale = 1.0 - active.values[drop] * (1.0 - left)
+                base[friction] = scale * base[friction]
+                warmed[drop] = active.values[drop] * left / scale
+            effects = list(model.effects)
+            effects[index] = replace(active, values=warmed)
+            return replace(model, effects=tuple(effects), values=base)
+    return model
+
+
+def torque_along(robot: Robot, model: Model, path: Reference) -> np.ndarray:
+    """Return the feedforward torque (m, 4), N m, of a model along a path."""
+    return model.torque(state_of_joints(robot.geometry, path.t, path.q, path.qd, path.qdd))
+
+
+def targets_at(path: Reference, t: np.ndarray) -> np.ndarray:
+    """Return the targets (n, TARGET) of a path at times t (n,), as the drives see them."""
+    points = np.zeros((len(path.t), COLUMNS))
+    points[:] = np.concatenate((path.q, path.qd, path.qdd, known_effort(path)), axis=1)
+    targets = np.empty((len(t), TARGET))
+    for row, time in enumerate(t):
+        interpolate(path.t, points, time, 0.0, targets[row])
+    return targets
+
+
+def known_effort(path: Reference) -> np.ndarray:
+    """Return the feedforward torque (m, 4), N m, of a path; what is missing counts as zero."""
+    return np.zeros_like(path.q) if path.effort is None else np.nan_to_num(path.effort)

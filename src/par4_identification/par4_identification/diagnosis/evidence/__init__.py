@@ -1,0 +1,1 @@
+"""What the data say of a hypothesis: rows, columns, whitened algebra."""

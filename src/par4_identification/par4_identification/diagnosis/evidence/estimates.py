@@ -1,0 +1,201 @@
+"""Parameters of a named effect from fitted coefficients, with standard deviations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Shape, Values
+from par4_dynamics.parameters import Number, Parameter
+from par4_identification.diagnosis.evidence.evidence import Evidence, Fit, Hypothesis, prior_weights
+
+LASTING = 4.0
+"""Time for which a torque is wrong in the same way, s."""
+SLOPE = 1e-3
+"""Change of a shape, over its size, from which the slope of its torque is computed."""
+
+
+def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
+                      errors: Sequence[np.ndarray] = ()) -> dict[str, Parameter]:
+    """Return the parameters of hypothesis number `index` of a fit, as files have them.
+
+    One number for a parameter of the machine, else one for each joint of the hypothesis; a vector
+    for a parameter that has several numbers. See `estimated` for the arguments.
+    """
+    values, stds = estimated(evidence, hypothesis, fit, index, errors=errors)
+    result = {}
+    for parameter in hypothesis.effect.parameters:
+        value, std = values[parameter.name], stds[parameter.name]
+        if hypothesis.effect.shared and parameter.scope == 'joint':
+            value, std = value[list(hypothesis.joints)], std[list(hypothesis.joints)]
+        single = parameter.scope == 'machine' and parameter.size == 1
+        result[parameter.name] = Parameter(value=_numbers(value, parameter.per_order, single),
+                                           std=_numbers(std, parameter.per_order, single),
+                                           unit=parameter.unit)
+    return result
+
+
+def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
+              inflation: float = 1.0, errors: Sequence[np.ndarray] = ()) -> tuple[Values, Values]:
+    """Return the values of the parameters of hypothesis number `index` and their deviations.
+
+    The standard deviations are those of coefficients and shape together: an error of the shape
+    moves the coefficients, and so does one of the other columns. They follow by finite differences
+    of `Effect.values`.
+
+    Args:
+        evidence: rows that were fitted.
+        hypothesis: the cause.
+        fit: of all causes.
+        index: of this one.
+        inflation: of the variances, by what the model may get wrong (`Requirement.inflation`):
+            a bound that needs no rows.
+        errors: torques by which the model may be wrong, see `torque_errors`, whose share of the
+            covariance is computed from the rows.
+
+    Returns:
+        Two of the shapes that `Effect.values` gives for the joints of the hypothesis, for all
+        joints where they share the coefficients.
+    """
+    effect, shape = hypothesis.effect, hypothesis.shape
+    acting = list(range(evidence.observations.joints) if effect.shared else hypothesis.joints)
+    coefficients = fit.coefficients[index][:, acting]
+    knobs = shape_knobs(hypothesis)
+    rows = np.arange(len(coefficients))[hypothesis.columns]
+    covariance = inflation * _covariance(evidence, hypothesis, fit, index, knobs, errors)
+    values = effect.values(coefficients, shape)
+    slopes = {name: np.zeros((len(covariance), *np.shape(value)))
+              for name, value in values.items()}
+    own = len(covariance) - len(knobs)
+    for number in range(len(covariance)):
+        step = SLOPE * max(float(np.sqrt(covariance[number, number])), 1e-12)
+        moved, other = coefficients.copy(), shape
+        if number >= own:
+            other = turned(shape, knobs[number - own], step)
+        elif effect.shared:
+            moved[rows[number]] += step
+        else:
+            joint, row = divmod(number, len(coefficients))
+            moved[row, joint] += step
+        for name, value in effect.values(moved, other).items():
+            slopes[name][number] = (value - values[name]) / step
+    return values, {name: np.sqrt(np.maximum(
+        np.einsum('c...,cd,d...->...', slope, covariance, slope), 0.0))
+        for name, slope in slopes.items()}
+
+
+def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter]
+               ) -> dict[str, Parameter]:
+    """Return parameters whose deviations hold what another fit of the same cause says, too.
+
+    Beside an unnamed cause the size of a named one depends on which of the two has the torque that
+    either could have.
+    """
+    result = {}
+    for name, parameter in parameters.items():
+        apart = np.subtract(other[name].value, parameter.value)
+        if name == 'phase':
+            apart = np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi
+        result[name] = parameter.model_copy(update={
+            'std': _nested(np.hypot(parameter.std, apart).tolist())})
+    return result
+
+
+def _nested(values: float | list) -> Number:
+    """Return lists of lists as tuples of tuples."""
+    return tuple(map(_nested, values)) if isinstance(values, list) else values
+
+
+def _numbers(value: np.ndarray, per_order: bool, single: bool) -> Number:
+    """Return values (J,), or (J, K) of K orders, as a parameter has them."""
+    if per_order and value.ndim == 2:
+        return tuple(_numbers(part, False, single or len(part) == 1) for part in value.T)
+    return float(value[0]) if single else tuple(map(float, value))
+
+
+Knob = tuple[str, int | None]
+"""A number of a shape: the parameter, and which of its orders where it has several."""
+
+
+def shape_knobs(hypothesis: Hypothesis) -> list[Knob]:
+    """Return the numbers of a shape."""
+    knobs: list[Knob] = []
+    for item in hypothesis.effect.parameters:
+        value = hypothesis.shape.get(item.name)
+        if isinstance(value, tuple):
+            knobs += [(item.name, index) for index in range(len(value))]
+        elif value is not None:
+            knobs.append((item.name, None))
+    return knobs
+
+
+def turned(shape: Shape, knob: Knob, step: float) -> Shape:
+    """Return a shape of which one number is larger by a step."""
+    name, index = knob
+    value = shape[name]
+    if index is None:
+        return {**shape, name: value + step}
+    return {**shape, name: (*value[:index], value[index] + step, *value[index + 1:])}
+
+
+def _covariance(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
+                knobs: Sequence[Knob], errors: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the covariance (c, c) of a hypothesis's coefficients and, behind them, its shape.
+
+    In first order an error of the shape changes the torque by its slope, which is a column like
+    any other. To the covariance C of least squares comes that of the torques that the model gets
+    wrong: C (sum over blocks u u^T) C, u = X^T e of a block of rows, since such an error lasts
+    for a stretch of the motion and rows that follow each other share it.
+    """
+    parts = [evidence.design(fit.hypotheses)]
+    if knobs:
+        parts.append(shape_slopes(evidence, hypothesis, fit.coefficients[index], knobs))
+    design = np.hstack(parts)
+    scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
+    design = design / scale
+    weights = np.zeros(design.shape[1])
+    count = parts[0].shape[1]
+    weights[:count] = prior_weights(evidence, fit.hypotheses, count) / scale[:count] ** 2
+    inverse = np.linalg.pinv(design.T @ design + np.diag(weights), rcond=1e-12, hermitian=True)
+    covariance = inverse.copy()
+    starts = _stretches(evidence)
+    for error in errors:
+        sums = np.add.reduceat(design * error[:, None], starts, axis=0)
+        covariance += inverse @ (sums.T @ sums) @ inverse
+    covariance /= np.outer(scale, scale)
+    own = [*range(fit.slices[index].start, fit.slices[index].stop),
+           *range(count, design.shape[1])]
+    return covariance[np.ix_(own, own)]
+
+
+def _stretches(evidence: Evidence) -> np.ndarray:
+    """Return the first rows of the stretches of `LASTING` seconds of each joint and run."""
+    starts = []
+    for first in evidence.ends[:-1]:
+        for run in evidence.observations.runs:
+            seconds = np.floor((run.t - run.t[0]) / LASTING)
+            starts.append(first + np.flatnonzero(np.diff(seconds, prepend=-1.0)))
+            first += len(run.t)
+    return np.concatenate(starts)
+
+
+def shape_slopes(evidence: Evidence, hypothesis: Hypothesis, coefficients: np.ndarray,
+                 knobs: Sequence[Knob]) -> np.ndarray:
+    """Return how the whitened torque of a hypothesis changes with numbers of its shape, (N, k).
+
+    Args:
+        evidence: the rows.
+        hypothesis: the cause.
+        coefficients: its own, (K, J).
+        knobs: the numbers.
+    """
+    flat, slopes = hypothesis.stacked(coefficients), []
+    for knob in knobs:
+        name, number = knob
+        value = hypothesis.shape[name]
+        step = SLOPE * max(abs(value if number is None else value[number]), 1e-6)
+        moved = replace(hypothesis, shape=turned(hypothesis.shape, knob, step))
+        slopes.append((evidence.columns(moved) - evidence.columns(hypothesis)) @ flat / step)
+    return np.stack(slopes, axis=1)

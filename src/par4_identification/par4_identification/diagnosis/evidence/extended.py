@@ -1,0 +1,49 @@
+"""Base parameters and causes as one model file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from par4_dynamics.base_terms import BASE_TERMS, BaseTerm
+from par4_dynamics.model_file import EffectEntry, ModelFile
+from par4_dynamics.parameters import Parameter
+from par4_identification.diagnosis.evidence.estimates import effect_parameters
+from par4_identification.diagnosis.evidence.evidence import Evidence, Fit, Hypothesis
+
+
+def base_parameters(evidence: Evidence, fit: Fit) -> dict[str, Parameter]:
+    """Return the base parameters of a fit with their standard deviations."""
+    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    return {term.name: Parameter(value=float(value), std=float(error), unit=term.unit)
+            for term, value, error in zip(evidence.observations.terms, fit.base, std)}
+
+
+def extended_model(baseline: ModelFile | None, rigid_body: str, evidence: Evidence,
+                    hypotheses: Sequence[Hypothesis], fit: Fit) -> ModelFile:
+    """Return the baseline with refitted base parameters and the causes added."""
+    added = tuple(
+        EffectEntry(effect=hypothesis.effect.name, joints=hypothesis.joints,
+                    parameters=effect_parameters(evidence, hypothesis, fit, index))
+        for index, hypothesis in enumerate(hypotheses))
+    return baseline_with(baseline, rigid_body, base_parameters(evidence, fit),
+                          evidence.observations.terms, added)
+
+
+def baseline_with(baseline: ModelFile | None, rigid_body: str, fitted: Mapping[str, Parameter],
+                   terms: Sequence[BaseTerm], added: tuple[EffectEntry, ...]) -> ModelFile:
+    """Return the baseline with other base parameters and more effects.
+
+    A base parameter that came out slightly negative is written as zero, and so is one of an axis
+    that its motion does not show.
+    """
+    parameters = {term.name: fitted[term.name] if not term.nonnegative else
+                  fitted[term.name].model_copy(update={'value': max(fitted[term.name].value, 0.0)})
+                  for term in terms}
+    for term in BASE_TERMS:  # a motion that does not show it does not need it
+        if not term.needs_platform and term.name not in parameters:
+            parameters[term.name] = Parameter(value=0.0, unit=term.unit)
+    return ModelFile(schema='par4/model/1', rigid_body=rigid_body, parameters=parameters,
+                     effects=(*(baseline.effects if baseline else ()), *added),
+                     torque_limit=baseline.torque_limit if baseline else None)

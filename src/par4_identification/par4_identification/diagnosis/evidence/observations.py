@@ -1,0 +1,106 @@
+"""The data of a diagnosis: rows to fit and rows held out, columns filtered once and kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms
+from par4_dynamics.effects.effect import Effect, Shape
+from par4_dynamics.model import Model
+from par4_identification.fitting.identification import known_torque
+from par4_identification.signals.rows import Run
+from par4_kinematics.robot import Axis, Robot
+
+AT_ONCE = 4
+"""Shapes of an effect whose columns are filtered together."""
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Rows of some runs against a baseline model.
+
+    Attributes:
+        runs: uninterrupted stretches.
+        target: torque minus what the baseline knows besides its base terms, (m, J) a run.
+        base: base columns, (m, J, p) a run.
+        terms: the base terms.
+    """
+
+    runs: tuple[Run, ...]
+    target: tuple[np.ndarray, ...]
+    base: tuple[np.ndarray, ...]
+    terms: tuple[BaseTerm, ...]
+    _kept: dict = field(default_factory=dict)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return self.target[0].shape[1]
+
+    def without(self, name: str) -> Observations:
+        """Return the observations without the column of a base parameter."""
+        kept = [index for index, term in enumerate(self.terms) if term.name != name]
+        return replace(self, base=tuple(part[..., kept] for part in self.base),
+                       terms=tuple(self.terms[index] for index in kept))
+
+    def effect_rows(self, effect: Effect, shape: Shape) -> tuple[np.ndarray, ...]:
+        """Return the filtered columns (m, J, K) of an effect in each run; computed once."""
+        key = (effect, tuple(sorted(shape.items())))
+        if key not in self._kept:
+            parts = effect.parts(shape)
+            if len(parts) > 1:
+                rows = [self.effect_rows(effect, part) for part in parts]
+                self._kept[key] = tuple(np.concatenate(part, axis=2) for part in zip(*rows))
+            else:
+                self.keep(effect, (shape,))
+        return self._kept[key]
+
+    def keep(self, effect: Effect, shapes: Sequence[Shape]) -> None:
+        """Compute the filtered columns of an effect at many shapes, which is quicker at once."""
+        missing = [shape for shape in shapes
+                   if (effect, tuple(sorted(shape.items()))) not in self._kept]
+        for first in range(0, len(missing), AT_ONCE):
+            some = missing[first:first + AT_ONCE]
+            parts = []
+            for run in self.runs:
+                columns = [effect.columns(run.state, shape) for shape in some]
+                rows = run.rows(np.concatenate(columns, axis=2))
+                parts.append(np.split(rows, len(some), axis=2))
+            for shape, rows in zip(some, zip(*parts)):
+                self._kept[effect, tuple(sorted(shape.items()))] = rows
+
+
+def observe(runs: list[Run], machine: Robot | Axis, rigid_body: str, baseline: Model | None
+            ) -> Observations:
+    """Return the observations of `runs`.
+
+    Args:
+        runs: rows of the logs.
+        machine: geometry and bodies.
+        rigid_body: 'paper' or 'full', where there is no baseline.
+        baseline: model whose rigid body and effects are taken as known; its base parameters are
+            fitted anew.
+    """
+    targets, bases = [], []
+    for run in runs:
+        known = (known_torque(machine, rigid_body, run.state) if baseline is None
+                 else baseline.known_torque(run.state))
+        targets.append(run.tau - run.rows(known))
+        bases.append(run.rows(base_columns(run.state)))
+    return Observations(tuple(runs), tuple(targets), tuple(bases), base_terms(runs[0].state))
+
+
+def with_nominal(observations: Observations, model: Model) -> Observations:
+    """Return the observations with the torque of `model` as nominal torque."""
+    return replace(observations, _kept=lasting(observations._kept), runs=tuple(
+        replace(run, state=replace(run.state, nominal=model.nominal(run.state)))
+        for run in observations.runs))
+
+
+def lasting(kept: dict) -> dict:
+    """Return what of columns kept by effect does not depend on the nominal torque."""
+    return {(source, shape): value for (source, shape), value in kept.items()
+            if not source.needs_nominal}

@@ -1,0 +1,211 @@
+"""Least squares of any set of causes from products of columns that are computed once.
+
+A pool holds the whitened columns of every hypothesis that has been looked at closely. Products of
+all columns with each other and with the target, on the rows to fit and on the rows held out, are
+all that a fit needs and all that its error on rows it has not seen needs. A model, with or without
+one of its causes, on these joints or those, then costs a small linear system.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, Shape
+from par4_identification.diagnosis.evidence.evidence import (
+    Block,
+    Evidence,
+    Fit,
+    Hypothesis,
+    fit_of,
+    prior_weights,
+)
+from par4_identification.diagnosis.evidence.unnamed import Kind
+
+_Layout = tuple[list[np.ndarray], list[np.ndarray], int]
+"""Of each joint, which columns of the pool a model has and where their coefficients are; how many
+coefficients it has."""
+
+ROUNDING = 1e-11
+"""Eigenvalues of the scaled normal equations below which a direction is not told by the data."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A model fitted to the rows to fit.
+
+    Attributes:
+        values: base parameters, then the coefficients of each hypothesis, (c,).
+        fit_squares: whitened squares that it leaves of the rows to fit, with those of its prior.
+        heldout_squares: whitened squares that it leaves of the rows held out.
+    """
+
+    values: np.ndarray
+    fit_squares: float
+    heldout_squares: float
+
+    @property
+    def squares(self) -> tuple[float, float]:
+        """What it leaves of the rows to fit and of those held out."""
+        return self.fit_squares, self.heldout_squares
+
+
+class _Products:
+    """Products of the columns of one part of the data, joint by joint."""
+
+    def __init__(self, evidence: Evidence, origin: np.ndarray) -> None:
+        self.evidence = evidence
+        self._target = evidence.target - evidence.base @ origin
+        self._rows = [slice(first, last) for first, last in zip(evidence.ends, evidence.ends[1:])]
+        self._count = 0
+        self._columns = [np.empty((rows.stop - rows.start, 64)) for rows in self._rows]
+        self.gram = [np.zeros((64, 64)) for _ in self._rows]
+        self.moment = [np.zeros(64) for _ in self._rows]
+        self.square = float(self._target @ self._target)
+        self.add([evidence.base[rows] for rows in self._rows])
+
+    def add(self, columns: Sequence[np.ndarray]) -> slice:
+        """Take columns (n_j, k) of each joint in; return where they are."""
+        first, last = self._count, self._count + columns[0].shape[1]
+        for joint, own in enumerate(columns):
+            self._grow(joint, last)
+            buffer = self._columns[joint]
+            buffer[:, first:last] = own
+            products = buffer[:, :last].T @ own
+            self.gram[joint][:last, first:last] = products
+            self.gram[joint][first:last, :last] = products.T
+            self.moment[joint][first:last] = own.T @ self._target[self._rows[joint]]
+        self._count = last
+        return slice(first, last)
+
+    def _grow(self, joint: int, width: int) -> None:
+        old = self._columns[joint]
+        if width <= old.shape[1]:
+            return
+        size = 2 * width
+        self._columns[joint] = np.empty((len(old), size))
+        self._columns[joint][:, :self._count] = old[:, :self._count]
+        gram, moment = self.gram[joint], self.moment[joint]
+        self.gram[joint] = np.zeros((size, size))
+        self.gram[joint][:self._count, :self._count] = gram[:self._count, :self._count]
+        self.moment[joint] = np.zeros(size)
+        self.moment[joint][:self._count] = moment[:self._count]
+
+
+class Pool:
+    """Fits of any model of hypotheses, by small linear systems.
+
+    Args:
+        evidence: rows to fit.
+        heldout: rows that no fit sees, whitened alike.
+
+    Attributes:
+        torque_squares: whitened squares of the measured torque, of the rows to fit and held out.
+    """
+
+    def __init__(self, evidence: Evidence, heldout: Evidence) -> None:
+        self.evidence, self.heldout = evidence, heldout
+        # products of small numbers: what the base terms alone explain is taken out beforehand
+        origin = np.linalg.lstsq(evidence.base, evidence.target, rcond=None)[0]
+        self._origin = origin
+        self._parts = (_Products(evidence, origin), _Products(heldout, origin))
+        self.torque_squares = tuple(
+            float(np.sum(part.whitened([run.tau for run in part.observations.runs]) ** 2))
+            for part in (evidence, heldout))
+        self._joints = evidence.observations.joints
+        self._base = evidence.base.shape[1]
+        self._places: dict[tuple, slice] = {}
+        self._fits: dict[tuple, Fitted] = {}
+
+    def fit(self, model: Sequence[Hypothesis]) -> Fitted:
+        """Return base terms and hypotheses fitted together; computed once for a set of them."""
+        model = sorted(model, key=lambda item: (item.effect.name, str(item.key[1:])))
+        key = tuple(item.key for item in model)
+        if key not in self._fits:
+            self._fits[key] = self._fit(model)
+        return self._fits[key]
+
+    def solution(self, model: Sequence[Hypothesis]) -> Fit:
+        """Return the same fit with its coefficients apart and their covariance."""
+        gram, moment, scale, _ = self._system(model)
+        values, vectors = _directions(gram)
+        inverse = (vectors / values) @ vectors.T
+        found = inverse @ moment / scale
+        found[:self._base] += self._origin
+        return fit_of(self.evidence, model, found, inverse / np.outer(scale, scale))
+
+    def _fit(self, model: Sequence[Hypothesis]) -> Fitted:
+        gram, moment, scale, layout = self._system(model)
+        values, vectors = _directions(gram)
+        values = vectors @ ((vectors.T @ moment) / values) / scale
+        seen, told = self._assembled(self._parts[1], layout)
+        absolute = values.copy()
+        absolute[:self._base] += self._origin
+        fit, heldout = self._parts
+        return Fitted(
+            absolute, fit.square - float(moment * scale @ values),
+            heldout.square - 2.0 * float(told @ values) + float(values @ seen @ values))
+
+    def _system(self, model: Sequence[Hypothesis]
+                ) -> tuple[np.ndarray, np.ndarray, np.ndarray, _Layout]:
+        """Return the normal equations (c, c), (c,) of a model in columns of the size 1, the sizes
+        (c,), and which columns they have."""
+        layout = self._layout(model)
+        gram, moment = self._assembled(self._parts[0], layout)
+        diagonal = np.arange(len(moment))
+        gram[diagonal, diagonal] += prior_weights(self.evidence, model, len(moment))
+        scale = np.sqrt(np.maximum(gram[diagonal, diagonal], 1e-30))
+        return gram / np.outer(scale, scale), moment / scale, scale, layout
+
+    def _assembled(self, part: _Products, layout: _Layout) -> tuple[np.ndarray, np.ndarray]:
+        """Return products of a model's columns (c, c) and with the target (c,)."""
+        own, positions, size = layout
+        gram, moment = np.zeros((size, size)), np.zeros(size)
+        for joint in range(self._joints):
+            gram[np.ix_(positions[joint], positions[joint])] += part.gram[joint][
+                np.ix_(own[joint], own[joint])]
+            moment[positions[joint]] += part.moment[joint][own[joint]]
+        return gram, moment
+
+    def _layout(self, model: Sequence[Hypothesis]) -> _Layout:
+        """Return which columns of each joint a model has, and where their coefficients are."""
+        own = [[np.arange(self._base)] for _ in range(self._joints)]
+        positions = [[np.arange(self._base)] for _ in range(self._joints)]
+        size = self._base
+        for item in model:
+            columns = self.columns_of(item)
+            width = len(columns)
+            for joint in (range(self._joints) if item.effect.shared else item.joints):
+                own[joint].append(columns)
+                positions[joint].append(np.arange(size, size + width))
+                size += 0 if item.effect.shared else width
+            size += width if item.effect.shared else 0
+        return ([np.concatenate(parts) for parts in own],
+                [np.concatenate(parts) for parts in positions], size)
+
+    def columns_of(self, item: Hypothesis) -> np.ndarray:
+        """Return which columns a hypothesis has; they are taken in where they are not there."""
+        places = [self._place(item.effect, shape) for shape in item.effect.parts(item.shape)]
+        columns = np.concatenate([np.arange(place.start, place.stop) for place in places])
+        return columns[item.columns]
+
+    def _place(self, effect: Effect | Kind, shape: Shape) -> slice:
+        key = (effect, tuple(sorted(shape.items())))
+        if key not in self._places:
+            blocks: list[Block] = [part.evidence.block(effect, shape) for part in self._parts]
+            places = [part.add(block.columns) for part, block in zip(self._parts, blocks)]
+            self._places[key] = places[0]
+        return self._places[key]
+
+    def width(self, item: Hypothesis) -> int:
+        """Return the number of coefficients of a hypothesis."""
+        return len(self.columns_of(item)) * (1 if item.effect.shared else len(item.joints))
+
+
+def _directions(gram: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return eigenvalues (k,) and vectors (c, k) of scaled normal equations, rounding left out."""
+    values, vectors = np.linalg.eigh(gram)
+    kept = values > ROUNDING * values[-1]
+    return values[kept], vectors[:, kept]

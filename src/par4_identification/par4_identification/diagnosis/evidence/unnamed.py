@@ -1,0 +1,297 @@
+"""Unnamed causes: functions of the motion with free coefficients, a kind each.
+
+What no effect of the library explains still acts like something: a force on the platform, a
+function of speed, friction that changes with time. A kind is searched, accepted and tested like an
+effect; its coefficients have a weak prior instead of a meaning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numba
+import numpy as np
+from numpy.polynomial.legendre import legvander
+from scipy.interpolate import BSpline
+
+from par4_dynamics.effects.cogging import HIGHEST_PERIODS, LEAST_TURNS, LOWEST_PERIODS
+from par4_dynamics.effects.effect import Shape
+from par4_dynamics.effects.shifted import shift_columns
+from par4_dynamics.effects.time_rate import time_rate
+from par4_dynamics.state import State
+from par4_identification.diagnosis.evidence.observations import Observations
+
+PRIOR_ROWS = 3.0
+"""Weight of the prior, zero, of a coefficient whose column has the size 1: as that many rows."""
+PERIODS = np.arange(LOWEST_PERIODS, HIGHEST_PERIODS + 1)
+SLIPS = np.geomspace(1e-3, 0.5, 9)
+"""rad: deflections at which the springs of friction with a memory slip."""
+READING_DEGREE = 3
+"""Of the polynomial of a joint's position by which its reading may be wrong."""
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Scales of the fit data, and periods, that make a kind the same function on other data."""
+
+    q: tuple[np.ndarray, np.ndarray]
+    qd: np.ndarray
+    qdd: np.ndarray
+    end: float
+    x: tuple[np.ndarray, np.ndarray] | None
+    xd: np.ndarray | None
+    xdd: np.ndarray | None
+    periods: tuple[tuple[int, ...], ...] = ()
+
+
+def splines(values: np.ndarray, low: np.ndarray, high: np.ndarray, count: int) -> np.ndarray:
+    """Return cubic B-splines (n, J, count) of values (n, J) over low .. high (J,)."""
+    unit = np.clip((values - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
+    knots = np.concatenate(([0.0] * 3, np.linspace(0.0, 1.0, count - 2), [1.0] * 3))
+    flat = BSpline.design_matrix(np.minimum(unit.ravel(), 1.0 - 1e-12), knots, 3).toarray()
+    return flat.reshape(*values.shape, count)
+
+
+def _position(state: State, ranges: Ranges) -> np.ndarray:
+    return splines(state.q, *ranges.q, 10)
+
+
+def _speed(state: State, ranges: Ranges) -> np.ndarray:
+    sign = np.sign(state.qd)
+    slow = [np.exp(-(state.qd / speed) ** 2) * sign for speed in (0.05, 0.15, 0.5)]
+    smooth = splines(np.abs(state.qd), np.zeros_like(ranges.qd), ranges.qd, 6)
+    return np.concatenate((np.stack([*slow, np.ones_like(sign), np.abs(state.qd)], axis=-1),
+                           smooth * sign[..., None]), axis=-1)
+
+
+def _time(state: State, ranges: Ranges) -> np.ndarray:
+    time = np.broadcast_to(state.t[:, None], state.q.shape)
+    return splines(time, np.zeros(state.joints), np.full(state.joints, ranges.end), 6)
+
+
+def _acceleration(state: State, ranges: Ranges) -> np.ndarray:
+    scaled = state.qdd / ranges.qdd
+    bent = [np.sin(state.q) * scaled, np.cos(state.q) * scaled, np.sign(state.qd) * np.abs(scaled),
+            (state.qd / ranges.qd) ** 2 * np.cos(state.q)]
+    return np.stack([scaled, np.abs(scaled), *bent], axis=-1)
+
+
+def _platform(state: State, ranges: Ranges) -> np.ndarray:
+    low, high = ranges.x
+    place = 2.0 * (state.x - low) / np.maximum(high - low, 1e-12) - 1.0
+    speed, acceleration = state.xd / ranges.xd, state.xdd / ranges.xdd
+    parts = [place, speed, acceleration]
+    parts += [acceleration * place[:, [axis]] for axis in range(4)]
+    parts += [speed * speed[:, [axis]] for axis in range(4)]
+    features = np.concatenate(parts, axis=1)
+    return np.broadcast_to(features[:, None, :], (*state.q.shape, features.shape[1]))
+
+
+def _waves(state: State, periods: tuple[tuple[int, ...], ...]) -> np.ndarray:
+    angle = np.array(periods, dtype=float) * state.q[..., None]  # (n, J, k)
+    return np.concatenate((np.sin(angle), np.cos(angle)), axis=-1)
+
+
+def _periodic(state: State, ranges: Ranges) -> np.ndarray:
+    return _waves(state, ranges.periods)
+
+
+def _torque(state: State, ranges: Ranges) -> np.ndarray:
+    return state.nominal.delivered[..., None] * _waves(state, ranges.periods)
+
+
+def _rate(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    # The second rate would do, too, but the noise of encoder counts in it is that of the torque.
+    return time_rate(state, state.nominal.delivered)[..., None]
+
+
+def _reading(state: State, ranges: Ranges) -> np.ndarray:
+    low, high = ranges.q
+    unit = 2.0 * (state.q - low) / np.maximum(high - low, 1e-12) - 1.0
+    errors = legvander(unit, READING_DEGREE)  # (n, J, k) of each joint's own position
+    return np.concatenate([shift_columns(state, errors[..., degree])
+                           for degree in range(READING_DEGREE + 1)], axis=-1)
+
+
+def _load(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    delivered = state.nominal.delivered
+    return np.stack((delivered, np.abs(delivered) * np.sign(state.qd)), axis=-1)
+
+
+def _wrench(state: State, ranges: Ranges) -> np.ndarray:
+    low, high = ranges.x
+    place = 2.0 * (state.x - low) / np.maximum(high - low, 1e-12) - 1.0
+    speed = state.xd / ranges.xd
+    forces = np.stack((np.ones_like(place), place, np.sign(speed), speed, np.abs(speed) * speed))
+    return np.stack([state.torque_of_force(axis * force)
+                     for axis in np.eye(4) for force in forces], axis=-1)
+
+
+def _place(state: State, ranges: Ranges) -> np.ndarray:
+    return splines(state.q, *ranges.q, 20) * np.sign(state.qd)[..., None]
+
+
+def _memory(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    return elastic_slip(np.ascontiguousarray(state.q), SLIPS)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def elastic_slip(q, slips):
+    """Return springs that follow q (n, J) and slip at a deflection, (n, J, k), over that.
+
+    Prandtl's stop operators: their sums make any friction with a memory of the way it came
+    (Maxwell slip, Dahl, Bouc and Wen).
+    """
+    share = np.zeros((*q.shape, len(slips)))
+    for row in range(1, q.shape[0]):
+        for joint in range(q.shape[1]):
+            step = q[row, joint] - q[row - 1, joint]
+            for k in range(len(slips)):
+                moved = share[row - 1, joint, k] + step / slips[k]
+                share[row, joint, k] = min(max(moved, -1.0), 1.0)
+    return share
+
+
+def _drift(state: State, ranges: Ranges) -> np.ndarray:
+    return _time(state, ranges) * np.sign(state.qd)[..., None]
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """A kind of unnamed cause: a sum of columns with free coefficients.
+
+    It stands where an effect stands in a hypothesis, with an empty shape.
+
+    Attributes:
+        name: of the kind, as `diagnosis.json` and tests know it.
+        phrase: what it acts like, in words.
+        function: its columns (n, J, k) of a motion, N m per unit coefficient.
+        ranges: scales that make it the same function on other data.
+        shared: whether a column has one coefficient on all joints.
+        needs_platform: whether only machines with a platform can have it.
+        needs_nominal: whether its columns need the nominal torque.
+        left_by_filters: whether sampling and filters leave some of it in every record, so that it
+            counts only where it explains most of what is left.
+    """
+
+    name: str
+    phrase: str
+    function: Callable[[State, Ranges], np.ndarray]
+    ranges: Ranges | None = None
+    shared: bool = False
+    separable: ClassVar[tuple[tuple[int, ...], ...]] = ()
+    needs_platform: bool = False
+    needs_nominal: bool = False
+    left_by_filters: bool = False
+
+    def parts(self, shape: Shape) -> tuple[Shape, ...]:
+        """Return its one shape: a kind has no parts."""
+        return (shape,)
+
+    def columns(self, state: State, shape: Shape) -> np.ndarray:  # noqa: ARG002
+        """Return its columns (n, J, k)."""
+        return np.ascontiguousarray(self.function(state, self.ranges))
+
+
+KINDS = (
+    Kind('position', 'a smooth function of joint position', _position),
+    Kind('speed', 'a function of joint speed', _speed),
+    Kind('time', 'a drift over time', _time),
+    Kind('acceleration', 'a function of joint acceleration', _acceleration),
+    Kind('platform', 'a function of the pose and motion of the platform', _platform,
+         needs_platform=True),
+    Kind('periodic', 'a periodic function of joint position', _periodic),
+    Kind('torque', 'the torque itself times a periodic function of joint position', _torque,
+         needs_nominal=True),
+    Kind('rate', 'the rate of the torque, as of one read at another time', _rate,
+         needs_nominal=True, left_by_filters=True),
+    Kind('reading', 'an error of the joint positions as they are read', _reading, shared=True,
+         needs_platform=True, needs_nominal=True),
+    Kind('load', 'a share of the torque itself', _load, needs_nominal=True),
+    Kind('wrench', 'a force on the platform that follows its position and speed', _wrench,
+         shared=True, needs_platform=True),
+    Kind('drift', 'friction that changes with time', _drift),
+    Kind('place', 'friction that changes with joint position', _place),
+    Kind('memory', 'friction that remembers the way the joint came', _memory))
+
+
+class Kinds:
+    """The kinds that a machine can have, scaled to its motion.
+
+    A kind is the same object as long as its periods are, so that its columns are made once.
+
+    Args:
+        observations: the rows to fit.
+    """
+
+    def __init__(self, observations: Observations) -> None:
+        self._ranges = ranges_of(observations)
+        self._made: dict[tuple, Kind] = {}
+
+    def beside(self, observations: Observations, left: Sequence[np.ndarray]) -> tuple[Kind, ...]:
+        """Return the kinds beside causes that are known.
+
+        Args:
+            observations: the rows to fit.
+            left: what the known causes leave of them, (m, J) of each run, N m; its strongest
+                periods are those of the periodic kinds.
+        """
+        low, high = self._ranges.q
+        load = [run.rows(run.state.nominal.delivered) * part
+                for run, part in zip(observations.runs, left)]
+        periods = {_periodic: _strongest_periods(observations, left, high - low),
+                   _torque: _strongest_periods(observations, load, high - low)}
+        return tuple(self._kind(kind, periods.get(kind.function, ())) for kind in KINDS
+                     if self._ranges.x is not None or not kind.needs_platform)
+
+    def _kind(self, kind: Kind, periods: tuple[tuple[int, ...], ...]) -> Kind:
+        key = kind.name, periods
+        if key not in self._made:
+            self._made[key] = replace(kind, ranges=replace(self._ranges, periods=periods))
+        return self._made[key]
+
+
+def ranges_of(observations: Observations) -> Ranges:
+    """Return the scales of fit data, without periods."""
+    states = [run.state for run in observations.runs]
+
+    def largest(name):
+        return np.maximum(np.max([np.abs(getattr(state, name)).max(axis=0) for state in states],
+                                 axis=0), 1e-9)
+
+    def span(name):
+        return (np.min([getattr(state, name).min(axis=0) for state in states], axis=0),
+                np.max([getattr(state, name).max(axis=0) for state in states], axis=0))
+
+    platform = states[0].x is not None
+    return Ranges(
+        span('q'), largest('qd'), largest('qdd'), float(max(state.t[-1] for state in states)),
+        span('x') if platform else None, largest('xd') if platform else None,
+        largest('xdd') if platform else None)
+
+
+def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], span: np.ndarray
+                       ) -> tuple[tuple[int, ...], ...]:
+    chosen = []
+    for joint in range(observations.joints):
+        q = np.concatenate([run.q[:, joint] for run in observations.runs])
+        residual = np.concatenate([np.where(run.valid[:, joint], part[:, joint], 0.0)
+                                   for run, part in zip(observations.runs, left)])
+        power = _powers(np.exp(1j * q), residual, PERIODS[0], len(PERIODS))
+        power[PERIODS * span[joint] < LEAST_TURNS * 2.0 * np.pi] = 0.0
+        chosen.append(tuple(int(period) for period in PERIODS[np.argsort(-power)[:4]]))
+    return tuple(chosen)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _powers(phasor, values, first, count):
+    """Return |sum_n values_n phasor_n^k| for k = first, first + 1, ... (count,)."""
+    total = np.zeros(count, np.complex128)
+    for row in range(len(values)):
+        power = values[row] * phasor[row] ** first
+        for k in range(count):
+            total[k] += power
+            power *= phasor[row]
+    return np.abs(total)

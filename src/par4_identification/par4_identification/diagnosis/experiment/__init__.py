@@ -1,0 +1,1 @@
+"""The motion that would tell apart what the data cannot."""

@@ -1,0 +1,96 @@
+"""The data gate: what makes data unfit for a diagnosis, before any model is blamed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.fitting.identification import Identification
+from par4_identification.signals.rows import Run
+
+LEAST_ROWS = 200
+WORST_ERROR = 0.6
+WORST_STD = 0.3
+
+
+def unusable(observations: Observations, identification: Identification,
+             target: Sequence[np.ndarray] | None = None) -> list[str]:
+    """Return why the data cannot carry a diagnosis, each with what to do; empty if they can.
+
+    Args:
+        observations: rows to fit.
+        identification: their base parameters.
+        target: what these were fitted to, (m, J) of each run, where that is less than the torque
+            because the rest is known to be bound to the position.
+    """
+    reasons, runs = [], observations.runs
+    rows = sum(run.valid.sum(axis=0) for run in runs)
+    for joint in np.flatnonzero(rows < LEAST_ROWS):
+        reasons.append(f'joint {joint} moves in only {rows[joint]} rows, {LEAST_ROWS} are needed; '
+                       f'record a longer motion of all joints')
+    estimate = identification.estimate
+    values = {term.name: (value, std) for term, value, std in
+              zip(identification.terms, estimate.values, estimate.std)}
+    friction = values['coulomb_friction'][0] + 0.5 * values['viscous_friction'][0]
+    if friction < 0:
+        reasons.append('friction comes out driving the joints instead of braking them; check the '
+                       'sign of torque and position')
+    bound = target is not None
+    error = _error_beside(observations, identification) if bound else estimate.relative_error
+    if error > WORST_ERROR and (bound or _error_in_motion(observations) > WORST_ERROR):
+        reasons.append(f'the rigid bodies explain only {1 - error:.0%} of the '
+                       f'torque; check order, sign and zero of the joints, the gains and the '
+                       f'robot file')
+    for term in identification.terms:
+        # a lag of the drives can turn the slope of friction over; together it must brake, see above
+        friction_term = term.name in ('coulomb_friction', 'viscous_friction')
+        value, std = values[term.name]
+        if term.nonnegative and not friction_term and value < -5.0 * std:
+            reasons.append(f'{term.name} comes out as {value:.3g} {term.unit}; check order and '
+                           f'sign of the joints')
+        if term.name == 'actuator_inertia' and std > WORST_STD * abs(value):
+            reasons.append(f'the motion does not excite {term.name} (standard deviation '
+                           f'{std / max(abs(value), 1e-12):.0%}); record faster motions')
+    return reasons
+
+
+def _error_beside(observations: Observations, identification: Identification) -> float:
+    """Return what base terms and a torque bound to the position leave, over all torque."""
+    rows = sum(int(run.valid.sum()) for run in observations.runs)
+    power = sum(float(np.sum(np.where(run.valid, target, 0.0) ** 2))
+                for run, target in zip(observations.runs, observations.target))
+    left = float(np.sqrt(np.mean(identification.estimate.rms ** 2)))
+    return left / max(np.sqrt(power / max(rows, 1)), 1e-30)
+
+
+def _error_in_motion(observations: Observations) -> float:
+    """Return the relative error of the base terms where no load of the pose alone counts.
+
+    What a quadratic function of the joint positions explains is taken out of torque and columns: a
+    strong spring is a cause to be named, not a reason to doubt the bodies.
+    """
+    target, base = [], []
+    for joint in range(observations.joints):
+        valid = [run.valid[:, joint] for run in observations.runs]
+        static = np.concatenate([_quadratic(run)[rows]
+                                 for run, rows in zip(observations.runs, valid)])
+        both = np.concatenate([
+            np.column_stack((tau[rows, joint], columns[rows, joint]))
+            for tau, columns, rows in zip(observations.target, observations.base, valid)])
+        basis = np.linalg.qr(static)[0]
+        both = both - basis @ (basis.T @ both)
+        target.append(both[:, 0])
+        base.append(both[:, 1:])
+    tau, columns = np.concatenate(target), np.concatenate(base)
+    left = tau - columns @ np.linalg.lstsq(columns, tau, rcond=None)[0]
+    return float(np.linalg.norm(left) / max(np.linalg.norm(tau), 1e-30))
+
+
+def _quadratic(run: Run) -> np.ndarray:
+    """Return 1, the joint positions and their products at the rows, (m, k)."""
+    products = [run.q[:, one] * run.q[:, two]
+                for one, two in combinations_with_replacement(range(run.q.shape[1]), 2)]
+    return np.column_stack((np.ones(len(run.q)), run.q, *products))

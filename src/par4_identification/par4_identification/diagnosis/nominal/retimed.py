@@ -1,0 +1,63 @@
+"""The nominal torque where most of the error is that it is read at another time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.effects.effect import Effect
+from par4_dynamics.model import Model, build_model
+from par4_dynamics.model_file import ModelFile
+from par4_identification.diagnosis.evidence.evidence import (
+    Hypothesis,
+    flat_whitener,
+    gather,
+    project,
+    solve,
+)
+from par4_identification.diagnosis.evidence.extended import extended_model
+from par4_identification.diagnosis.evidence.observations import Observations, with_nominal
+from par4_identification.diagnosis.search.shapes import EXPANSIONS
+from par4_kinematics.robot import Axis, Robot
+
+AGREED = 4
+"""Times that base parameters and a time of the torque are fitted in turn."""
+RETIMED = 0.5
+"""Most of the base model's squared error that a torque of another time may leave, to be taken as
+the nominal one."""
+
+
+def beside_retimed(base_model: Model, observations: Observations, machine: Robot | Axis,
+                    baseline: ModelFile | None, rigid_body: str,
+                    sigma: np.ndarray, library: Mapping[str, Effect]) -> Model:
+    """Return the model fitted beside a torque read at another time, where that explains most.
+
+    Such an effect is bilinear: its column is the rate of the torque of the base parameters, which
+    without it come out wrong in first order. Both are fitted in turn until they agree.
+    """
+    everywhere = tuple(range(observations.joints))
+    whitener = flat_whitener(observations, sigma)
+    best = base_model
+    before = project(gather(observations, whitener), []).residual
+    least = RETIMED * float(before @ before)
+    for effect in library.values():
+        if not effect.retimes:
+            continue
+        time = effect.parameters[0].name
+        model, hypothesis = base_model, Hypothesis(effect, effect.shape_of({time: 0.0}), everywhere)
+        for _ in range(AGREED):
+            evidence = gather(with_nominal(observations, model), whitener)
+            for _ in range(EXPANSIONS if effect.expanded else 1):
+                fit = solve(evidence, [hypothesis])
+                hypothesis = replace(hypothesis, shape=effect.shape_of(
+                    {time: fit.coefficients[0][0, 0]}))
+            fit = solve(evidence, [hypothesis])
+            model = build_model(machine, extended_model(
+                baseline, rigid_body, evidence, [hypothesis], fit), {**CATALOGUE, **library})
+        left = project(evidence, [hypothesis]).residual
+        if left @ left < least:
+            best, least = model, left @ left
+    return best

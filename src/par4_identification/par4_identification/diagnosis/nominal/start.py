@@ -1,0 +1,124 @@
+"""The base parameters that a diagnosis starts from, or what makes the data unfit for one.
+
+A Par4 must show all its base parameters. An axis may be any machine: where the bodies alone do
+not explain enough of its torque, it is looked at again beside a torque that is periodic in its
+position, and an inertia that its motion does not show is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from par4_dynamics.effects.cogging import Cogging
+from par4_identification.diagnosis.evidence.evidence import (
+    Hypothesis,
+    flat_whitener,
+    gather,
+    project,
+    residuals,
+    solve,
+)
+from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.nominal.gate import WORST_STD, unusable
+from par4_identification.diagnosis.search.orders import best_orders
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.shapes import shapes_of
+from par4_identification.fitting.identification import Identification, identify_runs
+from par4_kinematics.errors import InputError
+
+INERTIA = 'actuator_inertia'
+STRONGER = 2.0
+"""Acceleration over that which all but a hundredth of the rows to fit stay below, up to which a
+model without inertia is held against rows."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a diagnosis starts.
+
+    Attributes:
+        observations: rows to fit, perhaps without the column of a parameter they do not show.
+        identification: base parameters; None where they cannot be told at all.
+        left_out: parameters that the motion does not show.
+        reasons: why the data are unfit, each with what to do; empty where they are fit.
+        bound: whether most of the torque is periodic in the position.
+    """
+
+    observations: Observations
+    identification: Identification | None
+    left_out: tuple[str, ...]
+    reasons: tuple[str, ...]
+    bound: bool = False
+
+
+def start_of(observations: Observations, rigid_body: str, rules: Rules) -> Start:
+    """Return where a diagnosis of these rows starts."""
+    start = _start(observations, None, rigid_body)
+    if not start.reasons or observations.runs[0].state.geometry is not None:
+        return start
+    for bound in (False, True):
+        target = _without_periodic(observations, rules) if bound else None
+        again = _start(observations, target, rigid_body)
+        if again.reasons and _hides_inertia(again):
+            again = _start(observations.without(INERTIA), target, rigid_body, (INERTIA,))
+        if not again.reasons:
+            return replace(again, bound=bound)
+    return start
+
+
+def alike(heldout: Observations, observations: Observations) -> Observations:
+    """Return rows held out of which only those count that accelerate as the rows to fit do.
+
+    A model without inertia says nothing of stronger accelerations.
+    """
+    most = STRONGER * max(float(np.quantile(np.abs(run.rows(run.state.qdd)[run.valid]), 0.99))
+                          for run in observations.runs if run.valid.any())
+    return replace(heldout, runs=tuple(
+        replace(run, valid=run.valid & (np.abs(run.rows(run.state.qdd)) <= most))
+        for run in heldout.runs))
+
+
+def _start(observations: Observations, target: Sequence[np.ndarray] | None, rigid_body: str,
+           left_out: tuple[str, ...] = ()) -> Start:
+    """Return where a diagnosis starts that fits the base terms to `target`, by default all."""
+    try:
+        identification = identify_runs(
+            observations.runs, observations.target if target is None else target,
+            observations.base, rigid_body, terms=observations.terms)
+    except InputError as error:
+        return Start(observations, None, left_out, (str(error),))
+    return Start(observations, identification, left_out,
+                 tuple(unusable(observations, identification, target)))
+
+
+def _hides_inertia(start: Start) -> bool:
+    """Return whether the motion does not tell the inertia, or tells one that none can have."""
+    if start.identification is None:
+        return True
+    estimate = start.identification.estimate
+    names = [term.name for term in start.identification.terms]
+    value, std = (part[names.index(INERTIA)] for part in (estimate.values, estimate.std))
+    return value < 0.0 or std > WORST_STD * abs(value)
+
+
+def _without_periodic(observations: Observations, rules: Rules) -> tuple[np.ndarray, ...]:
+    """Return the target (m, J) of each run without the strongest torque periodic in position."""
+    squares = sum(np.sum(np.where(run.valid, target, 0.0) ** 2, axis=0)
+                  for run, target in zip(observations.runs, observations.target))
+    rows = sum(run.valid.sum(axis=0) for run in observations.runs)
+    sigma = np.sqrt(squares / np.maximum(rows, 1))
+    evidence = gather(observations, flat_whitener(observations, np.maximum(sigma, 1e-30)))
+    effect = Cogging()
+    shapes = shapes_of(observations, effect)
+    if not shapes:
+        return observations.target
+    shape, _ = best_orders(effect, shapes, project(evidence, ()), rules)
+    model = (Hypothesis(effect, shape, tuple(range(observations.joints))),)
+    fit = solve(evidence, model)
+    left, whole = (residuals(observations, part, own) for part, own in (
+        (model, fit), ((), fit)))
+    return tuple(target - (without - rest) for target, without, rest in zip(
+        observations.target, whole, left))

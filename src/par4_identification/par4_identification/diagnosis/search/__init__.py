@@ -1,0 +1,1 @@
+"""The search for causes: shapes, candidates, and what a cause must gain."""

@@ -1,0 +1,119 @@
+"""The best shape of each effect beside a model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect
+from par4_dynamics.effects.elastic_transmission import ElasticTransmission
+from par4_identification.diagnosis.evidence.evidence import Evidence, Hypothesis, Projection
+from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.search.orders import best_orders
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.shapes import (
+    best_shape,
+    order_name,
+    self_consistent,
+    shapes_of,
+)
+from par4_identification.diagnosis.search.swing import GRID, compliances
+
+ONE_WAY = 0.1
+"""Share of the travel that must go either way for a difference between the directions to show."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """The best shape of one effect beside a model, on all joints.
+
+    Attributes:
+        hypothesis: the effect with that shape.
+        gain: in log-likelihood on the rows to fit.
+        tried: number of shapes.
+    """
+
+    hypothesis: Hypothesis
+    gain: float
+    tried: int
+
+
+class Candidates:
+    """Searches the shapes of every effect of a library on the rows to fit.
+
+    Args:
+        library: effects that may be named.
+        evidence: whitened rows to fit.
+        rules: `Rules.evidence` tells where a dear search is worth its time.
+
+    Attributes:
+        family: number of effects and shapes that are tried.
+    """
+
+    def __init__(self, library: Mapping[str, Effect], evidence: Evidence, rules: Rules) -> None:
+        self.library = library
+        self._rules = rules
+        self._joints = tuple(range(evidence.observations.joints))
+        self._shapes = {name: shapes_of(evidence.observations, effect)
+                        for name, effect in library.items()
+                        if not effect.needs_both_ways or goes_both_ways(evidence.observations)}
+        self._searched: dict[tuple, Candidate | None] = {}
+        self.family = sum(len(shapes) for shapes in self._shapes.values())
+
+    def best(self, effect: Effect, projection: Projection) -> Candidate | None:
+        """Return the best shape of an effect beside a projection; searched once."""
+        key = (effect, frozenset(item.key for item in projection.hypotheses))
+        if key not in self._searched:
+            self._searched[key] = self._search(effect, projection)
+        return self._searched[key]
+
+    def all_of(self, projection: Projection, without: set[str]) -> list[Candidate]:
+        """Return the best shape of each effect that is not among the names `without`."""
+        found = [self.best(effect, projection) for name, effect in self.library.items()
+                 if name not in without]
+        return [item for item in found if item is not None]
+
+    def _search(self, effect: Effect, projection: Projection) -> Candidate | None:
+        if isinstance(effect, ElasticTransmission):
+            return self._twisting(effect, projection)
+        shapes = self._shapes.get(effect.name)
+        if not shapes:
+            return None
+
+        if order_name(effect) is not None:
+            shape, best = best_orders(effect, shapes, projection, self._rules)
+        else:
+            shape, best = best_shape(effect, shapes, partial(projection.gains, effect))
+        if effect.expanded:
+            shape = self_consistent(projection, effect, shape)
+            best = projection.gain(effect, shape)
+        return Candidate(Hypothesis(effect, shape, self._joints), 0.5 * best, len(shapes))
+
+    def _twisting(self, effect: ElasticTransmission, projection: Projection) -> Candidate | None:
+        """Return the transmissions that twist most like the residual, if any do.
+
+        They are looked for only where the first order of a twist explains something.
+        """
+        if 0.5 * projection.gain(effect, {}) < self._rules.evidence:
+            return None
+        found = compliances(projection, 2.0 * self._rules.evidence)
+        if found is None:
+            return None
+        compliance, squares = found
+        hypothesis = Hypothesis(effect, effect.expansion(compliance), self._joints)
+        return Candidate(hypothesis, 0.5 * squares, len(GRID) * len(compliance))
+
+
+def goes_both_ways(observations: Observations) -> bool:
+    """Return whether a joint travels both ways, not only jerks back now and then."""
+    forward, backward = (sum(np.sum(np.where(run.valid, np.maximum(side * run.speed, 0.0), 0.0),
+                                    axis=0) for run in observations.runs) for side in (1.0, -1.0))
+    return bool(np.any(np.minimum(forward, backward) > ONE_WAY * (forward + backward)))
+
+
+def price_of_shapes(candidate: Candidate) -> float:
+    """Return the log-likelihood that the best of so many shapes has by chance."""
+    return float(np.log(max(candidate.tried, 1)))

@@ -1,0 +1,122 @@
+"""Effects that read the torque at another time are alike to first order: the second tells them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from par4_dynamics.effects.time_rate import time_rate
+from par4_dynamics.model import Model
+from par4_dynamics.state import State, state_of_joints
+from par4_identification.diagnosis.evidence.evidence import Evidence, Hypothesis, Projection, spread
+from par4_identification.diagnosis.evidence.observations import Observations, with_nominal
+from par4_identification.signals.filtering import central_difference, low_pass, second_difference
+from par4_identification.signals.rows import Run
+from par4_kinematics.robot import Axis, Robot
+
+DRAWS = 4
+"""Of the noise of counts, whose squares are then known to a few percent."""
+WRONG = 0.5
+"""Share of T^2 / 2, by which a lag T and a delay T differ, from which on the law is another."""
+TOLD = 0.5
+"""Least share of the second order's squares that must not be noise of counts, to be judged."""
+SURE = 10.0
+"""Log-likelihood of a second order that is no chance."""
+
+
+@dataclass(frozen=True)
+class Dithered:
+    """Motions as encoders could have told them that count otherwise.
+
+    Positions in counts give the model's torque a noise e, and its rate de/dt. Least squares would
+    hold it against a lag that it amplifies e, and favour a delay, which only moves it; the squares
+    of that noise are therefore taken out of the squares.
+
+    Attributes:
+        draws: the observations, with other positions; none where the counts are not known.
+    """
+
+    draws: tuple[Observations, ...] = ()
+
+    def with_nominal(self, model: Model) -> Dithered:
+        """Return the motions with the torque of `model` as nominal torque."""
+        return Dithered(tuple(with_nominal(draw, model) for draw in self.draws))
+
+    def obeys(self, projection: Projection, hypothesis: Hypothesis, time: float,
+              inflation: float = 1.0) -> bool:
+        """Return whether a torque read `time` (s) away has the second order of that effect.
+
+        Beside the effect's own column that of d2(torque)/dt2 is free. Its coefficient is 0 for the
+        true effect; a lag in place of a delay, or the reverse, gives +-time^2 / 2. Without draws
+        nothing is held against the effect. `inflation` of the variances, by what the model may get
+        wrong, asks the same of the second order (`Requirement.inflation`).
+        """
+        if not self.draws:
+            return True
+        evidence = projection.evidence
+        columns = _stacked(evidence, [run.rows(_orders(hypothesis)(run.state))
+                                      for run in evidence.observations.runs])
+        columns = projection.rest(columns)
+        gram, moment = columns.T @ columns, columns.T @ projection.residual
+        told = gram[1, 1]
+        for torque, orders in zip(self._noise(evidence, _delivered),
+                                  self._noise(evidence, _orders(hypothesis))):
+            gram = gram - orders.T @ orders / len(self.draws)
+            moment = moment + orders.T @ torque[:, 0] / len(self.draws)
+        if gram[1, 1] < TOLD * told:
+            return True
+        both = np.linalg.solve(gram, moment)
+        gain = 0.5 * float(both @ moment - moment[0] ** 2 / gram[0, 0])
+        return gain < inflation * SURE or abs(both[1]) < WRONG * 0.5 * time ** 2
+
+    def _noise(self, evidence: Evidence, function: Callable[[State], np.ndarray]
+               ) -> list[np.ndarray]:
+        """Return the change of `function`, (n, J, K) of a state, in each draw, whitened (N, K)."""
+        runs = evidence.observations.runs
+        told = [function(run.state) for run in runs]
+        return [_stacked(evidence, [run.rows(function(moved.state) - own)
+                                    for run, moved, own in zip(runs, draw.runs, told)])
+                for draw in self.draws]
+
+
+def dithered(observations: Observations, machine: Robot | Axis, seed: int = 0) -> Dithered:
+    """Return motions whose positions differ by the noise of the machine's encoder counts."""
+    counts = machine.drives.encoder_counts if isinstance(machine, Robot) else 0
+    random = np.random.default_rng(seed)
+    return Dithered(tuple(
+        replace(observations, _kept={}, runs=tuple(
+            replace(run, state=dithered_state(run, run.state, counts, random))
+            for run in observations.runs))
+        for _ in range(DRAWS if counts else 0)))
+
+
+def dithered_state(run: Run, state: State, counts: int, random: np.random.Generator) -> State:
+    """Return a motion of `run` whose positions are up to half a count elsewhere, as filtered."""
+    period = float(state.t[1] - state.t[0])
+    dither = low_pass(random.uniform(-0.5, 0.5, state.q.shape) * (2.0 * np.pi / counts),
+                      run.conditioning.position_cutoff_hz, period)
+    return state_of_joints(state.geometry, state.t, state.q + dither,
+                           state.qd + central_difference(dither, period),
+                           state.qdd + second_difference(dither, period))
+
+
+def _delivered(state: State) -> np.ndarray:
+    return state.nominal.delivered[..., None]
+
+
+def _orders(hypothesis: Hypothesis) -> Callable[[State], np.ndarray]:
+    """Return the columns of an effect and of the second rate of the torque, (n, J, 2)."""
+
+    def columns(state: State) -> np.ndarray:
+        bend = time_rate(state, time_rate(state, state.nominal.delivered))
+        return np.concatenate((hypothesis.effect.columns(state, hypothesis.shape),
+                               bend[..., None]), axis=2)
+
+    return columns
+
+
+def _stacked(evidence: Evidence, rows: list[np.ndarray]) -> np.ndarray:
+    joints = tuple(range(evidence.observations.joints))
+    return spread(evidence.whitener.whiten(rows), joints, shared=True)

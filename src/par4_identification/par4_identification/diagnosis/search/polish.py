@@ -1,0 +1,69 @@
+"""Shapes of causes moved from the grid on which they were sought to where they fit best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from par4_identification.diagnosis.evidence.estimates import shape_knobs, shape_slopes, turned
+from par4_identification.diagnosis.evidence.evidence import Hypothesis
+from par4_identification.diagnosis.evidence.pool import Pool
+from par4_identification.diagnosis.search.search import Model, named_of, others_of
+from par4_identification.diagnosis.search.shapes import order_name
+
+STEPS = 4
+"""Steps of Gauss and Newton; the grid is at most a few percent off."""
+LARGEST = 0.15
+"""Step over the size of a number; the last step of the search on the grid is smaller."""
+SMALL = 0.05
+"""Step over its own standard deviation that is not worth taking."""
+
+
+def polished(pool: Pool, model: Sequence[Hypothesis], price: float) -> Model:
+    """Return a model whose shapes are where the rows to fit have them.
+
+    The search tries shapes on a grid. What it gives is off by up to half a step of that, which may
+    be many standard deviations of a strong cause. Orders of periodic torques stay whole numbers,
+    and a shape that has its default value keeps it unless `price`, a log-likelihood, is gained.
+    """
+    model = tuple(model)
+    for item in named_of(model):
+        if order_name(item.effect) is None and shape_knobs(item):
+            moved = _with_best_shape(pool, model, item)
+            gain = 0.5 * (pool.fit(model).fit_squares - pool.fit(moved).fit_squares)
+            if gain > (price if _is_usual(item) else 0.0):
+                model = moved
+    return model
+
+
+def _with_best_shape(pool: Pool, model: Model, item: Hypothesis) -> Model:
+    for _ in range(STEPS):
+        others, knobs = others_of(model, item), shape_knobs(item)
+        fit = pool.solution((*others, item))
+        slope = shape_slopes(pool.evidence, item, fit.coefficients[-1], knobs)
+        design = pool.evidence.design((*others, item))
+        inside = design.T @ slope
+        curvature = slope.T @ slope - inside.T @ (fit.covariance @ inside)
+        inverse = np.linalg.pinv(curvature, rcond=1e-9, hermitian=True)
+        left = pool.evidence.left((*others, item), fit)
+        step = inverse @ (slope.T @ left - inside.T @ (fit.covariance @ (design.T @ left)))
+        if np.all(np.abs(step) < SMALL * np.sqrt(np.maximum(np.diag(inverse), 0.0))):
+            break
+        moved = item
+        for knob, part in zip(knobs, step):
+            size = LARGEST * abs(moved.shape[knob[0]])
+            moved = replace(moved, shape=turned(moved.shape, knob,
+                                                float(np.clip(part, -size, size))))
+        trial = tuple(moved if other is item else other for other in model)
+        if pool.fit(trial).fit_squares >= pool.fit(model).fit_squares:
+            break
+        model, item = trial, moved
+    return model
+
+
+def _is_usual(item: Hypothesis) -> bool:
+    """Return whether all numbers of a shape have their defaults, such as a power of two."""
+    return all(parameter.default == item.shape[parameter.name]
+               for parameter in item.effect.parameters if parameter.name in item.shape)

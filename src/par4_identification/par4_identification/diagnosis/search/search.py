@@ -1,0 +1,468 @@
+"""The search for causes: names first, then what is unnamed, each tested again beside the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from par4_dynamics.effects.effect import CERTAIN
+from par4_identification.diagnosis.evidence.estimates import estimated
+from par4_identification.diagnosis.evidence.evidence import (
+    Fit,
+    Hypothesis,
+    project,
+    residuals,
+)
+from par4_identification.diagnosis.evidence.pool import Fitted, Pool
+from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
+from par4_identification.diagnosis.search.candidates import Candidate, Candidates, price_of_shapes
+from par4_identification.diagnosis.search.law import Dithered
+from par4_identification.diagnosis.search.requirement import Requirement, requirement_of
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.shapes import order_name
+
+Model = tuple[Hypothesis, ...]
+"""Causes, named and unnamed, that stand beside the base terms."""
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """A candidate that was looked at closely, and why it is no cause."""
+
+    label: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Rival:
+    """What could stand in a cause's place.
+
+    Attributes:
+        hypothesis: a name or an unnamed cause; None for nothing at all.
+        margin: log-likelihood on rows that no fit has seen, of the cause over this.
+        fit_margin: the same on the rows to fit.
+        believable: whether it is a name whose values and law could be real.
+    """
+
+    hypothesis: Hypothesis | None
+    margin: float
+    fit_margin: float
+    believable: bool
+
+
+@dataclass
+class Journal:
+    """What was looked at closely and is no cause, in the order in which it happened."""
+
+    rejected: list[Rejected] = field(default_factory=list)
+
+    def reject(self, hypothesis: Hypothesis, reason: str) -> None:
+        """Note why a hypothesis is no cause."""
+        self.rejected.append(Rejected(hypothesis.label, reason))
+
+
+class Search:
+    """Finds the causes that rows to fit suggest and rows held out confirm.
+
+    Args:
+        candidates: the library.
+        pool: fits.
+        rules: what a cause must show.
+        dithered: what encoder counts may have made of the motion.
+        kinds: of unnamed causes.
+    """
+
+    def __init__(self, candidates: Candidates, pool: Pool, rules: Rules, dithered: Dithered,
+                 kinds: Kinds) -> None:
+        self.candidates = candidates
+        self.pool = pool
+        self.rules = rules
+        self.journal = Journal()
+        self._dithered = dithered
+        self._joints = tuple(range(pool.evidence.observations.joints))
+        self._all_kinds = kinds
+        self._kinds: tuple[Kind, ...] = ()
+
+    def run(self, start: Model = ()) -> Model:
+        """Return the causes, from those of an earlier search on."""
+        model = self.tested(start)
+        visited: set[frozenset[str]] = {names_of(model)}
+        refused: set[str] = set()
+        while True:
+            grown = self._with_a_name(model, refused) or self._with_unnamed(model, refused)
+            swapped = None if grown else self._with_a_swap(model, visited)
+            if not (grown or swapped):
+                return model
+            trial = self.tested(grown or swapped)
+            known = names_of(trial) in visited
+            visited.add(names_of(trial))
+            if swapped:  # noted even if it comes to nothing, or it would be tried for ever
+                visited.add(names_of(swapped))
+            if known or not self._does_as_well(trial, model):
+                refused |= names_of(grown or ()) - names_of(model)
+                continue
+            model = trial
+            refused.clear()  # beside other causes a candidate may look better
+
+    def _does_as_well(self, trial: Model, model: Model) -> bool:
+        """Return whether what a step leads to explains what the model explains that it came from.
+
+        A cause that makes others needless may lose as much as chance makes of each of them.
+        """
+        dropped = len(names_of(model) - names_of(trial))
+        loss = 0.5 * (sum(self.pool.fit(trial).squares) - sum(self.pool.fit(model).squares))
+        return loss < dropped * (self.rules.evidence + self.rules.margin)
+
+    def _with_a_name(self, model: Model, refused: set[str]) -> Model | None:
+        """Return the model with the most likely name that can be confirmed."""
+        projection = project(self.pool.evidence, model)
+        found = [item for item in self.candidates.all_of(projection, {*names_of(model), *refused})
+                 if item.gain > self.rules.evidence]
+        trimmed: dict[str, tuple[float, Hypothesis]] = {}
+        while found:
+            # no score exceeds the gain on all joints
+            most = 0.0
+            for item in sorted(found, key=lambda item: -item.gain):
+                if item.gain <= most:
+                    break
+                name = item.hypothesis.effect.name
+                if name not in trimmed:
+                    trimmed[name] = self._trimmed(item, model)
+                most = max(most, trimmed[name][0])
+            if most <= 0.0:
+                return None
+            # of equals the first of the library, which is the simplest
+            candidate = next(item for item in found if trimmed.get(
+                item.hypothesis.effect.name, (0.0,))[0] > most - self.rules.equal)
+            found.remove(candidate)
+            hypothesis = trimmed[candidate.hypothesis.effect.name][1]
+            if self._is_confirmed(hypothesis, model):
+                return (*model, hypothesis)
+            refused.add(hypothesis.effect.name)
+        return None
+
+    def _trimmed(self, candidate: Candidate, model: Model) -> tuple[float, Hypothesis]:
+        """Return a candidate with what it needs, and its log-likelihood less what chance gives.
+
+        So many coefficients, and the best of so many shapes, gain something by chance.
+        """
+        hypothesis = self.with_needed_joints(candidate.hypothesis, model)
+        coefficients = len(hypothesis.shape) + self.pool.width(hypothesis)
+        chance = 0.5 * coefficients * float(np.log(self.pool.evidence.rows))
+        return (self.gains(hypothesis, model)[0] - chance - price_of_shapes(candidate), hypothesis)
+
+    def _with_unnamed(self, model: Model, refused: set[str]) -> Model | None:
+        """Return the model with the unnamed cause that rows held out know best, if any do."""
+        left = residuals(self.pool.evidence.observations, model, self.pool.solution(model))
+        here = self.pool.fit(model)
+        self._kinds = self._all_kinds.beside(self.pool.evidence.observations, left)
+        found = []
+        for kind in self._kinds:
+            if kind.name in names_of(model) | refused:
+                continue
+            hypothesis = Hypothesis(kind, {}, self._joints)
+            there = self.pool.fit((*model, hypothesis))
+            gain = 0.5 * (here.heldout_squares - there.heldout_squares)
+            if kind.left_by_filters and gain < 0.25 * here.heldout_squares:
+                continue
+            found.append((gain, hypothesis))
+        if not found:
+            return None
+        gain, hypothesis = max(found, key=lambda item: item[0])
+        if gain <= self.requirement((*model, hypothesis)).heldout + self.rules.margin:
+            return None
+        return (*model, self._with_acting_joints(hypothesis, model))
+
+    def _with_acting_joints(self, hypothesis: Hypothesis, model: Model) -> Hypothesis:
+        """Return an unnamed cause without the joints that rows held out do not ask for."""
+        if hypothesis.effect.shared:
+            return hypothesis
+        best = self.pool.fit((*model, hypothesis)).heldout_squares
+        for count in range(1, len(self._joints)):
+            trials = [replace(hypothesis, joints=joints)
+                      for joints in combinations(self._joints, count)]
+            squares = [self.pool.fit((*model, trial)).heldout_squares for trial in trials]
+            if min(squares) <= best + 2.0 * self.rules.margin:
+                return trials[int(np.argmin(squares))]
+        return hypothesis
+
+    def with_needed_joints(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
+        """Return a hypothesis of the fewest coefficients, each of which is worth its price.
+
+        Joints share the base parameters, so that an effect on one leaves a trace on all, and what
+        all have in common belongs to the base: every set of joints is tried. So is, of a shared
+        effect, every choice of its separable sets: one dimension that is wrong looks like several.
+        What rows held out miss is needed, whatever its price.
+        """
+        hypothesis = self._with_confirmed_orders(hypothesis, others)
+        # what the causes get wrong may look like one more joint, though not all of it
+        doubt = np.sqrt(self.requirement((*others, hypothesis)).inflation)
+        price = self.rules.price * doubt
+        trials = list(self._choices(hypothesis)) or [hypothesis]
+        fits = [self.pool.fit((*others, trial)) for trial in trials]
+        most = min(fit.heldout_squares for fit in fits) + 2.0 * self.rules.margin * doubt
+        losses = [0.5 * fit.fit_squares + price * self.pool.width(trial)
+                  if fit.heldout_squares <= most else np.inf for trial, fit in zip(trials, fits)]
+        return trials[int(np.argmin(losses))]
+
+    def _choices(self, hypothesis: Hypothesis) -> Iterator[Hypothesis]:
+        """Yield a hypothesis on each set of joints, or with each choice of its separable sets.
+
+        Those with few come first.
+        """
+        effect = hypothesis.effect
+        if len(self._joints) == 1:
+            return
+        numbers = range(len(effect.separable)) if effect.shared else self._joints
+        of_joints = all(parameter.scope == 'joint' for parameter in effect.parameters)
+        for count in range(1, len(numbers) + 1):
+            for chosen in combinations(numbers, count):
+                if not effect.shared:
+                    yield replace(hypothesis, joints=chosen)
+                else:
+                    yield replace(hypothesis, sets=chosen,
+                                  joints=chosen if of_joints else hypothesis.joints)
+
+    def _with_confirmed_orders(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
+        """Return a periodic torque without the orders that rows held out do not ask for."""
+        name = order_name(hypothesis.effect)
+        while name is not None and isinstance(hypothesis.shape[name], tuple):
+            orders = hypothesis.shape[name]
+            fewer = [orders[:index] + orders[index + 1:] for index in range(len(orders))]
+            trials = [replace(hypothesis, shape={
+                name: kept if len(kept) > 1 else kept[0]}) for kept in fewer]
+            squares = [self.pool.fit((*others, trial)).heldout_squares for trial in trials]
+            most = self.pool.fit((*others, hypothesis)).heldout_squares + 2.0 * self.rules.margin
+            if min(squares) > most:
+                break
+            hypothesis = trials[int(np.argmin(squares))]
+        return hypothesis
+
+    def _is_confirmed(self, hypothesis: Hypothesis, others: Model) -> bool:
+        """Return whether a candidate could be real and is confirmed by rows held out."""
+        together = (*others, hypothesis)
+        reason = self.unbelievable(hypothesis, others)
+        if reason is None:
+            needed = self.requirement(together, hypothesis)
+            fit_gain, gain = self.gains(hypothesis, others)
+            if fit_gain <= needed.fit:
+                reason = (f'explains {fit_gain:.0f} in log-likelihood, less than the '
+                          f'{needed.fit:.0f} that chance and the other causes may make')
+            elif gain <= needed.heldout:
+                reason = (f'gains {gain:.0f} in log-likelihood on rows held out, less than the '
+                          f'{needed.heldout:.0f} that chance and the other causes may make')
+        if reason is not None:
+            self.journal.reject(hypothesis, reason)
+        return reason is None
+
+    def requirement(self, model: Model, cause: Hypothesis | None = None) -> Requirement:
+        """Return what a cause must gain in a model."""
+        return requirement_of(self.pool, model, self.rules, cause)
+
+    def gains(self, hypothesis: Hypothesis, others: Model) -> tuple[float, float]:
+        """Return the gain in log-likelihood beside others on rows to fit and on rows held out."""
+        without, together = self.pool.fit(others), self.pool.fit((*others, hypothesis))
+        return (0.5 * (without.fit_squares - together.fit_squares),
+                0.5 * (without.heldout_squares - together.heldout_squares))
+
+    def tested(self, model: Model) -> Model:
+        """Return a model without the causes that the others do not leave anything to explain.
+
+        The shape of a cause is sought again around what it was, its joints among all sets; the
+        cause that misses what it must gain by most goes first.
+        """
+        while model:
+            model = tuple(self._adjusted(item, others_of(model, item)) for item in model)
+            worst, item = min(((self._standing(item, model), item) for item in model),
+                              key=lambda pair: pair[0])
+            reason = None if worst <= 1.0 else next(
+                ((other, why) for other in model
+                 if (why := self.unbelievable(other, others_of(model, other))) is not None), None)
+            if worst <= 1.0:
+                self.journal.reject(item, 'explains nothing of its own beside the other causes')
+            elif reason is not None:
+                item, why = reason
+                self.journal.reject(item, why)
+            else:
+                return model
+            model = others_of(model, item)
+        return model
+
+    def _standing(self, cause: Hypothesis, model: Model) -> float:
+        """Return what a cause gains over what it must gain, on the worse part of the data."""
+        needed = self.requirement(model, cause)
+        fit_gain, gain = self.gains(cause, others_of(model, cause))
+        return min(fit_gain / needed.fit, gain / self._heldout_need(cause, needed))
+
+    def _heldout_need(self, hypothesis: Hypothesis, needed: Requirement) -> float:
+        return needed.heldout + (self.rules.margin if isinstance(hypothesis.effect, Kind) else 0.0)
+
+    def _adjusted(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
+        effect = hypothesis.effect
+        if isinstance(effect, Kind):
+            return hypothesis
+        candidate = self.candidates.best(effect, project(self.pool.evidence, others))
+        return hypothesis if candidate is None else self.with_needed_joints(
+            candidate.hypothesis, others)
+
+    def unbelievable(self, hypothesis: Hypothesis, others: Model) -> str | None:
+        """Return why a cause cannot be real beside others, or None."""
+        effect = hypothesis.effect
+        if isinstance(effect, Kind):
+            return None
+        fit = self.pool.solution([*others, hypothesis])
+        reason = self._implausible(hypothesis, others, fit)
+        if reason is None and effect.retimes and not self._follows_its_law(hypothesis, others):
+            reason = ('the torque is read at another time, but in second order of that time it '
+                      'does not follow this law')
+        return reason
+
+    def _follows_its_law(self, hypothesis: Hypothesis, others: Model) -> bool:
+        """Return whether a torque read at another time has the second order of its law.
+
+        What the other causes get wrong counts as noise. Where no law passes so, what its own
+        torque gets wrong counts, too: some law it must have.
+        """
+        projection = project(self.pool.evidence, others)
+
+        def obeys(item: Hypothesis, known: Model) -> bool:
+            time = float(self.pool.solution([*others, item]).coefficients[-1][0, 0])
+            return self._dithered.obeys(projection, item, time, self.requirement(known).inflation)
+
+        if obeys(hypothesis, others):
+            return True
+        laws = [self.candidates.best(effect, projection)
+                for effect in self.candidates.library.values()
+                if effect.retimes and effect is not hypothesis.effect]
+        return obeys(hypothesis, (*others, hypothesis)) and not any(
+            law is not None and obeys(law.hypothesis, others) for law in laws)
+
+    def _implausible(self, hypothesis: Hypothesis, others: Model, fit: Fit) -> str | None:
+        """Return why the values of a hypothesis, the last of a fit, are not those of a machine."""
+        effect = hypothesis.effect
+        acting = list(self._joints if effect.shared else hypothesis.joints)
+        evidence = self.pool.evidence
+        coefficients = fit.coefficients[-1][:, acting]
+        level = {term.name: np.full(len(acting), value)
+                 for term, value in zip(evidence.observations.terms, fit.base)}
+        if effect.fixed_coefficients:
+            # their columns have the nominal friction; what they must reach is the refitted one
+            nominal = evidence.observations.runs[0].state.nominal
+            found = coefficients * nominal.values['coulomb_friction'][acting] / (
+                level['coulomb_friction'])
+            low, high = effect.fixed_range
+            if found.min() < low or found.max() > high:
+                return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '
+                        f'it must be')
+        inflation = self.requirement((*others, hypothesis)).inflation
+        values, std = estimated(evidence, hypothesis, fit, len(others), inflation)
+        reason = effect.implausible(values, std, level)
+        if reason is None and order_name(effect) is None:
+            reason = self._driven_beside(others, fit, inflation)
+        return reason
+
+    def _driven_beside(self, others: Model, fit: Fit, inflation: float) -> str | None:
+        """Return why the friction of an axis beside a cause, the last of a fit, is none, or None.
+
+        At a speed that hardly changes, a constant torque and friction stand for each other. A
+        torque that comes and goes along a turn cannot stand for friction and is not asked.
+        """
+        observations = self.pool.evidence.observations
+        if observations.runs[0].state.geometry is not None:
+            return None
+        speed = float(np.quantile(np.abs(np.concatenate(
+            [run.speed for run in observations.runs])), 0.95))
+        size = len(observations.terms)
+        before = self.pool.solution(others).base
+        for own in (0.0, speed):
+            weight = np.array([{'coulomb_friction': 1.0, 'viscous_friction': own}.get(
+                term.name, 0.0) for term in observations.terms])
+            level = float(weight @ fit.base)
+            std = float(np.sqrt(inflation * weight @ fit.covariance[:size, :size] @ weight))
+            if level < -CERTAIN * std and level < weight @ before:
+                return (f'beside it friction comes out as {level:.3g} N m at {own:.3g} rad/s, '
+                        f'which drives')
+        return None
+
+    def _with_a_swap(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
+        """Return a model in which a cause gave way to what explains decidedly more in its place."""
+        needed = self.requirement(model)
+        for item in named_of(model):
+            others = others_of(model, item)
+            for rival in self.rivals(item, others):
+                if rival.hypothesis is None or isinstance(rival.hypothesis.effect, Kind):
+                    continue
+                swapped = (*others, rival.hypothesis)
+                gain = -rival.margin - rival.fit_margin
+                fewer = self.pool.width(item) - self.pool.width(rival.hypothesis)
+                if (rival.believable and names_of(swapped) not in visited and
+                        gain / needed.inflation + self.rules.price * fewer > self.rules.twin):
+                    return swapped
+        return self._with_unnamed_instead(model, visited)
+
+    def _with_unnamed_instead(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
+        """Return a model in which one unnamed cause does better than the names it makes needless.
+
+        Several names can together imitate a cause outside the library so well that nothing is left
+        for an unnamed cause beside them; one that contains the cause does better without them. In
+        the place of several it need only do as well, as one cause is likelier than several that
+        happen to make up its torque.
+        """
+        here = self.pool.fit(model).heldout_squares
+        decidedly = here - 2.0 * (self.requirement(model).heldout + self.rules.margin)
+        found = []
+        for kind in self._kinds:
+            if kind.name in names_of(model) or kind.left_by_filters:
+                continue
+            instead = Hypothesis(kind, {}, self._joints)
+            trial = (*model, instead)
+            while names := named_of(trial):
+                worst = min(names, key=lambda item, trial=trial: self._standing(item, trial))
+                if self._standing(worst, trial) > 1.0:
+                    break
+                trial = others_of(trial, worst)
+            several = len(model) + 1 - len(trial) > 1
+            squares = self.pool.fit(trial).heldout_squares
+            if squares < (here if several else decidedly) and names_of(trial) not in visited:
+                found.append((squares, trial))
+        return min(found, key=lambda item: item[0])[1] if found else None
+
+    def rivals(self, cause: Hypothesis, others: Model) -> list[Rival]:
+        """Return what could stand in a cause's place, the strongest first."""
+        own = self.pool.fit((*others, cause))
+        projection = project(self.pool.evidence, others)
+        names = names_of((*others, cause))
+        named = [self.with_needed_joints(item.hypothesis, others)
+                 for item in self.candidates.all_of(projection, set(names))
+                 if item.gain > 0.5 * self.gains(cause, others)[0]]
+        unnamed = [Hypothesis(kind, {}, self._joints) for kind in self._kinds
+                   if kind.name not in names]
+        found = [self._rival(None, self.pool.fit(others), own, True)]
+        found += [self._rival(item, self.pool.fit((*others, item)), own,
+                              self.unbelievable(item, others) is None)
+                  for item in (*named, *unnamed)]
+        return sorted(found, key=lambda rival: rival.margin)
+
+    @staticmethod
+    def _rival(hypothesis: Hypothesis | None, there: Fitted, own: Fitted, believable: bool
+               ) -> Rival:
+        return Rival(hypothesis, 0.5 * (there.heldout_squares - own.heldout_squares),
+                     0.5 * (there.fit_squares - own.fit_squares), believable)
+
+
+def names_of(model: Sequence[Hypothesis]) -> frozenset[str]:
+    """Return the names of effects and the kinds of unnamed causes in a model."""
+    return frozenset(item.effect.name for item in model)
+
+
+def named_of(model: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return the causes with a name."""
+    return [item for item in model if not isinstance(item.effect, Kind)]
+
+
+def others_of(model: Model, cause: Hypothesis) -> Model:
+    """Return a model without one of its causes."""
+    return tuple(item for item in model if item is not cause)

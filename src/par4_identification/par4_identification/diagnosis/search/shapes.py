@@ -1,0 +1,59 @@
+"""Which shape of an effect suits best: over a grid, around the best of it, around its own size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, Shape
+from par4_identification.diagnosis.evidence.evidence import Projection
+from par4_identification.diagnosis.evidence.observations import Observations
+
+EXPANSIONS = 4
+"""Times that a series is expanded around what came of it."""
+
+
+def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
+    """Return the shapes of an effect worth trying on the longest run of the data.
+
+    Of an axis, whose speeds may be any, an order of a periodic torque is worth trying where the
+    torque's filter passes it at the speeds of the slower quarter of the motion.
+    """
+    run = max(observations.runs, key=lambda run: len(run.t))
+    shapes = effect.shapes(run.state)
+    name = order_name(effect)
+    if name is None or run.state.geometry is not None or not run.valid.any():
+        return shapes
+    slower = float(np.quantile(np.abs(run.speed[run.valid]), 0.25))
+    highest = 2.0 * np.pi * run.conditioning.torque_cutoff_hz / slower
+    return tuple(shape for shape in shapes if shape[name] <= highest)
+
+
+def order_name(effect: Effect) -> str | None:
+    """Return the shape parameter that may be a tuple of orders, None where no effect has any."""
+    return next((parameter.name for parameter in effect.parameters
+                 if parameter.per_order and parameter.is_shape), None)
+
+
+def best_shape(effect: Effect, shapes: Sequence[Shape],
+               worth: Callable[[Sequence[Shape]], np.ndarray]) -> tuple[Shape, float]:
+    """Return the shape of most worth, sought around the best of `shapes`, and its worth."""
+    worths = worth(shapes)
+    shape, most = shapes[int(np.argmax(worths))], float(np.max(worths))
+    for step in (1.0, 0.5, 0.25):
+        around = effect.refined(shape, step)
+        if len(around) < 2:
+            break
+        worths = worth(around)
+        if np.max(worths) > most:
+            shape, most = around[int(np.argmax(worths))], float(np.max(worths))
+    return shape, most
+
+
+def self_consistent(projection: Projection, effect: Effect, shape: Shape) -> Shape:
+    """Return the shape of a series around the coefficient that it gives beside a projection."""
+    for _ in range(EXPANSIONS):
+        estimate = projection.estimate(effect, shape)
+        shape = {'expanded_at': float(estimate[0])}
+    return shape

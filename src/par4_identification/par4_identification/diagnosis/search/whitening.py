@@ -1,0 +1,103 @@
+"""The noise of the rows: what is left where everything that follows the motion is taken away."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect
+from par4_identification.diagnosis.evidence.evidence import (
+    Fit,
+    Hypothesis,
+    Whitener,
+    flat_whitener,
+    gather,
+    project,
+    residuals,
+    solve,
+    whitener_of_residuals,
+)
+from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.evidence.unnamed import PRIOR_ROWS, Kinds
+from par4_identification.diagnosis.search.candidates import Candidates
+from par4_identification.diagnosis.search.rules import Rules
+
+WORTH = 0.1
+"""Share of the squares of rows it was not fitted to that an unnamed function must take away."""
+MOST = 3
+"""Unnamed functions that are taken away from a joint."""
+QUIETER = 0.7
+"""Share of the variance of the noise below which a model's rest is taken as the noise."""
+HALF = 1.0
+"""s after which the two halves of the rows alternate."""
+
+
+def whitener_of(observations: Observations, sigma: np.ndarray, library: Mapping[str, Effect],
+                kinds: Kinds, rules: Rules) -> Whitener:
+    """Return the noise model of what neither effects nor unnamed functions explain.
+
+    A poorer model would take what it lacks for noise, and whitening would then hide it.
+
+    Args:
+        observations: rows to fit.
+        sigma: size of the residuals of the base model, (J,), N m.
+        library: effects, each of which is fitted at its best shape.
+        kinds: of unnamed functions.
+        rules: for the search of shapes.
+    """
+    flat = gather(observations, flat_whitener(observations, sigma))
+    found = Candidates(library, flat, rules).all_of(project(flat, []), set())
+    richest = [item.hypothesis for item in found]
+    left = residuals(observations, richest, solve(flat, richest))
+    return whitener_of_residuals(observations, _without_unnamed(observations, left, kinds),
+                                 flat.design(richest).shape[1])
+
+
+def quieter(whitener: Whitener, observations: Observations, model: Sequence[Hypothesis], fit: Fit,
+            kinds: Kinds) -> Whitener:
+    """Return the noise model with that of what a model leaves, of each joint where it is less.
+
+    Causes that hide each other from the first look count as noise there. Beside those found, the
+    rest of them shows.
+    """
+    left = residuals(observations, model, fit)
+    found = whitener_of_residuals(observations, _without_unnamed(observations, left, kinds),
+                                  len(fit.covariance))
+    return replace(whitener, noise=tuple(
+        new if new.variance < QUIETER * old.variance else old
+        for new, old in zip(found.noise, whitener.noise)))
+
+
+def _without_unnamed(observations: Observations, left: tuple[np.ndarray, ...], kinds: Kinds
+                     ) -> tuple[np.ndarray, ...]:
+    """Return residuals (m, J) without the unnamed functions that one half tells of the other."""
+    rows = [observations.effect_rows(kind, {}) for kind in kinds.beside(observations, left)]
+    lengths = np.cumsum([len(part) for part in left])[:-1]
+    kept = np.concatenate(left)
+    time = np.concatenate([run.t for run in observations.runs])
+    halves = (time // HALF % 2).astype(bool)
+    for joint in range(observations.joints):
+        valid = np.concatenate([run.valid[:, joint] for run in observations.runs])
+        designs = [np.concatenate([part[:, joint] for part in parts]) for parts in rows]
+        for _ in range(MOST):
+            target = kept[:, joint]
+            before = float(np.sum(target[valid] ** 2))
+            squares = [sum(float(np.sum((target - design @ _ridge(design, target, valid & half))
+                                        [valid & ~half] ** 2)) for half in (halves, ~halves))
+                       for design in designs]
+            best = int(np.argmin(squares))
+            if squares[best] > (1.0 - WORTH) * before:
+                break
+            kept[:, joint] = target - designs[best] @ _ridge(designs[best], target, valid)
+    return tuple(np.split(kept, lengths))
+
+
+def _ridge(design: np.ndarray, target: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return coefficients (k,) of columns (n, k), fitted to some rows with the prior."""
+    columns, wanted = design[rows], target[rows]
+    gram = columns.T @ columns
+    own = np.maximum(np.diag(gram), np.diag(gram).mean())
+    gram[np.diag_indices(len(gram))] += PRIOR_ROWS / max(len(columns), 1) * own + 1e-30
+    return np.linalg.lstsq(gram, columns.T @ wanted, rcond=1e-12)[0]

@@ -1,0 +1,1 @@
+"""What is said of the causes found: rivals, twins, floor, the answer."""

@@ -1,0 +1,102 @@
+"""What each cause found is held against: rivals, twins, and how sure it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc
+
+from par4_identification.diagnosis.evidence.evidence import Hypothesis, project, solve
+from par4_identification.diagnosis.evidence.unnamed import Kind
+from par4_identification.diagnosis.search.search import Model, Search, others_of
+from par4_identification.diagnosis.verdict.pair import Pair, name_of
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A named cause against what could stand in its place.
+
+    Attributes:
+        hypothesis: the cause.
+        margin: log-likelihood on rows that no fit has seen, over the best rival.
+        rival: its name, or what it acts like; None where nothing does better than no cause.
+        twins: names that explain the data as well.
+        p_value: of its gain on the rows to fit, family-wise over all effects and shapes.
+    """
+
+    hypothesis: Hypothesis
+    margin: float
+    rival: str | None
+    twins: tuple[str, ...]
+    p_value: float
+
+
+@dataclass(frozen=True)
+class UnnamedCause:
+    """A cause without a name.
+
+    Attributes:
+        kind: what it acts like, by name.
+        phrase: in words.
+        joints: on which it acts.
+        torque_rms: of its torque on rows held out, over the joints, N m.
+        share: of the squared error that all causes explain, the part that is lost without it.
+        margin: log-likelihood on rows that no fit has seen.
+    """
+
+    kind: str
+    phrase: str
+    joints: tuple[int, ...]
+    torque_rms: float
+    share: float
+    margin: float
+
+
+def unnamed_of(model: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return the causes without a name."""
+    return [item for item in model if isinstance(item.effect, Kind)]
+
+
+def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
+    """Return a named cause of a model against its rivals."""
+    others = others_of(model, cause)
+    rivals = [rival for rival in search.rivals(cause, others) if rival.believable]
+    twins = tuple(
+        rival.hypothesis.effect.name for rival in rivals
+        if rival.hypothesis is not None and not isinstance(rival.hypothesis.effect, Kind)
+        and (rival.fit_margin < search.rules.twin
+             or (rival.hypothesis.effect.retimes and cause.effect.retimes)))
+    best = rivals[0]
+    gain, _ = search.gains(cause, others)
+    p_value = chdtrc(search.pool.width(cause) + len(cause.shape), 2.0 * max(gain, 0.0))
+    return Judgement(cause, best.margin, best.hypothesis and name_of(best.hypothesis), twins,
+                     float(min(1.0, p_value * search.candidates.family)))
+
+
+def doubt_of(search: Search, cause: Hypothesis, model: Model) -> Pair | None:
+    """Return an unnamed cause and the name that comes nearest to it; None without any name."""
+    others = others_of(model, cause)
+    found = search.candidates.all_of(project(search.pool.evidence, others),
+                                     {item.effect.name for item in others})
+    best = max(found, key=lambda item: item.gain, default=None)
+    return best and Pair(cause, best.hypothesis, others, twins=False)
+
+
+def unnamed_cause(search: Search, cause: Hypothesis, model: Model) -> UnnamedCause:
+    """Return an unnamed cause of a model in figures."""
+    pool, others = search.pool, others_of(model, cause)
+    _, margin = search.gains(cause, others)
+    base, here = pool.fit(()), pool.fit(model)
+    explained = base.heldout_squares - here.heldout_squares
+    coefficients = solve(pool.evidence, model).coefficients[model.index(cause)]
+    heldout = pool.heldout.observations
+    squares = rows = 0.0
+    for run, columns in zip(heldout.runs, heldout.effect_rows(cause.effect, cause.shape)):
+        torque = np.einsum('mjk,kj->mj', columns, coefficients)
+        squares += float(np.sum(np.where(run.valid, torque, 0.0) ** 2))
+        rows += int(run.valid.sum())
+    return UnnamedCause(
+        cause.effect.name, cause.effect.phrase, cause.joints,
+        float(np.sqrt(squares / max(rows, 1))), float(2.0 * margin / max(explained, 1e-30)), margin)

@@ -1,0 +1,147 @@
+"""Backlash by what it leaves: loads that rattle in their gaps after their torque has turned over.
+
+A load in a gap bounces between the flanks; no column of the motion as it was read gives its torque
+again. What the rows leave over is that of the load's slip against its motor, large for a while
+after the transmitted torque has changed sides and quiet where the load leans on one flank.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import combine_pvalues, mannwhitneyu
+
+from par4_dynamics.effects.transmission import load_inertia, transmitted_torque
+from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.signals.rows import Run
+
+FRESH, LEANING = 0.05, 0.15
+"""s around and after a change of sides in which a load rattles, and after which it has settled."""
+LEAST_ROWS = 40
+CONTRAST = 10.0
+"""Least ratio of the slip's rms near changes of sides to that of leaning loads. Noise gives 1, lags
+and friction that the model lacks up to 9, gaps of some mrad 14 and more."""
+SLOWEST_HZ = 6.0
+"""Slips are summed up to positions above this frequency; bounces in a gap are faster."""
+SLOWEST_ROWS_HZ = 80.0
+"""Rate of rows below which bounces fall between them; a torque that jumps from sample to sample
+leaves the same there."""
+APART = 5
+"""Rows after which the slip is taken for another draw."""
+
+
+WIDTH_ERROR = 0.3
+"""Relative standard deviation of a gap that is read from what its bounces leave."""
+
+
+@dataclass(frozen=True)
+class Rattle:
+    """Joints whose loads rattle.
+
+    Attributes:
+        joints: which.
+        gap: about how wide their gaps are, (k,) rad.
+        p_value: that none does, family-wise over all joints.
+    """
+
+    joints: tuple[int, ...]
+    gap: np.ndarray
+    p_value: float
+
+
+@dataclass(frozen=True)
+class _Slip:
+    """The slip of one joint's load.
+
+    Attributes:
+        loud: its acceleration near changes of sides, rad/s2.
+        quiet: while the load leans on one flank, rad/s2.
+        path: what the loud part moves, rad.
+    """
+
+    loud: np.ndarray
+    quiet: np.ndarray
+    path: np.ndarray
+
+    @property
+    def rattles(self) -> bool:
+        """Whether it is so much louder near changes of sides that the load must be loose."""
+        return min(len(self.loud), len(self.quiet)) >= LEAST_ROWS and bool(
+            np.std(self.loud) > CONTRAST * np.std(self.quiet))
+
+    @property
+    def p_value(self) -> float:
+        """That of equal sizes near changes of sides and away from them (Mann and Whitney)."""
+        return float(mannwhitneyu(np.abs(self.loud[::APART]), np.abs(self.quiet[::APART]),
+                                  alternative='greater').pvalue)
+
+    @property
+    def gap(self) -> float:
+        """How far the load moves against its motor, rad."""
+        return float(np.ptp(np.quantile(self.path, (0.02, 0.98))))
+
+
+def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle | None:
+    """Return the joints whose loads rattle in every part of the data, None where none does.
+
+    None is told of logs whose rows are too slow for bounces.
+
+    Args:
+        parts: rows with a nominal torque and the torque that the model leaves of them, (m, J) of
+            each run, N m.
+    """
+    if any(1.0 / (run.t[1] - run.t[0]) < SLOWEST_ROWS_HZ
+           for observations, _ in parts for run in observations.runs):
+        return None
+    slips = [_slips(observations, left) for observations, left in parts]
+    joints = tuple(joint for joint, same in enumerate(zip(*slips))
+                   if all(slip.rattles for slip in same))
+    if not joints:
+        return None
+    p_values = [combine_pvalues([slip[joint].p_value for slip in slips]).pvalue
+                for joint in joints]
+    return Rattle(joints, np.array([np.mean([slip[joint].gap for slip in slips])
+                                    for joint in joints]),
+                  float(min(min(p_values) * len(slips[0]), 1.0)))
+
+
+def _slips(observations: Observations, left: Sequence[np.ndarray]) -> list[_Slip]:
+    """Return the slip of each joint."""
+    parts: list[list[_Slip]] = [[] for _ in range(observations.joints)]
+    for run, rest in zip(observations.runs, left):
+        slip, load = _slip(run, rest), transmitted_torque(run.state)
+        counted = run.valid.all(axis=1)
+        path = _positions(slip, float(run.t[1] - run.t[0]))
+        for joint in range(observations.joints):
+            since, until = _around_changes(run.state.t, load[:, joint], run.t)
+            loud = counted & ((since < FRESH) | (until < FRESH))
+            quiet = counted & (since > LEANING) & (until > FRESH)
+            parts[joint].append(_Slip(slip[loud, joint], slip[quiet, joint], path[loud, joint]))
+    return [_Slip(*(np.concatenate([getattr(part, name) for part in own])
+                    for name in ('loud', 'quiet', 'path'))) for own in parts]
+
+
+def _slip(run: Run, rest: np.ndarray) -> np.ndarray:
+    """Return the acceleration (m, J), rad/s2, of the loads against their motors."""
+    inertia = load_inertia(run.state, run.t)
+    return np.linalg.solve(inertia, np.where(run.valid, rest, 0.0)[..., None])[..., 0]
+
+
+def _positions(acceleration: np.ndarray, period: float) -> np.ndarray:
+    """Return what accelerations (m, J) move, above `SLOWEST_HZ`."""
+    frequency = np.fft.rfftfreq(len(acceleration), period)
+    ratio = (frequency / SLOWEST_HZ) ** 4
+    weight = -ratio / (1.0 + ratio) / (2.0 * np.pi * np.maximum(frequency, frequency[1])) ** 2
+    return np.fft.irfft(np.fft.rfft(acceleration, axis=0) * weight[:, None], len(acceleration),
+                        axis=0)
+
+
+def _around_changes(time: np.ndarray, load: np.ndarray, rows: np.ndarray
+                    ) -> tuple[np.ndarray, np.ndarray]:
+    """Return the time since and until a load (n,) changes sides, (m,) s, at times `rows`."""
+    changes = time[np.flatnonzero(np.diff(np.sign(load)))]
+    after = np.searchsorted(changes, rows, side='right')
+    bounds = np.concatenate(([-np.inf], changes, [np.inf]))
+    return rows - bounds[after], bounds[after + 1] - rows

@@ -1,0 +1,191 @@
+"""What follows nothing in the motion: noise that wanders, lines of one frequency, bursts.
+
+The residual of the final model is looked at as a signal. White noise of the measured level is the
+floor; what exceeds it without following the motion is a fact about the machine's surroundings, not
+about its model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.stats import f as f_distribution
+
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.signals.noise import fit_noise
+from par4_identification.signals.rows import Run
+
+CHANCE = 1e-4
+"""Probability, over all frequencies or blocks of a joint, of an accident that passes for a finding.
+"""
+BACKGROUND = 31
+"""Bins of the spectrum whose median is the level around a line."""
+CYCLES = 8
+"""Least periods of a line in the rows: slower than that it is no other than a drift, or what the
+model gets wrong of the slowest part of the motion."""
+BURST = 0.25
+"""s over which a burst is looked for."""
+MEMORY = 60
+"""Rows over which the correlation time of wandering noise is read."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """A periodic disturbance.
+
+    Attributes:
+        frequency_hz: of the line.
+        amplitude: (J,), N m.
+    """
+
+    frequency_hz: float
+    amplitude: np.ndarray
+
+
+@dataclass(frozen=True)
+class Unrelated:
+    """What the residual contains that follows nothing in the motion.
+
+    Attributes:
+        wandering_rms: of noise that wanders, beyond the floor, (J,) N m; zero where there is none.
+        correlation_time: after which it is a third (1/e) of itself, s.
+        lines: periodic disturbances, the largest first.
+        bursts: times, (start, end) s since the start of the run, at which the noise is larger.
+    """
+
+    wandering_rms: np.ndarray
+    correlation_time: float
+    lines: tuple[Line, ...]
+    bursts: tuple[tuple[float, float], ...]
+
+    @property
+    def wanders(self) -> bool:
+        """Whether there is wandering noise."""
+        return bool(np.any(self.wandering_rms > 0.0))
+
+
+Left = tuple[Run, np.ndarray, np.ndarray]
+"""A run, what the model leaves of its rows (m, J), N m, and the torque of the causes (m, J)."""
+
+
+def unrelated(fit: Sequence[Left], heldout: Sequence[Left], floor: np.ndarray, rules: Rules
+              ) -> Unrelated:
+    """Return what residuals contain that follows nothing in the motion.
+
+    Args:
+        fit, heldout: what the model leaves.
+        floor: what a perfect model would leave, (J,), N m.
+        rules: `Rules.floor_excess` tells how much more than that is more than noise, and
+            `Rules.named_error` how much of it may be an error of the causes' torque.
+    """
+    runs = [*fit, *heldout]
+    lines = _lines(fit, heldout)
+    rms = np.sqrt(np.stack([np.sum(np.where(run.valid, left, 0.0) ** 2, axis=0)
+                            for run, left, _ in runs]).sum(axis=0)
+                  / np.maximum(sum(run.valid.sum(axis=0) for run, _, _ in runs), 1))
+    by_lines = np.sqrt(0.5 * sum((line.amplitude ** 2 for line in lines), np.zeros_like(rms)))
+    more = np.sqrt(np.maximum(rms ** 2 - floor ** 2 - by_lines ** 2, 0.0))
+    wanders = np.hypot(floor, more) > rules.floor_excess * floor
+    memory = _correlation_time(runs) if wanders.any() else 0.0
+    return Unrelated(np.where(wanders, more, 0.0), memory, lines, _bursts(heldout, rules))
+
+
+def _correlation_time(runs: Sequence[Left]) -> float:
+    """Return the time after which the residuals' autocorrelation falls below 1/e, s."""
+    times = []
+    for joint in range(runs[0][1].shape[1]):
+        noise = fit_noise([left[:, joint] for _, left, _ in runs],
+                          [run.valid[:, joint] for run, _, _ in runs])
+        correlation = noise.autocovariance(MEMORY)
+        below = np.flatnonzero(correlation < correlation[0] / np.e)
+        times.append(below[0] if len(below) else MEMORY)
+    run = runs[0][0]
+    return float(np.median(times) * (run.t[1] - run.t[0]))
+
+
+def _lines(fit: Sequence[Left], heldout: Sequence[Left]
+           ) -> tuple[Line, ...]:
+    """Return the frequencies that stand out of the spectrum in the fitted and held-out rows."""
+    found: dict[float, np.ndarray] = {}
+    joints = fit[0][1].shape[1]
+    for joint in range(joints):
+        here, there = _longest(fit, joint), _longest(heldout, joint)
+        for frequency, _ in _peaks(*here, CHANCE):
+            again = [amplitude for other, amplitude in _peaks(*there, 1e-2)
+                     if abs(other - frequency) < 1.5 / (there[0][-1] - there[0][0])]
+            if again:
+                key = next((known for known in found
+                            if abs(known - frequency) < 2.0 / (here[0][-1] - here[0][0])),
+                           frequency)
+                found.setdefault(key, np.zeros(joints))[joint] = again[0]
+    return tuple(sorted((Line(frequency, amplitude) for frequency, amplitude in found.items()),
+                        key=lambda line: -float(line.amplitude.max())))
+
+
+def _longest(runs: Sequence[Left], joint: int
+             ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return time, residual and validity of a joint in the longest run."""
+    run, left, _ = max(runs, key=lambda part: len(part[0].t))
+    return run.t, left[:, joint], run.valid[:, joint]
+
+
+def _peaks(time: np.ndarray, left: np.ndarray, valid: np.ndarray, chance: float
+           ) -> list[tuple[float, float]]:
+    """Return frequency (Hz) and amplitude of the peaks that noise makes with that probability."""
+    if valid.sum() < 4 * BACKGROUND:
+        return []
+    kept = np.where(valid, left - left[valid].mean(), 0.0) * np.hanning(len(left))
+    power = np.abs(np.fft.rfft(kept)) ** 2
+    frequency = np.fft.rfftfreq(len(kept), float(time[1] - time[0]))
+    # the median of the squares of noise is ln 2 of their mean
+    level = median_filter(power, BACKGROUND, mode='nearest') / np.log(2.0)
+    limit = -np.log(chance / len(power))
+    window = np.hanning(len(left))[valid].sum()
+    found = []
+    for place in range(CYCLES, len(power) - 1):
+        if power[place] > limit * level[place] and power[place] == power[place - 2:place + 3].max():
+            found.append((float(frequency[place]), float(2.0 * np.sqrt(power[place]) / window)))
+    return sorted(found, key=lambda item: -item[1])
+
+
+def _bursts(runs: Sequence[Left], rules: Rules) -> tuple[tuple[float, float], ...]:
+    """Return when residuals are larger than noise of one size is by chance.
+
+    Where the causes' torque is large, so may be their error.
+    """
+    found = []
+    for run, left, torque in runs:
+        period = float(run.t[1] - run.t[0])
+        length = max(2, round(BURST / period))
+        for joint in range(left.shape[1]):
+            valid = run.valid[:, joint]
+            noise = fit_noise([left[:, joint]], [valid])
+            white = noise.whiten(left[:, [joint]], valid)[:, 0]
+            firsts = range(0, len(left) - length + 1, length)
+            error = rules.named_error * np.abs(torque[:, joint])
+            own = np.sqrt(np.mean(left[valid, joint] ** 2)) if valid.any() else 1.0
+            white /= np.sqrt(1.0 + (error / max(own, 1e-30)) ** 2)
+            count = np.array([valid[first:first + length].sum() for first in firsts])
+            squares = np.array([np.sum(white[first:first + length] ** 2) for first in firsts])
+            enough = count > length // 2
+            if enough.sum() < 8:
+                continue
+            level = np.median(squares[enough] / count[enough])
+            limit = f_distribution.isf(CHANCE / len(firsts), length, enough.sum() * length // 4)
+            for first, size, rows in zip(firsts, squares, count):
+                if rows > length // 2 and size > 2.0 * limit * level * rows:
+                    found.append((float(run.t[first]), float(run.t[first + length - 1])))
+    return _merged(found)
+
+
+def _merged(spans: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
+    merged: list[tuple[float, float]] = []
+    for start, end in sorted(spans):
+        if merged and start <= merged[-1][1] + BURST:
+            merged[-1] = (merged[-1][0], max(end, merged[-1][1]))
+        else:
+            merged.append((start, end))
+    return tuple(merged)

@@ -1,0 +1,1 @@
+"""Motions for identification: designed, within limits, and what to expect of them."""

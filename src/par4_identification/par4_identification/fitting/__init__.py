@@ -1,0 +1,1 @@
+"""Base parameters of a machine from its rows, and how well they hold."""

@@ -1,0 +1,253 @@
+"""Identifying the base parameters of a machine from measured logs: TABLE 1."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms, distributed_torque
+from par4_dynamics.model import build_model
+from par4_dynamics.model_file import EffectEntry, ModelFile, RigidBody
+from par4_dynamics.parameters import Parameter
+from par4_dynamics.state import State
+from par4_identification.estimators.consistent import consistent
+from par4_identification.estimators.estimate import Estimate, condition_number
+from par4_identification.estimators.instrumental import InstrumentalEstimate, instrumental
+from par4_identification.estimators.ordinary import ordinary
+from par4_identification.estimators.problem import (
+    Problem,
+    Series,
+    per_output,
+    problem_of,
+    with_offsets,
+)
+from par4_identification.estimators.robust import robust
+from par4_identification.estimators.weighted import weighted
+from par4_identification.fitting.physical import physical_constraints
+from par4_identification.fitting.simulated import simulated_log
+from par4_identification.logs.log import Log
+from par4_identification.signals.rows import Conditioning, Run, runs_of_log
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import Axis, Robot
+
+INSIGNIFICANT = 3.0
+"""Standard deviations within which a negative value is taken for zero."""
+PLAIN: Mapping[str, Callable[[Problem], Estimate]] = {
+    'weighted': weighted, 'ordinary': ordinary, 'robust': robust}
+"""Estimators that need nothing but the rows."""
+ESTIMATORS = (*PLAIN, 'instrumental', 'consistent')
+SHARED = ('platform_mass_1', 'platform_mass_2')
+"""Parameters of the one platform, which no joint can have of its own."""
+OFFSET = 'torque_offset'
+"""Name of the offsets among the values, and of the effect that a model file says them by."""
+MOST_SIMULATIONS = 4
+SETTLED = 0.05
+"""Change of the values, in standard deviations, at which simulating again changes nothing."""
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """How parameters are estimated.
+
+    Attributes:
+        estimator: of ESTIMATORS.
+        per_joint: a value of its own for each joint, but for the platform's masses.
+        offsets: with a constant torque of each joint.
+    """
+
+    estimator: str = 'weighted'
+    per_joint: bool = False
+    offsets: bool = False
+
+    def problem(self, series: Sequence[Series], terms: Sequence[BaseTerm]) -> Problem:
+        """Return the problem of base columns (m, J, p) with these terms."""
+        problem = problem_of(series, [term.name for term in terms], [term.unit for term in terms])
+        if self.per_joint:
+            problem = per_output(problem, {term.name for term in terms} - set(SHARED))
+        return with_offsets(problem, OFFSET, 'N m') if self.offsets else problem
+
+    def shared_condition(self, series: Sequence[Series]) -> float | None:
+        """Return the condition number of base columns (m, J, p) if more than these is estimated."""
+        return condition_number(series) if self.per_joint or self.offsets else None
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Identified base parameters.
+
+    Attributes:
+        terms: which parameters, in the order of (23).
+        estimate: the fit; its labels tell which value is whose.
+        rigid_body: 'paper' for (20), 'full' with the robot's rods and bars distributed.
+        runs: the rows behind it.
+        fitting: how it was made.
+        shared_condition: condition number of the rows with one value for all joints and without
+            offsets, where more is estimated; else None.
+    """
+
+    terms: tuple[BaseTerm, ...]
+    estimate: Estimate
+    rigid_body: RigidBody
+    runs: tuple[Run, ...]
+    fitting: Fitting = Fitting()
+    shared_condition: float | None = None
+
+    @property
+    def excitation(self) -> float:
+        """Condition number that tells how well the motion excites the parameters of (23)."""
+        return self.estimate.condition_number if self.shared_condition is None else (
+            self.shared_condition)
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """Values with standard deviations, by name; one number or one a joint."""
+        return {term.name: self._parameter(term.name, term.unit) for term in self.terms}
+
+    @property
+    def offsets(self) -> Parameter | None:
+        """The constant torque of each joint, if it was estimated."""
+        return self._parameter(OFFSET, 'N m') if self.fitting.offsets else None
+
+    def _parameter(self, name: str, unit: str) -> Parameter:
+        found = [(float(value), float(std), label.output) for label, value, std in
+                 zip(self.estimate.labels, self.estimate.values, self.estimate.std)
+                 if label.name == name]
+        if found[0][2] is None:
+            return Parameter(value=found[0][0], std=found[0][1], unit=unit)
+        return Parameter(value=tuple(value for value, _, _ in found),
+                         std=tuple(std for _, std, _ in found), unit=unit)
+
+    def model_file(self, provenance: dict[str, Any]) -> ModelFile:
+        """Return the model to be written; what is negative by noise only is written as zero.
+
+        Raises:
+            InputError: a parameter came out negative that physics forbids to be.
+        """
+        parameters = dict(self.parameters)
+        for term in self.terms:
+            value = np.atleast_1d(np.asarray(parameters[term.name].value, dtype=float))
+            std = np.atleast_1d(np.asarray(parameters[term.name].std, dtype=float))
+            if not term.nonnegative or np.all(value >= 0.0):
+                continue
+            worst = int(np.argmin(value + INSIGNIFICANT * std))
+            if value[worst] < -INSIGNIFICANT * std[worst]:
+                joint = f' of joint {worst}' if len(value) > 1 else ''
+                raise InputError(
+                    f'{term.name}{joint} identified as {value[worst]:.4g} {term.unit}, which is '
+                    f'impossible; check the sign, order and gains of the joints, or record a '
+                    f'richer motion')
+            kept = np.maximum(value, 0.0).tolist()
+            shared = not isinstance(parameters[term.name].value, tuple)
+            parameters[term.name] = parameters[term.name].model_copy(
+                update={'value': kept[0] if shared else tuple(kept)})
+        effects = () if self.offsets is None else (
+            EffectEntry(effect=OFFSET, parameters={'offset': self.offsets}),)
+        return ModelFile(schema='par4/model/1', rigid_body=self.rigid_body,
+                         parameters=parameters, effects=effects, provenance=provenance)
+
+
+def known_torque(machine: Robot | Axis, rigid_body: RigidBody, state: State) -> np.ndarray:
+    """Return what `rigid_body` knows of the torque (n, J) beside (20), N m."""
+    if rigid_body == 'paper' or isinstance(machine, Axis):
+        return np.zeros_like(state.q)
+    return distributed_torque(machine.bodies, state)
+
+
+def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'paper',
+             payloads: dict[str, float] | None = None,
+             conditioning: Conditioning | None = None, fitting: Fitting | None = None
+             ) -> Identification:
+    """Return the base parameters that explain the logs best.
+
+    Args:
+        logs: measured data; runs are never joined.
+        machine: geometry and bodies.
+        rigid_body: 'paper' or 'full'.
+        payloads: log name -> known mass at the tool, kg, carried in that log.
+        conditioning: filters and rates.
+        fitting: estimator, values per joint, offsets.
+
+    Raises:
+        InputError: data that cannot be filtered or do not excite the parameters; for instruments,
+            a log without a reference or a machine that cannot be simulated.
+        UnreachableError: for instruments, the simulated machine leaves its workspace.
+    """
+    runs, targets, bases = [], [], []
+    fitting, payloads = fitting or Fitting(), payloads or {}
+    for log in logs:
+        payload = payloads.get(log.name, 0.0)
+        for run in runs_of_log(log, machine, conditioning):
+            columns = base_columns(run.state)
+            known = known_torque(machine, rigid_body, run.state)
+            if payload:
+                names = [term.name for term in base_terms(run.state)]
+                known = known + payload * columns[..., names.index('platform_mass_1')]
+            targets.append(run.tau - run.rows(known))
+            bases.append(run.rows(columns))
+            runs.append(run)
+    if fitting.estimator in PLAIN:
+        return identify_runs(runs, targets, bases, rigid_body, fitting)
+    terms = base_terms(runs[0].state)
+    series = _series(runs, targets, bases)
+    problem = fitting.problem(series, terms)
+    estimate = consistent(problem, physical_constraints(problem.labels, machine, rigid_body))
+    identification = Identification(terms, estimate, rigid_body, tuple(runs), fitting,
+                                    fitting.shared_condition(series))
+    if fitting.estimator == 'consistent':
+        return identification
+    return _with_instruments(identification, targets, bases, logs, machine, payloads, conditioning)
+
+
+def identify_runs(runs: Sequence[Run], targets: Sequence[np.ndarray], bases: Sequence[np.ndarray],
+                  rigid_body: RigidBody, fitting: Fitting | None = None,
+                  terms: Sequence[BaseTerm] | None = None) -> Identification:
+    """Return the fit of base columns (m, J, p) to targets (m, J) of runs, by a PLAIN estimator.
+
+    `terms` are those of the columns, by default all that apply.
+
+    Raises:
+        InputError: data that do not excite the parameters.
+    """
+    fitting, terms = fitting or Fitting(), tuple(terms or base_terms(runs[0].state))
+    series = _series(runs, targets, bases)
+    estimate = PLAIN[fitting.estimator](fitting.problem(series, terms))
+    return Identification(terms, estimate, rigid_body, tuple(runs), fitting,
+                          fitting.shared_condition(series))
+
+
+def _series(runs: Sequence[Run], targets: Sequence[np.ndarray], bases: Sequence[np.ndarray]
+            ) -> list[Series]:
+    return [Series(target, base, run.valid) for run, target, base in zip(runs, targets, bases)]
+
+
+def _with_instruments(start: Identification, targets: Sequence[np.ndarray],
+                      bases: Sequence[np.ndarray], logs: Sequence[Log], machine: Robot | Axis,
+                      payloads: Mapping[str, float], conditioning: Conditioning | None
+                      ) -> Identification:
+    """Return the estimate by instruments from simulations with the estimate before."""
+    identification = start
+    for _ in range(MOST_SIMULATIONS):
+        model = build_model(machine, identification.model_file({}))
+        simulated = []
+        for log in logs:
+            loaded = {**model.values}
+            if payloads.get(log.name):
+                loaded['platform_mass_1'] = model.values['platform_mass_1'] + payloads[log.name]
+            simulated += runs_of_log(simulated_log(log, machine, replace(model, values=loaded)),
+                                     machine, conditioning)
+        runs = tuple(replace(run, valid=run.valid & other.valid)
+                     for run, other in zip(start.runs, simulated, strict=True))
+        columns = start.fitting.problem(
+            _series(simulated, targets, [run.rows(base_columns(run.state)) for run in simulated]),
+            start.terms)
+        problem = start.fitting.problem(_series(runs, targets, bases), start.terms)
+        estimate: InstrumentalEstimate = instrumental(
+            problem, [part.columns for part in columns.series])
+        step = np.abs(estimate.values - identification.estimate.values) / estimate.std
+        identification = replace(start, estimate=estimate, runs=runs)
+        if step.max() < SETTLED:
+            break
+    return identification

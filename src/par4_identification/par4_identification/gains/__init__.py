@@ -1,0 +1,1 @@
+"""Drive gains and payloads: what scales torque, and what is carried."""

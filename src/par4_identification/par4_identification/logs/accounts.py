@@ -1,0 +1,161 @@
+"""What a bag's samples needed on the way to a log: counted, and said in words."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from par4_kinematics.interface import REFERENCE
+
+SHORTEST_SEGMENT = 20
+"""Samples; shorter segments are dropped."""
+DISAGREEMENT = 0.01
+"""Relative difference of effort and G V above which it is reported."""
+
+
+@dataclass(frozen=True)
+class SampleCounts:
+    """What one topic's samples needed.
+
+    Attributes:
+        topic: name with its namespace.
+        read: samples.
+        other_joints: without any of the machine's joints, ignored.
+        incomplete: with some of the joints only, dropped.
+        not_stamped: stamp zero while the clock runs elsewhere, dropped.
+        repeated: sent again with the same stamp and values, dropped.
+        conflicting: with the stamp of another sample but other values, dropped.
+        crowded: closer than a quarter of a period behind another, dropped.
+        not_finite: NaN or infinite, dropped.
+        out_of_order: received after a later one, sorted in.
+        gaps: spacings of more than 1.5 periods.
+        longest_gap: s.
+        lost: samples that the gaps would have held.
+        period: median spacing, s.
+        jitter_rms: of the spacing about the period, gaps left out, s.
+    """
+
+    topic: str
+    read: int
+    other_joints: int
+    incomplete: int
+    not_stamped: int
+    repeated: int
+    conflicting: int
+    crowded: int
+    not_finite: int
+    out_of_order: int
+    gaps: int
+    longest_gap: float
+    lost: int
+    period: float
+    jitter_rms: float
+
+
+@dataclass(frozen=True)
+class Accounts:
+    """What was read, repaired and dropped on the way from a bag to a `Log`.
+
+    Attributes:
+        bag: path.
+        namespace: under which the topics were found.
+        duration: from the first sample to the last, segments and the gaps between, s.
+        samples, segments: of the log.
+        period: of its grid, s.
+        resampled: whether the stamps were uneven, so that every value is interpolated.
+        filled: samples interpolated in short gaps.
+        clock_resets: times the clock was set back.
+        short_segments: samples dropped with segments of fewer than 20.
+        without_torque: samples dropped because no torque was measured there.
+        torque_source: 'amplifier_voltage' or 'effort'.
+        torque_disagreement: |G V - effort| / |G V| of each joint where both are there, else None.
+        position, torque: what the samples needed.
+        reordered: messages with the joints in another order than the machine's.
+        ignored_joints: names.
+        ignored_topics: type by name.
+        unreadable: messages that could not be decoded, by topic.
+        reference: 'absent', 'read', or why it was ignored.
+        clock_offset: by which the stamps of the torque were moved because its topic has another
+            clock, s.
+    """
+
+    bag: str
+    namespace: str
+    duration: float
+    samples: int
+    segments: int
+    period: float
+    resampled: bool
+    filled: int
+    clock_resets: int
+    short_segments: int
+    without_torque: int
+    torque_source: str
+    torque_disagreement: tuple[float, ...] | None
+    position: SampleCounts
+    torque: SampleCounts
+    reordered: int
+    ignored_joints: tuple[str, ...]
+    ignored_topics: dict[str, str]
+    unreadable: dict[str, int]
+    reference: str
+    clock_offset: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the accounts as plain dicts, lists, numbers and strings."""
+        return asdict(self)
+
+    def findings(self) -> tuple[str, ...]:
+        """Return what was repaired, dropped or suspicious, in words; nothing for a good bag."""
+        found = []
+        for samples in (self.position, self.torque):
+            found += [f'{samples.topic}: {count} of {samples.read} samples {words}'
+                      for count, words in (
+                (samples.incomplete, 'lack some of the joints, dropped'),
+                (samples.not_stamped, 'without stamp, dropped'),
+                (samples.repeated, 'repeated, dropped'),
+                (samples.conflicting, 'with the stamp of another but other values, dropped'),
+                (samples.crowded, 'closer than a quarter of a period to another, dropped'),
+                (samples.not_finite, 'not finite, dropped'),
+                (samples.out_of_order, 'out of order, sorted in')) if count]
+            if samples.gaps:
+                found.append(f'{samples.topic}: {samples.gaps} gaps, the longest '
+                             f'{samples.longest_gap:.4g} s, about {samples.lost} samples lost')
+        found += [f'{topic}: {count} messages cannot be decoded, ignored'
+                  for topic, count in self.unreadable.items()]
+        # at either end one topic may begin or end a sample before the other: nothing is missing
+        unmeasured = (self.without_torque
+                      if self.without_torque * self.period > 2.0 * self.torque.period else 0)
+        found += [f'{count} {words}' for count, words in (
+            (self.clock_resets, 'times the clock was set back; the log is cut there'),
+            (self.filled, 'samples filled by interpolation'),
+            (self.short_segments, f'samples dropped in segments shorter than {SHORTEST_SEGMENT}'),
+            (unmeasured, 'samples dropped where no torque was measured')) if count]
+        if self.segments > 1:
+            found.append(f'gaps cut the log into {self.segments} segments')
+        if self.clock_offset:
+            found.append(f'{self.torque.topic} has another clock than {self.position.topic}; moved '
+                         f'by {self.clock_offset:.6g} s, as its receipt tells')
+        if self.resampled:
+            found.append(f'uneven stamps (spacing +- {self.position.jitter_rms:.3g} s rms), '
+                         f'resampled every {self.period:.6g} s')
+        if self.torque_disagreement and max(self.torque_disagreement) > DISAGREEMENT:
+            found.append('effort and gain x amplifier voltage disagree by '
+                         + ', '.join(f'{100 * part:.2g} %' for part in self.torque_disagreement)
+                         + '; the voltage rules; check drives.gain of the robot file')
+        if self.reference not in ('absent', 'read'):
+            found.append(f'{REFERENCE.name} ignored: {self.reference}')
+        return tuple(dict.fromkeys(found))  # position and effort of one topic say the same
+
+
+def accounts_of_motion(name: str, samples: int, period: float) -> Accounts:
+    """Return the accounts of a log that no bag gave: of a motion, every `period` s."""
+    counts = SampleCounts(topic=name, read=samples, other_joints=0, incomplete=0, not_stamped=0,
+                          repeated=0, conflicting=0, crowded=0, not_finite=0, out_of_order=0,
+                          gaps=0, longest_gap=0.0, lost=0, period=period, jitter_rms=0.0)
+    return Accounts(
+        bag=name, namespace='', duration=(samples - 1) * period, samples=samples, segments=1,
+        period=period, resampled=False, filled=0, clock_resets=0, short_segments=0,
+        without_torque=0, torque_source='effort', torque_disagreement=None, position=counts,
+        torque=counts, reordered=0, ignored_joints=(), ignored_topics={}, unreadable={},
+        reference='absent')

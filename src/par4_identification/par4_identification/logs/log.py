@@ -1,0 +1,58 @@
+"""A measured log: joint positions and torques on an even grid, and the motion asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from par4_identification.logs.accounts import Accounts
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The motion that was asked for; SI, radians.
+
+    Attributes:
+        t: on the clock of the log, increasing, (m,) s.
+        q, qd, qdd: (m, J); NaN where the messages carried none.
+        effort: feedforward torque, (m, J) N m, NaN where none came; None without any.
+    """
+
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+    effort: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Log:
+    """Measured positions and torques of J joints on an even grid; SI, radians.
+
+    Attributes:
+        name: path of the bag.
+        joint_names: of the columns.
+        start_stamp: of the first sample of the bag, ns; t = 0.
+        period: of the grid within a segment, s.
+        t: (n,) s.
+        q: (n, J) rad.
+        tau: (n, J) N m.
+        segments: contiguous stretches, in order, covering all n samples; filter none across them.
+        reference: the motion asked for, if the bag holds one.
+        accounts: what was read, repaired and dropped.
+        doubtful: samples at which the torque of a joint must not be compared with a model, because
+            position or torque there are filled in or wrong, (n, J); None where there is none.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    start_stamp: int
+    period: float
+    t: np.ndarray
+    q: np.ndarray
+    tau: np.ndarray
+    segments: tuple[slice, ...]
+    reference: Reference | None
+    accounts: Accounts
+    doubtful: np.ndarray | None = None

@@ -1,0 +1,16 @@
+"""Masks of samples: how many are true, and where they are true in a row."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def count(mask: np.ndarray) -> int:
+    """Return how many values are true, as an integer that JSON takes."""
+    return int(np.count_nonzero(mask))
+
+
+def stretches(mask: np.ndarray) -> list[tuple[int, int]]:
+    """Return start and end (excluded) of every run of true values."""
+    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
+    return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]

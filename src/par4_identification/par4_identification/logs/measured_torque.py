@@ -1,0 +1,54 @@
+"""The measured torque of a bag: gain x amplifier voltage, or effort."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from par4_identification.logs.clock import Clock
+from par4_identification.logs.grid import EVEN
+from par4_identification.logs.series import Series, interpolated, series_of
+from par4_identification.logs.stamped_rows import stamped_rows
+from par4_kinematics.errors import InputError
+from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
+from par4_kinematics.robot import Axis, Robot
+from par4_sim.bag import RawBag
+
+
+def measured_torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock: Clock
+                    ) -> tuple[Series, str, tuple[float, ...] | None, float]:
+    """Return the torques, their source, how far the other source disagrees, and by how many
+    seconds the stamps of the torques were moved to the clock of the positions.
+
+    Raises:
+        InputError: there is none.
+    """
+    states = bag.joints[JOINT_STATES.name]
+    rows = stamped_rows(path, states, states.effort, machine.joint_names, 'effort')
+    effort = None if rows is None else series_of(path, rows, clock)
+    voltages = bag.joints.get(AMPLIFIER_VOLTAGE.name)
+    rows = None if voltages is None else stamped_rows(
+        path, voltages, voltages.effort, machine.joint_names, 'voltage')
+    if rows is None:
+        if effort is None:
+            raise InputError(f'{path}: no torque, neither {AMPLIFIER_VOLTAGE.name} nor effort in '
+                             f'{states.topic}; record one of them')
+        return effort, 'effort', None, 0.0
+    offset = clock.offset(rows)
+    voltage = series_of(path, replace(rows, stamp=rows.stamp + offset), clock)
+    torque = replace(voltage, values=voltage.values * machine.drive_gain)
+    disagreement = None if effort is None else _disagreement(torque, effort, clock)
+    return torque, AMPLIFIER_VOLTAGE.name, disagreement, 1e-9 * offset
+
+
+def _disagreement(torque: Series, effort: Series, clock: Clock) -> tuple[float, ...] | None:
+    other = interpolated(effort, torque.stamp, clock, EVEN * torque.period)
+    common = np.isfinite(other).all(axis=1)
+    if not common.any():
+        return None
+    values, other = torque.values[common], other[common]
+    size = np.maximum(np.linalg.norm(values, axis=0), np.linalg.norm(other, axis=0))
+    difference = np.linalg.norm(values - other, axis=0)
+    return tuple(np.divide(difference, size, out=np.zeros_like(size), where=size > 0).tolist())

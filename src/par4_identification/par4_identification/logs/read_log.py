@@ -1,0 +1,101 @@
+"""What a bag measured, put in order: joint positions and torques on an even grid.
+
+Real bags have jitter, gaps, repeated and disordered samples, several rates, NaN. Each is repaired
+and counted in `Accounts`, or refused in one line. Header stamps rule; the time at which a message
+was received only orders the messages and tells where the clock was set back.
+
+The order of the repairs, for positions and torque alike: joints by name; samples without stamp;
+a clock set back (the part behind it becomes a segment of its own, its time continued); sorting;
+repeated stamps; gaps counted; NaN. Positions then give the grid: their own stamps if these are
+even, else as many evenly spaced ones. Short gaps are filled, long ones cut the log into segments,
+which are never joined.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from par4_identification.logs.accounts import SHORTEST_SEGMENT, Accounts
+from par4_identification.logs.clock import Clock
+from par4_identification.logs.grid import EVEN, grid_of
+from par4_identification.logs.log import Log
+from par4_identification.logs.masks import count, stretches
+from par4_identification.logs.measured_torque import measured_torque
+from par4_identification.logs.reference import reference_of
+from par4_identification.logs.series import (
+    FEWEST_SAMPLES,
+    interpolated,
+    refuse_two_sources,
+    series_of,
+)
+from par4_identification.logs.stamped_rows import reordered, stamped_rows
+from par4_kinematics.errors import InputError
+from par4_kinematics.interface import JOINT_STATES
+from par4_kinematics.robot import Axis, Robot
+from par4_sim.bag import read_bag
+
+
+def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = None) -> Log:
+    """Return what a bag measured of a machine, repaired, counted and on an even grid.
+
+    Torque is gain x `amplifier_voltage` (24) where that topic has messages, else the effort of
+    `joint_states`. Evenly stamped samples pass unchanged; otherwise positions are interpolated
+    cubically and torques linearly, once, from their own stamps.
+
+    Args:
+        path: of the bag.
+        machine: names the joints and, for voltages, the gains.
+        namespace: that the topics sit under; see `read_bag`.
+
+    Raises:
+        InputError: the bag cannot be read, lacks joints, positions, torques or stamps, mixes
+            several sources in one topic, or leaves fewer than 100 samples.
+    """
+    bag = read_bag(path, namespace)
+    joints = machine.joint_names
+    states = bag.joints[JOINT_STATES.name]
+    rows = stamped_rows(path, states, states.position, joints, 'position')
+    if rows is None:
+        raise InputError(f'{path}: {states.topic} carries no position of {", ".join(joints)}; '
+                         'record a topic with positions')
+    clock = Clock(rows.received, rows.stamp, rows.values)
+    position = series_of(path, rows, clock)
+    refuse_two_sources(path, position)
+    torque, source, disagreement, offset = measured_torque(path, bag, machine, clock)
+    grid = grid_of(position)
+
+    parts, short, without_torque = [], grid.short, 0
+    for time, q in grid.pieces:
+        tau = interpolated(torque, time, clock, EVEN * grid.period)
+        measured = np.isfinite(tau).all(axis=1)
+        without_torque += count(~measured)
+        for start, end in stretches(measured):
+            if end - start < SHORTEST_SEGMENT:
+                short += end - start
+            else:
+                parts.append((time[start:end], q[start:end], tau[start:end]))
+    ends = np.cumsum([0] + [len(time) for time, _, _ in parts]).tolist()
+    samples = ends[-1]
+    if samples < FEWEST_SAMPLES:
+        raise InputError(
+            f'{path}: {samples} usable samples of {position.counts.read} on {states.topic} '
+            f'({position.counts.not_finite} not finite, {without_torque} without torque, {short} '
+            f'in segments shorter than {SHORTEST_SEGMENT}), at least {FEWEST_SAMPLES} are needed; '
+            'record a longer bag')
+    time, q, tau = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    reference, reference_note = reference_of(bag, joints, clock)
+    accounts = Accounts(
+        bag=str(path), namespace=bag.namespace, duration=1e-9 * float(time[-1] - time[0]),
+        samples=samples, segments=len(parts), period=1e-9 * grid.period, resampled=grid.resampled,
+        filled=grid.filled, clock_resets=len(clock.joins), short_segments=short,
+        without_torque=without_torque, torque_source=source, torque_disagreement=disagreement,
+        position=position.counts, torque=torque.counts, reordered=reordered(states, joints),
+        ignored_joints=tuple(sorted({name for names in states.layouts for name in names}
+                                    - set(joints))),
+        ignored_topics=bag.ignored, unreadable=bag.unreadable, reference=reference_note,
+        clock_offset=offset)
+    return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,
+               tuple(slice(start, end) for start, end in pairwise(ends)), reference, accounts)

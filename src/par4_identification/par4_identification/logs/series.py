@@ -1,0 +1,111 @@
+"""Samples of one topic in order on the time axis of a bag, and their values between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from par4_identification.logs.accounts import SampleCounts
+from par4_identification.logs.clock import Clock
+from par4_identification.logs.masks import count
+from par4_identification.logs.stamped_rows import StampedRows
+from par4_identification.logs.stamps import CROWDED, nearest_stamp, spacing_counts
+from par4_kinematics.errors import InputError
+
+FILLED = 3
+"""Most missing samples in a row that interpolation fills; more cut the log."""
+FEWEST_SAMPLES = 100
+"""Samples below which a log is refused."""
+MOST_CONFLICTS = 0.05
+"""Fraction of samples with the stamp but not the values of another above which a log is refused."""
+JUMP, MOST_TO_AND_FRO = 1e-2, 0.05
+"""rad of a jump to and fro from sample to sample, and share of such samples, that two sources in
+one topic make."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """Finite samples in order: stamp on the axis (n,) ns, values (n, J), period ns, counts."""
+
+    stamp: np.ndarray
+    values: np.ndarray
+    period: float
+    counts: SampleCounts
+
+
+def series_of(path: str | Path, rows: StampedRows, clock: Clock) -> Series:
+    """Return the rows sorted, without repeats and NaN, on the time axis of the bag.
+
+    Raises:
+        InputError: too many samples contradict each other, or too few are left.
+    """
+    stamp = clock.time(rows.received, rows.stamp)
+    order = np.argsort(stamp, kind='stable')
+    again = np.flatnonzero(np.diff(stamp[order]) == 0) + 1
+    one, other = rows.values[order[again - 1]], rows.values[order[again]]
+    repeated = count(((one == other) | np.isnan(one) & np.isnan(other)).all(axis=1))
+    conflicting = len(again) - repeated
+    if conflicting > MOST_CONFLICTS * len(stamp):
+        raise InputError(
+            f'{path}: {conflicting} of {len(stamp)} samples on {rows.topic} have the stamp of '
+            'another but other values (two publishers, or a clock set back while its time ordered '
+            'the bag); record one source at a time, on the clock of the system')
+    order = np.delete(order, again)
+    crowded = np.zeros(len(order), dtype=bool)
+    if len(order) > 2:
+        crowded[1:] = np.diff(stamp[order]) < CROWDED * np.median(np.diff(stamp[order]))
+        order = order[~crowded]
+    received_order = stamp[np.sort(order)]
+    out_of_order = count(received_order < np.maximum.accumulate(received_order))
+    spacing = spacing_counts(stamp[order], clock.run(stamp[order]))
+    finite = np.isfinite(rows.values[order]).all(axis=1)
+    counts = SampleCounts(
+        topic=rows.topic, **rows.dropped, repeated=repeated, conflicting=conflicting,
+        crowded=count(crowded), not_finite=count(~finite),
+        out_of_order=out_of_order, **vars(spacing))
+    order = order[finite]
+    if len(order) < 2 or not counts.period:
+        raise InputError(f'{path}: {len(order)} usable samples on {rows.topic}, at least '
+                         f'{FEWEST_SAMPLES} are needed; record a longer bag')
+    return Series(stamp[order], rows.values[order], 1e9 * counts.period, counts)
+
+
+def refuse_two_sources(path: str | Path, position: Series) -> None:
+    """Refuse positions that jump to and fro between two machines.
+
+    Raises:
+        InputError: they do.
+    """
+    step = np.diff(position.values, axis=0)
+    there, back = np.abs(step[:-1]), np.abs(step[1:])
+    returned = np.abs(step[:-1] + step[1:]) < 0.3 * np.minimum(there, back)
+    to_and_fro = (returned & (np.minimum(there, back) > JUMP)).any(axis=1)
+    if to_and_fro.sum() > MOST_TO_AND_FRO * len(step):
+        raise InputError(
+            f'{path}: positions on {position.counts.topic} jump to and fro in {to_and_fro.sum()} '
+            f'of {len(step)} samples (two machines or simulations on one topic); record one source '
+            'at a time, in a namespace or ROS_DOMAIN_ID of its own')
+
+
+def interpolated(series: Series, time: np.ndarray, clock: Clock, tolerance: float) -> np.ndarray:
+    """Return values (n, J) at times (n,) ns; NaN outside the samples and in their long gaps.
+
+    A sample within `tolerance`, ns, of a time is taken as it is.
+    """
+    stamp = series.stamp
+    nearest = nearest_stamp(stamp, time)
+    values = series.values[nearest]
+    between = np.flatnonzero(np.abs(stamp[nearest] - time) > tolerance)
+    time = time[between]
+    right = np.searchsorted(stamp, time).clip(1, len(stamp) - 1)
+    left = right - 1
+    width = stamp[right] - stamp[left]
+    fraction = ((time - stamp[left]) / width)[:, None]
+    interpolated = (1 - fraction) * series.values[left] + fraction * series.values[right]
+    outside = (time < stamp[0]) | (time > stamp[-1])
+    far = np.round(width / series.period) - 1 > FILLED
+    interpolated[outside | far | (clock.run(stamp[left]) != clock.run(stamp[right]))] = np.nan
+    values[between] = interpolated
+    return values

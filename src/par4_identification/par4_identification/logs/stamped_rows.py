@@ -1,0 +1,66 @@
+"""Samples of one topic as they were received: those that carry all joints and a stamp."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from par4_identification.logs.masks import count
+from par4_kinematics.errors import InputError
+from par4_sim.bag import JointSamples
+
+SET_BACK = 1_000_000_000
+"""No transport holds a message back for so long (ns): the clock was set back."""
+
+
+@dataclass(frozen=True)
+class StampedRows:
+    """Stamped samples (n,) ns, (n, J) of one topic as they were received, and what was dropped."""
+
+    topic: str
+    received: np.ndarray
+    stamp: np.ndarray
+    values: np.ndarray
+    dropped: dict[str, int]
+
+
+def stamped_rows(path: str | Path, samples: JointSamples, values: np.ndarray,
+                 joints: Sequence[str], quantity: str) -> StampedRows | None:
+    """Return the stamped rows with all joints, or None if none carries the quantity.
+
+    Raises:
+        InputError: a joint is nowhere, or no message is stamped.
+    """
+    known = {name for names in samples.layouts for name in names}
+    missing = [joint for joint in joints if joint not in known]
+    if missing:
+        raise InputError(f'{path}: {samples.topic} lacks {", ".join(missing)} ({quantity} wanted); '
+                         f'it holds {", ".join(sorted(known)) or "no joint"}; name the joints as '
+                         'the robot file does')
+    named = samples.names_count(joints)
+    complete = named == len(joints)
+    selected = samples.select(values, joints)
+    if not np.isfinite(selected[complete]).any():
+        return None
+    stamped = samples.stamp > 0
+    if not stamped[complete].any():
+        raise InputError(f'{path}: no message on {samples.topic} has a header stamp; set it to the '
+                         'time of the measurement')
+    # A simulated clock starts at zero; there, zero is a time.
+    if samples.stamp[stamped & complete].min() < SET_BACK:
+        stamped = samples.stamp >= 0
+    kept = complete & stamped
+    return StampedRows(samples.topic, samples.received[kept], samples.stamp[kept], selected[kept], {
+        'read': len(named), 'other_joints': count(named == 0),
+        'incomplete': count((named > 0) & ~complete),
+        'not_stamped': count(complete & ~stamped)})
+
+
+def reordered(samples: JointSamples, joints: Sequence[str]) -> int:
+    """Return how many messages name these joints in another order."""
+    differs = np.array([[name for name in names if name in joints] != list(joints)
+                        for names in samples.layouts])
+    return count(differs[samples.layout])

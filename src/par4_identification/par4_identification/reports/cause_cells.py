@@ -1,0 +1,124 @@
+"""What the report of a diagnosis shows of one cause: its values and its signature."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from par4_dynamics.model import build_model
+from par4_dynamics.parameters import Parameter
+from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis
+from par4_identification.reports.outcome.diagnosis import phrase_of_cause
+from par4_identification.reports.plots import Names, signature
+from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.words import (
+    in_words,
+    joint_labels,
+    listed,
+    number,
+    percent,
+    typeset,
+    unit_on,
+    with_std,
+)
+
+FOLDED = 9.0
+"""Periods in the range of a joint above which a periodic signature is drawn over one period."""
+
+
+def cause_cells(diagnosis: Diagnosis, index: int, machine: Robot | Axis, names: Names
+                 ) -> dict[str, Any]:
+    cause = diagnosis.causes[index]
+    heading = phrase_of_cause(cause, machine)
+    image, abscissa = _signature_of_cause(diagnosis, index, machine, names)
+    return {
+        'heading': heading, 'name': in_words(cause.effect.name), 'signature': image,
+        'abscissa': abscissa.rsplit(',', 1)[0],
+        'parameters': [parameter_cells(cause, parameter.name, machine)
+                       for parameter in cause.effect.parameters],
+        'gain': percent(cause.gain.share),
+        'interval': f'{percent(cause.gain.low)} to {percent(cause.gain.high)}',
+        'p_value': f'{cause.p_value:.0e}' if cause.p_value > 1e-12 else '< 1e-12',
+        'visible': percent(cause.visible_fraction), 'margin': number(cause.margin, 3),
+        'rival': 'no cause' if cause.rival is None else in_words(cause.rival),
+        'twins': listed([in_words(name) for name in cause.twins]) if cause.twins else ''}
+
+
+def parameter_cells(cause: Cause, name: str, machine: Robot | Axis) -> dict[str, Any]:
+    """Return a line of values with standard deviations: those of the machine or one a joint."""
+    parameter = cause.parameters[name]
+    shape = [item for item in cause.effect.parameters if item.per_order and item.is_shape]
+    if shape and isinstance(cause.parameters[shape[0].name].value, tuple):
+        return _order_cells(parameter, name, machine)
+    scope = next(item.scope for item in cause.effect.parameters if item.name == name)
+    values, stds = np.atleast_1d(parameter.value), np.atleast_1d(parameter.std)
+    cells = [' ± '.join(with_std(float(value), float(std)))
+             for value, std in zip(values, stds, strict=True)]
+    joints = len(joint_labels(machine))
+    if scope == 'machine':
+        cells = [', '.join(cells)]
+    alike = len(set(cells)) == 1 and len(cause.joints) == joints
+    common = joints > 1 and (len(cells) == 1 or alike)
+    if not common:
+        found = dict(zip(cause.joints, cells, strict=True))
+        cells = [found.get(joint, '') for joint in range(joints)]
+    return {'name': in_words(name), 'cells': cells[:1] if common else cells, 'common': common,
+            'unit': typeset(unit_on(machine, parameter.unit))}
+
+
+def _order_cells(parameter: Parameter, name: str, machine: Robot | Axis) -> dict[str, Any]:
+    """Return a line of values of several orders, each with those of its joints."""
+    orders = [' / '.join(' ± '.join(with_std(float(value), float(std))) for value, std in zip(
+        np.atleast_1d(own), np.atleast_1d(error), strict=True))
+        for own, error in zip(parameter.value, parameter.std, strict=True)]
+    return {'name': in_words(name), 'cells': [', '.join(orders)], 'common': True,
+            'unit': typeset(unit_on(machine, parameter.unit))}
+
+
+def _signature_of_cause(diagnosis: Diagnosis, index: int, machine: Robot | Axis, names: Names
+                        ) -> tuple[str, str]:
+    """Return the signature plot of a cause and the label of its abscissa."""
+    cause, holdout = diagnosis.causes[index], diagnosis.holdout
+    model = build_model(machine, diagnosis.extended_model, diagnosis.effects)
+    added = model.effects[-len(diagnosis.causes):]
+    places, own, label = [], [], ''
+    for run in holdout.runs:
+        state = replace(run.state, nominal=model.nominal(run.state))
+        view = cause.effect.signature(state)
+        label = view.label
+        places.append(run.rows(np.ascontiguousarray(view.abscissa)))
+        own.append(run.rows(added[index].torque(state)))
+    quantity, _, unit = label.rpartition(', ')
+    unit = typeset(unit_on(machine, unit))
+    label = f'{quantity}, {unit}'
+    period = _period(cause, places)
+    if period:
+        places = [np.mod(place, period) for place in places]
+        label = f'{quantity} within one of {2.0 * np.pi / period:.0f} periods a turn, {unit}'
+    drawn = {name: [] for name in ('place', 'before', 'alone', 'own')}
+    for joint in cause.joints:
+        masks = [run.valid[:, joint] for run in holdout.runs]
+        for name, parts in (('place', places), ('before', holdout.baseline), ('own', own),
+                            ('alone', [new + torque for new, torque in
+                                       zip(holdout.extended, own, strict=True)])):
+            drawn[name].append(np.concatenate([part[mask, joint] for part, mask in
+                                               zip(parts, masks, strict=True)]))
+    image = signature(drawn['place'], label, drawn['before'], drawn['alone'], drawn['own'],
+                      [names.joints[joint] for joint in cause.joints], names)
+    return image, label
+
+
+def _period(cause: Cause, places: Sequence[np.ndarray]) -> float | None:
+    """Return the period over which a signature of many periods is folded, rad, else None."""
+    rates = [np.atleast_1d(cause.parameters[item.name].value) for item in cause.effect.parameters
+             if item.unit == '1/turn']
+    if not rates:
+        return None
+    # of several orders all return after that of their greatest common divisor
+    common = rates[0][0] if len(rates[0]) == 1 else math.gcd(*(round(rate) for rate in rates[0]))
+    period = 2.0 * np.pi / float(common)
+    return period if np.ptp(np.concatenate(places)) > FOLDED * period else None

@@ -1,0 +1,255 @@
+"""What has changed, in the words of a mechanic, and `changes` of `diagnosis.json`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+
+from par4_dynamics.effects.payload import Payload
+from par4_identification.changes.changes import Changes
+from par4_identification.changes.explanation import CHANCE
+from par4_identification.changes.readings import (
+    FRICTION,
+    Added,
+    FrictionFactor,
+    GainFactor,
+    Reading,
+)
+from par4_identification.diagnosis.verdict.answer import Diagnosis, Verdict
+from par4_identification.gains.known_payload import PLATFORM
+from par4_identification.reports.outcome.outcome import over_joints
+from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.results import plain
+from par4_sim.report.words import in_words, joint_labels, listed, number, unit_on
+
+FRACTIONS = ((1 / 2, 'half'), (1 / 3, 'a third'), (1 / 4, 'a quarter'))
+NEAR = 0.02
+"""Share within which a fraction is said in words."""
+SEVERAL = 'friction'
+
+
+def phrase_of_reading(reading: Reading, size: float, machine: Robot | Axis) -> str:
+    """Return a reading with its size, as 'a payload of 0.61 kg at half plate 1'."""
+    where = 'all joints' if reading.joint is None else f'joint {reading.joint}'
+    if len(joint_labels(machine)) == 1:
+        where = joint_labels(machine)[0]
+    up, amount = size > 0.0, abs(size)
+    if isinstance(reading, GainFactor):
+        whose = 'all torques' if reading.joint is None else f'all torques of {where}'
+        source = 'gains or supply' if reading.joint is None else 'gain of its drive'
+        return f'{whose} {_share(amount)} {"larger" if up else "smaller"} ({source})'
+    if isinstance(reading, FrictionFactor):
+        name = SEVERAL if len(reading.kinds) > 1 else in_words(reading.kinds[0])
+        weather = '' if reading.joint is not None else ' (cold)' if up else ' (warm)'
+        return f'{name} {_share(amount)} {"higher" if up else "lower"} on {where}{weather}'
+    return _phrase_of_added(reading, amount, up, where, machine)
+
+
+def _phrase_of_added(reading: Added, amount: float, up: bool, where: str,
+                     machine: Robot | Axis) -> str:
+    if reading.parameter in PLATFORM:
+        half = PLATFORM.index(reading.parameter) + 1
+        less = '' if up else ' less'
+        return f'a payload of {number(amount, 2)} kg{less} at half plate {half}'
+    unit = unit_on(machine, {'actuator_inertia': 'kg m2', 'arm_gravity': 'N m',
+                             'coulomb_friction': 'N m', 'viscous_friction': 'N m s/rad'}[
+                                 reading.parameter])
+    name = {'actuator_inertia': 'inertia of the arm', 'arm_gravity': 'weight of the arm'}.get(
+        reading.parameter, in_words(reading.parameter))
+    if isinstance(machine, Axis) and reading.parameter == 'actuator_inertia':
+        name = 'moving mass' if machine.kind == 'linear' else 'inertia'
+    return f'{name} of {where} {"up" if up else "down"} by {number(amount, 2)} {unit}'
+
+
+def _share(amount: float) -> str:
+    """Return 'a third' or '4 %'."""
+    for fraction, words in FRACTIONS:
+        if abs(amount - fraction) < NEAR:
+            return words
+    return f'{number(100.0 * amount, 2)} %'
+
+
+def phrases_of_changes(changes: Changes, machine: Robot | Axis) -> list[str]:
+    """Return every reading with its size, strongest first."""
+    return [phrase_of_reading(item.reading, item.size, machine) for item in changes.read]
+
+
+def verdict_with_changes(verdict: Verdict, changes: Changes) -> Verdict:
+    """Return the verdict once changes count: a model that is wrong by a payload is not clean."""
+    if verdict == 'clean' and changes.read:
+        return 'partly_explained' if changes.beyond_readings else 'explained'
+    if verdict == 'clean' and changes.beyond_readings:
+        return 'unknown'
+    if verdict == 'explained' and changes.beyond_readings:
+        return 'partly_explained'
+    if verdict == 'unknown' and changes.read:
+        return 'partly_explained'
+    return verdict
+
+
+def with_changes(outcome: Outcome, changes: Changes, diagnosis: Diagnosis,
+                 machine: Robot | Axis) -> Outcome:
+    """Return the outcome of a diagnosis with what has changed in front.
+
+    Args:
+        outcome: without the changes.
+        changes: since the model or between groups of bags.
+        diagnosis: by itself.
+        machine: that was measured.
+    """
+    holdout = diagnosis.holdout
+    # differences between joints are values of the joints, which the readings tell
+    told_by_readings = diagnosis.verdict in ('clean', 'explained') and all(
+        cause.effect.against_the_others for cause in diagnosis.causes)
+    unit = unit_on(machine, 'N m')
+    given = f'{number(over_joints(changes.given_rms), 2)} {unit}'
+    if not changes.read and not changes.beyond_readings:
+        remark = Remark(True, f'No base parameter differs from {changes.since} beyond chance; as '
+                              f'it stands it leaves {given}.')
+        return replace(outcome, remarks=(remark, *outcome.remarks))
+    phrases = phrases_of_changes(changes, machine)
+    told = listed(phrases) if phrases else (
+        f'base parameters that no known reading explains ({listed(_left_labels(changes)[:3])})')
+    before, after, floor = (f'{number(over_joints(rms), 2)} {unit}' for rms in (
+        holdout.baseline_rms, holdout.extended_rms, holdout.noise_floor_rms))
+    sentence = (f'Since {changes.since} this has changed: {told}. On data it has not seen that '
+                f'model leaves {given} as it stands, {before} with its base parameters fitted '
+                f'anew, {after} with what was found, the noise floor being {floor}.')
+    if not told_by_readings:
+        sentence += f' {outcome.sentence}'
+    remarks = [*_twin_remarks(changes, machine), *_left_remarks(changes)]
+    return replace(outcome, sentence=sentence, standing='fair' if remarks or (
+        outcome.standing != 'good') else 'good', remarks=(*remarks, *outcome.remarks))
+
+
+def _twin_remarks(changes: Changes, machine: Robot | Axis) -> list[Remark]:
+    remarks = []
+    for item in changes.read:
+        if item.twins:
+            others = listed([name_of_reading(twin, machine) for twin in item.twins])
+            remarks.append(Remark(
+                False, f'{_capital(phrase_of_reading(item.reading, item.size, machine))}: on this '
+                f'motion {others} would explain it as well.',
+                'Record a longer and faster motion that turns theta to tell them apart.'))
+    return remarks
+
+
+def _left_remarks(changes: Changes) -> list[Remark]:
+    if not changes.beyond_readings:
+        return []
+    return [Remark(False, f'Base parameters differ beyond that, most in '
+                          f'{listed(_left_labels(changes)[:3])}, as no known reading explains.',
+                   'Look at those joints for what else has been done to the machine.')]
+
+
+def name_of_reading(reading: Reading, machine: Robot | Axis) -> str:
+    """Return a reading without a size, as 'the inertia of the arm of joint 2'."""
+    where = 'all joints' if reading.joint is None else f'joint {reading.joint}'
+    if len(joint_labels(machine)) == 1:
+        where = joint_labels(machine)[0]
+    if isinstance(reading, GainFactor):
+        return f'the gain of {where}'
+    if isinstance(reading, FrictionFactor):
+        kinds = SEVERAL if reading.kinds == FRICTION else in_words(reading.kinds[0])
+        return f'{kinds} of {where}'
+    if reading.parameter in PLATFORM:
+        return f'a payload at half plate {PLATFORM.index(reading.parameter) + 1}'
+    return f'{in_words(reading.parameter)} of {where}'
+
+
+def _left_labels(changes: Changes) -> list[str]:
+    """Return the parameters that differ beyond the readings, most certain first, in words."""
+    return [in_words(changes.after.labels[index].replace('[', ' of joint ').rstrip(']'))
+            for index in _left_places(changes)]
+
+
+def _left_places(changes: Changes) -> list[int]:
+    """Return which values differ beyond what the readings explain, most certain first."""
+    if not changes.beyond_readings:
+        return []
+    explanation = changes.explanation
+    off = np.abs(explanation.left) / np.maximum(explanation.left_std, 1e-30)
+    limit = norm.isf(0.5 * CHANCE / len(off))
+    order = np.argsort(-off)
+    return [int(index) for index in order if off[index] > limit] or [int(order[0])]
+
+
+def changes_json(changes: Changes, machine: Robot | Axis) -> list[dict[str, Any]]:
+    """Return the field `changes`: an entry for each parameter that a reading moves.
+
+    What no reading explains has an entry with `reading` null for each value that is off.
+    """
+    entries = []
+    for item, margin in zip(changes.read, changes.margins, strict=True):
+        for moved in item.reading.moved(changes.parameters, changes.terms):
+            entries.append({
+                'parameter': moved.parameter, 'before': moved.before,
+                'after': moved.before + moved.slope * item.size,
+                'std': abs(moved.slope) * item.std, 'unit': unit_on(machine, moved.unit),
+                'p_value': item.p_value,
+                'reading': phrase_of_reading(item.reading, item.size, machine),
+                'margin': margin,
+                'indistinguishable_from': [name_of_reading(twin, machine)
+                                           for twin in item.twins]})
+    explanation = changes.explanation
+    for index in _left_places(changes):
+        after = float(changes.after.values.ravel()[index])
+        entries.append({
+            'parameter': changes.after.labels[index],
+            'before': after - float(explanation.left[index]), 'after': after,
+            'std': float(explanation.left_std[index]),
+            'unit': unit_on(machine, changes.terms[index % len(changes.terms)].unit),
+            'p_value': explanation.left_p, 'reading': None, 'margin': None,
+            'indistinguishable_from': []})
+    return plain(entries)
+
+
+def payload_causes_json(changes: Changes, machine: Robot | Axis) -> list[dict[str, Any]]:
+    """Return payloads among the readings as entries of `causes`: they can be named."""
+    found = []
+    for item, margin in zip(changes.read, changes.margins, strict=True):
+        reading = item.reading
+        if not (isinstance(reading, Added) and reading.parameter in PLATFORM and item.size > 0.0):
+            continue
+        half = float(PLATFORM.index(reading.parameter) + 1)
+        found.append({
+            'effect': Payload.name, 'joints': list(range(len(joint_labels(machine)))),
+            'parameters': {'mass': {'value': item.size, 'std': item.std, 'unit': 'kg'},
+                           'half': {'value': half, 'std': 0.0, 'unit': '1'}},
+            'indistinguishable_from': [name_of_reading(twin, machine) for twin in item.twins],
+            # a fit of the base parameters swallows all of it
+            'visible_fraction': 0.0, 'p_value': item.p_value, 'margin': margin, 'rival': None})
+    return plain(found)
+
+
+def diagnosis_json_with_changes(content: dict[str, Any], changes: Changes | None,
+                                machine: Robot | Axis) -> dict[str, Any]:
+    """Return `diagnosis.json` with verdict, causes and errors as the changes make them.
+
+    Args:
+        content: of the diagnosis by itself.
+        changes: None where no model was given or nothing could be compared.
+        machine: that was measured.
+    """
+    if changes is None:
+        return content
+    return {**content, 'verdict': verdict_with_changes(content['verdict'], changes),
+            'causes': [*payload_causes_json(changes, machine), *content['causes']],
+            'holdout': {**content['holdout'], 'given_rms': plain(changes.given_rms)},
+            'changes': changes_json(changes, machine)}
+
+
+def error_rows(changes: Changes, refitted: np.ndarray, extended: np.ndarray
+               ) -> Sequence[tuple[str, np.ndarray]]:
+    """Return the held-out rms (J,) of the model as it stands, fitted anew and with the findings."""
+    return (('model as it stands', changes.given_rms), ('base parameters fitted anew', refitted),
+            ('with what was found', extended))
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

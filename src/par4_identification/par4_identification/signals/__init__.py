@@ -1,0 +1,1 @@
+"""Signals as rows of equations: filters, derivatives, rates and the noise of rows."""

@@ -1,0 +1,140 @@
+"""Filters and rates that suit a log: those of a Par4, or for an axis what its data tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from par4_identification.logs.log import Log
+from par4_identification.signals.filtering import central_difference, low_pass
+from par4_identification.signals.rows import Conditioning
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import Axis, Robot
+
+ENERGY = 0.998
+"""Share of the torque's squares above its noise that the filter must let through."""
+INSIDE = 1.5
+"""Cut-off over the frequency up to which they reach."""
+OF_RATE = 0.1
+"""Highest cut-off of the torque over the sample rate: its noise is measured above four times it."""
+POSITION = 2.0
+"""Cut-off of the positions of an axis over that of its torque: half that of a Par4, as encoders
+and stamps of unknown make are often noisier, and noise would turn the sign of a slow motion."""
+SLOWEST = 0.01
+"""Low speed over the speed that a twentieth of the motion exceeds."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What a user sets; None leaves the choice to the data.
+
+    Attributes:
+        cutoff_hz: of the torque.
+        row_rate_hz: of the rows.
+        low_speed: below which friction is not known, rad/s, of a linear axis m/s.
+    """
+
+    cutoff_hz: float | None = None
+    row_rate_hz: float | None = None
+    low_speed: float | None = None
+
+
+def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditioning,
+                     chosen: Chosen | None = None) -> Conditioning:
+    """Return how the signals of logs of a machine become rows.
+
+    The arms of a Par4 have the usual filters. An axis may be any machine: its cut-off is the
+    usual one or, where its torque reaches higher above its noise, so high that it passes; its low
+    speed goes with its speeds and with the steps of its positions.
+
+    Args:
+        logs: of the machine.
+        machine: a robot or an axis.
+        usual: conditioning of a Par4 logged at 1 kHz.
+        chosen: what a user sets.
+
+    Raises:
+        InputError: a cut-off or a rate that the samples do not carry.
+    """
+    chosen = chosen or Chosen()
+    rate = min(1.0 / log.period for log in logs)
+    cutoff, low_speed = usual.torque_cutoff_hz, usual.low_speed
+    if isinstance(machine, Axis):
+        cutoff = max(min(cutoff, OF_RATE * rate), min(OF_RATE * rate, max(map(_reach, logs))))
+        slowest, resolved = zip(*(_low_speeds(log, cutoff) for log in logs))
+        low_speed = max(min(slowest), *resolved, 1e-9)
+    if chosen.cutoff_hz is not None:
+        cutoff = chosen.cutoff_hz
+        if not 0.0 < cutoff < 0.2 * rate:
+            raise InputError(f'--cutoff {cutoff:g} Hz asked of samples at {rate:.4g} Hz, which '
+                             f'carry up to {0.2 * rate:.3g} Hz; give less or record faster')
+    scale = cutoff / usual.torque_cutoff_hz
+    row_rate = usual.row_rate_hz * scale
+    if chosen.row_rate_hz is not None:
+        row_rate = chosen.row_rate_hz
+        if not 2.0 * cutoff <= row_rate <= rate:
+            raise InputError(f'--rows {row_rate:g} Hz asked of a torque low-passed at {cutoff:.3g} '
+                             f'Hz and sampled at {rate:.4g} Hz; give {2.0 * cutoff:.3g} to '
+                             f'{rate:.4g} Hz')
+    if chosen.low_speed is not None:
+        low_speed = chosen.low_speed
+    position = usual.position_cutoff_hz * scale
+    if isinstance(machine, Axis):
+        position = POSITION * cutoff
+    return replace(usual, position_cutoff_hz=position, torque_cutoff_hz=cutoff,
+                   row_rate_hz=row_rate, low_speed=low_speed)
+
+
+def _reach(log: Log) -> float:
+    """Return the cut-off (Hz) that passes what the torque has above its noise."""
+    frequency, power = _spectrum(log)
+    noise = float(np.median(power[frequency > 0.8 * frequency[-1]]))
+    above = np.cumsum(np.where(frequency > 0.0, np.maximum(power - 2.0 * noise, 0.0), 0.0))
+    if above[-1] < noise * len(power):
+        return 0.0  # no more than its noise
+    return INSIDE * float(frequency[np.searchsorted(above, ENERGY * above[-1])])
+
+
+def _spectrum(log: Log) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies (k,) and the torque's mean power there (k,), over windows of a second."""
+    length = max(round(1.0 / log.period), 16)
+    window, total = np.hanning(length), np.zeros(length // 2 + 1)
+    for segment in log.segments:
+        torque = log.tau[segment]
+        for first in range(0, len(torque) - length + 1, length // 2):
+            part = torque[first:first + length]
+            total += np.sum(np.abs(np.fft.rfft(window[:, None] * (part - part.mean(axis=0)),
+                                               axis=0)) ** 2, axis=1)
+    return np.fft.rfftfreq(length, log.period), total
+
+
+def _low_speeds(log: Log, cutoff: float) -> tuple[float, float]:
+    """Return two speeds below which the direction is not known.
+
+    The first is a small part of the speeds of the motion, the second one step of the position in
+    the time that the filter of the torque remembers.
+    """
+    speeds, steps = [], []
+    for segment in log.segments:
+        q = log.q[segment]
+        if len(q) < 12:
+            continue
+        steps.append(np.abs(np.diff(q, axis=0)).ravel())
+        smooth = low_pass(q, min(4.0 * cutoff, 0.4 / log.period), log.period)
+        speeds.append(np.abs(central_difference(smooth, log.period)).ravel())
+    if not speeds:
+        return np.inf, 0.0
+    step, speed = np.concatenate(steps), np.concatenate(speeds)
+    moved = step[step > 1e-12]
+    return (SLOWEST * float(np.quantile(speed, 0.95)),
+            cutoff * _count(moved) if len(moved) else 0.0)
+
+
+def _count(steps: np.ndarray) -> float:
+    """Return the step (> 0) of which all steps of a position are multiples, 0 if there is none."""
+    least = float(np.quantile(steps, 0.01))
+    multiples = steps / max(least, 1e-15)
+    whole = np.abs(multiples - np.round(multiples)) < 0.1
+    return least if np.mean(whole) > 0.8 else 0.0

@@ -1,0 +1,154 @@
+"""Whether a machine drifts away from its model, from window to window of measured torque.
+
+Each window of a log gives the residual of a model, filtered as for identification. It is projected
+on what a joint can do that a model does not know: a constant torque, Coulomb friction, viscous
+friction, inertia. The first windows say how these projections scatter on this machine on its own
+work, errors of the model included. From then on each runs in two cumulative sums (Page 1954), one
+upward and one downward: they add up what lies more than SLACK standard deviations from the mean,
+and alarm at LEVEL. A sum tells since when it has been growing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from par4_dynamics.model import Model
+from par4_identification.logs.log import Log
+from par4_identification.signals.rows import runs_of_log
+from par4_kinematics.robot import Robot
+
+WINDOW = 2.0
+"""Seconds of a window."""
+LEARNING = 60
+"""Windows from which the scatter is learnt."""
+SLACK = 1.5
+"""Standard deviations of a window that count as none."""
+LEVEL = 20.0
+"""Standard deviations, added up, that alarm: far above what chance adds up, because what was learnt
+from some windows is itself off by chance. docs/benchmarks.md has the rate that was measured."""
+CLIP = 5.0
+"""Largest deviation of one window that is added: no single window alarms."""
+MOVING = 0.2
+"""Share of a window's rows in which a joint must move."""
+WORDS = {'constant torque': 'N m', 'Coulomb friction': 'N m', 'viscous friction': 'N m s/rad',
+         'inertia': 'kg m2'}
+"""What a residual can act like, with the unit of its size."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """A joint that no longer does what its model says.
+
+    Attributes:
+        joint: index.
+        acts_like: one of WORDS.
+        size: by how much more than on the windows learnt from, in the unit of WORDS.
+        since: time of the last window without it, s.
+    """
+
+    joint: int
+    acts_like: str
+    size: float
+    since: float
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        return (f'joint {self.joint} has {self.size:+.3g} {WORDS[self.acts_like]} of '
+                f'{self.acts_like} beside its model since {self.since:.0f} s')
+
+
+def projections(log: Log, robot: Robot, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what the residual of a window looks like.
+
+    Returns:
+        Projections (J, 4) of the residual on the unit vector of each of WORDS, N m; the length of
+        that vector before it was made one, (J, 4), so that projection / length is a size; and the
+        residual's rms (J,), N m. NaN for a joint that hardly moves.
+
+    Raises:
+        InputError: a window too short or too slow for the filters.
+        UnreachableError: positions with which the mechanism does not close.
+    """
+    run, = runs_of_log(log, robot)
+    state = run.state
+    columns = run.rows(np.stack((np.ones_like(state.qd), np.sign(state.qd), state.qd, state.qdd),
+                                axis=-1))
+    residual = run.tau - run.rows(model.torque(state))
+    shape = (residual.shape[1], len(WORDS))
+    projected, lengths = np.full(shape, np.nan), np.full(shape, np.nan)
+    rms = np.full(shape[0], np.nan)
+    for joint in range(shape[0]):
+        valid = run.valid[:, joint]
+        if valid.mean() < MOVING:
+            continue
+        directions, left = columns[valid, joint], residual[valid, joint]
+        lengths[joint] = np.linalg.norm(directions, axis=0)
+        projected[joint] = left @ directions / lengths[joint]
+        rms[joint] = math.sqrt(np.mean(left ** 2))
+    return projected, lengths, rms
+
+
+class DriftWatch:
+    """Cumulative sums over the windows of one machine on its work.
+
+    Args:
+        joints: number of them.
+        learning: windows to learn from.
+
+    Attributes:
+        windows: how many were taken.
+    """
+
+    def __init__(self, joints: int, learning: int = LEARNING) -> None:
+        self.windows = 0
+        self._wanted = learning
+        self._learnt: list[np.ndarray] = []
+        self._mean = self._scatter = np.zeros((joints, len(WORDS)))
+        self._sums = np.zeros((2, joints, len(WORDS)))
+        self._since = np.zeros((2, joints, len(WORDS)))
+        self._size = np.zeros((2, joints, len(WORDS)))
+        self._grown = np.zeros((2, joints, len(WORDS)))
+
+    @property
+    def learning(self) -> int:
+        """How many windows are still needed to know what is normal."""
+        return max(0, self._wanted - len(self._learnt))
+
+    def take(self, end: float, projected: np.ndarray, lengths: np.ndarray) -> None:
+        """Take the `projections` (J, 4) of the window that ends at `end`, s."""
+        self.windows += 1
+        if self.learning:
+            if not np.isnan(projected).any():
+                self._learnt.append(projected)
+                self._since[:] = end
+            if not self.learning:
+                self._mean = np.mean(self._learnt, axis=0)
+                self._scatter = np.std(self._learnt, axis=0, ddof=1)
+            return
+        there = ~np.isnan(projected)
+        deviation = np.where(there, (projected - self._mean) / self._scatter, 0.0)
+        size = np.where(there, (projected - self._mean) / lengths, 0.0)
+        for side, sign in enumerate((1.0, -1.0)):
+            step = np.where(there, np.minimum(sign * deviation, CLIP) - SLACK, 0.0)
+            self._sums[side] = np.maximum(0.0, self._sums[side] + step)
+            rests = self._sums[side] == 0.0
+            self._since[side][rests & there] = end
+            self._grown[side] = np.where(rests, 0.0, self._grown[side] + there)
+            self._size[side] = np.where(rests, 0.0, self._size[side] + size)
+
+    @property
+    def drifts(self) -> list[Drift]:
+        """What alarms now, one a joint: what its residual acts like most."""
+        found = []
+        highest = self._sums.max(axis=(0, 2))
+        for joint in np.flatnonzero(highest >= LEVEL):
+            side, kind = np.unravel_index(np.argmax(self._sums[:, joint]),
+                                          self._sums[:, joint].shape)
+            found.append(Drift(int(joint), list(WORDS)[kind],
+                               float(self._size[side, joint, kind]
+                                     / self._grown[side, joint, kind]),
+                               float(self._since[side, joint, kind])))
+        return found
