@@ -298,7 +298,7 @@ def outcomes_of_kept(path: Path) -> list[dict]:
         found.append({
             'kind': 'good', 'seed': kept.truth['seed'], 'log_name': f'{path.stem} {log.name}',
             'effect': ', '.join(item['effect'] for item in kept.truth['hidden']) or None,
-            'robot': kept.truth['robot'], 'motion': kept.truth['motion'], 'mixed': path.stem,
+            'robot': kept.truth['robot'], 'motion': kept.truth['motion'], 'kept': path.stem,
             'found': [finding.to_json() for finding in check.findings],
             'seconds': round(time.process_time() - started, 2), 'log': float(log.t[-1] - log.t[0])})
     return found
@@ -340,8 +340,8 @@ def attempted(task: tuple[int, int, bool] | Path) -> list[dict]:
         return [{'kind': 'error', 'seed': seed, 'error': traceback.format_exc()}]
 
 
-def run(tasks: Sequence[tuple[int, int, bool] | Path], scheduler: str | None, workers: int, results: Path
-        ) -> None:
+def run(tasks: Sequence[tuple[int, int, bool] | Path], scheduler: str | None, workers: int,
+        results: Path) -> None:
     """Run tasks on dask and append each outcome to `results` as it comes."""
     os.environ['PYTHONPATH'] = os.pathsep.join(filter(None, (
         str(ROOT / 'tests'), str(ROOT / 'bench'), os.environ.get('PYTHONPATH'))))
@@ -396,8 +396,9 @@ def report(outcomes: Sequence[dict], header: dict, planned: int) -> str:
 Written by `bench/setup_study.py`, good or bad. {header['date']}; {header['machine']}; commit
 {header['commit']}; seeds from {header['first_seed']}; {len(good)} of {planned} recordings and
 {len(outcomes)} mistakes made to them, {hidden} of these beside a hidden effect of the library;
-{len(errors)} recordings ended in an error. {sum('mixed' in item for item in good)} of the logs without
-mistake were kept by the blind study: no look was chosen by them, and some hide what no library has.
+{len(errors)} recordings ended in an error.
+{sum('kept' in item for item in good)} of the logs without mistake were kept by the blind study; no
+look was chosen by them, and some hide what no library has.
 
 Each recording is of a machine and a motion of `tests/hidden` (two robots, four shapes of motion,
 white and coloured noise, 16 s of log). The check sees it as it was recorded, and some of them with
@@ -470,7 +471,7 @@ def main() -> None:
         arguments.results.write_text('', encoding='utf-8')
     kept = [path for path in sorted(arguments.kept.glob('*.npz'))
             if not path.stem.startswith('large')] if arguments.kept else []  # a mistake itself
-    done = {item.get('mixed', item['seed']) for item in read_outcomes(arguments.results)
+    done = {item.get('kept', item['seed']) for item in read_outcomes(arguments.results)
             if 'error' not in item}
     try:
         run([*(task for task in tasks if task[1] not in done),
@@ -481,7 +482,7 @@ def main() -> None:
     seeds = {seed for _, seed, _ in tasks}
     latest = {(item.get('log_name', item['seed']), item['kind']): item
               for item in read_outcomes(arguments.results)
-              if item['seed'] in seeds or 'mixed' in item}
+              if item['seed'] in seeds or 'kept' in item}
     whole = {seed for seed, kind in latest if kind == 'good'}
     outcomes = [item for (seed, kind), item in latest.items()
                 if kind != 'error' or seed not in whole]
