@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from par4_dynamics.parameters import Parameter
 from par4_identification.logs.log import Log
 from par4_identification.setup_check.equations import Stretch, closing, equations_of
-from par4_identification.setup_check.finding import Finding
+from par4_identification.setup_check.finding import Amount, Finding
 from par4_identification.setup_check.placement import (
     DIMENSIONS,
     ERRORS,
@@ -226,7 +227,9 @@ def calibration_findings(calibration: Calibration, robot: Robot) -> list[Finding
             'zero_error', joints, None,
             f'positions read too large by {listed(sizes)}; {gain}',
             f'Set the zero of the encoder anew, or take {listed(offsets)} where the messages are '
-            'made.', True))
+            'made.', True, amount=Amount('encoder_offset', joints, {'offset': Parameter(
+                value=tuple(calibration.zeros[list(joints)].tolist()),
+                std=tuple(calibration.std[list(joints)].tolist()), unit='rad')})))
     wrong = [(name, float(error), float(std)) for name, error, std in
              zip(DIMENSIONS, calibration.values[LEGS:], calibration.std[LEGS:], strict=True)
              if error]
@@ -241,5 +244,7 @@ def calibration_findings(calibration: Calibration, robot: Robot) -> list[Finding
         found.append(Finding(
             'wrong_dimensions', tuple(range(LEGS)), None,
             f'the robot file has {listed(sizes)}; {gain}',
-            f'Measure the machine and set geometry: {{{lines}}}{radius} in the robot file.', True))
+            f'Measure the machine and set geometry: {{{lines}}}{radius} in the robot file.', True,
+            amount=Amount('geometry_error', (), {
+                name: Parameter(value=error, std=std, unit='m') for name, error, std in wrong})))
     return found
