@@ -153,8 +153,9 @@ def test_a_value_is_told_in_all():
                                                        unit='rad')}))
     late = [Finding('delay', (), None, '', '', True, amount=Amount('time_offset', (), {
         'delay': Parameter(value=value, std=3e-4, unit='s')})) for value in (0.041, 0.043)]
-    rest = SimpleNamespace(effect=SimpleNamespace(name='encoder_offset'), joints=(2, 3), parameters={
-        'offset': Parameter(value=(-0.004, 0.01), std=(1e-4, 2e-4), unit='rad')})
+    left = Parameter(value=(-0.004, 0.01), std=(1e-4, 2e-4), unit='rad')
+    rest = SimpleNamespace(effect=SimpleNamespace(name='encoder_offset'), joints=(2, 3),
+                           parameters={'offset': left})
     check = SetupCheck((mended, *late), (), REFERENCE)
     zeros, delay = totals(check, [rest])
     assert zeros.joints == (1, 2, 3)
@@ -162,7 +163,7 @@ def test_a_value_is_told_in_all():
     assert zeros.parameters['offset'].std == pytest.approx((2e-3, 1e-4, 2e-4))
     assert delay.parameters['delay'].value == pytest.approx(0.042)
     line, = total_lines(check, [rest])
-    assert '-0.054 rad (joint 2)' in line
+    assert 'offset -0.05400 rad (joint 2)' in line
 
 
 def test_zeros_of_all_joints_are_no_wrong_dimension(clean):
