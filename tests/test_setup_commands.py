@@ -153,10 +153,11 @@ CLOCKS = {
 
 @pytest.fixture(scope='module')
 def clocks(right, tmp_path_factory):
-    """Return a bag of each case, by its name."""
-    folder, messages = tmp_path_factory.mktemp('clocks'), messages_of(right)
-    return {case: written(folder / case.replace(' ', '_'), change(messages))
-            for case, (change, _) in CLOCKS.items()}
+    """Return a bag of each case, by its name; those of two sources are of another motion."""
+    folder = tmp_path_factory.mktemp('clocks')
+    other = read_bag(simulated(folder, 'other', read_model('table1', REFERENCE), 6))
+    return {case: written(folder / case.replace(' ', '_'), change(messages_of(
+        other if case.startswith('a second') else right))) for case, (change, _) in CLOCKS.items()}
 
 
 @pytest.mark.parametrize('case', CLOCKS)
