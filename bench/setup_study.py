@@ -391,13 +391,14 @@ def report(outcomes: Sequence[dict], header: dict, planned: int) -> str:
     per_log = np.array([item['seconds'] * 30.0 / item['log'] for item in good])
     lost = Counter(item['kind'] for item in before if not keeps_effect(item, 'named'))
     hidden = sum(bool(outcome['effect']) for outcome in outcomes)
+    kept = sum('kept' in item for item in good)
     return f'''# Study of mistakes of the setup
 
 Written by `bench/setup_study.py`, good or bad. {header['date']}; {header['machine']}; commit
-{header['commit']}; seeds from {header['first_seed']}; {len(good)} of {planned} recordings and
+{header['commit']}; seeds from {header['first_seed']}; {len(good) - kept} of {planned} recordings and
 {len(outcomes)} mistakes made to them, {hidden} of these beside a hidden effect of the library;
 {len(errors)} recordings ended in an error.
-{sum('kept' in item for item in good)} of the logs without mistake were kept by the blind study; no
+{kept} of the logs without mistake were kept by the blind study; no
 look was chosen by them, and some hide what no library has.
 
 Each recording is of a machine and a motion of `tests/hidden` (two robots, four shapes of motion,
