@@ -7,6 +7,7 @@ Two recordings, one clean and one with a hidden effect, serve all tests; what is
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import mistakes
 import numpy as np
@@ -18,13 +19,17 @@ from hidden.recording import record
 from singular_log import singular_log
 
 from par4_dynamics.model import read_model
+from par4_dynamics.parameters import Parameter
 from par4_identification.setup_check.check import check_setup
+from par4_identification.setup_check.drive_answer import answer_of
 from par4_identification.setup_check.equations import equations_of, stretches_of
+from par4_identification.setup_check.finding import Amount, Finding, SetupCheck
 from par4_identification.setup_check.repair import filled
 from par4_identification.setup_check.samples import Held, held_stretches
+from par4_identification.setup_check.total import total_lines, totals
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.position import closes
-from par4_kinematics.robot import Axis
+from par4_kinematics.robot import Axis, Drives
 from par4_sim.noise import Noise
 from robots import REFERENCE
 
@@ -130,6 +135,37 @@ def test_the_delay_is_right_to_a_fifth_of_a_millisecond(clean, delay):
     assert abs(np.sum(slope * wrong) / np.sum(slope ** 2)) < 2e-4
 
 
+@pytest.mark.parametrize('offsets', [(0.0, -7.0, 0.0, 4.0), (6.0, -4.0, -8.0, 3.0),
+                                     (-9.0, 9.0, 5.0, -3.0)])
+@pytest.mark.parametrize('name', ['clean', 'sticky'])
+def test_zeros_of_several_joints_with_both_signs_are_measured(offsets, name, request):
+    """The last ones open the mechanism, or turn it into poses that no machine takes."""
+    log = request.getfixturevalue(name)
+    kinds, check = found(mistakes.zero_off(log, np.radians(offsets)))
+    assert kinds == [('zero_error', tuple(int(joint) for joint in np.flatnonzero(offsets)))]
+    assert np.abs(np.mean(check.logs[0].q - log.q, axis=0)).max() < np.radians(0.8)
+
+
+def test_a_value_is_told_in_all():
+    """The diagnosis sees what the mend has left; the machine has both."""
+    mended = Finding('zero_error', (1, 2), None, '', '', True, amount=Amount(
+        'encoder_offset', (1, 2), {'offset': Parameter(value=(0.1, -0.05), std=(2e-3, 2e-3),
+                                                       unit='rad')}))
+    late = [Finding('delay', (), None, '', '', True, amount=Amount('time_offset', (), {
+        'delay': Parameter(value=value, std=3e-4, unit='s')})) for value in (0.041, 0.043)]
+    left = Parameter(value=(-0.004, 0.01), std=(1e-4, 2e-4), unit='rad')
+    rest = SimpleNamespace(effect=SimpleNamespace(name='encoder_offset'), joints=(2, 3),
+                           parameters={'offset': left})
+    check = SetupCheck((mended, *late), (), REFERENCE)
+    zeros, delay = totals(check, [rest])
+    assert zeros.joints == (1, 2, 3)
+    assert zeros.parameters['offset'].value == pytest.approx((0.1, -0.054, 0.01))
+    assert zeros.parameters['offset'].std == pytest.approx((2e-3, 1e-4, 2e-4))
+    assert delay.parameters['delay'].value == pytest.approx(0.042)
+    line, = total_lines(check, [rest])
+    assert 'offset -0.05400 rad (joint 2)' in line
+
+
 def test_zeros_of_all_joints_are_no_wrong_dimension(clean):
     offsets = np.radians((5.0, 4.0, 6.0, 5.0))
     kinds, check = found(mistakes.zero_off(clean, offsets))
@@ -167,6 +203,43 @@ def test_volts_and_torques_are_told_apart(clean, make):
     kinds, check = found(wrong)  # by torque limit or mass alone: seen, but not to be mended
     assert kinds == [('wrong_unit', (0, 1, 2, 3))]
     assert check.useless
+
+
+def test_drives_answer_counts_by_their_gains(clean):
+    """Between half of the product of the gains and all of it, on a motion that strains nothing."""
+    drives = REFERENCE.drives
+    right = answer_of([clean], drives)
+    assert 0.45 < right.measured / (drives.velocity_gain * drives.position_gain) < 1.1
+    assert not right.scaled_by(drives.gain[0])
+    wrong = answer_of([mistakes.torque_as_voltage(clean, REFERENCE)], drives)
+    assert wrong.measured == pytest.approx(drives.gain[0] * right.measured)
+    assert wrong.scaled_by(drives.gain[0])
+    assert answer_of([clean], Drives(gain=drives.gain)) is None  # gains that the file does not tell
+    smooth = replace(clean, tau=np.tile(np.sin(clean.t)[:, None], 4))
+    assert answer_of([smooth], drives) is None
+
+
+def test_gentle_torques_beyond_any_drive_are_in_the_wrong_unit(clean):
+    """Ten times the torque, below the limit of these drives: their answer tells."""
+    strong = REFERENCE.model_copy(update={
+        'drives': REFERENCE.drives.model_copy(update={'torque_limit': 5000.0})})
+    kinds, check = found(mistakes.torque_as_voltage(clean, strong), strong)
+    assert kinds == [('wrong_unit', (0, 1, 2, 3))]
+    assert check.useless
+    assert 'answer' in check.findings[0].evidence
+    assert found(clean, strong)[0] == []
+
+
+def test_a_joint_that_rests_is_not_frozen(clean):
+    """It slows down, stands to the last count while the others move, and starts again slowly."""
+    q = clean.q.copy()
+    count = 2.0 * np.pi / REFERENCE.drives.encoder_counts
+    t = np.clip((clean.t - 4.0) / 0.5, 0.0, 1.0), np.clip((clean.t - 6.0) / 0.5, 0.0, 1.0)
+    fade = 1.0 - t[0] ** 2 * (3.0 - 2.0 * t[0]) + t[1] ** 2 * (3.0 - 2.0 * t[1])
+    q[:, 2] = count * np.round((0.3 + fade * (q[:, 2] - 0.3)) / count)
+    assert np.ptp(q[4600:5900, 2]) == 0.0
+    assert np.ptp(q[4600:5900, 1]) > 0.4
+    assert held_stretches(replace(clean, q=q)) == []
 
 
 def test_a_payload_and_warm_friction_are_no_common_factor(sticky):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import mistakes
 import numpy as np
@@ -12,30 +13,50 @@ from test_commands import checked_page, run, simulated
 from par4_dynamics.model import read_model
 from par4_identification.commands import diagnose, identify, validate
 from par4_identification.logs.read_log import read_log
-from par4_sim.bag import BagWriter, read_bag
+from par4_sim.bag import BagWriter, RawBag, read_bag
 from robots import REFERENCE
 
 FIRST = 'Before anything else: '
 
 
 @pytest.fixture(scope='module')
-def bag(tmp_path_factory):
+def right(tmp_path_factory):
+    """Return the messages of a good bag."""
+    folder = tmp_path_factory.mktemp('right')
+    return read_bag(simulated(folder, 'right', read_model('table1', REFERENCE), 5))
+
+
+Message = tuple[int, str, int, np.ndarray | tuple, np.ndarray | tuple]
+"""Received, topic, stamp, position and effort."""
+
+
+def messages_of(raw: RawBag) -> list[Message]:
+    """Return the joint states of a bag in the order in which they were received."""
+    found, names = [], list(REFERENCE.joint_names)
+    for topic, joints in raw.joints.items():
+        position, effort = (joints.select(part, names) for part in (joints.position, joints.effort))
+        for row, stamp in enumerate(joints.stamp):
+            found.append((int(joints.received[row]), topic, int(stamp), *(
+                () if np.isnan(part[row]).any() else part[row] for part in (position, effort))))
+    return sorted(found, key=lambda message: message[0])
+
+
+def written(path: Path, messages: list[Message]) -> Path:
+    """Return the path of a bag with these messages."""
+    with BagWriter(path) as writer:
+        for received, topic, stamp, position, effort in messages:
+            writer.write_joint_state(f'/{topic}', stamp, list(REFERENCE.joint_names), position,
+                                     effort=effort, received=received)
+    return path
+
+
+@pytest.fixture(scope='module')
+def bag(right, tmp_path_factory):
     """Return a bag in which the plugs of the amplifiers of joints 1 and 2 are exchanged."""
-    folder = tmp_path_factory.mktemp('setup')
-    right = read_bag(simulated(folder, 'right', read_model('table1', REFERENCE), 5))
-    with BagWriter(folder / 'exchanged') as writer:
-        for topic, joints in right.joints.items():
-            order = [0, 2, 1, 3] if topic == 'amplifier_voltage' else [0, 1, 2, 3]
-            names = list(REFERENCE.joint_names)
-            position, effort = (joints.select(part, names) for part in (
-                joints.position, joints.effort))
-            for row, stamp in enumerate(joints.stamp):
-                writer.write_joint_state(
-                    f'/{topic}', int(stamp), names,
-                    () if np.isnan(position[row]).any() else position[row],
-                    effort=() if np.isnan(effort[row]).any() else effort[row][order],
-                    received=int(joints.received[row]))
-    return folder / 'exchanged'
+    return written(tmp_path_factory.mktemp('setup') / 'exchanged', [
+        (received, topic, stamp, position,
+         effort[[0, 2, 1, 3]] if topic == 'amplifier_voltage' else effort)
+        for received, topic, stamp, position, effort in messages_of(right)])
 
 
 def said_first(done, folder, kind: str, result: str) -> dict:
@@ -90,3 +111,72 @@ def test_stamps_in_milliseconds_end_in_no_error(bag, tmp_path, monkeypatch):
         read_log(*arguments)))
     done = run(validate, bag, '--model', 'table1', '--robot', 'reference', '--output', tmp_path)
     said_first(done, tmp_path, 'wrong_unit', 'validation.json')
+
+
+SECOND = 1_000_000_000
+
+
+def other_clock(messages: list[Message]) -> list[Message]:
+    """Return messages of a recorder whose amplifiers have a clock ten hours ahead."""
+    return [(received, topic, stamp + 36_000 * SECOND * (topic == 'amplifier_voltage'), *values)
+            for received, topic, stamp, *values in messages]
+
+
+def restarted_clock(messages: list[Message]) -> list[Message]:
+    """Return messages of a clock that is set back by seven seconds in the middle."""
+    middle = messages[len(messages) // 2][0]
+    return [(received, topic, stamp - 7 * SECOND * (received > middle), *values)
+            for received, topic, stamp, *values in messages]
+
+
+def with_another(messages: list[Message], start: float, end: float, behind: int) -> list[Message]:
+    """Return messages beside those of a second machine from `start` to `end`, s.
+
+    It is elsewhere, pushes otherwise, talks half a millisecond later and stamps that less `behind`.
+    """
+    zero, later = messages[0][0], 500_000
+    more = [(received + later, topic, stamp + later - behind, np.asarray(position) + 0.3,
+             -0.5 * np.asarray(effort)) for received, topic, stamp, position, effort in messages
+            if start * SECOND < received - zero < end * SECOND]
+    return sorted([*messages, *more], key=lambda message: message[0])
+
+
+CLOCKS = {
+    'two clocks': (other_clock, 'has another clock'),
+    'a clock set back': (restarted_clock, '1 times the clock was set back'),
+    'a second simulation': (lambda messages: with_another(messages, 1.0, 9.0, -500 * SECOND),
+                            'two machines or simulations with clocks of their own'),
+    'a second machine': (lambda messages: with_another(messages, 3.0, 3.3, 0),
+                         'two machines or simulations talk on'),
+}
+
+
+@pytest.fixture(scope='module')
+def clocks(right, tmp_path_factory):
+    """Return a bag of each case, by its name; those of two sources are of another motion."""
+    folder = tmp_path_factory.mktemp('clocks')
+    other = read_bag(simulated(folder, 'other', read_model('table1', REFERENCE), 6))
+    return {case: written(folder / case.replace(' ', '_'), change(messages_of(
+        other if case.startswith('a second') else right))) for case, (change, _) in CLOCKS.items()}
+
+
+@pytest.mark.parametrize('case', CLOCKS)
+def test_clocks_and_sources_are_told_and_the_sound_stretches_identified(case, clocks, tmp_path):
+    done = run(identify, clocks[case], '--robot', 'reference', '--output', tmp_path)
+    assert done.code == 0, done.err
+    assert done.out.startswith(FIRST)
+    assert CLOCKS[case][1] in ' '.join(done.out.split())
+    content = json.loads((tmp_path / 'identification.json').read_text())
+    assert content['parameters']['actuator_inertia']['value'] == pytest.approx(0.113, rel=0.02)
+
+
+@pytest.mark.parametrize('cases', [('two clocks', 'a second simulation'),
+                                   ('a clock set back', 'a second machine')])
+def test_clocks_and_sources_are_told_and_the_sound_stretches_diagnosed(cases, clocks, tmp_path):
+    done = run(diagnose, clocks[cases[0]], '--holdout', clocks[cases[1]], '--robot', 'reference',
+               '--output', tmp_path, '--no-simulate')
+    assert done.code == 0, done.err
+    assert done.out.startswith(FIRST)
+    for case in cases:
+        assert CLOCKS[case][1] in ' '.join(done.out.split())
+    assert json.loads((tmp_path / 'diagnosis.json').read_text())['verdict'] == 'clean'

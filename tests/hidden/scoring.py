@@ -15,10 +15,16 @@ from hidden.kept import Kept, hash_of
 from par4_identification.diagnosis.diagnosis import LIBRARY, Diagnosis, diagnose
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.logs.log import Log
+from par4_identification.setup_check.check import check_setup
+from par4_identification.setup_check.finding import Amount, SetupCheck
+from par4_identification.setup_check.total import totals
+from par4_identification.setup_check.unusable import diagnosed_if_sound
 from par4_kinematics.robot import Robot
 
 RATTLING = ('backlash',)
 """Effects of which the true machine itself would not do the same a second time."""
+SETUP_FIRST = ('large',)
+"""Kinds that are mistakes of the setup, which are looked for before a diagnosis."""
 BESIDE = ('noise.py', 'rows.py', 'filtering.py')
 """Sources of par4_identification.signals that the diagnosis decides with, beside its own."""
 
@@ -26,17 +32,28 @@ BESIDE = ('noise.py', 'rows.py', 'filtering.py')
 def decisions() -> str:
     """Return the hash of the sources that decide what is named."""
     core = Path(par4_identification.diagnosis.__file__).parent
-    return hash_of([*core.rglob('*.py'), *Path(par4_dynamics.effects.__file__).parent.glob('*.py'),
+    looks = core.parent / 'setup_check'
+    return hash_of([*core.rglob('*.py'), *looks.glob('*.py'),
+                    *Path(par4_dynamics.effects.__file__).parent.glob('*.py'),
                     *(core.parent / 'signals' / name for name in BESIDE)])
 
 
 def outcome_of(kept: Kept, rules: Rules | None = None) -> dict[str, Any]:
     """Return what is hidden in a scenario and what the diagnosis says of it."""
     started = time.process_time()
-    diagnosis = diagnosed(kept.fit, kept.heldout, kept.robot, kept.truth['missing'], rules)
+    check = SetupCheck((), (kept.fit, kept.heldout), kept.robot)
+    if kept.truth['kind'] in SETUP_FIRST:  # as par4_diagnose does with every log
+        check = check_setup(check.logs, kept.robot)
+    diagnosis = diagnosed_if_sound(check, lambda sound: diagnosed(
+        *sound.logs, sound.machine, kept.truth['missing'], rules))
     spent = round(time.process_time() - started, 2)
-    return {**kept.truth, 'generator': kept.generator, **told(diagnosis),
-            'gain': gain_of_truth(kept, diagnosis),
+    plain = told(diagnosis)
+    mended = totals(check, getattr(diagnosis, 'causes', ()))
+    plain['causes'] = [cause for cause in plain['causes'] if cause['effect'] not in {
+        amount.effect for amount in mended}] + [_told_total(amount) for amount in mended]
+    return {**kept.truth, 'generator': kept.generator, **plain,
+            'setup': [finding.to_json() for finding in check.findings],
+            'gain': None if check.findings else gain_of_truth(kept, diagnosis),
             'seconds': {**kept.truth['seconds'], 'diagnose': spent}}
 
 
@@ -73,6 +90,15 @@ def told(diagnosis: Diagnosis) -> dict[str, Any]:
                      for item in getattr(diagnosis, 'rejected', ())],
         'looks_like': getattr(remaining, 'looks_like', None),
         'floor_excess': getattr(remaining, 'floor_excess', None)}
+
+
+def _told_total(amount: Amount) -> dict[str, Any]:
+    """Return a mistake of the setup as a cause with the value that it has in all."""
+    return {'effect': amount.effect, 'twins': [],
+            'joints': list(amount.joints or range(4)),
+            'values': {name: _numbers(own.value) for name, own in amount.parameters.items()},
+            'stds': {name: _numbers(own.std) for name, own in amount.parameters.items()},
+            'margin': None, 'rival': None}
 
 
 def _numbers(value: Any) -> Any:

@@ -42,6 +42,7 @@ from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.outcome.results import model_in_units, provenance
 from par4_identification.reports.outcome.setup import setup_json, setup_lines, with_setup
 from par4_identification.setup_check.check import check_setup
+from par4_identification.setup_check.total import total_lines
 from par4_identification.setup_check.unusable import diagnosed_if_sound, sound_or_refused
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
@@ -145,8 +146,11 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
         if changes is not None:
             outcome = with_changes(outcome, changes, diagnosis, machine)
             verdict = verdict_with_changes(verdict, changes)
-        outcome = replace(outcome, remarks=(*untold, *outcome.remarks,
-                                            *remarks_of_confrontation(confrontation)))
+        outcome = replace(outcome, remarks=(
+            *untold, *outcome.remarks,
+            *(Remark(True, line) for line in total_lines(
+                check, diagnosis.causes if isinstance(diagnosis, Diagnosis) else ())),
+            *remarks_of_confrontation(confrontation)))
         outcome = with_setup(outcome, check, 'diagnosis')
         if earlier is not None:
             outcome = replace(outcome, first=(*outcome.first, *earlier.setup_lines))

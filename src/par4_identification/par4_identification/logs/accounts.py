@@ -77,6 +77,8 @@ class Accounts:
         reference: 'absent', 'read', or why it was ignored.
         clock_offset: by which the stamps of the torque were moved because its topic has another
             clock, s.
+        other_source: messages with positions from a second source with another clock, dropped.
+        mixed: start and end, s, of stretches that were left out because two sources talk there.
     """
 
     bag: str
@@ -100,10 +102,28 @@ class Accounts:
     unreadable: dict[str, int]
     reference: str
     clock_offset: float = 0.0
+    other_source: int = 0
+    mixed: tuple[tuple[float, float], ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the accounts as plain dicts, lists, numbers and strings."""
         return asdict(self)
+
+    def of_clocks(self) -> tuple[str, ...]:
+        """Return what was wrong with clocks and sources, in words; nothing for a good bag."""
+        found = []
+        if self.clock_resets:
+            found.append(f'{self.clock_resets} times the clock was set back; the log is cut there')
+        if self.clock_offset:
+            found.append(f'{self.torque.topic} has another clock than {self.position.topic}; moved '
+                         f'by {self.clock_offset:.6g} s, as its receipt tells')
+        if self.other_source:
+            found.append(f'two machines or simulations with clocks of their own talk on '
+                         f'{self.position.topic}; {self.other_source} messages of the one with '
+                         'fewer are left out')
+        found += [f'two machines or simulations talk on {self.position.topic} from {start:.4g} to '
+                  f'{end:.4g} s; that stretch is left out' for start, end in self.mixed]
+        return tuple(found)
 
     def findings(self) -> tuple[str, ...]:
         """Return what was repaired, dropped or suspicious, in words; nothing for a good bag."""
@@ -126,16 +146,13 @@ class Accounts:
         # at either end one topic may begin or end a sample before the other: nothing is missing
         unmeasured = (self.without_torque
                       if self.without_torque * self.period > 2.0 * self.torque.period else 0)
+        found += self.of_clocks()
         found += [f'{count} {words}' for count, words in (
-            (self.clock_resets, 'times the clock was set back; the log is cut there'),
             (self.filled, 'samples filled by interpolation'),
             (self.short_segments, f'samples dropped in segments shorter than {SHORTEST_SEGMENT}'),
             (unmeasured, 'samples dropped where no torque was measured')) if count]
         if self.segments > 1:
             found.append(f'gaps cut the log into {self.segments} segments')
-        if self.clock_offset:
-            found.append(f'{self.torque.topic} has another clock than {self.position.topic}; moved '
-                         f'by {self.clock_offset:.6g} s, as its receipt tells')
         if self.resampled:
             found.append(f'uneven stamps (spacing +- {self.position.jitter_rms:.3g} s rms), '
                          f'resampled every {self.period:.6g} s')

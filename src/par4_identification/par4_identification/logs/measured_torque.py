@@ -10,24 +10,32 @@ import numpy as np
 from par4_identification.logs.clock import Clock
 from par4_identification.logs.grid import EVEN
 from par4_identification.logs.series import Series, interpolated, series_of
-from par4_identification.logs.stamped_rows import stamped_rows
+from par4_identification.logs.sources import Source
+from par4_identification.logs.stamped_rows import StampedRows, stamped_rows
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.bag import RawBag
 
 
-def measured_torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock: Clock
-                    ) -> tuple[Series, str, tuple[float, ...] | None, float]:
+def measured_torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock: Clock,
+                    kept: Source) -> tuple[Series, str, tuple[float, ...] | None, float]:
     """Return the torques, their source, how far the other source disagrees, and by how many
     seconds the stamps of the torques were moved to the clock of the positions.
+
+    Args:
+        path: of the bag.
+        bag: its messages.
+        machine: names the joints and their gains.
+        clock: of the positions.
+        kept: the machine or simulation whose messages count.
 
     Raises:
         InputError: there is none.
     """
     states = bag.joints[JOINT_STATES.name]
     rows = stamped_rows(path, states, states.effort, machine.joint_names, 'effort')
-    effort = None if rows is None else series_of(path, rows, clock)
+    effort = None if rows is None else _series(path, rows, clock, kept)
     voltages = bag.joints.get(AMPLIFIER_VOLTAGE.name)
     rows = None if voltages is None else stamped_rows(
         path, voltages, voltages.effort, machine.joint_names, 'voltage')
@@ -36,11 +44,17 @@ def measured_torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock:
             raise InputError(f'{path}: no torque, neither {AMPLIFIER_VOLTAGE.name} nor effort in '
                              f'{states.topic}; record one of them')
         return effort, 'effort', None, 0.0
+    rows = kept.of_its_clock(rows)
     offset = clock.offset(rows)
-    voltage = series_of(path, replace(rows, stamp=rows.stamp + offset), clock)
+    voltage = _series(path, replace(rows, stamp=rows.stamp + offset), clock, kept)
     torque = replace(voltage, values=voltage.values * machine.drive_gain)
     disagreement = None if effort is None else _disagreement(torque, effort, clock)
     return torque, AMPLIFIER_VOLTAGE.name, disagreement, 1e-9 * offset
+
+
+def _series(path: str | Path, rows: StampedRows, clock: Clock, kept: Source) -> Series:
+    own = kept.of_its_clock(rows)
+    return series_of(path, kept.unmixed(own, clock.time(own.received, own.stamp)), clock)
 
 
 def _disagreement(torque: Series, effort: Series, clock: Clock) -> tuple[float, ...] | None:

@@ -5,10 +5,10 @@ and counted in `Accounts`, or refused in one line. Header stamps rule; the time 
 was received only orders the messages and tells where the clock was set back.
 
 The order of the repairs, for positions and torque alike: joints by name; samples without stamp;
-a clock set back (the part behind it becomes a segment of its own, its time continued); sorting;
-repeated stamps; gaps counted; NaN. Positions then give the grid: their own stamps if these are
-even, else as many evenly spaced ones. Short gaps are filled, long ones cut the log into segments,
-which are never joined.
+messages of a second source; a clock set back (the part behind it becomes a segment of its own, its
+time continued); sorting; repeated stamps; gaps counted; NaN. Positions then give the grid: their
+own stamps if these are even, else as many evenly spaced ones. Short gaps are filled, long ones cut
+the log into segments, which are never joined.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from par4_identification.logs.series import (
     refuse_two_sources,
     series_of,
 )
+from par4_identification.logs.sources import beside_mixed, source_of
 from par4_identification.logs.stamped_rows import reordered, stamped_rows
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES
@@ -52,7 +53,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
 
     Raises:
         InputError: the bag cannot be read, lacks joints, positions, torques or stamps, mixes
-            several sources in one topic, or leaves fewer than 100 samples.
+            several sources nearly throughout, or leaves fewer than 100 samples.
     """
     bag = read_bag(path, namespace)
     joints = machine.joint_names
@@ -61,10 +62,15 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     if rows is None:
         raise InputError(f'{path}: {states.topic} carries no position of {", ".join(joints)}; '
                          'record a topic with positions')
-    clock = Clock(rows.received, rows.stamp, rows.values)
-    position = series_of(path, rows, clock)
+    source = source_of(rows)
+    own = source.of_its_clock(rows)
+    clock = Clock(own.received, own.stamp, own.values)
+    time = clock.time(own.received, own.stamp)
+    source = beside_mixed(source, own, time)
+    position = series_of(path, source.unmixed(own, time), clock)
     refuse_two_sources(path, position)
-    torque, source, disagreement, offset = measured_torque(path, bag, machine, clock)
+    torque, torque_source, disagreement, offset = measured_torque(path, bag, machine, clock,
+                                                                  source)
     grid = grid_of(position)
 
     parts, short, without_torque = [], grid.short, 0
@@ -89,13 +95,16 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     reference, reference_note = reference_of(bag, joints, clock)
     accounts = Accounts(
         bag=str(path), namespace=bag.namespace, duration=1e-9 * float(time[-1] - time[0]),
-        samples=samples, segments=len(parts), period=1e-9 * grid.period, resampled=grid.resampled,
+        samples=samples, segments=len(parts), period=1e-9 * grid.period,
+        resampled=grid.resampled,
         filled=grid.filled, clock_resets=len(clock.joins), short_segments=short,
-        without_torque=without_torque, torque_source=source, torque_disagreement=disagreement,
+        without_torque=without_torque, torque_source=torque_source,
+        torque_disagreement=disagreement,
         position=position.counts, torque=torque.counts, reordered=reordered(states, joints),
         ignored_joints=tuple(sorted({name for names in states.layouts for name in names}
                                     - set(joints))),
         ignored_topics=bag.ignored, unreadable=bag.unreadable, reference=reference_note,
-        clock_offset=offset)
+        clock_offset=offset, other_source=len(rows.stamp) - len(own.stamp),
+        mixed=tuple((1e-9 * first, 1e-9 * last) for first, last in source.mixed))
     return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,
                tuple(slice(start, end) for start, end in pairwise(ends)), reference, accounts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,11 @@ class StampedRows:
     stamp: np.ndarray
     values: np.ndarray
     dropped: dict[str, int]
+
+    def part(self, kept: np.ndarray) -> StampedRows:
+        """Return the rows (n,) that are true in a mask."""
+        return replace(self, received=self.received[kept], stamp=self.stamp[kept],
+                       values=self.values[kept])
 
 
 def stamped_rows(path: str | Path, samples: JointSamples, values: np.ndarray,

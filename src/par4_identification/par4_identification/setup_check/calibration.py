@@ -1,10 +1,10 @@
 """Zeros of the encoders and dimensions of the robot file that are far off.
 
-The torque is linear in the base parameters but not in zeros and dimensions. These are found by
-Gauss and Newton with the kinematics solved anew at every step and the base parameters refitted
-(separable least squares). Errors are added one at a time, the one that explains most first, and
-each must explain much: what little a friction law can borrow from four zeros is no mistake of the
-setup. Small errors are the library's (encoder_offset, geometry_error) and left to the diagnosis.
+Hypotheses are the zeros of all joints and each dimension by itself; the one that leaves least of
+the torque is believed (see `placement` for how each is fitted). Then the zeros that are small or
+not sure are taken off one by one. Small errors are the library's (encoder_offset, geometry_error)
+and left to the diagnosis. Where the poses that come out are ones that no machine takes, the search
+begins again at errors with which they are (see `starts`).
 """
 
 from __future__ import annotations
@@ -15,54 +15,55 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from par4_dynamics.base_terms import base_columns
-from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
-from par4_dynamics.state import State
+from par4_dynamics.parameters import Parameter
 from par4_identification.logs.log import Log
-from par4_identification.setup_check.equations import Equations, Stretch, equations_of
-from par4_identification.setup_check.finding import Finding
+from par4_identification.setup_check.equations import Stretch, closing, equations_of
+from par4_identification.setup_check.finding import Amount, Finding
+from par4_identification.setup_check.placement import (
+    DIMENSIONS,
+    ERRORS,
+    Placement,
+    Solution,
+    placement_at,
+    with_dimensions,
+)
+from par4_identification.setup_check.starts import possible_starts
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import LEGS, Geometry
 from par4_kinematics.robot import Robot
 from par4_sim.report.words import in_words, listed, number, percent
 
-JOINT_ALONE = tuple(COLUMNS.index(name) for name in (
-    'actuator_inertia', 'coulomb_friction', 'viscous_friction'))
-"""Columns of (20) that depend on the motion of one joint alone."""
-PLATFORM = tuple(index for index in range(len(COLUMNS)) if index not in JOINT_ALONE)
-DIMENSIONS = ('arm_length', 'forearm_length', 'base_radius', 'platform_bar_length')
-"""Base and platform radius act by their difference alone, so one of them stands for both."""
-ERRORS = LEGS + len(DIMENSIONS)
-BAR = ERRORS - 1
-SMALLEST = np.array((math.radians(1.0),) * LEGS + (6e-3,) * len(DIMENSIONS))
+ZEROS = tuple(range(LEGS))
+HYPOTHESES = (ZEROS, *((index,) for index in range(LEGS, ERRORS)))
+SMALLEST = np.array((math.radians(1.0),) * LEGS + (8e-3,) * len(DIMENSIONS))
 """rad and m from which an error is a mistake of the setup."""
-SMALL_STEP = np.array((1e-4,) * ERRORS)
-"""rad and m of the finite differences."""
-LONGEST_STEP = np.array((math.radians(5.0),) * LEGS + (0.025,) * len(DIMENSIONS))
-LARGEST = np.array((math.radians(20.0),) * LEGS + (0.08,) * len(DIMENSIONS))
-STEPS = 7
-SETTLED = 1e-5
-"""rad and m."""
-FEWER, FEWER_DIMENSION, FEWER_BAR = 0.93, 0.965, 0.93
-"""Most of the squared error in motion that one more error may leave, while zeros and while only
-dimensions are looked for, and where it is the bar's. Effects of the library leave 0.96, 0.972 and
-0.955."""
-FEWER_ZERO = 0.92
-"""The same of all that was found in the first place."""
-BETTER = 0.97
-"""Most of the squared error of errors found one by one that all zeros together must leave."""
-KEPT = 1.08
-"""Factor by which the squared error must rise without an error that is kept."""
-SURE = 11.0
-"""Standard deviations of white residuals by which a mistake stands out; residuals are not white."""
+LARGEST = np.array((math.radians(20.0),) * LEGS + (0.06,) * len(DIMENSIONS))
+LARGEST_PART = 0.3
+"""Of a dimension, by which it can be wrong."""
+SURE, SURE_BESIDE = 4.0, 3.0
+"""Standard deviations, clustered, from which an error is believed, and from which it is beside
+another that is."""
+WORTH_FITTING = 2.5, 0.4
+"""Standard deviations, and part of `SMALLEST`, that an error must have if all were linear, for its
+hypothesis to be fitted."""
+UNEXPLAINED = 0.035
+"""|residual| / |torque| from which every hypothesis is fitted."""
+EACH = 1.025
+"""Factor on what is left that makes up for one error more."""
+FEWER = 0.985
+"""Most of the squared error that a mistake may leave."""
+PLAIN = 1.06
+"""Most that a plain machine may leave, in what a rich one leaves, to be believed."""
+ODD_POSES = 0.002
+"""Share of samples that do not close or lie beside a singular pose from which other starts are
+tried."""
+FEW_LEFT = 0.1
+"""The same from which too little is left to believe what the others say."""
+BETTER_START = 0.9
+"""Most of the error of the first start that another one must leave."""
+STARTS = 2
 LARGEST_ERROR = 0.3
 """|residual| / |torque| in motion with which the rest is believed."""
-MOST = 5
-"""Errors that are looked for together."""
-SAMPLES, LEAST_RATE = 1500, 3.0
-"""About how many samples are enough, and the least rate of them, in cut-offs of the torque."""
-TRIED = 2
-"""Candidates that are fitted before one is added."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class Calibration:
     Attributes:
         values: of each zero, rad, as read less true, and each of `DIMENSIONS`, m, true less that
             of the robot file; zero where there is no mistake.
-        std: of `values`, for white residuals.
+        std: of `values`, clustered.
         before, after: |residual| / |torque| in motion without and with them.
     """
 
@@ -98,237 +99,116 @@ class Calibration:
             'geometry': with_dimensions(robot.geometry, self.values[LEGS:])})
 
 
-def with_dimensions(geometry: Geometry, errors: np.ndarray) -> Geometry:
-    """Return the geometry with `DIMENSIONS` changed by `errors`, m; a radius may fall below 0."""
-    content = geometry.model_dump()
-    return Geometry.model_construct(**{**content, **{
-        name: content[name] + float(error)
-        for name, error in zip(DIMENSIONS, errors, strict=True)}})
-
-
-def _platform_columns(state: State) -> np.ndarray:
-    return rigid_body_columns(state)[..., list(PLATFORM)]
-
-
-def _pulls(state: State) -> np.ndarray:
-    """Return the torque (n, J, 36) of forces on the platform that grow with its position, and of
-    offset, weight, inertia and friction of each arm by itself."""
-    forces = [state.torque_of_force(axis) for axis in np.eye(LEGS)]
-    away = state.x[:, :3] - state.x[:, :3].mean(axis=0)
-    columns = forces + [force * away[:, [axis]] for force in forces for axis in range(3)]
-    for joint in np.eye(LEGS):
-        columns += [np.broadcast_to(joint, state.q.shape), joint * np.cos(state.q),
-                    joint * state.qdd, joint * state.qd, joint * np.sign(state.qd)]
-    return np.stack(columns, axis=-1)
-
-
-def _turning(state: State) -> np.ndarray:
-    """Return the torque (n, J, 2) of Coulomb and viscous friction about theta."""
-    rate = state.xd[:, 3:]
-    return np.stack([state.torque_of_force(np.eye(LEGS)[3] * part)
-                     for part in (np.sign(rate), rate)], axis=-1)
-
-
-def _rates(rows: Equations) -> np.ndarray:
-    """Return the rate of the torque (m, J), N m/s: what a drive that lags adds."""
-    step = np.gradient(rows.t)
-    return np.gradient(rows.tau, axis=0) / np.maximum(step, 1e-9)[:, None]
-
-
-@dataclass(frozen=True)
-class _Solution:
-    values: np.ndarray
-    std: np.ndarray
-    left: float
-    chi: np.ndarray
-
-
-class _Problem:
-    """The platform's part of (22) as a function of zeros and dimensions.
-
-    What is not to decide is taken out of torque and columns: friction about theta, a lag of each
-    drive, and for zeros all that a joint does by itself, with inertia and friction of its own and
-    a quadratic polynomial of the positions; none of this changes with a zero, as a polynomial of
-    shifted positions is one of the positions. Dimensions show in how gravity changes with the pose,
-    so for them it is what pulls at the platform instead (`_pulls`).
-    """
-
-    def __init__(self, stretches: Sequence[Stretch], geometry: Geometry, rows: Equations,
-                 zeros: bool) -> None:
-        self._stretches, self._geometry, self._valid = stretches, geometry, rows.valid
-        turning = equations_of(stretches, geometry, columns_of=_turning).columns
-        rates = _rates(rows)
-        if zeros:
-            self._own = []
-            for joint in range(LEGS):
-                own = np.column_stack((rows.columns[:, joint, list(JOINT_ALONE)],
-                                       rates[:, joint], turning[:, joint]))
-                self._own.append(np.linalg.qr(np.column_stack((
-                    rows.slack[joint], rows.without_slack(own, joint))))[0])
-        else:
-            pulls = equations_of(stretches, geometry, columns_of=_pulls).columns
-            late = rates[..., None] * np.eye(LEGS)
-            everything = np.concatenate((pulls, turning, late), axis=-1)
-            self._own = np.linalg.qr(np.concatenate([
-                everything[self._valid[:, joint], joint] for joint in range(LEGS)]))[0]
-        self.target = self._reduced(rows.tau)
-
-    def _reduced(self, values: np.ndarray) -> np.ndarray:
-        """Return values (m, J, ...) at valid rows, joint after joint, without what is taken out."""
-        parts = [values[self._valid[:, joint], joint] for joint in range(LEGS)]
-        if isinstance(self._own, list):
-            return np.concatenate([rows - basis @ (basis.T @ rows)
-                                   for rows, basis in zip(parts, self._own, strict=True)])
-        rows = np.concatenate(parts)
-        return rows - self._own @ (self._own.T @ rows)
-
-    def columns(self, values: np.ndarray) -> np.ndarray:
-        """Return the columns (m, J, p), rods and bars among them, for these errors."""
-        return self.rows(values, _platform_columns).columns
-
-    def rows(self, values: np.ndarray, columns_of: Callable[[State], np.ndarray] = base_columns
-             ) -> Equations:
-        """Return the equations for these errors."""
-        moved = [replace(part, q=part.q - values[:LEGS]) for part in self._stretches]
-        return equations_of(moved, with_dimensions(self._geometry, values[LEGS:]),
-                            columns_of=columns_of)
-
-    def slopes(self, values: np.ndarray, chi: np.ndarray, torque: np.ndarray,
-               which: Sequence[int]) -> np.ndarray:
-        """Return d(W chi)/d(errors) (m, k) of some errors."""
-        found = []
-        for index in which:
-            ahead = values.copy()
-            ahead[index] += SMALL_STEP[index]
-            found.append(self._reduced(self.columns(ahead) @ chi - torque) / SMALL_STEP[index])
-        return np.stack(found, axis=1)
-
-    def solve(self, free: Sequence[int], start: np.ndarray) -> _Solution:
-        """Return the best values of some errors, the others as they are (Gauss, Newton)."""
-        free, values = list(free), start.copy()
-        best = self._fitted(values)
-        std = np.zeros(ERRORS)
-        for _ in range(STEPS if free else 0):
-            columns = self.columns(best.values)
-            base = self._reduced(columns)
-            residual = self.target - base @ best.chi
-            slopes = self.slopes(best.values, best.chi, columns @ best.chi, free)
-            basis = np.linalg.qr(base)[0]  # what the base parameters can mimic is taken out
-            slopes = slopes - basis @ (basis.T @ slopes)
-            step, _, _, _ = np.linalg.lstsq(slopes, residual, rcond=1e-6)
-            inverse = np.linalg.pinv(slopes.T @ slopes, rcond=1e-10, hermitian=True)
-            std = np.zeros(ERRORS)
-            std[free] = np.sqrt(np.maximum(np.diag(inverse), 0.0) * best.left
-                                / max(len(residual), 1))
-            step *= min(1.0, float(np.min(LONGEST_STEP[free] / np.maximum(np.abs(step), 1e-12))))
-            for _ in range(3):
-                values = best.values.copy()
-                values[free] += step
-                try:
-                    trial = self._fitted(values)
-                except UnreachableError:
-                    trial = None
-                if trial is not None and trial.left < best.left:
-                    break
-                step = 0.4 * step
-            else:
-                break
-            best = trial
-            if np.abs(step).max() < SETTLED:
-                break
-        return replace(best, std=std)
-
-    def _fitted(self, values: np.ndarray) -> _Solution:
-        base = self._reduced(self.columns(values))
-        information = base.T @ base
-        moment = base.T @ self.target
-        chi = np.linalg.lstsq(information, moment, rcond=1e-10)[0]
-        residual = self.target - base @ chi
-        return _Solution(values, np.zeros(ERRORS), float(residual @ residual), chi)
-
-    def nearest(self, solution: _Solution, chosen: Sequence[int], among: Sequence[int]
-                ) -> list[int]:
-        """Return errors that are not chosen, the one that promises most first."""
-        columns = self.columns(solution.values)
-        base = self._reduced(columns)
-        residual = self.target - base @ solution.chi
-        slopes = self.slopes(solution.values, solution.chi, columns @ solution.chi, range(ERRORS))
-        basis = np.linalg.qr(np.column_stack((base, slopes[:, list(chosen)])))[0]
-        slopes = slopes - basis @ (basis.T @ slopes)
-        gain = (slopes.T @ residual) ** 2 / np.maximum(np.sum(slopes ** 2, axis=0), 1e-30)
-        return [int(index) for index in np.argsort(-gain)
-                if index in among and index not in chosen]
-
-
-def calibration_of(stretches: Sequence[Stretch], geometry: Geometry, rows: Equations
-                   ) -> Calibration | None:
+def calibration_of(stretches: Sequence[Stretch], geometry: Geometry) -> Calibration | None:
     """Return the zeros and dimensions that are far off, or None.
 
-    Zeros are looked for first, beside joints that have inertia and friction of their own, together
-    with dimensions, which otherwise would pass for zeros; then dimensions alone, which show best
-    where all joints are alike.
-
     Args:
-        stretches: of the logs.
+        stretches: of the logs, positions as they were read.
         geometry: of the robot file.
-        rows: of these.
     """
-    if (rows.valid.sum(axis=0) < 100).any():
+    nowhere = np.zeros(ERRORS)
+    here = placement_at(stretches, geometry, nowhere)
+    found, least = (None, np.inf) if here is None else _explained(here)
+    if here is None or here.odd > ODD_POSES:
+        least *= BETTER_START if found is None or here.odd < FEW_LEFT else np.inf
+        for start in possible_starts(stretches, geometry)[:STARTS]:
+            there = placement_at(stretches, geometry, start)
+            trial, left = (None, np.inf) if there is None else _begun(there, start)
+            if trial is not None and left < least:
+                found, least = trial, left
+    if found is None or (np.abs(found.values) > largest_errors(geometry)).any():
         return None
-    every = min(max(1, round(len(rows.t) / SAMPLES)), max(1, round(
-        1.0 / (stretches[0].period * LEAST_RATE * stretches[0].cutoff_hz))))
-    if every > 1:
-        stretches = [part.thinned(every) for part in stretches]
-        rows = equations_of(stretches, geometry)
-    for alone, among, fewer, least in ((True, range(ERRORS), FEWER, FEWER_ZERO),
-                                       (False, range(LEGS, ERRORS), FEWER_DIMENSION,
-                                        FEWER_DIMENSION)):
-        problem = _Problem(stretches, geometry, rows, alone)
-        nothing = problem.solve((), np.zeros(ERRORS))
-        found = _selected(problem, nothing, among, fewer)
-        large = (np.abs(found.values) > SMALLEST) & (np.abs(found.values) > SURE * found.std)
-        if not large.any() or found.left > least * nothing.left:
-            continue
-        values = np.where(large, found.values, 0.0)
-        after = problem.rows(values).fit().error
-        if after < min(LARGEST_ERROR, rows.fit().error):
-            return Calibration(values, np.where(large, found.std, 0.0), rows.fit().error, after)
+    before = _error(stretches, geometry, nowhere)
+    after = _error(stretches, geometry, found.values)
+    if after >= min(LARGEST_ERROR, before):
+        return None
+    return Calibration(found.values, found.std, before, after)
+
+
+def largest_errors(geometry: Geometry) -> np.ndarray:
+    """Return the largest errors (ERRORS,) that a setup has, rad and m."""
+    lengths = np.array([getattr(geometry, name) for name in DIMENSIONS])
+    return np.minimum(LARGEST, np.concatenate((np.full(LEGS, np.inf), LARGEST_PART * lengths)))
+
+
+def _explained(plain: Placement) -> tuple[Solution | None, float]:
+    """Return the errors that explain decisively more than none, or None, and what is left."""
+    return _plain_or_rich(plain, np.zeros(ERRORS), _best)
+
+
+def _begun(plain: Placement, start: np.ndarray) -> tuple[Solution | None, float]:
+    """Return the errors to which a start leads, or None, and what is left."""
+    group = ZEROS if start[:LEGS].any() else tuple(map(int, np.flatnonzero(start)))
+
+    def ended(placement: Placement, start: Solution) -> Solution | None:
+        try:
+            return _pruned(placement, placement.solve(group, start.values), group)
+        except UnreachableError:
+            return None
+
+    return _plain_or_rich(plain, start, ended)
+
+
+def _plain_or_rich(plain: Placement, start: np.ndarray,
+                   search: Callable[[Placement, Solution], Solution | None]
+                   ) -> tuple[Solution | None, float]:
+    """Return what a search finds in a plain machine if that explains all that a rich one does.
+
+    Else what it finds beside all that a machine may have; and |residual| / |torque|.
+    """
+    rich = plain.beside_much()
+    begun, bare = plain.fitted(start), rich.fitted(start)
+    found = search(plain, begun)
+    left = plain.relative(found or begun)
+    if found is None and left < PLAIN * rich.relative(bare):
+        return None, left
+    other = search(rich, bare)
+    least = rich.relative(other or bare)
+    return (found, left) if left < PLAIN * least else (other, least)
+
+
+def _best(placement: Placement, nothing: Solution) -> Solution | None:
+    """Return the hypothesis that explains most, if it explains decisively more than none."""
+    least_sure, least_large = WORTH_FITTING
+    poor = placement.relative(nothing) > UNEXPLAINED
+    worth = [group for group, (values, std) in zip(
+        HYPOTHESES, placement.linear(nothing, HYPOTHESES), strict=True)
+        if poor or ((np.abs(values) > least_sure * std)
+                    & (np.abs(values) > least_large * SMALLEST[list(group)])).any()]
+    found = [_pruned(placement, placement.solve(group, nothing.values), group) for group in worth]
+    best = min((solution for solution in found if solution is not None),
+               key=lambda solution: solution.left * EACH ** np.count_nonzero(solution.values),
+               default=nothing)
+    return best if best.left < FEWER * nothing.left else None
+
+
+def _pruned(placement: Placement, solution: Solution, free: Sequence[int]) -> Solution | None:
+    """Return the solution without errors that are small or not sure; None where none is left."""
+    free = list(free)
+    while free:
+        values, std = np.abs(solution.values[free]), solution.std[free]
+        size = values / np.maximum(SMALLEST[free], SURE_BESIDE * std)
+        if size.min() >= 1.0:
+            return solution if (values >= SURE * std).any() else None
+        start = solution.values.copy()
+        start[free.pop(int(np.argmin(size)))] = 0.0
+        if free:
+            try:
+                solution = placement.solve(free, start)
+            except UnreachableError:  # that error is what makes the mechanism close
+                return solution
     return None
 
 
-def _selected(problem: _Problem, nothing: _Solution, among: Sequence[int], fewer: float
-              ) -> _Solution:
-    """Return the errors that each explain much, found one by one, or all zeros together."""
-    now, chosen = nothing, []
-    while len(chosen) < MOST:
-        try:
-            trials = [(problem.solve([*chosen, index], now.values), index)
-                      for index in problem.nearest(now, chosen, among)[:TRIED]]
-        except UnreachableError:  # an error more and the mechanism does not close
-            break
-        trial, index = min(trials, key=lambda item: item[0].left)
-        least = FEWER_BAR if index == BAR else fewer
-        if trial.left > least * now.left or (np.abs(trial.values) > LARGEST).any():
-            break
-        now, chosen = trial, [*chosen, index]
-    if 0 in among:
-        try:
-            zeros = problem.solve(range(LEGS), np.zeros(ERRORS))
-        except UnreachableError:
-            zeros = nothing
-        least = BETTER if chosen else FEWER_ZERO
-        if zeros.left < least * now.left and (np.abs(zeros.values) < LARGEST).all():
-            now, chosen = zeros, list(range(LEGS))
-    for index in list(chosen) if len(chosen) > 1 else ():
-        start = now.values.copy()
-        start[index] = 0.0
-        try:
-            without = problem.solve([other for other in chosen if other != index], start)
-        except UnreachableError:  # it is what makes the mechanism close
-            continue
-        if without.left < KEPT * now.left:
-            now, chosen = without, [other for other in chosen if other != index]
-    return now
+def _error(stretches: Sequence[Stretch], geometry: Geometry, values: np.ndarray) -> float:
+    """Return |residual| / |torque| in motion with some errors; one where no pose closes."""
+    other = with_dimensions(geometry, values[LEGS:])
+    moved = [closing(replace(part, q=part.q - values[:LEGS]), other) for part in stretches]
+    try:
+        rows = equations_of(moved, other)
+    except UnreachableError:
+        return 1.0
+    return rows.fit().error if rows.valid.any(axis=0).all() else 1.0
 
 
 def calibration_findings(calibration: Calibration, robot: Robot) -> list[Finding]:
@@ -347,7 +227,9 @@ def calibration_findings(calibration: Calibration, robot: Robot) -> list[Finding
             'zero_error', joints, None,
             f'positions read too large by {listed(sizes)}; {gain}',
             f'Set the zero of the encoder anew, or take {listed(offsets)} where the messages are '
-            'made.', True))
+            'made.', True, amount=Amount('encoder_offset', joints, {'offset': Parameter(
+                value=tuple(calibration.zeros[list(joints)].tolist()),
+                std=tuple(calibration.std[list(joints)].tolist()), unit='rad')})))
     wrong = [(name, float(error), float(std)) for name, error, std in
              zip(DIMENSIONS, calibration.values[LEGS:], calibration.std[LEGS:], strict=True)
              if error]
@@ -362,5 +244,7 @@ def calibration_findings(calibration: Calibration, robot: Robot) -> list[Finding
         found.append(Finding(
             'wrong_dimensions', tuple(range(LEGS)), None,
             f'the robot file has {listed(sizes)}; {gain}',
-            f'Measure the machine and set geometry: {{{lines}}}{radius} in the robot file.', True))
+            f'Measure the machine and set geometry: {{{lines}}}{radius} in the robot file.', True,
+            amount=Amount('geometry_error', (), {
+                name: Parameter(value=error, std=std, unit='m') for name, error, std in wrong})))
     return found

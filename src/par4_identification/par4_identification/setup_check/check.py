@@ -18,7 +18,6 @@ from par4_identification.setup_check.calibration import calibration_findings, ca
 from par4_identification.setup_check.equations import (
     Equations,
     Stretch,
-    closing,
     equations_of,
     stretches_of,
 )
@@ -157,9 +156,8 @@ def _calibrated(check: SetupCheck) -> SetupCheck:
     """Return the check with large errors of zeros and dimensions mended."""
     if not isinstance(check.machine, Robot):
         return check
-    stretches = [closing(part, check.machine.geometry) for part in stretches_of(check.logs)]
-    rows = equations_or_none(stretches, check.machine.geometry)
-    calibration = None if rows is None else calibration_of(stretches, check.machine.geometry, rows)
+    stretches = stretches_of(check.logs)
+    calibration = calibration_of(stretches, check.machine.geometry) if stretches else None
     if calibration is None:
         return check
     return check.after(calibration_findings(calibration, check.machine),

@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from par4_dynamics.parameters import Parameter
 from par4_identification.logs.log import Log
 from par4_kinematics.robot import Axis, Robot
 
 Kind = Literal['joints_exchanged', 'sign_reversed', 'wrong_unit', 'common_gain', 'zero_error',
                'delay', 'wrong_dimensions', 'frozen_encoder', 'encoder_slip', 'held_samples',
                'spikes', 'clipped', 'clock_drift', 'singular_pose', 'not_moving']
+
+
+@dataclass(frozen=True)
+class Amount:
+    """How large a mistake is that the library knows as an effect, too.
+
+    Attributes:
+        effect: name of the effect.
+        joints: that it concerns; none where it concerns the machine.
+        parameters: of the effect, one number or one a joint in `joints`.
+    """
+
+    effect: str
+    joints: tuple[int, ...]
+    parameters: Mapping[str, Parameter]
 
 
 @dataclass(frozen=True)
@@ -27,6 +43,7 @@ class Finding:
         mend: what to do at the machine, in a file or on the command line, a sentence.
         certain: whether the data were mended, so that the work goes on with them.
         useless: whether the data cannot be used as they are; never of what is certain.
+        amount: what was mended, where the diagnosis may find the rest of it.
     """
 
     finding: Kind
@@ -36,6 +53,7 @@ class Finding:
     mend: str
     certain: bool
     useless: bool = False
+    amount: Amount | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the finding as the interface contract has it."""

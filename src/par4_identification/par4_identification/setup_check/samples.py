@@ -25,12 +25,16 @@ FASTER = 3.0
 BRIEF, UNMOVED = 0.06, 4.0
 """s up to which a joint cannot have turned round unseen, and ratio of a jump to what the joint
 travels in that time at the speed beside it, from which the jump is no end of a held reading."""
+BESIDE = 0.2
+"""Most that other joints travel, in the jump, while a joint rested before it slipped."""
 STOPPED = 3.0
 """Counts a sample from which no drive stops a joint within a sample."""
 TRAVEL = 0.1
 """rad that other joints travel while a reading that stopped at once stands still."""
-LONG_TRAVEL, LONG = 0.4, 0.5
-"""The same, and for how long, s, where the reading stopped at rest."""
+LONG_TRAVEL = 0.4
+"""The same where a reading never changes."""
+UNSLOWED = 0.5
+"""Least part of the speed before it that the last step of a reading that stopped at once has."""
 SMALLEST_SLIP = 3e-3
 """rad; what is smaller belongs to the noise of a reading."""
 BEYOND = 12.0
@@ -86,10 +90,12 @@ def held_stretches(log: Log) -> list[Held]:
         for joint, runs in enumerate(frozen):
             for start, end, sudden in runs:
                 together.setdefault(end, []).append((start, joint, sudden))
+        repeats = {end + 1: start for start, end in runs_of(stands) if end + 1 - start >= FEWEST}
         for end, starts in sorted(together.items()):
-            start = max(begun for begun, _, _ in starts)
+            # a torque that repeats up to the same row says that the logger held, and from when
+            start = repeats.get(end, max(begun for begun, _, _ in starts))
             joints = {joint for _, joint, _ in starts}
-            if len(joints) == 1 and starts[0][2]:
+            if len(joints) == 1 and starts[0][2] and end not in repeats:
                 continue  # a slip after a rest
             joints |= set(np.flatnonzero(still[start:end - 1].all(axis=0)).tolist())
             found.append(Held(segment.start + start, segment.start + end, tuple(sorted(joints)),
@@ -147,16 +153,25 @@ def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, in
             jump = abs(own[end] - own[end - 1])
             after = abs(own[min(end + AROUND, len(own) - 1)] - own[end]) / AROUND
             speed = max(before, after)
-            short = (end - start) * period < BRIEF
             if jump > COUNTS * count and jump > FASTER * speed:
-                found.append((start, end, short and jump > UNMOVED * speed * (end - start)))
+                short = (end - start) * period < BRIEF
+                alone = q.shape[1] > 1 and _travel_beside(q[start:end + 1], joint) < BESIDE * jump
+                found.append((start, end, alone or (
+                    short and jump > UNMOVED * speed * (end - start))))
                 continue
-        travel = np.ptp(np.delete(q[start:end], joint, axis=1), axis=0).max(initial=0.0)
-        stopped = before > STOPPED * count > 0.0
+        # a joint that comes to rest slows down first; a reading that stops does not
+        last_step = abs(own[start] - own[max(start - 1, 0)])
+        stopped = last_step > max(STOPPED * count, UNSLOWED * before) > 0.0
+        travel = _travel_beside(q[start:end], joint)
         if (stopped and travel > TRAVEL) or (
-                travel > LONG_TRAVEL and (end - start) * period > LONG):
+                end - start == len(own) and travel > LONG_TRAVEL):
             found.append((start, end, False))
     return found
+
+
+def _travel_beside(q: np.ndarray, joint: int) -> float:
+    """Return the most that a joint other than this one travels in rows q (n, J), rad."""
+    return float(np.ptp(np.delete(q, joint, axis=1), axis=0).max(initial=0.0))
 
 
 def slips(log: Log) -> list[tuple[int, int, float]]:
@@ -205,11 +220,16 @@ def spikes(log: Log, column: str) -> np.ndarray:
             mask = own > least
             if np.count_nonzero(mask) > OFTEN * len(own):
                 continue
-            for start, end in runs_of(mask):
+            for first, last in runs_of(mask):
+                # beside a spike the medians are off by what the joint travels in a sample
+                high = first + np.flatnonzero(own[first:last] > 0.5 * own[first:last].max())
+                start, end = int(high[0]), int(high[-1]) + 1
                 # drives answer encoder counts by pulses; a spike has neighbours that agree
                 beside = size[max(start - 1, 0)], size[min(end, len(size) - 1)]
-                if end - start <= WIDEST and abs(beside[1] - beside[0]) < AGREE * own[
-                        start:end].max():
+                peak = own[start:end].max()
+                off = np.abs(size[start:end] - 0.5 * sum(beside)).min()
+                if (end - start <= WIDEST and abs(beside[1] - beside[0]) < AGREE * peak
+                        and off > 0.5 * peak):
                     found[segment.start + start:segment.start + end, joint] = True
     return found
 

@@ -1,8 +1,8 @@
 """All torques too large or too small by one factor.
 
 (20) is homogeneous: a factor of all torques is one of all base parameters, and no motion tells it.
-What tells it are numbers from elsewhere: the torque limit of the drives, masses that the platform
-cannot go below, or a model that is known of this machine.
+What tells it are numbers from elsewhere: the torque limit of the drives, how hard their loops
+answer a count, masses that the platform cannot go below, or a model that is known of this machine.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from par4_dynamics.base_terms import BASE_TERMS
 from par4_dynamics.model import Model
+from par4_identification.setup_check.drive_answer import answer_of
 from par4_identification.setup_check.equations import Equations, equations_of, stretches_of
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_kinematics.errors import UnreachableError
@@ -68,12 +69,26 @@ def scale_findings(check: SetupCheck, model: Model | None) -> SetupCheck:
             f'reach {number(largest / gain, 3)} N m',
             'If amplifier_voltage carries N m, write volts into it or set drives.gain to 1; else '
             'check drives.gain and drives.torque_limit of the robot file.', False, True)])
-    if 0.0 < platform < TOO_LIGHT * least:
+    answer = answer_of(check.logs, machine.drives)
+    told = '' if answer is None else (
+        f'the drives answer a step of their encoders by {number(answer.measured, 2)} N m/rad, '
+        f'velocity_gain x position_gain of the robot file are {number(answer.expected, 2)} N m/rad')
+    if answer is not None and answer.scaled_by(gain) and platform > TOO_LIGHT * least * gain:
         return check.after([Finding(
             'wrong_unit', joints, None,
-            f'the platform would weigh {number(platform, 2)} kg, its rods, bars and tool alone '
-            f'weigh {number(least, 2)} kg in the robot file; multiplied by the gain of '
-            f'{number(gain, 3)} N m/V it would be {number(platform * gain, 2)} kg',
+            f'{told}; divided by the gain of {number(gain, 3)} N m/V the answer would be '
+            f'{number(answer.measured / gain, 2)} N m/rad, and the platform '
+            f'{number(platform / gain, 2)} kg instead of {number(platform, 2)} kg',
+            'If amplifier_voltage carries N m, write volts into it or set drives.gain to 1; else '
+            'check drives.gain, velocity_gain and position_gain of the robot file.', False, True)])
+    light = 0.0 < platform < TOO_LIGHT * least
+    if light or (answer is not None and answer.scaled_by(1.0 / gain)):
+        why = (f'the platform would weigh {number(platform, 2)} kg, its rods, bars and tool alone '
+               f'weigh {number(least, 2)} kg in the robot file' if light else told)
+        return check.after([Finding(
+            'wrong_unit', joints, None,
+            f'{why}; multiplied by the gain of {number(gain, 3)} N m/V the platform would be '
+            f'{number(platform * gain, 2)} kg',
             'If the effort of joint_states carries volts, write N m into it, or publish the volts '
             'as amplifier_voltage; else check drives.gain and bodies of the robot file.', False,
             True)])

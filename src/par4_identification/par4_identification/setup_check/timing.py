@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from par4_dynamics.parameters import Parameter
 from par4_identification.logs.log import Log
 from par4_identification.setup_check.equations import Equations, Fit
-from par4_identification.setup_check.finding import Finding
+from par4_identification.setup_check.finding import Amount, Finding
 from par4_sim.report.words import number, percent
 
 LONGEST = 0.25
@@ -221,5 +222,7 @@ def timing_findings(timing: Timing, log: Log, joints: int) -> list[Finding]:
             f'{"after" if late else "before"} the positions it belongs to '
             f'(+- {number(1e3 * timing.std[0], 2)} ms); {gain}',
             f'Stamp both when they are measured, or take {number(abs(timing.delay), 3)} s '
-            f'{"off" if late else "on top of"} the stamps of the torque.', True))
+            f'{"off" if late else "on top of"} the stamps of the torque.', True,
+            amount=Amount('time_offset', (), {'delay': Parameter(
+                value=timing.delay, std=timing.std[0], unit='s')})))
     return found

@@ -18,7 +18,8 @@ def setup_lines(check: SetupCheck, work: str) -> tuple[str, ...]:
         check: of setup and logs.
         work: what went on with the mended data, as 'diagnosis'.
     """
-    lines = []
+    lines = [f'Before anything else: {log.name}: {text}.'
+             for log in check.logs if log.accounts for text in log.accounts.of_clocks()]
     for finding in check.findings:
         went_on = f' The {work} went on with this mended.' if finding.certain else ''
         lines.append(f'Before anything else: {finding.evidence}.{went_on} {finding.mend}')
@@ -29,9 +30,10 @@ def with_setup(outcome: Outcome, check: SetupCheck, work: str) -> Outcome:
     """Return the outcome with what was wrong with the setup in front of it."""
     remarks = tuple(Remark(True, text, SHOWN_BY) for text in check.remarks)
     standing = outcome.standing
-    if check.findings and standing == 'good':
+    lines = setup_lines(check, work)
+    if lines and standing == 'good':
         standing = 'fair'
-    return replace(outcome, first=setup_lines(check, work), standing=standing,
+    return replace(outcome, first=lines, standing=standing,
                    remarks=(*outcome.remarks, *remarks))
 
 

@@ -1,0 +1,121 @@
+"""Two machines or simulations on one topic: which messages are whose, and when they get mixed.
+
+Two simulations count time from their own beginnings, so that stamps of the two differ from the time
+of receipt by different offsets and alternate as messages arrive: one of them is kept. Two sources
+on one clock cannot be told apart, but where both talk, positions jump to and fro from message to
+message: such stretches are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from par4_identification.logs.stamped_rows import StampedRows
+
+APART = 250_000_000
+"""ns between the offsets of two clocks; transport does not delay a message so long."""
+OFTEN = 0.02
+"""Share of the messages at which the clock changes from one to the other and back."""
+JUMP = 1e-2
+"""rad of a jump to and fro."""
+AROUND, DENSE = 50, 0.3
+"""Samples over which jumps are counted, and share of them where two sources talk; the jumps of
+single wrong readings are rarer."""
+MOST_MIXED = 0.8
+"""Share of the time in which two sources talk from which the bag is refused."""
+JOINED = 1_000_000_000
+"""ns between mixed stretches that are one: two machines in one pose look like one."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """The source of a bag whose messages are kept.
+
+    Attributes:
+        offset: receipt less stamp of its messages, ns; None where all are kept.
+        mixed: stretches of the bag's time, ns, in which another source talks as well.
+    """
+
+    offset: float | None
+    mixed: tuple[tuple[int, int], ...] = ()
+
+    def of_its_clock(self, rows: StampedRows) -> StampedRows:
+        """Return the rows of a topic that have the clock of this source."""
+        if self.offset is None:
+            return rows
+        sides = _clocks(rows)
+        return rows if sides is None else rows.part(min(
+            sides, key=lambda side: abs(_offset(rows, side) - self.offset)))
+
+    def unmixed(self, rows: StampedRows, time: np.ndarray) -> StampedRows:
+        """Return the rows, at times (n,) ns, that no other source is mixed with."""
+        kept = np.ones(len(time), dtype=bool)
+        for first, last in self.mixed:
+            kept &= (time < first) | (time > last)
+        return rows if kept.all() else rows.part(kept)
+
+
+def source_of(positions: StampedRows) -> Source:
+    """Return the source with more messages where two clocks alternate; else what is all of it."""
+    sides = _clocks(positions)
+    if sides is None:
+        return Source(None)
+    return Source(_offset(positions, max(sides, key=np.count_nonzero)))
+
+
+def beside_mixed(source: Source, positions: StampedRows, time: np.ndarray) -> Source:
+    """Return the source with the stretches in which positions at times (n,) ns get mixed.
+
+    Where they are mixed nearly throughout there is nothing to be kept, and nothing is left out.
+    """
+    finite = np.flatnonzero(np.isfinite(positions.values).all(axis=1))
+    order = finite[np.argsort(time[finite], kind='stable')]
+    found = _mixed_stretches(time[order], positions.values[order])
+    lost = sum(last - first for first, last in found)
+    if not found or lost > MOST_MIXED * (time[order[-1]] - time[order[0]]):
+        return source
+    return replace(source, mixed=tuple(found))
+
+
+def _clocks(rows: StampedRows) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return which rows have the one clock and which the other; None where no two alternate."""
+    offset = (rows.received - rows.stamp).astype(float)
+    if len(offset) < 2:
+        return None
+    ordered = np.sort(offset)
+    gaps = np.diff(ordered)
+    widest = int(np.argmax(gaps))
+    late = offset > 0.5 * (ordered[widest] + ordered[widest + 1])
+    if gaps[widest] < APART or np.count_nonzero(late[1:] != late[:-1]) < OFTEN * len(late):
+        return None
+    return late, ~late
+
+
+def _offset(rows: StampedRows, side: np.ndarray) -> float:
+    return float(np.median((rows.received - rows.stamp)[side]))
+
+
+def _mixed_stretches(stamp: np.ndarray, values: np.ndarray) -> list[tuple[int, int]]:
+    """Return the stretches of time, ns, in which positions of two sources get mixed.
+
+    Args:
+        stamp: (n,) ns, increasing or repeated.
+        values: positions (n, J), rad.
+    """
+    step = np.diff(values, axis=0)
+    if len(step) < 2:
+        return []
+    there, back = np.abs(step[:-1]), np.abs(step[1:])
+    returned = np.abs(step[:-1] + step[1:]) < 0.3 * np.minimum(there, back)
+    to_and_fro = (returned & (np.minimum(there, back) > JUMP)).any(axis=1)
+    dense = np.convolve(to_and_fro, np.full(AROUND, 1.0 / AROUND), 'same') > DENSE
+    found: list[tuple[int, int]] = []
+    for start, end in np.flatnonzero(np.diff(np.r_[False, dense, False])).reshape(-1, 2):
+        first = int(stamp[max(start - AROUND, 0)])
+        last = int(stamp[min(end + AROUND, len(stamp) - 1)])
+        if found and first - found[-1][1] < JOINED:
+            first = found.pop()[0]
+        found.append((first, last))
+    return found
