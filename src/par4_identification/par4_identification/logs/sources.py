@@ -43,11 +43,12 @@ class Source:
 
     def of_its_clock(self, rows: StampedRows) -> StampedRows:
         """Return the rows of a topic that have the clock of this source."""
-        if self.offset is None:
+        offset = self.offset
+        if offset is None:
             return rows
         sides = _clocks(rows)
         return rows if sides is None else rows.part(min(
-            sides, key=lambda side: abs(_offset(rows, side) - self.offset)))
+            sides, key=lambda side: abs(_offset(rows, side) - offset)))
 
     def unmixed(self, rows: StampedRows, time: np.ndarray) -> StampedRows:
         """Return the rows, at times (n,) ns, that no other source is mixed with."""
