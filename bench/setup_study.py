@@ -395,8 +395,8 @@ def report(outcomes: Sequence[dict], header: dict, planned: int) -> str:
     return f'''# Study of mistakes of the setup
 
 Written by `bench/setup_study.py`, good or bad. {header['date']}; {header['machine']}; commit
-{header['commit']}; seeds from {header['first_seed']}; {len(good) - kept} of {planned} recordings and
-{len(outcomes)} mistakes made to them, {hidden} of these beside a hidden effect of the library;
+{header['commit']}; seeds from {header['first_seed']}; {len(good) - kept} of {planned} recordings
+and {len(outcomes)} mistakes made to them, {hidden} of these beside a hidden effect of the library;
 {len(errors)} recordings ended in an error.
 {kept} of the logs without mistake were kept by the blind study; no
 look was chosen by them, and some hide what no library has.
