@@ -398,8 +398,8 @@ Written by `bench/setup_study.py`, good or bad. {header['date']}; {header['machi
 {header['commit']}; seeds from {header['first_seed']}; {len(good) - kept} of {planned} recordings
 and {len(outcomes)} mistakes made to them, {hidden} of these beside a hidden effect of the library;
 {len(errors)} recordings ended in an error.
-{kept} of the logs without mistake were kept by the blind study; no
-look was chosen by them, and some hide what no library has.
+{kept} of the logs without mistake were kept by the blind study;
+some of them hide what no library has.
 
 Each recording is of a machine and a motion of `tests/hidden` (two robots, four shapes of motion,
 white and coloured noise, 16 s of log). The check sees it as it was recorded, and some of them with
