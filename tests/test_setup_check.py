@@ -182,6 +182,13 @@ def test_a_wrong_dimension_is_measured(clean, name, error):
     assert f'{name}: ' in check.findings[0].mend
 
 
+@pytest.mark.parametrize('gains', [(1.41, 1.0, 0.88, 1.0), (1.0, 0.6, 1.0, 1.3)])
+def test_gains_far_off_are_no_zeros_and_no_dimensions(clean, gains):
+    """The diagnosis names them; the look at the setup does not know them."""
+    kinds, _ = found(replace(clean, tau=clean.tau / np.array(gains)))
+    assert not {'zero_error', 'wrong_dimensions'} & {kind for kind, _ in kinds}
+
+
 @pytest.mark.parametrize('factor', [0.6, 1.9])
 def test_a_common_factor_needs_a_model_to_be_seen(sticky, factor):
     wrong = mistakes.scaled(sticky, factor)

@@ -61,6 +61,9 @@ FEW_LEFT = 0.1
 """The same from which too little is left to believe what the others say."""
 BETTER_START = 0.9
 """Most of the error of the first start that another one must leave."""
+OTHER_FAULT = 0.1
+"""|residual| / |torque| in motion beyond which another fault is the larger one, gains for one, and
+zeros or dimensions that do not take half of it away are not told."""
 STARTS = 2
 LARGEST_ERROR = 0.3
 """|residual| / |torque| in motion with which the rest is believed."""
@@ -120,7 +123,7 @@ def calibration_of(stretches: Sequence[Stretch], geometry: Geometry) -> Calibrat
         return None
     before = _error(stretches, geometry, nowhere)
     after = _error(stretches, geometry, found.values)
-    if after >= min(LARGEST_ERROR, before):
+    if after >= min(LARGEST_ERROR, before) or after > max(OTHER_FAULT, 0.5 * before):
         return None
     return Calibration(found.values, found.std, before, after)
 
