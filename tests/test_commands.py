@@ -17,6 +17,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
+import click
 import numpy as np
 import pytest
 from measured import log_of_model
@@ -57,6 +58,7 @@ from par4_identification.reports.plots import (
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
 from par4_sim.bag import BagWriter
+from par4_sim.commands.entry import run as run_command
 from par4_sim.offline import simulate_to_bag
 from par4_sim.report.results import plain, write_results
 from par4_sim.report.words import listed, number, percent, typeset, with_std
@@ -740,3 +742,19 @@ def test_the_hash_of_a_bag_follows_its_content_not_its_place(tmp_path):
     (tmp_path / 'there' / 'data.mcap').write_bytes(b'dato')
     assert bag_sha256(tmp_path / 'here') != bag_sha256(tmp_path / 'there')
     assert bag_sha256(tmp_path / 'here' / 'data.mcap') == hashlib.sha256(b'data').hexdigest()
+
+
+def test_too_much_data_is_said_in_a_line(capsys, monkeypatch):
+    monkeypatch.setattr(sys, 'argv', ['par4_greedy'])
+
+    @click.command('par4_greedy')
+    def greedy() -> None:
+        raise MemoryError
+
+    with pytest.raises(SystemExit) as ended:
+        run_command(greedy)
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert said.startswith('error: ')
+    assert said.count('\n') == 1
+    assert 'shorter bags' in said

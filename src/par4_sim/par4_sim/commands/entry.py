@@ -29,6 +29,9 @@ def run(command: click.Command) -> NoReturn:
         _refuse(str(error))
     except OSError as error:
         _refuse(f'{error.filename or "file"}: {error.strerror or error}; check path and space')
+    except MemoryError:
+        _refuse('the memory of this machine does not hold so much data; give shorter bags, or '
+                'fewer at a time')
     except (click.Abort, KeyboardInterrupt):
         print('stopped; nothing was changed', file=sys.stderr)
         sys.exit(130)
