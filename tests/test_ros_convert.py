@@ -247,6 +247,13 @@ class TestZeroStamps:
         assert [stamps.start_ns(FEEDFORWARD_TORQUE, self.points(), self.LATER)
                 for _ in range(2)] == [first, second]
 
+    def test_torques_find_their_references_out_of_order_whatever_waits_before(self):
+        stamps = ZeroStamps()
+        long = stamps.start_ns(REFERENCE, self.points(count=200), self.NOW)
+        short = stamps.start_ns(REFERENCE, self.points(), self.LATER)
+        assert stamps.start_ns(FEEDFORWARD_TORQUE, self.points(), self.LATER) == short
+        assert stamps.start_ns(FEEDFORWARD_TORQUE, self.points(count=200), self.LATER) == long
+
     def test_another_content_is_another_trajectory(self):
         stamps = ZeroStamps()
         stamps.start_ns(REFERENCE, self.points(), self.NOW)

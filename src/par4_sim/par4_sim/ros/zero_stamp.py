@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
-from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
 from par4_kinematics.interface import START_DELAY, Topic
 from par4_kinematics.ros.convert import SECOND, Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Waiting:
+    """A trajectory whose counterpart has not arrived yet."""
+
+    topic: str
+    from_start_ns: np.ndarray
+    start_ns: int
+
+    @property
+    def end_ns(self) -> int:
+        return self.start_ns + int(self.from_start_ns[-1])
 
 
 class ZeroStamps:
@@ -18,19 +31,18 @@ class ZeroStamps:
     """
 
     def __init__(self) -> None:
-        self._open: deque[tuple[str, np.ndarray, int]] = deque()
+        self._waiting: list[Waiting] = []
 
     def start_ns(self, topic: Topic, trajectory: Trajectory, now_ns: int) -> int:
         """Return the start of a trajectory received on `topic` at `now_ns`: its stamp, if any."""
         if trajectory.stamp_ns != 0:
             return trajectory.stamp_ns
-        while self._open and self._open[0][2] + int(self._open[0][1][-1]) < now_ns:
-            self._open.popleft()
-        for entry in self._open:
-            arrived, from_start_ns, start_ns = entry
-            if arrived != topic.name and np.array_equal(from_start_ns, trajectory.from_start_ns):
-                self._open.remove(entry)
-                return start_ns
+        self._waiting = [one for one in self._waiting if one.end_ns >= now_ns]
+        for place, one in enumerate(self._waiting):
+            if one.topic != topic.name and np.array_equal(one.from_start_ns,
+                                                          trajectory.from_start_ns):
+                del self._waiting[place]
+                return one.start_ns
         start_ns = now_ns + round(START_DELAY * SECOND)
-        self._open.append((topic.name, trajectory.from_start_ns, start_ns))
+        self._waiting.append(Waiting(topic.name, trajectory.from_start_ns, start_ns))
         return start_ns
