@@ -136,3 +136,14 @@ def test_what_another_fit_says_of_a_cause_is_in_its_deviation():
 def test_the_effects_that_have_separable_sets_have_them_of_their_columns():
     for effect in CATALOGUE.values():
         assert not effect.separable or effect.shared, effect.name
+
+
+def test_of_names_that_explain_alike_the_one_with_fewer_numbers_is_taken():
+    """An eccentricity has two numbers where a zero has one, and can imitate it."""
+    search = search_of(('encoder_offset', {'offset': (0.004, 0.0, 0.0, -0.005)}),
+                       library=('encoder_eccentricity', 'encoder_offset'))
+    found, = search.run()
+    assert found.effect.name == 'encoder_offset'
+    swapped = search._with_a_swap((cause('encoder_eccentricity', (0, 3)),), set())
+    assert swapped is not None
+    assert [item.effect.name for item in swapped] == ['encoder_offset']
