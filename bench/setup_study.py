@@ -49,13 +49,13 @@ from par4_identification.setup_check.unusable import diagnosed_if_sound
 from par4_kinematics.robot import Robot
 
 ROOT = Path(__file__).parents[1]
-SCORING_SEED = 8_530_000
+SCORING_SEED = 8_540_000
 """Seeds below are for developing, or were scored before what they showed changed the looks."""
 RECORDINGS = 400
 """At scale 1."""
-MISTAKEN, EACH = 0.075, 8
+MISTAKEN, EACH = 0.125, 8
 """Share of the recordings that mistakes are made to, one at a time, and how many."""
-EVERY_DIAGNOSED, DIAGNOSED = 8, 3
+EVERY_DIAGNOSED, DIAGNOSED = 2, 3
 """One in so many of those with mistakes is diagnosed as well, with so many of them; it has a hidden
 effect."""
 TIMED = ('time_offset', 'actuator_lag')
