@@ -55,7 +55,7 @@ RECORDINGS = 400
 """At scale 1."""
 MISTAKEN, EACH = 0.125, 8
 """Share of the recordings that mistakes are made to, one at a time, and how many."""
-EVERY_DIAGNOSED, DIAGNOSED = 2, 3
+EVERY_DIAGNOSED, DIAGNOSED = 6, 3
 """One in so many of those with mistakes is diagnosed as well, with so many of them; it has a hidden
 effect."""
 TIMED = ('time_offset', 'actuator_lag')
