@@ -49,6 +49,7 @@ def _refuse_the_impossible(machine: Machine) -> None:
             ('friction at rest', friction.coulomb - np.abs(friction.coulomb_asymmetry)
              + friction.stribeck_torque, 0.0, None),
             ('Stribeck velocity, rad/s', friction.stribeck_velocity, 1e-6, None),
+            ('exponent of Stribeck friction', friction.stribeck_exponent, 1e-2, 10.0),
             ('exponent of friction', friction.power_exponent, 1e-2, None),
             ('friction of load', friction.load_coefficient, 0.0, 0.9),
             ('presliding distance, rad', friction.presliding_distance, 0.0, None),
@@ -86,7 +87,8 @@ Fields = tuple[str, Mapping[str, str]]
 
 ON_JOINTS: dict[str, Fields] = {
     'stribeck': ('friction', {'stribeck_torque': 'stribeck_torque',
-                              'stribeck_velocity': 'stribeck_velocity'}),
+                              'stribeck_velocity': 'stribeck_velocity',
+                              'stribeck_exponent': 'exponent'}),
     'coulomb_asymmetry': ('friction', {'coulomb_asymmetry': 'asymmetry'}),
     'viscous_asymmetry': ('friction', {'viscous_asymmetry': 'asymmetry'}),
     'nonlinear_viscous': ('friction', {'quadratic': 'quadratic', 'power_torque': 'torque',

@@ -113,6 +113,8 @@ class Effect(ABC):
         against_the_others: whether what all joints have in common is a base parameter, so that
             only differences between joints show.
         needs_both_ways: whether a motion that goes one way only cannot tell it from friction.
+        told_by_speeds: whether its torque is a function of the joint's speed alone, so that mean
+            torques at steady speeds can tell it.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
     """
 
@@ -129,6 +131,7 @@ class Effect(ABC):
     tolerance: ClassVar[float] = 1.0
     against_the_others: ClassVar[bool] = False
     needs_both_ways: ClassVar[bool] = False
+    told_by_speeds: ClassVar[bool] = False
     phrase: ClassVar[str]
 
     def shapes(self, state: State) -> tuple[Shape, ...]:

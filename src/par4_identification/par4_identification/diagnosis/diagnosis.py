@@ -35,7 +35,7 @@ from par4_identification.diagnosis.evidence.observations import Observations, ob
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
-from par4_identification.diagnosis.nominal.start import INERTIA, alike, start_of
+from par4_identification.diagnosis.nominal.start import alike, start_of
 from par4_identification.diagnosis.progress import Progress, silent
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.law import Dithered, dithered
@@ -63,9 +63,11 @@ from par4_identification.diagnosis.verdict.judgement import (
 from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.verdict.unrelated import Left, unrelated
+from par4_identification.fitting.identification import INERTIA
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import parted, seconds_of, spread_over
-from par4_identification.signals.rows import Conditioning, Run, runs_of_log
+from par4_identification.signals.plateaus import every_third_between
+from par4_identification.signals.rows import Conditioning, Run, runs_of_logs
 from par4_kinematics.robot import Axis, Robot
 
 CONDITIONING = Conditioning(low_speed=0.02)
@@ -81,6 +83,9 @@ PASSES = 3
 SMOOTH = 0.5
 """Share of what the names leave beyond which an unnamed cause is the whole of it: no load rattles.
 """
+UNEVEN = 3.0
+"""What is left at steady speeds over what the parts of each say of its mean, beyond which something
+is left: noise that wanders is in both."""
 RINGING = 0.3
 """Share of it that twisting transmissions explain, though they are no cause, beyond which they are
 nearer than a load that rattles in a gap."""
@@ -110,12 +115,16 @@ def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Ro
     """Return the rows to fit and those held out.
 
     Without held-out logs the last log is held out; of a single log the last stretch without gaps
-    or, where there is one only, its last third, cut at a standstill within a sixth of the rows.
+    or, where there is one only, its last third, cut at a standstill within a sixth of the rows. Of
+    steady speeds every third is held out.
     """
-    fit_runs = [run for log in fit_logs for run in runs_of_log(log, machine, conditioning)]
+    fit_runs = runs_of_logs(fit_logs, machine, conditioning)
     if holdout_logs:
-        return fit_runs, [run for log in holdout_logs
-                          for run in runs_of_log(log, machine, conditioning)]
+        return fit_runs, runs_of_logs(holdout_logs, machine, conditioning)
+    if conditioning.steady:
+        run, = fit_runs
+        kept = every_third_between(run.speed[:, 0])
+        return [run.part(~kept)], [run.part(kept)]
     if len(fit_logs) > 1:
         last = fit_logs[-1].name
         return ([run for run in fit_runs if run.name != last],
@@ -175,8 +184,9 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     searched = LIBRARY if library is None else library
     effects = {**CATALOGUE, **searched}
     applicable = {name: effect for name, effect in searched.items()
-                  if isinstance(machine, Robot) or not (effect.needs_platform
-                                                        or effect.against_the_others)}
+                  if (isinstance(machine, Robot) or not (effect.needs_platform
+                                                         or effect.against_the_others))
+                  and (effect.told_by_speeds or not observations.steady)}
     base_model = build_model(machine, baseline_with(
         baseline, rigid_body, identification.parameters, observations.terms, ()))
     sigma = identification.estimate.rms
@@ -231,7 +241,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             progress: Progress) -> Diagnosis:
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
-    model = polished(pool, model, rules.price)
+    model = polished(search, model)
     loose = _rattle(search, model)
     if loose is not None:
         model = _beside_bounces(search, model)
@@ -261,12 +271,13 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     alone = unrelated(*(_left(part.observations, model, base_only, whole)
                         for part in (evidence, pool.heldout)), floor, rules)
     near = None if causes else _nearest(search)
-    remaining = Remaining(
-        float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30))), alone,
-        near and near.effect)
+    excess = float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30)))
+    remaining = Remaining(excess, alone, near and near.effect,
+                          evidence.observations.steady and excess > UNEVEN)
     doubts = [doubt_of(search, item, model) for item in unnamed_of(model)] or [
         near and Pair(near, None, (), twins=False)]
-    incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest)
+    incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest
+                      or remaining.uneven)
     return Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
         rejected=tuple(search.journal.rejected),

@@ -12,6 +12,7 @@ from par4_identification.fitting.identification import Identification
 from par4_identification.signals.rows import Run
 
 LEAST_ROWS = 200
+LEAST_PLATEAUS = 10
 WORST_ERROR = 0.6
 WORST_STD = 0.3
 
@@ -28,9 +29,13 @@ def unusable(observations: Observations, identification: Identification,
     """
     reasons, runs = [], observations.runs
     rows = sum(run.valid.sum(axis=0) for run in runs)
-    for joint in np.flatnonzero(rows < LEAST_ROWS):
-        reasons.append(f'joint {joint} moves in only {rows[joint]} rows, {LEAST_ROWS} are needed; '
-                       f'record a longer motion of all joints')
+    least = LEAST_PLATEAUS if observations.steady else LEAST_ROWS
+    for joint in np.flatnonzero(rows < least):
+        reasons.append(
+            f'{rows[joint]} steady speeds are fitted, {least} are needed; record more speeds, in '
+            f'both directions' if observations.steady else
+            f'joint {joint} moves in only {rows[joint]} rows, {least} are needed; record a longer '
+            f'motion of all joints')
     estimate = identification.estimate
     values = {term.name: (value, std) for term, value, std in
               zip(identification.terms, estimate.values, estimate.std)}

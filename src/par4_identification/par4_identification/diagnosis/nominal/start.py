@@ -26,10 +26,9 @@ from par4_identification.diagnosis.nominal.gate import WORST_STD, unusable
 from par4_identification.diagnosis.search.orders import best_orders
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import shapes_of
-from par4_identification.fitting.identification import Identification, identify_runs
+from par4_identification.fitting.identification import INERTIA, Identification, identify_runs
 from par4_kinematics.errors import InputError
 
-INERTIA = 'actuator_inertia'
 STRONGER = 2.0
 """Acceleration over that which all but a hundredth of the rows to fit stay below, up to which a
 model without inertia is held against rows."""
