@@ -14,7 +14,11 @@ from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
-from par4_identification.diagnosis.evidence.estimates import effect_parameters, with_doubt
+from par4_identification.diagnosis.evidence.estimates import (
+    effect_parameters,
+    with_doubt,
+    with_doubt_of_time,
+)
 from par4_identification.diagnosis.evidence.evidence import (
     Evidence,
     Fit,
@@ -37,7 +41,7 @@ from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
 from par4_identification.diagnosis.nominal.start import alike, start_of
 from par4_identification.diagnosis.progress import Progress, silent
-from par4_identification.diagnosis.search.candidates import Candidates
+from par4_identification.diagnosis.search.candidates import Candidates, goes_both_ways
 from par4_identification.diagnosis.search.law import Dithered, dithered
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
@@ -62,7 +66,7 @@ from par4_identification.diagnosis.verdict.judgement import (
 )
 from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR, Rattle, rattle
-from par4_identification.diagnosis.verdict.unrelated import Left, unrelated
+from par4_identification.diagnosis.verdict.unrelated import Left, lines_of, unrelated
 from par4_identification.fitting.identification import INERTIA
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import parted, seconds_of, spread_over
@@ -190,9 +194,10 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     base_model = build_model(machine, baseline_with(
         baseline, rigid_body, identification.parameters, observations.terms, ()))
     sigma = identification.estimate.rms
-    # of a torque that the base terms hardly explain, they do not say when it was read
+    # of a torque that the base terms hardly explain, they do not say when it was read, nor what
+    # goes on through a transmission
     first = {name: effect for name, effect in applicable.items()
-             if not (start.bound and effect.retimes)}
+             if not (start.bound and (effect.retimes or effect.needs_nominal))}
     base_model = beside_retimed(base_model, observations, machine, baseline, rigid_body,
                                  sigma, first)
     observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
@@ -242,9 +247,10 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
     model = polished(search, model)
-    loose = _rattle(search, model)
-    if loose is not None:
-        model = _beside_bounces(search, model)
+    loose, beside = _rattle(search, model), _beside_bounces(search, model)
+    if loose is not None and _hums(search, beside):
+        loose = None
+    model = model if loose is None else beside
     named = tuple(sorted(named_of(model), key=lambda item: -search.gains(
         item, others_of(model, item))[0]))
     whole, names_only, base_only = (solve(evidence, part) for part in (model, named, ()))
@@ -350,6 +356,14 @@ def _beside_bounces(search: Search, model: Model) -> Model:
     return tuple(kept)
 
 
+def _hums(search: Search, model: Model) -> bool:
+    """Return whether what a model leaves has frequencies of its own, which bounces have not."""
+    evidence = search.pool.evidence
+    base_only, fit = solve(evidence, ()), solve(evidence, model)
+    return bool(lines_of(*(_left(part.observations, model, base_only, fit)
+                           for part in (evidence, search.pool.heldout))))
+
+
 def _rings(search: Search, model: Model) -> bool:
     """Return whether transmissions that twist, no cause though, explain much of what is left."""
     effect = search.candidates.library.get(ElasticTransmission.name)
@@ -377,6 +391,8 @@ def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fi
     if unnamed_of(model):
         parameters = with_doubt(parameters, effect_parameters(
             evidence, hypothesis, whole, model.index(hypothesis), errors))
+    if not goes_both_ways(evidence.observations):
+        parameters = with_doubt_of_time(parameters, evidence.observations)
     before, after = (search.pool.heldout.left(part, solve(evidence, part))
                      for part in (others_of(model, hypothesis), model))
     return Cause(

@@ -83,7 +83,7 @@ def unrelated(fit: Sequence[Left], heldout: Sequence[Left], floor: np.ndarray, r
     runs = [*fit, *heldout]
     if runs[0][0].conditioning.steady:  # plateaus do not follow each other in time
         return Unrelated(np.zeros_like(floor), 0.0, (), ())
-    lines = _lines(fit, heldout)
+    lines = lines_of(fit, heldout)
     rms = np.sqrt(np.stack([np.sum(np.where(run.valid, left, 0.0) ** 2, axis=0)
                             for run, left, _ in runs]).sum(axis=0)
                   / np.maximum(sum(run.valid.sum(axis=0) for run, _, _ in runs), 1))
@@ -107,8 +107,7 @@ def _correlation_time(runs: Sequence[Left]) -> float:
     return float(np.median(times) * (run.t[1] - run.t[0]))
 
 
-def _lines(fit: Sequence[Left], heldout: Sequence[Left]
-           ) -> tuple[Line, ...]:
+def lines_of(fit: Sequence[Left], heldout: Sequence[Left]) -> tuple[Line, ...]:
     """Return the frequencies that stand out of the spectrum in the fitted and held-out rows."""
     found: dict[float, np.ndarray] = {}
     joints = fit[0][1].shape[1]
