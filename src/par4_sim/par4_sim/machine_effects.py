@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from par4_dynamics.effects.position_torque import polynomials
 from par4_dynamics.model import ActiveEffect, Model
 from par4_dynamics.state import GRAVITY
 from par4_kinematics.errors import InputError
@@ -240,6 +241,20 @@ def _cable_spring(machine: Machine, active: ActiveEffect) -> Machine:
                     anchor=active.values['anchor'])
 
 
+def _position_torque(machine: Machine, active: ActiveEffect) -> Machine:
+    low, high = map(float, active.values['range'])
+    if not low < high:
+        raise InputError(f'effect position_torque, range: expected two positions, the lower one '
+                         f'first; found {low:g}, {high:g}')
+    terms = np.reshape(active.values['coefficients'], (LEGS, -1))
+    terms = np.where(np.isin(np.arange(LEGS), active.joints)[:, None], terms, 0.0)
+
+    def load(_time: float, q: np.ndarray, _qd: np.ndarray) -> np.ndarray:
+        return np.sum(terms * polynomials(q, low, high, terms.shape[1] - 1), axis=1)
+
+    return replace(machine, loads=(*machine.loads, load))
+
+
 def _elastic_transmission(machine: Machine, active: ActiveEffect) -> Machine:
     stiffness = _acting(active, 'stiffness', machine.transmission.stiffness)
     # 0 stands for a rigid joint
@@ -267,6 +282,7 @@ _OTHERS: dict[str, Callable[[Machine, ActiveEffect], Machine]] = {
     'geometry_error': _geometry_error,
     'external_force': _external_force,
     'cable_spring': _cable_spring,
+    'position_torque': _position_torque,
     'elastic_transmission': _elastic_transmission,
     'quantization': _quantization,
 }

@@ -188,8 +188,8 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     searched = LIBRARY if library is None else library
     effects = {**CATALOGUE, **searched}
     applicable = {name: effect for name, effect in searched.items()
-                  if (isinstance(machine, Robot) or not (effect.needs_platform
-                                                         or effect.against_the_others))
+                  if not (effect.of_axis if isinstance(machine, Robot) else
+                          effect.needs_platform or effect.against_the_others)
                   and (effect.told_by_speeds or not observations.steady)}
     base_model = build_model(machine, baseline_with(
         baseline, rigid_body, identification.parameters, observations.terms, ()))

@@ -96,12 +96,18 @@ class Candidates:
                       ) -> tuple[Shape, float]:
         """Return the best shape and its gain; each number more than another has must be worth it.
 
-        A law with a number of its own, such as an exponent, always fits better than the usual one.
+        A law with a number of its own, such as an exponent, always fits better than the usual one,
+        and a series of more terms better than one of fewer.
         """
-        found = [best_shape(effect, [shape for shape in shapes if len(shape) == numbers],
+        joints = 1 if effect.shared else len(self._joints)
+
+        def numbers(shape: Shape) -> int:
+            return len(shape) + joints * effect.terms(shape)
+
+        found = [best_shape(effect, [shape for shape in shapes if numbers(shape) == count],
                             partial(projection.gains, effect))
-                 for numbers in sorted({len(shape) for shape in shapes})]
-        return max(found, key=lambda item: item[1] - 2.0 * self._rules.price * len(item[0]))
+                 for count in sorted(set(map(numbers, shapes)))]
+        return max(found, key=lambda item: item[1] - 2.0 * self._rules.price * numbers(item[0]))
 
     def _twisting(self, effect: ElasticTransmission, projection: Projection) -> Candidate | None:
         """Return the transmissions that twist most like the residual, if any do.
