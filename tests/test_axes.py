@@ -392,3 +392,62 @@ def test_measured_bare_motor_has_cogging_of_its_poles_and_slots(archives, tmp_pa
     assert [cause['effect'] for cause in found['causes']] == ['cogging']
     assert {7.0, 12.0, 14.0, 28.0, 36.0} <= set(found['causes'][0]['parameters']['periods'][
         'value'])
+
+
+SERVO = ('schema: par4/axis/1\nname: servo\njoint: motor\nkind: revolute\ngain: 0.07\n'
+         'gravity: vertical\n')
+
+
+@pytest.fixture(scope='module')
+def screws(archives, tmp_path_factory):
+    """Return the answers for the three screw drives, `diagnosis.json` by number."""
+    runs = list(np.load(archives / 'screws.npz'))
+    return {number: named(
+        tmp_path_factory.mktemp('screws'),
+        [str(archives / 'screws.npz'), '--columns',
+         'time=1:s position=2:rad velocity=3:rad/s torque=4:Nm'], LAAS,
+        [run for run in runs if run.startswith(f'drive{number}__')], []) for number in (1, 2, 3)}
+
+
+def test_measured_lead_screw_has_stribeck_friction_and_a_load(screws):
+    causes = {cause['effect']: cause for cause in screws[1]['causes']}
+    assert set(causes) == {'torque_offset', 'stribeck'}
+    assert 2.5 < causes['stribeck']['parameters']['stribeck_velocity']['value'][0] < 7.0
+
+
+def test_measured_screw_without_backlash_has_no_stribeck_friction(screws):
+    assert screws[2]['causes'] == []
+
+
+def test_measured_worm_has_a_load_and_friction_that_falls_with_speed(screws):
+    names = [cause['effect'] for cause in screws[3]['causes']]
+    assert names[0] == 'torque_offset'
+    assert set(names[1:]) <= {'stribeck', 'nonlinear_viscous'}
+    assert len(names) > 1 or screws[3]['verdict'] == 'partly_explained'
+
+
+def test_measured_servo_is_told_as_friction_without_a_wrong_name(archives, tmp_path):
+    found = named(tmp_path, [str(archives / 'xl330.npz'), '--columns',
+                             'time=1:s position=2:rad velocity=3:rad/s voltage=4:V'], SERVO,
+                  ['sin_sin__kp100', 'sin_sin__kp200', 'sin_sin__kp400'], ['sin_sin__kp800'])
+    assert {cause['effect'] for cause in found['causes']} <= {'load_dependent_friction'}
+    words = [item['acts_like'] for item in found['unnamed']]
+    assert found['causes'] or any('friction' in word or 'load' in word for word in words)
+
+
+def test_measured_phases_are_those_of_the_table_that_compensates_them(archives, tmp_path):
+    """The table took no part; where the motion goes one way a delay of a sample may be in them."""
+    found = named(tmp_path, [str(archives / 'laas.npz'), *LAAS_COLUMNS], LAAS,
+                  ['speed_test1 15.01 60'], [])
+    parameters = next(cause for cause in found['causes']
+                      if cause['effect'] == 'cogging')['parameters']
+    table = np.ravel(np.load(archives / 'laas.npz')['table7200'])
+    lines = np.fft.fft(table) / len(table)
+    for order, phase, std in zip(parameters['periods']['value'], parameters['phase']['value'],
+                                 parameters['phase']['std']):
+        expected = np.angle(lines[int(order)]) + 0.5 * np.pi
+        apart = float(np.abs(np.angle(np.exp(1j * (np.ravel(phase) - expected))))[0])
+        if order == 72.0:
+            assert np.degrees(apart) < 10.0
+        if np.abs(lines[int(order)]) > 0.05 * np.abs(lines[72]):
+            assert apart < 3.0 * np.ravel(std)[0]

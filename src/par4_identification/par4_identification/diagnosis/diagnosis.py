@@ -10,10 +10,8 @@ import numpy as np
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
-from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.model import build_model
-from par4_dynamics.model_file import EffectEntry, ModelFile
-from par4_dynamics.parameters import Parameter
+from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.evidence.estimates import (
     effect_parameters,
     with_doubt,
@@ -34,7 +32,7 @@ from par4_identification.diagnosis.evidence.extended import (
     baseline_with,
     extended_model,
 )
-from par4_identification.diagnosis.evidence.holdout import Blocks, Gain, blocks_of_runs
+from par4_identification.diagnosis.evidence.holdout import Blocks, blocks_of_runs
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
@@ -64,9 +62,9 @@ from par4_identification.diagnosis.verdict.judgement import (
     unnamed_cause,
     unnamed_of,
 )
+from par4_identification.diagnosis.verdict.loose_loads import cause_of, loose_loads
 from par4_identification.diagnosis.verdict.pair import Pair
-from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR, Rattle, rattle
-from par4_identification.diagnosis.verdict.unrelated import Left, lines_of, unrelated
+from par4_identification.diagnosis.verdict.unrelated import left_of, unrelated
 from par4_identification.fitting.identification import INERTIA
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import parted, seconds_of, spread_over
@@ -84,15 +82,9 @@ MOST = 480_000
 looked at, so that time and memory end; what the model gets wrong limits a long log anyway."""
 PASSES = 3
 """Searches beside the causes found by the one before."""
-SMOOTH = 0.5
-"""Share of what the names leave beyond which an unnamed cause is the whole of it: no load rattles.
-"""
 UNEVEN = 3.0
 """What is left at steady speeds over what the parts of each say of its mean, beyond which something
 is left: noise that wanders is in both."""
-RINGING = 0.3
-"""Share of it that twisting transmissions explain, though they are no cause, beyond which they are
-nearer than a load that rattles in a gap."""
 
 
 def manageable(fit_logs: Sequence[Log], holdout_logs: Sequence[Log]
@@ -247,17 +239,15 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
     model = polished(search, model)
-    loose, beside = _rattle(search, model), _beside_bounces(search, model)
-    if loose is not None and _hums(search, beside):
-        loose = None
-    model = model if loose is None else beside
+    loose, model = loose_loads(search, model)
     named = tuple(sorted(named_of(model), key=lambda item: -search.gains(
         item, others_of(model, item))[0]))
     whole, names_only, base_only = (solve(evidence, part) for part in (model, named, ()))
     progress('comparing each cause with what could stand in its place')
     blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
-    causes = [_cause(judge(search, item, model), search, named, names_only, whole, blocks, model)
-              for item in named]
+    errors = torque_errors(pool, named, unnamed_of(model), rules)
+    causes = [_cause(judge(search, item, model), search, named, names_only, whole, blocks, model,
+                     errors) for item in named]
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
     progress('checking what remains')
@@ -270,11 +260,11 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     floor = noise_floor(heldout.runs, machine, build_model(machine, simple, effects))
     hypotheses = named
     if loose is not None:
-        cause, entry = _loose(search.candidates.library[Backlash.name], loose)
+        cause, entry = cause_of(search.candidates.library[Backlash.name], loose)
         causes.append(cause)
         hypotheses = (*named, Hypothesis(cause.effect, {}, cause.joints))
         extended = extended.model_copy(update={'effects': (*extended.effects, entry)})
-    alone = unrelated(*(_left(part.observations, model, base_only, whole)
+    alone = unrelated(*(left_of(part.observations, model, base_only, whole)
                         for part in (evidence, pool.heldout)), floor, rules)
     near = None if causes else _nearest(search)
     excess = float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30)))
@@ -292,13 +282,6 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         base_after=base_parameters(evidence, names_only), extended_model=extended,
         fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses,
         doubts=tuple(pair for pair in doubts if pair is not None), effects=effects)
-
-
-def _left(observations: Observations, model: Model, base_only: Fit, whole: Fit) -> list[Left]:
-    """Return of each run what a model leaves, and how far it differs from the base terms."""
-    before, after = (residuals(observations, part, fit)
-                     for part, fit in (((), base_only), (model, whole)))
-    return [(run, left, old - left) for run, old, left in zip(observations.runs, before, after)]
 
 
 def _verdict(named: bool, incomplete: bool) -> Verdict:
@@ -320,73 +303,10 @@ def _nearest(search: Search) -> Hypothesis | None:
     return best.hypothesis if evident else None
 
 
-def _rattle(search: Search, model: Model) -> Rattle | None:
-    """Return the joints whose loads rattle in a gap, if what the names leave tells of any."""
-    library, pool = search.candidates.library, search.pool
-    named = tuple(named_of(model))
-    names = {item.effect.name for item in named}
-    if Backlash.name not in library or names & {Backlash.name, ElasticTransmission.name}:
-        return None
-    if INERTIA not in {term.name for term in pool.evidence.observations.terms}:
-        return None  # nothing is known to rattle
-    left, rest = pool.fit(named).heldout_squares, pool.fit(model).heldout_squares
-    if rest < (1.0 - SMOOTH) * left or _rings(search, named):
-        return None
-    fit = solve(pool.evidence, named)
-    found = rattle([(part.observations, residuals(part.observations, named, fit))
-                    for part in (pool.evidence, pool.heldout)])
-    return found if found is not None and found.p_value < 1e-3 else None
-
-
-def _beside_bounces(search: Search, model: Model) -> Model:
-    """Return the names of a model that explain more than bounces of a load may look like.
-
-    What the names leave is then the torque of the bounces. They are no function of the motion, and
-    as little known as an unnamed cause.
-    """
-    named = tuple(named_of(model))
-    left, share = search.pool.fit(named), 0.5 * search.rules.unnamed_error ** 2
-    kept = []
-    for item in named:
-        needed = search.requirement(named, item)
-        fit_gain, gain = search.gains(item, others_of(named, item))
-        if (fit_gain > needed.fit + share * left.fit_squares
-                and gain > needed.heldout + share * left.heldout_squares):
-            kept.append(item)
-    return tuple(kept)
-
-
-def _hums(search: Search, model: Model) -> bool:
-    """Return whether what a model leaves has frequencies of its own, which bounces have not."""
-    evidence = search.pool.evidence
-    base_only, fit = solve(evidence, ()), solve(evidence, model)
-    return bool(lines_of(*(_left(part.observations, model, base_only, fit)
-                           for part in (evidence, search.pool.heldout))))
-
-
-def _rings(search: Search, model: Model) -> bool:
-    """Return whether transmissions that twist, no cause though, explain much of what is left."""
-    effect = search.candidates.library.get(ElasticTransmission.name)
-    projection = project(search.pool.evidence, model)
-    candidate = None if effect is None else search.candidates.best(effect, projection)
-    return candidate is not None and 2.0 * candidate.gain > RINGING * float(
-        projection.residual @ projection.residual)
-
-
-def _loose(effect: Effect, found: Rattle) -> tuple[Cause, EffectEntry]:
-    """Return loads that rattle as a cause, which gains nothing, and as part of a model."""
-    parameters = {'gap': Parameter(value=tuple(map(float, found.gap)), unit='rad',
-                                   std=tuple(map(float, WIDTH_ERROR * found.gap)))}
-    cause = Cause(effect, found.joints, parameters, (), 1.0, found.p_value, 0.0, None,
-                  Gain(0.0, 0.0, 0.0), predictable=False)
-    return cause, EffectEntry(effect=effect.name, joints=found.joints, parameters=parameters)
-
-
 def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fit: Fit,
-           whole: Fit, blocks: Blocks, model: Model) -> Cause:
+           whole: Fit, blocks: Blocks, model: Model, errors: Sequence[np.ndarray]) -> Cause:
     evidence, hypothesis = search.pool.evidence, judgement.hypothesis
     index = named.index(hypothesis)
-    errors = torque_errors(search.pool, named, unnamed_of(model), search.rules)
     parameters = effect_parameters(evidence, hypothesis, fit, index, errors)
     if unnamed_of(model):
         parameters = with_doubt(parameters, effect_parameters(

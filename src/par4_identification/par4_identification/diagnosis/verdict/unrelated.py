@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from par4_identification.diagnosis.evidence.evidence import Fit, Hypothesis, residuals
+from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.signals.noise import fit_noise
 from par4_identification.signals.rows import Run
@@ -68,6 +70,14 @@ class Unrelated:
 
 Left = tuple[Run, np.ndarray, np.ndarray]
 """A run, what the model leaves of its rows (m, J), N m, and the torque of the causes (m, J)."""
+
+
+def left_of(observations: Observations, model: Sequence[Hypothesis], base_only: Fit, whole: Fit
+            ) -> list[Left]:
+    """Return of each run what a model leaves, and how far it differs from the base terms."""
+    before, after = (residuals(observations, part, fit)
+                     for part, fit in (((), base_only), (model, whole)))
+    return [(run, left, old - left) for run, old, left in zip(observations.runs, before, after)]
 
 
 def unrelated(fit: Sequence[Left], heldout: Sequence[Left], floor: np.ndarray, rules: Rules
