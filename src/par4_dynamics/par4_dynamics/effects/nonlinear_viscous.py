@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from par4_dynamics.effects.effect import (
+    CERTAIN,
     Base,
     Effect,
     EffectParameter,
@@ -21,8 +22,8 @@ QUADRATIC = 2.0
 EXPONENTS = (0.25, 0.35, 0.5, 0.7, 1.4, QUADRATIC, 2.8)
 """Not near 0 and 1, which are Coulomb and viscous friction."""
 ALIKE = 0.15
-"""Distance of an exponent from 0 or 1 within which the torque is Coulomb or viscous friction: of
-joints that differ in it, or in a sum of two that all but cancel."""
+"""Distance of an exponent from 0 or 1 within which the torque is Coulomb or viscous friction of
+joints that differ in it, if that is certain; or one of two that all but cancel."""
 SPEED = 3.0
 """rad/s, at which its size is judged."""
 
@@ -70,9 +71,12 @@ class NonlinearViscous(Effect):
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         acting = values['torque'] != 0.0
-        powers = values['exponent'][acting]
+        powers, spread, sizes = (part[acting] for part in (
+            values['exponent'], std['exponent'], values['torque']))
         for power, name in ((0.0, 'Coulomb'), (1.0, 'viscous')):
-            if np.any(np.abs(powers - power) < ALIKE):
+            apart = np.abs(powers - power)
+            # less than nothing of nearly the same law: two that all but cancel
+            if np.any((apart + CERTAIN * spread < ALIKE) | ((apart < ALIKE) & (sizes < 0.0))):
                 return (f'friction that grows with speed to the power {powers[0]:.3g} is {name} '
                         f'friction')
         torque, spread = (part['quadratic'] * SPEED ** 2

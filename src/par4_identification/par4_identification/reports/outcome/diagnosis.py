@@ -123,11 +123,11 @@ def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
         told = [name for name in sizes if _stands_out(cause.parameters[name])] or list(sizes)
         parts = ', '.join(f'{in_words(name)} {sizes[name]}' for name in told)
         return f'{effect.phrase} ({parts})'
-    shown = {item.name for item in effect.parameters
-             if _stands_out(cause.parameters[item.name])} or {
-        name for name in sizes if np.any(np.asarray(cause.parameters[name].value) != 0.0)}
-    shown -= {item.name for item in effect.parameters if item.is_shape
-              and np.all(np.asarray(cause.parameters[item.name].value) == item.default)}
+    told = [item.name for item in effect.parameters
+            if np.any(np.asarray(cause.parameters[item.name].value) != 0.0)
+            and not (item.is_shape and np.all(np.asarray(
+                cause.parameters[item.name].value) == item.default))]
+    shown = {name for name in told if _stands_out(cause.parameters[name])} or set(told)
     amount = sizes[first.name]
     if first.unit in ('', '1'):
         amount = _size(cause.parameters[first.name], machine, 100.0) + ' %'
@@ -194,9 +194,8 @@ def source_of_order(order: float, machine: Robot | Axis) -> str | None:
 
 def _stands_out(parameter: Parameter) -> bool:
     """Return whether a value, or one of the joints' values, is more than what chance makes."""
-    value = np.asarray(parameter.value)
-    return bool(np.any(value != 0.0)) and (parameter.std is None or bool(np.any(
-        np.abs(value) > STANDS_OUT * np.asarray(parameter.std))))
+    return parameter.std is None or bool(np.any(
+        np.abs(parameter.value) > STANDS_OUT * np.asarray(parameter.std)))
 
 
 def _phrase_of_joints(cause: Cause, machine: Robot | Axis) -> str:
