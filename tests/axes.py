@@ -6,6 +6,7 @@ effects of the library is used.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +24,7 @@ class Motor:
         inertia, coulomb, viscous: of the rotor, kg m2, N m, N m s/rad.
         lines: order -> amplitude and phase of the cogging, N m and rad.
         hanging: weight times lever, N m; zero angle hangs down.
+        held: what else holds the motor where it stands, N m: a spring, a magnet.
     """
 
     inertia: float
@@ -30,6 +32,7 @@ class Motor:
     viscous: float
     lines: dict[int, tuple[float, float]] = field(default_factory=dict)
     hanging: float = 0.0
+    held: Callable[[float], float] = lambda _q: 0.0
 
     def cogging(self, q):
         """Return the torque that the motor needs against its cogging, N m."""
@@ -64,7 +67,7 @@ def recorded(motor: Motor, reference, duration: float, rate: float, counts: int 
     positions, torques = np.empty_like(t), np.empty_like(t)
     for index in range(len(t)):
         needed = (sizes @ np.sin(orders * q + phases) + motor.hanging * np.sin(q)
-                  + motor.viscous * qd)
+                  + motor.held(q) + motor.viscous * qd)
         # the loop has an observer of the load, as slow loops of real drives have an integral part
         torque = (needed + motor.coulomb * np.tanh(qd / 1e-3)
                   + motor.inertia * acceleration[index]
@@ -80,3 +83,31 @@ def recorded(motor: Motor, reference, duration: float, rate: float, counts: int 
     tau = tau + noise * random.standard_normal(len(tau))
     return Log(f'axis {seed}', ('motor',), 1, every * STEP, t, q[:, None], tau[:, None],
                (slice(0, len(t)),), None, None)
+
+
+def held_speeds(friction: Callable[[float], float], speeds: Sequence[float], noise: float,
+                seed: int = 0) -> list[Log]:
+    """Return logs of a drive that holds one speed each and averages its torque over a sample.
+
+    Slow speeds are sampled slowly, as such drives do. The speed hunts a little around what was
+    asked.
+
+    Args:
+        friction: torque at a speed, N m.
+        speeds: rad/s.
+        noise: of a sample of the torque, rms, N m; half of it lasts for a second.
+        seed: of noise and hunting.
+    """
+    random, logs = np.random.default_rng(seed), []
+    for number, speed in enumerate(speeds):
+        period = float(np.clip(0.1 / abs(speed), 0.0064, 0.256))
+        t = period * np.arange(400)
+        hunting = 0.02 * speed * np.sin(2.0 * np.pi * 1.3 * t + random.uniform(0.0, 6.0))
+        q = np.cumsum(period * (speed + hunting))
+        q = np.round(q * 20000 / (2.0 * np.pi)) * (2.0 * np.pi / 20000)
+        kernel = np.ones(max(1, round(1.0 / period)))
+        slow = np.convolve(random.standard_normal(len(t)), kernel / np.sqrt(len(kernel)), 'same')
+        tau = friction(speed) + noise * (random.standard_normal(len(t)) + slow) / np.sqrt(2.0)
+        logs.append(Log(f'speed {number}', ('motor',), 1, period, t, q[:, None], tau[:, None],
+                        (slice(0, len(t)),), None, None))
+    return logs

@@ -37,6 +37,8 @@ def model_with(model: Model, name: str, joints: tuple[int, ...] = (0, 1, 2, 3), 
     for parameter in CATALOGUE[name].parameters:
         if isinstance(parameter.default, str):
             full.setdefault(parameter.name, full[parameter.default])
+        elif parameter.default is not None:
+            full.setdefault(parameter.name, np.full(4, float(parameter.default)))
     return replace(model, effects=(*model.effects, ActiveEffect(CATALOGUE[name], joints, full)))
 
 

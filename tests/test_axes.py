@@ -6,13 +6,14 @@ PAR4_AXES_DATA gives the folder of the measured archives; docs/measured.md says 
 from __future__ import annotations
 
 import json
+import math
 import os
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from axes import Motor, recorded
+from axes import Motor, held_speeds, recorded
 from click.testing import CliRunner
 
 from par4_dynamics.base_terms import base_columns, base_terms, torque_of_values
@@ -27,6 +28,7 @@ from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import identify
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis, source_of_order
 from par4_identification.setup_check.check import check_setup
+from par4_identification.signals.plateaus import plateaus_of
 from par4_identification.signals.rows import Conditioning
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
@@ -224,6 +226,113 @@ def test_friction_never_builds_up_where_a_joint_only_jerks_back():
     assert len(Presliding().shapes(State(t, both, still, still))) > 5
 
 
+# -------------------------------------------------------------------- torque over the position
+
+
+@pytest.mark.parametrize('held', [
+    lambda q: 0.05 * q + 0.06 * q ** 3,  # a spring that hardens
+    lambda q: 0.08 * math.tanh(4.0 * (q - 0.3)),  # a magnet with two sides
+], ids=['spring', 'magnet'])
+def test_what_holds_an_axis_is_named_with_its_course(held):
+    motor = replace(HEALTHY, inertia=2e-4, coulomb=0.01, held=held)
+    first = recorded(motor, lambda t: 0.9 * np.sin(1.7 * t) + 0.3 * np.sin(4.1 * t), 16.0, 500.0,
+                     noise=1e-3, stiffness=40.0)
+    second = recorded(motor, lambda t: 0.8 * np.sin(1.3 * t) + 0.3 * np.sin(5.0 * t), 10.0, 500.0,
+                      noise=1e-3, stiffness=40.0, seed=1)
+    found = diagnosed([first], [second], axis())
+    assert [cause.effect.name for cause in found.causes] == ['position_torque']
+    model = build_model(axis(), found.extended_model)
+    q = np.linspace(-0.8, 0.8, 100)
+    still = np.zeros((len(q), 1))
+    told = model.effects[-1].torque(State(q, q[:, None], still, still))[:, 0]
+    truth = np.array([held(place) for place in q])
+    assert np.max(np.abs(told - truth)) < 0.05 * np.ptp(truth)
+    sentence = outcome_of_diagnosis(found, axis()).sentence
+    assert 'torque that follows the position' in sentence
+
+
+# --------------------------------------------------------------------------------- steady speeds
+
+SPEEDS = [side * speed for speed in (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 13.0, 16.0,
+                                     20.0) for side in (1.0, -1.0)]
+
+
+def screw(rise: float, exponent: float = 2.0, asymmetry: float = 0.0):
+    """Return the friction of a screw that lifts a weight, with a rise towards standstill."""
+    def friction(speed):
+        level = 2.6e-3 + rise * math.exp(-abs(speed / 4.0) ** exponent)
+        return 3e-4 + (level + asymmetry * speed) * math.copysign(1.0, speed) + 5e-5 * speed
+    return friction
+
+
+@pytest.mark.parametrize(('seed', 'exponent', 'rise'), [(0, 2.0, 6e-4), (1, 1.0, 1.2e-3),
+                                                        (2, 1.0, 1.2e-3)])
+def test_friction_that_rises_towards_standstill_shows_at_steady_speeds(seed, exponent, rise):
+    """An exponential rise over two decades of speed looks much like a power of the speed."""
+    found = diagnosed(held_speeds(screw(rise, exponent), SPEEDS, 1e-4, seed), [], axis())
+    assert found.verdict == 'explained'
+    causes = {cause.effect.name: cause for cause in found.causes}
+    offset = causes.pop('torque_offset')
+    assert offset.parameters['offset'].value[0] == pytest.approx(3e-4, rel=0.1)
+    (name, cause), = causes.items()
+    assert 'stribeck' in (name, *cause.twins)
+    if name == 'stribeck':
+        velocity = cause.parameters['stribeck_velocity']
+        assert abs(velocity.value[0] - 4.0) < 3.0 * velocity.std[0]
+    else:
+        assert exponent != 2.0
+    assert found.left_out == ('actuator_inertia',)
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_steady_speeds_of_plain_friction_are_clean(seed):
+    def plain(speed):
+        return math.copysign(4.7e-3, speed) + 3e-5 * speed
+    found = diagnosed(held_speeds(plain, SPEEDS, 1.5e-4, seed), [], axis())
+    assert found.verdict == 'clean'
+
+
+def test_one_log_may_hold_several_speeds():
+    parts = held_speeds(screw(6e-4), SPEEDS[8:], 1e-4)
+    rate = 0.02
+    t = rate * np.arange(round(4.0 * len(parts) / rate))
+    speed = np.array(SPEEDS[8:])[np.minimum((t // 4.0).astype(int), len(parts) - 1)]
+    q = np.cumsum(speed) * rate
+    tau = np.array([screw(6e-4)(one) for one in speed])
+    log = replace(parts[0], period=rate, t=t, q=q[:, None], tau=tau[:, None],
+                  segments=(slice(0, len(t)),))
+    speeds = [plateau.speed for plateau in plateaus_of(log)]
+    np.testing.assert_allclose(speeds, SPEEDS[8:], rtol=1e-3)
+    assert conditioning_for([log], axis(), CONDITIONING).steady
+    assert not conditioning_for([log], axis(), CONDITIONING, Chosen(cutoff_hz=5.0)).steady
+
+
+@pytest.mark.parametrize('reference', [there_and_back, speeds, lambda t: 4.6 * t])
+def test_a_motion_that_changes_its_speed_or_has_one_alone_is_no_set_of_steady_speeds(reference):
+    log = recorded(DRIVER, reference, 12.0, 1000.0)
+    assert not conditioning_for([log], axis(), CONDITIONING).steady
+
+
+def test_steady_speeds_identify_friction_and_leave_the_inertia_out():
+    logs = held_speeds(lambda speed: math.copysign(4.7e-3, speed) + 3e-5 * speed, SPEEDS, 3e-4)
+    conditioning = conditioning_for(logs, axis(), Conditioning())
+    found = identify(logs, axis(), conditioning=conditioning)
+    values = {name: parameter.value for name, parameter in found.parameters.items()}
+    assert values == {'coulomb_friction': pytest.approx(4.7e-3, rel=0.02),
+                      'viscous_friction': pytest.approx(3e-5, rel=0.15)}
+    assert [term.name for term in found.left_out] == ['actuator_inertia']
+    assert found.model_file({}).parameters['actuator_inertia'].value == 0.0
+    with pytest.raises(InputError, match='holds no speed for 2 s'):
+        identify([replace(logs[0], t=logs[0].t[:5], q=logs[0].q[:5], tau=logs[0].tau[:5],
+                          segments=(slice(0, 5),))], axis(), conditioning=conditioning)
+
+
+def test_a_few_steady_speeds_are_too_few():
+    found = diagnosed(held_speeds(screw(6e-4), SPEEDS[:8], 3e-4), [], axis())
+    assert found.verdict == 'unusable_data'
+    assert any('steady speeds are fitted, 10 are needed' in reason for reason in found.reasons)
+
+
 # --------------------------------------------------------------------------------- measured axes
 
 
@@ -283,3 +392,62 @@ def test_measured_bare_motor_has_cogging_of_its_poles_and_slots(archives, tmp_pa
     assert [cause['effect'] for cause in found['causes']] == ['cogging']
     assert {7.0, 12.0, 14.0, 28.0, 36.0} <= set(found['causes'][0]['parameters']['periods'][
         'value'])
+
+
+SERVO = ('schema: par4/axis/1\nname: servo\njoint: motor\nkind: revolute\ngain: 0.07\n'
+         'gravity: vertical\n')
+
+
+@pytest.fixture(scope='module')
+def screws(archives, tmp_path_factory):
+    """Return the answers for the three screw drives, `diagnosis.json` by number."""
+    runs = list(np.load(archives / 'screws.npz'))
+    return {number: named(
+        tmp_path_factory.mktemp('screws'),
+        [str(archives / 'screws.npz'), '--columns',
+         'time=1:s position=2:rad velocity=3:rad/s torque=4:Nm'], LAAS,
+        [run for run in runs if run.startswith(f'drive{number}__')], []) for number in (1, 2, 3)}
+
+
+def test_measured_lead_screw_has_stribeck_friction_and_a_load(screws):
+    causes = {cause['effect']: cause for cause in screws[1]['causes']}
+    assert set(causes) == {'torque_offset', 'stribeck'}
+    assert 2.5 < causes['stribeck']['parameters']['stribeck_velocity']['value'][0] < 7.0
+
+
+def test_measured_screw_without_backlash_has_no_stribeck_friction(screws):
+    assert screws[2]['causes'] == []
+
+
+def test_measured_worm_has_a_load_and_friction_that_falls_with_speed(screws):
+    names = [cause['effect'] for cause in screws[3]['causes']]
+    assert names[0] == 'torque_offset'
+    assert set(names[1:]) <= {'stribeck', 'nonlinear_viscous'}
+    assert len(names) > 1 or screws[3]['verdict'] == 'partly_explained'
+
+
+def test_measured_servo_is_told_as_friction_without_a_wrong_name(archives, tmp_path):
+    found = named(tmp_path, [str(archives / 'xl330.npz'), '--columns',
+                             'time=1:s position=2:rad velocity=3:rad/s voltage=4:V'], SERVO,
+                  ['sin_sin__kp100', 'sin_sin__kp200', 'sin_sin__kp400'], ['sin_sin__kp800'])
+    assert {cause['effect'] for cause in found['causes']} <= {'load_dependent_friction'}
+    words = [item['acts_like'] for item in found['unnamed']]
+    assert found['causes'] or any('friction' in word or 'load' in word for word in words)
+
+
+def test_measured_phases_are_those_of_the_table_that_compensates_them(archives, tmp_path):
+    """The table took no part; where the motion goes one way a delay of a sample may be in them."""
+    found = named(tmp_path, [str(archives / 'laas.npz'), *LAAS_COLUMNS], LAAS,
+                  ['speed_test1 15.01 60'], [])
+    parameters = next(cause for cause in found['causes']
+                      if cause['effect'] == 'cogging')['parameters']
+    table = np.ravel(np.load(archives / 'laas.npz')['table7200'])
+    lines = np.fft.fft(table) / len(table)
+    for order, phase, std in zip(parameters['periods']['value'], parameters['phase']['value'],
+                                 parameters['phase']['std']):
+        expected = np.angle(lines[int(order)]) + 0.5 * np.pi
+        apart = float(np.abs(np.angle(np.exp(1j * (np.ravel(phase) - expected))))[0])
+        if order == 72.0:
+            assert np.degrees(apart) < 10.0
+        if np.abs(lines[int(order)]) > 0.05 * np.abs(lines[72]):
+            assert apart < 3.0 * np.ravel(std)[0]

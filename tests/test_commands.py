@@ -616,6 +616,10 @@ def cause(name: str, joints=(0, 1, 2, 3), twins=(), **parameters) -> Cause:
     units = {parameter.name: parameter.unit for parameter in CATALOGUE[name].parameters}
     values = {key: Parameter(value=value, std=value if np.isscalar(value) else tuple(
         abs(part) for part in value), unit=units[key]) for key, value in parameters.items()}
+    for parameter in CATALOGUE[name].parameters:
+        if parameter.name not in values and isinstance(parameter.default, float):
+            values[parameter.name] = Parameter(value=parameter.default, std=0.0,
+                                               unit=parameter.unit)
     return Cause(CATALOGUE[name], tuple(joints), values, tuple(twins), 0.9, 1e-9,
                  812.4, None, Gain(0.5, 0.4, 0.6))
 

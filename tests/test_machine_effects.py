@@ -33,6 +33,7 @@ EXAMPLES = {
     'base_tilt': {'about_x': 0.02, 'about_y': -0.03},
     'external_force': {'x': 3.0, 'y': -4.0, 'z': 2.0},
     'cable_spring': {'stiffness': (40.0, 0.0, 60.0), 'anchor': (0.3, -0.2, 0.1)},
+    'position_torque': {'coefficients': (0.1, 0.4, -0.2), 'range': (-1.0, 1.5)},
     'platform_drag': {'viscous': 2.0, 'quadratic': 1.5},
     'encoder_offset': {'offset': (3e-3, -5e-3, 2e-3, 4e-3)},
     'encoder_eccentricity': {'amplitude': (5e-3, 4e-3, 3e-3, 6e-3),

@@ -57,7 +57,7 @@ def test_a_shape_is_told_off_the_grid_on_which_it_was_sought():
     values = {'stribeck_torque': 0.8, 'stribeck_velocity': BETWEEN}
     search = search_of(('stribeck', values), library=('stribeck',))
     found, = search.run()
-    there, = polished(search.pool, (found,), Rules().price)
+    there, = polished(search, (found,))
     assert there.shape['stribeck_velocity'] == pytest.approx(BETWEEN, rel=0.02)
     assert search.pool.fit((there,)).fit_squares < search.pool.fit((found,)).fit_squares
 
@@ -66,9 +66,9 @@ def test_a_shape_that_has_its_usual_value_keeps_it():
     search = search_of(('nonlinear_viscous', {
         'quadratic': 0.02, 'torque': 0.0, 'exponent': 2.0}), library=('nonlinear_viscous',))
     square = cause('nonlinear_viscous', exponent=2.0)
-    assert polished(search.pool, (square,), Rules().price) == (square,)
+    assert polished(search, (square,)) == (square,)
     near = cause('nonlinear_viscous', exponent=2.2)
-    moved, = polished(search.pool, (near,), Rules().price)
+    moved, = polished(search, (near,))
     assert moved.shape['exponent'] == pytest.approx(2.0, abs=0.1)
 
 
@@ -76,7 +76,7 @@ def test_an_order_of_a_periodic_torque_stays_a_whole_number():
     search = search_of(('cogging', {'amplitude': 0.3, 'periods': 31.0, 'phase': 0.4}),
                        library=('cogging',))
     found, = search.run()
-    assert polished(search.pool, (found,), Rules().price) == (found,)
+    assert polished(search, (found,)) == (found,)
 
 
 def test_deviations_without_model_error_are_those_of_least_squares():

@@ -263,7 +263,14 @@ def _active_effect(entry: EffectEntry, effect: Effect, joints: int, is_robot: bo
 
 
 def _orders(effect: Effect, entry: EffectEntry) -> int | None:
-    """Return how many orders of a periodic torque are listed, None where none are."""
+    """Return how many orders of a periodic torque, or terms of a series, are listed.
+
+    None where none are.
+    """
+    if not any(parameter.per_order and parameter.is_shape for parameter in effect.parameters):
+        listed = [entry.parameters[parameter.name].value for parameter in effect.parameters
+                  if parameter.per_order]
+        return next((len(value) for value in listed if isinstance(value, tuple)), None)
     for parameter in effect.parameters:
         given = entry.parameters.get(parameter.name)
         if not (parameter.per_order and parameter.is_shape and given is not None

@@ -2,7 +2,7 @@
 
 F opposes the motion. While a joint moves with v > 0 (v < 0: the mirror image)
 
-    F = f_c + F_s exp(-(v / v_s)^2) + f_v v + f_2 v^2 + f_p v^p + mu |tau_load|
+    F = f_c + F_s exp(-|v / v_s|^a) + f_v v + f_2 v^2 + f_p v^p + mu |tau_load|
 
 where f_c and f_v may differ between the directions and tau_load is the torque that goes on behind
 the friction. As the machine warms up, the dry part of F (f_c, F_s, mu) and the part that flows
@@ -22,8 +22,8 @@ import numpy as np
 from par4_kinematics.geometry import LEGS
 
 (FORWARD_COULOMB, BACK_COULOMB, FORWARD_VISCOUS, BACK_VISCOUS, STRIBECK_TORQUE, STRIBECK_VELOCITY,
- QUADRATIC, POWER_TORQUE, POWER_EXPONENT, LOAD_COEFFICIENT, PRESLIDING_DISTANCE, DRY_DROP,
- FLOWING_DROP, WARMING_TIME) = range(14)
+ STRIBECK_EXPONENT, QUADRATIC, POWER_TORQUE, POWER_EXPONENT, LOAD_COEFFICIENT, PRESLIDING_DISTANCE,
+ DRY_DROP, FLOWING_DROP, WARMING_TIME) = range(15)
 """Columns of `Friction.packed`."""
 DRY = (FORWARD_COULOMB, BACK_COULOMB, STRIBECK_TORQUE, LOAD_COEFFICIENT)
 FLOWING = (FORWARD_VISCOUS, BACK_VISCOUS, QUADRATIC, POWER_TORQUE)
@@ -44,7 +44,7 @@ class Friction:
         coulomb_asymmetry: half the difference of f_c between forward and back, N m.
         viscous_asymmetry: half the difference of f_v between forward and back, N m s/rad.
         stribeck_torque: F_s above f_c at rest, N m.
-        stribeck_velocity: v_s, rad/s.
+        stribeck_velocity, stribeck_exponent: v_s, rad/s, and a.
         quadratic: f_2, N m s2/rad2.
         power_torque, power_exponent: f_p, N m at 1 rad/s, and p.
         load_coefficient: mu.
@@ -59,6 +59,7 @@ class Friction:
     viscous_asymmetry: np.ndarray = field(default_factory=_zeros)
     stribeck_torque: np.ndarray = field(default_factory=_zeros)
     stribeck_velocity: np.ndarray = field(default_factory=lambda: np.ones(LEGS))
+    stribeck_exponent: np.ndarray = field(default_factory=lambda: np.full(LEGS, 2.0))
     quadratic: np.ndarray = field(default_factory=_zeros)
     power_torque: np.ndarray = field(default_factory=_zeros)
     power_exponent: np.ndarray = field(default_factory=lambda: np.ones(LEGS))
@@ -70,13 +71,13 @@ class Friction:
 
     @property
     def packed(self) -> np.ndarray:
-        """(4, 14): one row a joint, as the compiled kernels take it; see the columns above."""
+        """(4, 15): one row a joint, as the compiled kernels take it; see the columns above."""
         return np.stack([np.broadcast_to(part, (LEGS,)).astype(float) for part in (
             self.coulomb + self.coulomb_asymmetry, self.coulomb - self.coulomb_asymmetry,
             self.viscous + self.viscous_asymmetry, self.viscous - self.viscous_asymmetry,
-            self.stribeck_torque, self.stribeck_velocity, self.quadratic, self.power_torque,
-            self.power_exponent, self.load_coefficient, self.presliding_distance, self.dry_drop,
-            self.flowing_drop, self.warming_time)], axis=1)
+            self.stribeck_torque, self.stribeck_velocity, self.stribeck_exponent, self.quadratic,
+            self.power_torque, self.power_exponent, self.load_coefficient, self.presliding_distance,
+            self.dry_drop, self.flowing_drop, self.warming_time)], axis=1)
 
     @property
     def is_dry(self) -> np.ndarray:
@@ -89,7 +90,7 @@ class Friction:
 
 @numba.njit(cache=True, error_model='numpy')
 def friction_at(laws, time):
-    """Return the laws (4, 14) with the levels that warming has left at a time, s."""
+    """Return the laws (4, 15) with the levels that warming has left at a time, s."""
     if laws[0, DRY_DROP] == 0.0 and laws[0, FLOWING_DROP] == 0.0:
         return laws
     warm = 1.0 - math.exp(-time / laws[0, WARMING_TIME])
@@ -116,7 +117,7 @@ def dry_friction(laws, joint, direction, speed):
         level = laws[joint, FORWARD_COULOMB] if direction > 0.0 else laws[joint, BACK_COULOMB]
     if laws[joint, STRIBECK_TORQUE] != 0.0:
         ratio = speed / laws[joint, STRIBECK_VELOCITY]
-        level += laws[joint, STRIBECK_TORQUE] * math.exp(-ratio * ratio)
+        level += laws[joint, STRIBECK_TORQUE] * math.exp(-ratio ** laws[joint, STRIBECK_EXPONENT])
     return level
 
 

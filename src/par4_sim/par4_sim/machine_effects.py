@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from par4_dynamics.effects.position_torque import polynomials
 from par4_dynamics.model import ActiveEffect, Model
 from par4_dynamics.state import GRAVITY
 from par4_kinematics.errors import InputError
@@ -49,6 +50,7 @@ def _refuse_the_impossible(machine: Machine) -> None:
             ('friction at rest', friction.coulomb - np.abs(friction.coulomb_asymmetry)
              + friction.stribeck_torque, 0.0, None),
             ('Stribeck velocity, rad/s', friction.stribeck_velocity, 1e-6, None),
+            ('exponent of Stribeck friction', friction.stribeck_exponent, 1e-2, 10.0),
             ('exponent of friction', friction.power_exponent, 1e-2, None),
             ('friction of load', friction.load_coefficient, 0.0, 0.9),
             ('presliding distance, rad', friction.presliding_distance, 0.0, None),
@@ -86,7 +88,8 @@ Fields = tuple[str, Mapping[str, str]]
 
 ON_JOINTS: dict[str, Fields] = {
     'stribeck': ('friction', {'stribeck_torque': 'stribeck_torque',
-                              'stribeck_velocity': 'stribeck_velocity'}),
+                              'stribeck_velocity': 'stribeck_velocity',
+                              'stribeck_exponent': 'exponent'}),
     'coulomb_asymmetry': ('friction', {'coulomb_asymmetry': 'asymmetry'}),
     'viscous_asymmetry': ('friction', {'viscous_asymmetry': 'asymmetry'}),
     'nonlinear_viscous': ('friction', {'quadratic': 'quadratic', 'power_torque': 'torque',
@@ -238,6 +241,20 @@ def _cable_spring(machine: Machine, active: ActiveEffect) -> Machine:
                     anchor=active.values['anchor'])
 
 
+def _position_torque(machine: Machine, active: ActiveEffect) -> Machine:
+    low, high = map(float, active.values['range'])
+    if not low < high:
+        raise InputError(f'effect position_torque, range: expected two positions, the lower one '
+                         f'first; found {low:g}, {high:g}')
+    terms = np.reshape(active.values['coefficients'], (LEGS, -1))
+    terms = np.where(np.isin(np.arange(LEGS), active.joints)[:, None], terms, 0.0)
+
+    def load(_time: float, q: np.ndarray, _qd: np.ndarray) -> np.ndarray:
+        return np.sum(terms * polynomials(q, low, high, terms.shape[1] - 1), axis=1)
+
+    return replace(machine, loads=(*machine.loads, load))
+
+
 def _elastic_transmission(machine: Machine, active: ActiveEffect) -> Machine:
     stiffness = _acting(active, 'stiffness', machine.transmission.stiffness)
     # 0 stands for a rigid joint
@@ -265,6 +282,7 @@ _OTHERS: dict[str, Callable[[Machine, ActiveEffect], Machine]] = {
     'geometry_error': _geometry_error,
     'external_force': _external_force,
     'cable_spring': _cable_spring,
+    'position_torque': _position_torque,
     'elastic_transmission': _elastic_transmission,
     'quantization': _quantization,
 }

@@ -271,7 +271,8 @@ def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: f
             that make a body negative, a jitter that mixes up the stamps.
         UnreachableError: a pose that a leg cannot reach.
     """
-    machine = replace(machine_of_model(robot, model), loads=loads)
+    machine = machine_of_model(robot, model)
+    machine = replace(machine, loads=(*machine.loads, *loads))
     plant = build_plant(machine, fidelity, step)
     limit = model.torque_limit or robot.drives.torque_limit
     still = np.zeros((1, LEGS))

@@ -39,6 +39,10 @@ class Backlash(Effect):
     shared = True
     needs_nominal = True
 
+    def shapes(self, state: State) -> tuple[Shape, ...]:
+        # an axis that does not hang leans on either side by its inertia alone: it rattles at most
+        return ({},) if state.geometry is not None or state.hanging else ()
+
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return transmission_columns(state, -0.5 * _side(state.t, transmitted_torque(state)))
 

@@ -27,6 +27,7 @@ from par4_dynamics.effects.nonlinear_viscous import NonlinearViscous
 from par4_dynamics.effects.passive_joint_friction import PassiveJointFriction
 from par4_dynamics.effects.payload import Payload
 from par4_dynamics.effects.platform_drag import PlatformDrag
+from par4_dynamics.effects.position_torque import PositionTorque
 from par4_dynamics.effects.presliding import Presliding
 from par4_dynamics.effects.quantization import Quantization
 from par4_dynamics.effects.stribeck import Stribeck
@@ -53,6 +54,7 @@ CATALOGUE: dict[str, Effect] = {
         BaseTilt(),
         ExternalForce(),
         CableSpring(),
+        PositionTorque(),
         PlatformDrag(),
         EncoderOffset(),
         EncoderEccentricity(),
@@ -141,7 +143,7 @@ def meaning_of(parameter: EffectParameter) -> str:
     numbers = f', one number or {parameter.size}' if parameter.uniform else (
         f', {parameter.size} numbers' if parameter.size > 1 else '')
     if parameter.per_order:
-        numbers = ', of each order'
+        numbers = ', of each order or term'
     default = parameter.default
     optional = '' if default is None else (
         f', as `{default}` if not given' if isinstance(default, str)

@@ -23,6 +23,7 @@ class CoulombAsymmetry(Effect):
     phrase = 'Coulomb friction that differs between the directions'
     parameters = (EffectParameter('asymmetry', 'N m', 'joint'),)
     needs_both_ways = True
+    told_by_speeds = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return (state.qd != 0.0).astype(float)[..., None]

@@ -35,8 +35,8 @@ class EffectParameter:
         size: numbers it has; more than one for a vector of the machine.
         uniform: True where one number may stand for all numbers of a vector.
         is_shape: True where the columns depend on it; False where it is a coefficient.
-        per_order: True where it may have a value for each order of a periodic torque; the one of
-            them that is a shape gives the orders.
+        per_order: True where it may have a value for each order of a periodic torque, or each term
+            of a series; the one of them that is a shape gives the orders.
     """
 
     name: str
@@ -113,6 +113,10 @@ class Effect(ABC):
         against_the_others: whether what all joints have in common is a base parameter, so that
             only differences between joints show.
         needs_both_ways: whether a motion that goes one way only cannot tell it from friction.
+        of_axis: whether a diagnosis asks for it on single axes only: what loads the arms of a Par4
+            has names of its own.
+        told_by_speeds: whether its torque is a function of the joint's speed alone, so that mean
+            torques at steady speeds can tell it.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
     """
 
@@ -129,6 +133,8 @@ class Effect(ABC):
     tolerance: ClassVar[float] = 1.0
     against_the_others: ClassVar[bool] = False
     needs_both_ways: ClassVar[bool] = False
+    of_axis: ClassVar[bool] = False
+    told_by_speeds: ClassVar[bool] = False
     phrase: ClassVar[str]
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
@@ -142,6 +148,10 @@ class Effect(ABC):
     def parts(self, shape: Shape) -> tuple[Shape, ...]:
         """Return the shapes whose columns, side by side, are those of `shape`."""
         return (shape,)
+
+    def terms(self, shape: Shape) -> int:
+        """Return by how many coefficients a shape has more than the simplest one."""
+        return 0
 
     @abstractmethod
     def columns(self, state: State, shape: Shape) -> np.ndarray:

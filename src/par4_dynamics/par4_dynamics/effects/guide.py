@@ -86,6 +86,12 @@ GUIDES = {
         'farther the platform is from where the cable hangs free.',
         'Unhook the cable and record again. Give it more slack, or lead it from above.',
         {'stiffness': 40.0, 'anchor': (0.1, 0.0, -0.6)}),
+    'position_torque': Guide(
+        'A spring, a cable, a counterweight or a cam loads the axis by where it stands, whichever '
+        'way it goes.',
+        'Move the axis slowly by hand through its range and feel where it pulls. Unhook what is '
+        'attached to it and record again.',
+        {'coefficients': (0.0, 0.4, 0.1), 'range': (-1.0, 1.0)}),
     'platform_drag': Guide(
         'Air, a bellows or a fluid resists the motion of the platform.',
         'Record again without cover or bellows. Compare the quadratic part with the area of the '

@@ -21,9 +21,9 @@ from par4_dynamics.state import State
 QUADRATIC = 2.0
 EXPONENTS = (0.25, 0.35, 0.5, 0.7, 1.4, QUADRATIC, 2.8)
 """Not near 0 and 1, which are Coulomb and viscous friction."""
-LINEAR = 0.1
-"""Distance of an exponent from 1 within which the torque is viscous friction, of joints that
-differ in it."""
+ALIKE = 0.15
+"""Distance of an exponent from 0 or 1 within which the torque is Coulomb or viscous friction of
+joints that differ in it, if that is certain; or one of two that all but cancel."""
 SPEED = 3.0
 """rad/s, at which its size is judged."""
 
@@ -36,6 +36,7 @@ class NonlinearViscous(Effect):
     """
 
     name = 'nonlinear_viscous'
+    told_by_speeds = True
     phrase = 'friction that is not linear in speed'
     parameters = (EffectParameter('quadratic', 'N m s2/rad2', 'joint', default=0.0),
                   EffectParameter('torque', 'N m', 'joint', default=0.0),
@@ -70,10 +71,14 @@ class NonlinearViscous(Effect):
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         acting = values['torque'] != 0.0
-        powers, spread = (part['exponent'][acting] for part in (values, std))
-        if np.any(np.abs(powers - 1.0) + CERTAIN * spread < LINEAR):
-            return (f'friction that grows with speed to the power {powers[0]:.3g} is viscous '
-                    f'friction')
+        powers, spread, sizes = (part[acting] for part in (
+            values['exponent'], std['exponent'], values['torque']))
+        for power, name in ((0.0, 'Coulomb'), (1.0, 'viscous')):
+            apart = np.abs(powers - power)
+            # less than nothing of nearly the same law: two that all but cancel
+            if np.any((apart + CERTAIN * spread < ALIKE) | ((apart < ALIKE) & (sizes < 0.0))):
+                return (f'friction that grows with speed to the power {powers[0]:.3g} is {name} '
+                        f'friction')
         torque, spread = (part['quadratic'] * SPEED ** 2
                           + part['torque'] * SPEED ** values['exponent'] for part in (values, std))
         friction = base['coulomb_friction'] + base['viscous_friction'] * SPEED

@@ -18,28 +18,51 @@ from par4_dynamics.effects.grid import around
 from par4_dynamics.state import State
 
 SPEEDS = np.geomspace(0.01, 1.0, 13)
+"""rad/s, of the arms of a Par4."""
+SPEEDS_OF_AXIS = np.geomspace(0.002, 0.5, 17)
+"""The same of an axis, whose speeds may be any, over its fastest."""
+USUAL, TUSTIN = 2.0, 1.0
+"""Exponents of the decay: of a Gaussian, and of Tustin's exponential."""
 
 
 class Stribeck(Effect):
-    """tau_i += F_s exp(-(qd / v_s)^2) sign(qd): breakaway above the Coulomb level."""
+    """tau_i += F_s exp(-|qd / v_s|^a) sign(qd): breakaway above the Coulomb level.
+
+    A shape without an exponent has the usual one (Armstrong-Helouvry, Dupont and Canudas de Wit
+    1994 give 0.5 to 2 for materials in use, more for oils with friction modifiers).
+    """
 
     name = 'stribeck'
+    told_by_speeds = True
     phrase = 'Stribeck friction'
     parameters = (EffectParameter('stribeck_torque', 'N m', 'joint'),
-                  EffectParameter('stribeck_velocity', 'rad/s', 'joint', is_shape=True))
+                  EffectParameter('stribeck_velocity', 'rad/s', 'joint', is_shape=True),
+                  EffectParameter('exponent', '1', 'joint', default=USUAL, is_shape=True))
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         fastest = float(np.max(np.abs(state.qd)))
-        return tuple({'stribeck_velocity': float(speed)} for speed in SPEEDS
-                     if speed < 0.5 * fastest)
+        tried = SPEEDS if state.geometry is not None else SPEEDS_OF_AXIS * fastest
+        speeds = [float(speed) for speed in tried if speed <= 0.5 * fastest]
+        return (*({'stribeck_velocity': speed} for speed in speeds),
+                *({'stribeck_velocity': speed, 'exponent': TUSTIN} for speed in speeds))
 
     def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:
-        return around('stribeck_velocity', single(shape['stribeck_velocity']),
-                      (SPEEDS[1] / SPEEDS[0]) ** step)
+        return tuple({**shape, **moved} for moved in around(
+            'stribeck_velocity', single(shape['stribeck_velocity']),
+            (SPEEDS[1] / SPEEDS[0]) ** step))
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        ratio = state.qd / single(shape['stribeck_velocity'])
-        return (np.exp(-ratio * ratio) * np.sign(state.qd))[..., None]
+        ratio = np.abs(state.qd) / single(shape['stribeck_velocity'])
+        decayed = np.exp(-ratio ** single(shape.get('exponent', USUAL)))
+        return (decayed * np.sign(state.qd))[..., None]
+
+    def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
+        return super().values(coefficients, {'exponent': USUAL, **shape})
+
+    def shape_of(self, values: Values) -> Shape:
+        shape = super().shape_of({'exponent': USUAL, **values})
+        return {name: value for name, value in shape.items()
+                if name != 'exponent' or value != USUAL}
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         torque, level = values['stribeck_torque'], base['coulomb_friction']

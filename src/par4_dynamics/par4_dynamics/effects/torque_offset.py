@@ -15,6 +15,7 @@ class TorqueOffset(Effect):
     phrase = 'constant torque offset'
     parameters = (EffectParameter('offset', 'N m', 'joint'),)
     needs_both_ways = True
+    told_by_speeds = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return np.ones((*state.q.shape, 1))

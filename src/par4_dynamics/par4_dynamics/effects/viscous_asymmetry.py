@@ -23,6 +23,7 @@ class ViscousAsymmetry(Effect):
     phrase = 'viscous friction that differs between the directions'
     parameters = (EffectParameter('asymmetry', 'N m s/rad', 'joint'),)
     needs_both_ways = True
+    told_by_speeds = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return np.abs(state.qd)[..., None]

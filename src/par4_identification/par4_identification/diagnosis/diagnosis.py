@@ -10,11 +10,13 @@ import numpy as np
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
-from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.model import build_model
-from par4_dynamics.model_file import EffectEntry, ModelFile
-from par4_dynamics.parameters import Parameter
-from par4_identification.diagnosis.evidence.estimates import effect_parameters, with_doubt
+from par4_dynamics.model_file import ModelFile
+from par4_identification.diagnosis.evidence.estimates import (
+    effect_parameters,
+    with_doubt,
+    with_doubt_of_time,
+)
 from par4_identification.diagnosis.evidence.evidence import (
     Evidence,
     Fit,
@@ -30,14 +32,14 @@ from par4_identification.diagnosis.evidence.extended import (
     baseline_with,
     extended_model,
 )
-from par4_identification.diagnosis.evidence.holdout import Blocks, Gain, blocks_of_runs
+from par4_identification.diagnosis.evidence.holdout import Blocks, blocks_of_runs
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
-from par4_identification.diagnosis.nominal.start import INERTIA, alike, start_of
+from par4_identification.diagnosis.nominal.start import alike, start_of
 from par4_identification.diagnosis.progress import Progress, silent
-from par4_identification.diagnosis.search.candidates import Candidates
+from par4_identification.diagnosis.search.candidates import Candidates, goes_both_ways
 from par4_identification.diagnosis.search.law import Dithered, dithered
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
@@ -60,12 +62,14 @@ from par4_identification.diagnosis.verdict.judgement import (
     unnamed_cause,
     unnamed_of,
 )
+from par4_identification.diagnosis.verdict.loose_loads import cause_of, loose_loads
 from par4_identification.diagnosis.verdict.pair import Pair
-from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR, Rattle, rattle
-from par4_identification.diagnosis.verdict.unrelated import Left, unrelated
+from par4_identification.diagnosis.verdict.unrelated import left_of, unrelated
+from par4_identification.fitting.identification import INERTIA
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import parted, seconds_of, spread_over
-from par4_identification.signals.rows import Conditioning, Run, runs_of_log
+from par4_identification.signals.plateaus import every_third_between
+from par4_identification.signals.rows import Conditioning, Run, runs_of_logs
 from par4_kinematics.robot import Axis, Robot
 
 CONDITIONING = Conditioning(low_speed=0.02)
@@ -78,12 +82,9 @@ MOST = 480_000
 looked at, so that time and memory end; what the model gets wrong limits a long log anyway."""
 PASSES = 3
 """Searches beside the causes found by the one before."""
-SMOOTH = 0.5
-"""Share of what the names leave beyond which an unnamed cause is the whole of it: no load rattles.
-"""
-RINGING = 0.3
-"""Share of it that twisting transmissions explain, though they are no cause, beyond which they are
-nearer than a load that rattles in a gap."""
+UNEVEN = 3.0
+"""What is left at steady speeds over what the parts of each say of its mean, beyond which something
+is left: noise that wanders is in both."""
 
 
 def manageable(fit_logs: Sequence[Log], holdout_logs: Sequence[Log]
@@ -110,12 +111,16 @@ def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Ro
     """Return the rows to fit and those held out.
 
     Without held-out logs the last log is held out; of a single log the last stretch without gaps
-    or, where there is one only, its last third, cut at a standstill within a sixth of the rows.
+    or, where there is one only, its last third, cut at a standstill within a sixth of the rows. Of
+    steady speeds every third is held out.
     """
-    fit_runs = [run for log in fit_logs for run in runs_of_log(log, machine, conditioning)]
+    fit_runs = runs_of_logs(fit_logs, machine, conditioning)
     if holdout_logs:
-        return fit_runs, [run for log in holdout_logs
-                          for run in runs_of_log(log, machine, conditioning)]
+        return fit_runs, runs_of_logs(holdout_logs, machine, conditioning)
+    if conditioning.steady:
+        run, = fit_runs
+        kept = every_third_between(run.speed[:, 0])
+        return [run.part(~kept)], [run.part(kept)]
     if len(fit_logs) > 1:
         last = fit_logs[-1].name
         return ([run for run in fit_runs if run.name != last],
@@ -175,14 +180,16 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     searched = LIBRARY if library is None else library
     effects = {**CATALOGUE, **searched}
     applicable = {name: effect for name, effect in searched.items()
-                  if isinstance(machine, Robot) or not (effect.needs_platform
-                                                        or effect.against_the_others)}
+                  if not (effect.of_axis if isinstance(machine, Robot) else
+                          effect.needs_platform or effect.against_the_others)
+                  and (effect.told_by_speeds or not observations.steady)}
     base_model = build_model(machine, baseline_with(
         baseline, rigid_body, identification.parameters, observations.terms, ()))
     sigma = identification.estimate.rms
-    # of a torque that the base terms hardly explain, they do not say when it was read
+    # of a torque that the base terms hardly explain, they do not say when it was read, nor what
+    # goes on through a transmission
     first = {name: effect for name, effect in applicable.items()
-             if not (start.bound and effect.retimes)}
+             if not (start.bound and (effect.retimes or effect.needs_nominal))}
     base_model = beside_retimed(base_model, observations, machine, baseline, rigid_body,
                                  sigma, first)
     observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
@@ -231,17 +238,16 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             progress: Progress) -> Diagnosis:
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
-    model = polished(pool, model, rules.price)
-    loose = _rattle(search, model)
-    if loose is not None:
-        model = _beside_bounces(search, model)
+    model = polished(search, model)
+    loose, model = loose_loads(search, model)
     named = tuple(sorted(named_of(model), key=lambda item: -search.gains(
         item, others_of(model, item))[0]))
     whole, names_only, base_only = (solve(evidence, part) for part in (model, named, ()))
     progress('comparing each cause with what could stand in its place')
     blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
-    causes = [_cause(judge(search, item, model), search, named, names_only, whole, blocks, model)
-              for item in named]
+    errors = torque_errors(pool, named, unnamed_of(model), rules)
+    causes = [_cause(judge(search, item, model), search, named, names_only, whole, blocks, model,
+                     errors) for item in named]
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
     progress('checking what remains')
@@ -254,19 +260,20 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     floor = noise_floor(heldout.runs, machine, build_model(machine, simple, effects))
     hypotheses = named
     if loose is not None:
-        cause, entry = _loose(search.candidates.library[Backlash.name], loose)
+        cause, entry = cause_of(search.candidates.library[Backlash.name], loose)
         causes.append(cause)
         hypotheses = (*named, Hypothesis(cause.effect, {}, cause.joints))
         extended = extended.model_copy(update={'effects': (*extended.effects, entry)})
-    alone = unrelated(*(_left(part.observations, model, base_only, whole)
+    alone = unrelated(*(left_of(part.observations, model, base_only, whole)
                         for part in (evidence, pool.heldout)), floor, rules)
     near = None if causes else _nearest(search)
-    remaining = Remaining(
-        float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30))), alone,
-        near and near.effect)
+    excess = float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30)))
+    remaining = Remaining(excess, alone, near and near.effect,
+                          evidence.observations.steady and excess > UNEVEN)
     doubts = [doubt_of(search, item, model) for item in unnamed_of(model)] or [
         near and Pair(near, None, (), twins=False)]
-    incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest)
+    incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest
+                      or remaining.uneven)
     return Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
         rejected=tuple(search.journal.rejected),
@@ -275,13 +282,6 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         base_after=base_parameters(evidence, names_only), extended_model=extended,
         fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses,
         doubts=tuple(pair for pair in doubts if pair is not None), effects=effects)
-
-
-def _left(observations: Observations, model: Model, base_only: Fit, whole: Fit) -> list[Left]:
-    """Return of each run what a model leaves, and how far it differs from the base terms."""
-    before, after = (residuals(observations, part, fit)
-                     for part, fit in (((), base_only), (model, whole)))
-    return [(run, left, old - left) for run, old, left in zip(observations.runs, before, after)]
 
 
 def _verdict(named: bool, incomplete: bool) -> Verdict:
@@ -303,69 +303,16 @@ def _nearest(search: Search) -> Hypothesis | None:
     return best.hypothesis if evident else None
 
 
-def _rattle(search: Search, model: Model) -> Rattle | None:
-    """Return the joints whose loads rattle in a gap, if what the names leave tells of any."""
-    library, pool = search.candidates.library, search.pool
-    named = tuple(named_of(model))
-    names = {item.effect.name for item in named}
-    if Backlash.name not in library or names & {Backlash.name, ElasticTransmission.name}:
-        return None
-    if INERTIA not in {term.name for term in pool.evidence.observations.terms}:
-        return None  # nothing is known to rattle
-    left, rest = pool.fit(named).heldout_squares, pool.fit(model).heldout_squares
-    if rest < (1.0 - SMOOTH) * left or _rings(search, named):
-        return None
-    fit = solve(pool.evidence, named)
-    found = rattle([(part.observations, residuals(part.observations, named, fit))
-                    for part in (pool.evidence, pool.heldout)])
-    return found if found is not None and found.p_value < 1e-3 else None
-
-
-def _beside_bounces(search: Search, model: Model) -> Model:
-    """Return the names of a model that explain more than bounces of a load may look like.
-
-    What the names leave is then the torque of the bounces. They are no function of the motion, and
-    as little known as an unnamed cause.
-    """
-    named = tuple(named_of(model))
-    left, share = search.pool.fit(named), 0.5 * search.rules.unnamed_error ** 2
-    kept = []
-    for item in named:
-        needed = search.requirement(named, item)
-        fit_gain, gain = search.gains(item, others_of(named, item))
-        if (fit_gain > needed.fit + share * left.fit_squares
-                and gain > needed.heldout + share * left.heldout_squares):
-            kept.append(item)
-    return tuple(kept)
-
-
-def _rings(search: Search, model: Model) -> bool:
-    """Return whether transmissions that twist, no cause though, explain much of what is left."""
-    effect = search.candidates.library.get(ElasticTransmission.name)
-    projection = project(search.pool.evidence, model)
-    candidate = None if effect is None else search.candidates.best(effect, projection)
-    return candidate is not None and 2.0 * candidate.gain > RINGING * float(
-        projection.residual @ projection.residual)
-
-
-def _loose(effect: Effect, found: Rattle) -> tuple[Cause, EffectEntry]:
-    """Return loads that rattle as a cause, which gains nothing, and as part of a model."""
-    parameters = {'gap': Parameter(value=tuple(map(float, found.gap)), unit='rad',
-                                   std=tuple(map(float, WIDTH_ERROR * found.gap)))}
-    cause = Cause(effect, found.joints, parameters, (), 1.0, found.p_value, 0.0, None,
-                  Gain(0.0, 0.0, 0.0), predictable=False)
-    return cause, EffectEntry(effect=effect.name, joints=found.joints, parameters=parameters)
-
-
 def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fit: Fit,
-           whole: Fit, blocks: Blocks, model: Model) -> Cause:
+           whole: Fit, blocks: Blocks, model: Model, errors: Sequence[np.ndarray]) -> Cause:
     evidence, hypothesis = search.pool.evidence, judgement.hypothesis
     index = named.index(hypothesis)
-    errors = torque_errors(search.pool, named, unnamed_of(model), search.rules)
     parameters = effect_parameters(evidence, hypothesis, fit, index, errors)
     if unnamed_of(model):
         parameters = with_doubt(parameters, effect_parameters(
             evidence, hypothesis, whole, model.index(hypothesis), errors))
+    if not goes_both_ways(evidence.observations):
+        parameters = with_doubt_of_time(parameters, evidence.observations)
     before, after = (search.pool.heldout.left(part, solve(evidence, part))
                      for part in (others_of(model, hypothesis), model))
     return Cause(

@@ -8,7 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms, distributed_torque
+from par4_dynamics.base_terms import (
+    BASE_TERMS,
+    BaseTerm,
+    base_columns,
+    base_terms,
+    distributed_torque,
+)
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile, RigidBody
 from par4_dynamics.parameters import Parameter
@@ -29,10 +35,12 @@ from par4_identification.estimators.weighted import weighted
 from par4_identification.fitting.physical import physical_constraints
 from par4_identification.fitting.simulated import simulated_log
 from par4_identification.logs.log import Log
-from par4_identification.signals.rows import Conditioning, Run, runs_of_log
+from par4_identification.signals.rows import Conditioning, Run, runs_of_log, runs_of_logs
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
+INERTIA = 'actuator_inertia'
+"""What steady speeds do not show."""
 INSIGNIFICANT = 3.0
 """Standard deviations within which a negative value is taken for zero."""
 PLAIN: Mapping[str, Callable[[Problem], Estimate]] = {
@@ -107,6 +115,13 @@ class Identification:
         return {term.name: self._parameter(term.name, term.unit) for term in self.terms}
 
     @property
+    def left_out(self) -> tuple[BaseTerm, ...]:
+        """Base terms of every machine that the data do not show."""
+        known = {term.name for term in self.terms}
+        return tuple(term for term in BASE_TERMS
+                     if not term.needs_platform and term.name not in known)
+
+    @property
     def offsets(self) -> Parameter | None:
         """The constant torque of each joint, if it was estimated."""
         return self._parameter(OFFSET, 'N m') if self.fitting.offsets else None
@@ -121,12 +136,13 @@ class Identification:
                          std=tuple(std for _, std, _ in found), unit=unit)
 
     def model_file(self, provenance: dict[str, Any]) -> ModelFile:
-        """Return the model to be written; what is negative by noise only is written as zero.
+        """Return the model to be written; zero is what is negative by noise only or does not show.
 
         Raises:
             InputError: a parameter came out negative that physics forbids to be.
         """
-        parameters = dict(self.parameters)
+        parameters = {**self.parameters, **{
+            term.name: Parameter(value=0.0, unit=term.unit) for term in self.left_out}}
         for term in self.terms:
             value = np.atleast_1d(np.asarray(parameters[term.name].value, dtype=float))
             std = np.atleast_1d(np.asarray(parameters[term.name].std, dtype=float))
@@ -175,22 +191,27 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'pa
             a log without a reference or a machine that cannot be simulated.
         UnreachableError: for instruments, the simulated machine leaves its workspace.
     """
-    runs, targets, bases = [], [], []
+    targets, bases = [], []
     fitting, payloads = fitting or Fitting(), payloads or {}
-    for log in logs:
-        payload = payloads.get(log.name, 0.0)
-        for run in runs_of_log(log, machine, conditioning):
-            columns = base_columns(run.state)
-            known = known_torque(machine, rigid_body, run.state)
-            if payload:
-                names = [term.name for term in base_terms(run.state)]
-                known = known + payload * columns[..., names.index('platform_mass_1')]
-            targets.append(run.tau - run.rows(known))
-            bases.append(run.rows(columns))
-            runs.append(run)
-    if fitting.estimator in PLAIN:
-        return identify_runs(runs, targets, bases, rigid_body, fitting)
+    runs = runs_of_logs(logs, machine, conditioning)
     terms = base_terms(runs[0].state)
+    steady = runs[0].conditioning.steady
+    if steady and fitting.estimator == 'instrumental':
+        raise InputError('--estimator instrumental asked of logs that hold steady speeds, whose '
+                         'motion it would simulate; use another estimator')
+    shown = [index for index, term in enumerate(terms) if not (steady and term.name == INERTIA)]
+    for run in runs:
+        columns = base_columns(run.state)
+        known = known_torque(machine, rigid_body, run.state)
+        payload = payloads.get(run.name, 0.0)
+        if payload:
+            names = [term.name for term in terms]
+            known = known + payload * columns[..., names.index('platform_mass_1')]
+        targets.append(run.tau - run.rows(known))
+        bases.append(run.rows(columns)[..., shown])
+    terms = tuple(terms[index] for index in shown)
+    if fitting.estimator in PLAIN:
+        return identify_runs(runs, targets, bases, rigid_body, fitting, terms)
     series = _series(runs, targets, bases)
     problem = fitting.problem(series, terms)
     estimate = consistent(problem, physical_constraints(problem.labels, machine, rigid_body))

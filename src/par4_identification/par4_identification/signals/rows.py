@@ -8,6 +8,7 @@ resting joint does not say what its friction torque is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +16,12 @@ import numpy as np
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.logs.log import Log
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
+from par4_identification.signals.plateaus import plateaus_of
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
+
+SLOWEST_HZ = 50.0
+"""Rate below which a motion that goes faster and slower cannot be filtered."""
 
 
 @dataclass(frozen=True)
@@ -31,12 +36,15 @@ class Conditioning:
         row_rate_hz: rate of the rows kept.
         low_speed: below this joint speed (rad/s) friction is not known. Creeping before a joint
             sticks biases i_act by 0.03 % if it is 0.02.
+        steady: whether an axis holds one speed after the other, so that each plateau of its speed
+            is a row and nothing is filtered.
     """
 
     position_cutoff_hz: float = 160.0
     torque_cutoff_hz: float = 40.0
     row_rate_hz: float = 100.0
     low_speed: float = 0.05
+    steady: bool = False
 
     @property
     def reach(self) -> float:
@@ -50,14 +58,14 @@ class Run:
 
     Attributes:
         name: of the log.
-        state: filtered motion at the rate of the log, (n, J).
-        t: of the rows, s since the start of the log, (m,).
+        state: filtered motion at the rate of the log, (n, J); of plateaus a sample each.
+        t: of the rows, s since the start of the log, (m,); of plateaus their numbers.
         speed: joint speed at the rows, (m, J).
         tau: filtered torque, (m, J), N m.
         valid: rows that say something, (m, J).
         standstill: rows at which the joint rests well within a dwell, (m, J).
         noise_floor: standard deviation of the rows that white torque noise of the level measured
-            above the torque's pass band would cause, (J,), N m.
+            above the torque's pass band would cause, (J,), N m; of plateaus that of their means.
     """
 
     name: str
@@ -74,6 +82,8 @@ class Run:
 
     def rows(self, columns: np.ndarray) -> np.ndarray:
         """Return columns (n, J, ...) of `state` filtered like the torque, at the rows (m, ...)."""
+        if self.conditioning.steady:
+            return columns
         period = float(self.state.t[1] - self.state.t[0])
         return low_pass(columns, self.conditioning.torque_cutoff_hz, period,
                         rows=slice(self._first, len(columns) - self._first, self._every))
@@ -83,12 +93,24 @@ class Run:
         """Joint positions at the rows, (m, J)."""
         return self.state.q[self._first:len(self.state.t) - self._first:self._every]
 
-    def part(self, rows: slice) -> Run:
-        """Return the same run with only `rows` of it valid."""
+    def part(self, rows: slice | np.ndarray) -> Run:
+        """Return the same run with only `rows` of it, or those where they are true, valid."""
         inside = np.zeros(len(self.t), dtype=bool)
         inside[rows] = True
         return replace(self, valid=self.valid & inside[:, None],
                        standstill=self.standstill & inside[:, None])
+
+
+def runs_of_logs(logs: Sequence[Log], machine: Robot | Axis,
+                 conditioning: Conditioning | None = None) -> list[Run]:
+    """Return the rows of logs; the plateaus of steady speeds are one run.
+
+    Raises:
+        InputError, UnreachableError: as `runs_of_log`.
+    """
+    if conditioning is not None and conditioning.steady:
+        return [_run_of_plateaus(logs, machine, conditioning)]
+    return [run for log in logs for run in runs_of_log(log, machine, conditioning)]
 
 
 def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | None = None
@@ -100,12 +122,15 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
         UnreachableError: joint positions with which the mechanism does not close.
     """
     conditioning = conditioning or Conditioning()
+    if conditioning.steady:
+        return [_run_of_plateaus([log], machine, conditioning)]
     rate = 1.0 / log.period
     if rate < 2.5 * conditioning.position_cutoff_hz:
         scale = rate / (2.5 * conditioning.position_cutoff_hz)
-        if rate < 50.0:
-            raise InputError(f'{log.name}: recorded at {rate:.1f} Hz; at least 50 Hz are needed, '
-                             f'1000 Hz are better')
+        if rate < SLOWEST_HZ:
+            raise InputError(f'{log.name}: recorded at {rate:.1f} Hz; at least {SLOWEST_HZ:g} Hz '
+                             f'are needed, 1000 Hz are better; an axis that holds each speed for '
+                             f'2 s may be slower')
         conditioning = replace(
             conditioning, position_cutoff_hz=scale * conditioning.position_cutoff_hz,
             torque_cutoff_hz=scale * conditioning.torque_cutoff_hz,
@@ -116,6 +141,25 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
         raise InputError(f'{log.name}: no uninterrupted stretch of at least 1 s; record longer or '
                          f'without gaps')
     return runs
+
+
+def _run_of_plateaus(logs: Sequence[Log], machine: Axis, conditioning: Conditioning) -> Run:
+    """Return the plateaus of logs of an axis as rows, from the fastest one way to the other."""
+    plateaus = sorted((item for log in logs for item in plateaus_of(log)),
+                      key=lambda item: item.speed)
+    if not plateaus:
+        raise InputError(f'{logs[0].name}: holds no speed for 2 s, as the other logs do; leave it '
+                         f'out')
+    number = np.arange(float(len(plateaus)))
+    q, speed, torque, deviation = (np.array([getattr(item, name) for item in plateaus])[:, None]
+                                   for name in ('q', 'speed', 'torque', 'deviation'))
+    moving = np.abs(speed) >= conditioning.low_speed
+    return Run(
+        name=logs[0].name, state=State(number, q, speed, np.zeros_like(q),
+                                          hanging=machine.hanging),
+        t=number, speed=speed, tau=torque, valid=moving, standstill=np.zeros_like(moving),
+        noise_floor=np.sqrt(np.mean(deviation ** 2, axis=0)), conditioning=conditioning,
+        _first=0, _every=1)
 
 
 def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditioning) -> Run:

@@ -9,7 +9,8 @@ import numpy as np
 
 from par4_identification.logs.log import Log
 from par4_identification.signals.filtering import central_difference, low_pass
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.plateaus import hold_speeds
+from par4_identification.signals.rows import SLOWEST_HZ, Conditioning
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
@@ -47,7 +48,8 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
 
     The arms of a Par4 have the usual filters. An axis may be any machine: its cut-off is the
     usual one or, where its torque reaches higher above its noise, so high that it passes; its low
-    speed goes with its speeds and with the steps of its positions.
+    speed goes with its speeds and with the steps of its positions. Where it holds one speed after
+    the other, and no filter is asked for, each plateau of its speed is a row.
 
     Args:
         logs: of the machine.
@@ -61,6 +63,9 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
     chosen = chosen or Chosen()
     rate = min(1.0 / log.period for log in logs)
     cutoff, low_speed = usual.torque_cutoff_hz, usual.low_speed
+    if (isinstance(machine, Axis) and chosen.cutoff_hz is None and chosen.row_rate_hz is None
+            and hold_speeds(logs, SLOWEST_HZ)):
+        return replace(usual, steady=True, low_speed=chosen.low_speed or 0.0)
     if isinstance(machine, Axis):
         cutoff = max(min(cutoff, OF_RATE * rate), min(OF_RATE * rate, max(map(_reach, logs))))
         slowest, resolved = zip(*(_low_speeds(log, cutoff) for log in logs))

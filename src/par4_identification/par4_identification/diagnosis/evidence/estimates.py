@@ -10,6 +10,7 @@ import numpy as np
 from par4_dynamics.effects.effect import Shape, Values
 from par4_dynamics.parameters import Number, Parameter
 from par4_identification.diagnosis.evidence.evidence import Evidence, Fit, Hypothesis, prior_weights
+from par4_identification.diagnosis.evidence.observations import Observations
 
 LASTING = 4.0
 """Time for which a torque is wrong in the same way, s."""
@@ -101,6 +102,26 @@ def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter]
         result[name] = parameter.model_copy(update={
             'std': _nested(np.hypot(parameter.std, apart).tolist())})
     return result
+
+
+def with_doubt_of_time(parameters: dict[str, Parameter], observations: Observations
+                       ) -> dict[str, Parameter]:
+    """Return the parameters of a periodic torque whose phases hold an unknown delay.
+
+    Of a motion that goes one way at one speed nobody can say when the torque was read: a delay
+    turns each phase by order x speed x delay. Positions and torques of one message are read within
+    a sample of each other, as likely at any time.
+    """
+    if not {'phase', 'periods'} <= set(parameters):
+        return parameters
+    run = max(observations.runs, key=lambda run: len(run.t))
+    late = float(run.state.t[1] - run.state.t[0]) / np.sqrt(3.0)
+    speed = float(np.median(np.abs(run.speed[run.valid])))
+    phase = parameters['phase']
+    orders = np.asarray(parameters['periods'].value, dtype=float)
+    turned = np.reshape(orders * speed * late, (-1,) + (1,) * (np.ndim(phase.std) - 1))
+    return {**parameters, 'phase': phase.model_copy(update={
+        'std': _nested(np.hypot(phase.std, turned).tolist())})}
 
 
 def _nested(values: float | list) -> Number:

@@ -40,6 +40,11 @@ class Observations:
         """Number of joints."""
         return self.target[0].shape[1]
 
+    @property
+    def steady(self) -> bool:
+        """Whether each row is the mean of a stretch of constant speed."""
+        return self.runs[0].conditioning.steady
+
     def without(self, name: str) -> Observations:
         """Return the observations without the column of a base parameter."""
         kept = [index for index, term in enumerate(self.terms) if term.name != name]

@@ -61,7 +61,11 @@ def _position(state: State, ranges: Ranges) -> np.ndarray:
 
 def _speed(state: State, ranges: Ranges) -> np.ndarray:
     sign = np.sign(state.qd)
-    slow = [np.exp(-(state.qd / speed) ** 2) * sign for speed in (0.05, 0.15, 0.5)]
+    if state.geometry is None:  # of an axis, whose speeds may be any, and whose ways may differ
+        decays = [np.exp(-(state.qd / (share * ranges.qd)) ** 2) for share in (0.01, 0.03, 0.1)]
+        slow = [decay * part for decay in decays for part in (sign, np.ones_like(sign))]
+    else:
+        slow = [np.exp(-(state.qd / speed) ** 2) * sign for speed in (0.05, 0.15, 0.5)]
     smooth = splines(np.abs(state.qd), np.zeros_like(ranges.qd), ranges.qd, 6)
     return np.concatenate((np.stack([*slow, np.ones_like(sign), np.abs(state.qd)], axis=-1),
                            smooth * sign[..., None]), axis=-1)
@@ -173,6 +177,8 @@ class Kind:
         shared: whether a column has one coefficient on all joints.
         needs_platform: whether only machines with a platform can have it.
         needs_nominal: whether its columns need the nominal torque.
+        told_by_speeds: whether it is a function of the joint's speed alone, so that mean torques at
+            steady speeds can tell it.
         left_by_filters: whether sampling and filters leave some of it in every record, so that it
             counts only where it explains most of what is left.
     """
@@ -186,6 +192,7 @@ class Kind:
     needs_platform: bool = False
     needs_nominal: bool = False
     left_by_filters: bool = False
+    told_by_speeds: bool = False
 
     def parts(self, shape: Shape) -> tuple[Shape, ...]:
         """Return its one shape: a kind has no parts."""
@@ -198,7 +205,7 @@ class Kind:
 
 KINDS = (
     Kind('position', 'a smooth function of joint position', _position),
-    Kind('speed', 'a function of joint speed', _speed),
+    Kind('speed', 'a function of joint speed', _speed, told_by_speeds=True),
     Kind('time', 'a drift over time', _time),
     Kind('acceleration', 'a function of joint acceleration', _acceleration),
     Kind('platform', 'a function of the pose and motion of the platform', _platform,
@@ -245,7 +252,8 @@ class Kinds:
         periods = {_periodic: _strongest_periods(observations, left, high - low),
                    _torque: _strongest_periods(observations, load, high - low)}
         return tuple(self._kind(kind, periods.get(kind.function, ())) for kind in KINDS
-                     if self._ranges.x is not None or not kind.needs_platform)
+                     if (self._ranges.x is not None or not kind.needs_platform)
+                     and (kind.told_by_speeds or not observations.steady))
 
     def _kind(self, kind: Kind, periods: tuple[tuple[int, ...], ...]) -> Kind:
         key = kind.name, periods

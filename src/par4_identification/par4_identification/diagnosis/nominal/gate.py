@@ -12,6 +12,7 @@ from par4_identification.fitting.identification import Identification
 from par4_identification.signals.rows import Run
 
 LEAST_ROWS = 200
+LEAST_PLATEAUS = 10
 WORST_ERROR = 0.6
 WORST_STD = 0.3
 
@@ -26,11 +27,7 @@ def unusable(observations: Observations, identification: Identification,
         target: what these were fitted to, (m, J) of each run, where that is less than the torque
             because the rest is known to be bound to the position.
     """
-    reasons, runs = [], observations.runs
-    rows = sum(run.valid.sum(axis=0) for run in runs)
-    for joint in np.flatnonzero(rows < LEAST_ROWS):
-        reasons.append(f'joint {joint} moves in only {rows[joint]} rows, {LEAST_ROWS} are needed; '
-                       f'record a longer motion of all joints')
+    reasons = too_few(observations)
     estimate = identification.estimate
     values = {term.name: (value, std) for term, value, std in
               zip(identification.terms, estimate.values, estimate.std)}
@@ -55,6 +52,16 @@ def unusable(observations: Observations, identification: Identification,
             reasons.append(f'the motion does not excite {term.name} (standard deviation '
                            f'{std / max(abs(value), 1e-12):.0%}); record faster motions')
     return reasons
+
+
+def too_few(observations: Observations) -> list[str]:
+    """Return for which joints there are fewer rows than any fit needs, and what to do."""
+    rows = sum(run.valid.sum(axis=0) for run in observations.runs)
+    if observations.steady:
+        return [f'{count} steady speeds are fitted, {LEAST_PLATEAUS} are needed; record more '
+                f'speeds, in both directions' for count in rows if count < LEAST_PLATEAUS]
+    return [f'joint {joint} moves in only {rows[joint]} rows, {LEAST_ROWS} are needed; record a '
+            f'longer motion of all joints' for joint in np.flatnonzero(rows < LEAST_ROWS)]
 
 
 def _error_beside(observations: Observations, identification: Identification) -> float:

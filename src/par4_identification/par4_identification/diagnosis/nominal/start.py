@@ -1,8 +1,8 @@
 """The base parameters that a diagnosis starts from, or what makes the data unfit for one.
 
 A Par4 must show all its base parameters. An axis may be any machine: where the bodies alone do
-not explain enough of its torque, it is looked at again beside a torque that is periodic in its
-position, and an inertia that its motion does not show is left out.
+not explain enough of its torque, it is looked at again beside a torque that is bound to its
+position, periodic or not, and an inertia that its motion does not show is left out.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from par4_dynamics.effects.cogging import Cogging
+from par4_dynamics.effects.effect import Effect
+from par4_dynamics.effects.position_torque import PositionTorque
 from par4_identification.diagnosis.evidence.evidence import (
-    Hypothesis,
     flat_whitener,
     gather,
     project,
@@ -22,14 +23,12 @@ from par4_identification.diagnosis.evidence.evidence import (
     solve,
 )
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.diagnosis.nominal.gate import WORST_STD, unusable
-from par4_identification.diagnosis.search.orders import best_orders
+from par4_identification.diagnosis.nominal.gate import WORST_STD, too_few, unusable
+from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import Rules
-from par4_identification.diagnosis.search.shapes import shapes_of
-from par4_identification.fitting.identification import Identification, identify_runs
+from par4_identification.fitting.identification import INERTIA, Identification, identify_runs
 from par4_kinematics.errors import InputError
 
-INERTIA = 'actuator_inertia'
 STRONGER = 2.0
 """Acceleration over that which all but a hundredth of the rows to fit stay below, up to which a
 model without inertia is held against rows."""
@@ -44,7 +43,7 @@ class Start:
         identification: base parameters; None where they cannot be told at all.
         left_out: parameters that the motion does not show.
         reasons: why the data are unfit, each with what to do; empty where they are fit.
-        bound: whether most of the torque is periodic in the position.
+        bound: whether most of the torque is bound to the position.
     """
 
     observations: Observations
@@ -59,13 +58,13 @@ def start_of(observations: Observations, rigid_body: str, rules: Rules) -> Start
     start = _start(observations, None, rigid_body)
     if not start.reasons or observations.runs[0].state.geometry is not None:
         return start
-    for bound in (False, True):
-        target = _without_periodic(observations, rules) if bound else None
+    for effect in (None, Cogging(), PositionTorque()):
+        target = None if effect is None else _without(effect, observations, rules)
         again = _start(observations, target, rigid_body)
         if again.reasons and _hides_inertia(again):
             again = _start(observations.without(INERTIA), target, rigid_body, (INERTIA,))
         if not again.reasons:
-            return replace(again, bound=bound)
+            return replace(again, bound=effect is not None)
     return start
 
 
@@ -89,7 +88,7 @@ def _start(observations: Observations, target: Sequence[np.ndarray] | None, rigi
             observations.runs, observations.target if target is None else target,
             observations.base, rigid_body, terms=observations.terms)
     except InputError as error:
-        return Start(observations, None, left_out, (str(error),))
+        return Start(observations, None, left_out, tuple(too_few(observations)) or (str(error),))
     return Start(observations, identification, left_out,
                  tuple(unusable(observations, identification, target)))
 
@@ -104,19 +103,17 @@ def _hides_inertia(start: Start) -> bool:
     return value < 0.0 or std > WORST_STD * abs(value)
 
 
-def _without_periodic(observations: Observations, rules: Rules) -> tuple[np.ndarray, ...]:
-    """Return the target (m, J) of each run without the strongest torque periodic in position."""
+def _without(effect: Effect, observations: Observations, rules: Rules) -> tuple[np.ndarray, ...]:
+    """Return the target (m, J) of each run without an effect that depends on the position."""
     squares = sum(np.sum(np.where(run.valid, target, 0.0) ** 2, axis=0)
                   for run, target in zip(observations.runs, observations.target))
     rows = sum(run.valid.sum(axis=0) for run in observations.runs)
     sigma = np.sqrt(squares / np.maximum(rows, 1))
     evidence = gather(observations, flat_whitener(observations, np.maximum(sigma, 1e-30)))
-    effect = Cogging()
-    shapes = shapes_of(observations, effect)
-    if not shapes:
+    found = Candidates({effect.name: effect}, evidence, rules).best(effect, project(evidence, ()))
+    if found is None:
         return observations.target
-    shape, _ = best_orders(effect, shapes, project(evidence, ()), rules)
-    model = (Hypothesis(effect, shape, tuple(range(observations.joints))),)
+    model = (found.hypothesis,)
     fit = solve(evidence, model)
     left, whole = (residuals(observations, part, own) for part, own in (
         (model, fit), ((), fit)))

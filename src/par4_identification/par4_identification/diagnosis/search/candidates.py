@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect
+from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_identification.diagnosis.evidence.evidence import Evidence, Hypothesis, Projection
 from par4_identification.diagnosis.evidence.observations import Observations
@@ -86,11 +86,28 @@ class Candidates:
         if order_name(effect) is not None:
             shape, best = best_orders(effect, shapes, projection, self._rules)
         else:
-            shape, best = best_shape(effect, shapes, partial(projection.gains, effect))
+            shape, best = self._best_of_laws(effect, shapes, projection)
         if effect.expanded:
             shape = self_consistent(projection, effect, shape)
             best = projection.gain(effect, shape)
         return Candidate(Hypothesis(effect, shape, self._joints), 0.5 * best, len(shapes))
+
+    def _best_of_laws(self, effect: Effect, shapes: Sequence[Shape], projection: Projection
+                      ) -> tuple[Shape, float]:
+        """Return the best shape and its gain; each number more than another has must be worth it.
+
+        A law with a number of its own, such as an exponent, always fits better than the usual one,
+        and a series of more terms better than one of fewer.
+        """
+        joints = 1 if effect.shared else len(self._joints)
+
+        def numbers(shape: Shape) -> int:
+            return len(shape) + joints * effect.terms(shape)
+
+        found = [best_shape(effect, [shape for shape in shapes if numbers(shape) == count],
+                            partial(projection.gains, effect))
+                 for count in sorted(set(map(numbers, shapes)))]
+        return max(found, key=lambda item: item[1] - 2.0 * self._rules.price * numbers(item[0]))
 
     def _twisting(self, effect: ElasticTransmission, projection: Projection) -> Candidate | None:
         """Return the transmissions that twist most like the residual, if any do.

@@ -11,7 +11,8 @@ from par4_dynamics.effects.effect import single
 from par4_identification.diagnosis.evidence.estimates import shape_knobs, shape_slopes, turned
 from par4_identification.diagnosis.evidence.evidence import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
-from par4_identification.diagnosis.search.search import Model, named_of, others_of
+from par4_identification.diagnosis.evidence.unnamed import Kind
+from par4_identification.diagnosis.search.search import Model, Search, others_of
 from par4_identification.diagnosis.search.shapes import order_name
 
 STEPS = 4
@@ -22,20 +23,23 @@ SMALL = 0.05
 """Step over its own standard deviation that is not worth taking."""
 
 
-def polished(pool: Pool, model: Sequence[Hypothesis], price: float) -> Model:
+def polished(search: Search, model: Sequence[Hypothesis]) -> Model:
     """Return a model whose shapes are where the rows to fit have them.
 
     The search tries shapes on a grid. What it gives is off by up to half a step of that, which may
     be many standard deviations of a strong cause. Orders of periodic torques stay whole numbers,
-    and a shape that has its default value keeps it unless `price`, a log-likelihood, is gained.
+    a shape that has its default value keeps it unless `Rules.price` is gained, and none goes where
+    no machine can be.
     """
-    model = tuple(model)
-    for item in named_of(model):
-        if order_name(item.named) is None and shape_knobs(item):
-            moved = _with_best_shape(pool, model, item)
-            gain = 0.5 * (pool.fit(model).fit_squares - pool.fit(moved).fit_squares)
-            if gain > (price if _is_usual(item) else 0.0):
-                model = moved
+    model, pool = tuple(model), search.pool
+    for place, item in enumerate(model):
+        if isinstance(item.effect, Kind) or order_name(item.named) or not shape_knobs(item):
+            continue
+        moved = _with_best_shape(pool, model, item)
+        gain = 0.5 * (pool.fit(model).fit_squares - pool.fit(moved).fit_squares)
+        if (gain > (search.rules.price if _is_usual(item) else 0.0)
+                and search.unbelievable(moved[place], others_of(moved, moved[place])) is None):
+            model = moved
     return model
 
 

@@ -23,6 +23,7 @@ from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.unnamed import PRIOR_ROWS, Kinds
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.signals.plateaus import scatter
 
 WORTH = 0.1
 """Share of the squares of rows it was not fitted to that an unnamed function must take away."""
@@ -38,7 +39,9 @@ def whitener_of(observations: Observations, sigma: np.ndarray, library: Mapping[
                 kinds: Kinds, rules: Rules) -> Whitener:
     """Return the noise model of what neither effects nor unnamed functions explain.
 
-    A poorer model would take what it lacks for noise, and whitening would then hide it.
+    A poorer model would take what it lacks for noise, and whitening would then hide it. Of steady
+    speeds the noise is measured: by the parts of each plateau and by how plateaus of neighbouring
+    speeds differ.
 
     Args:
         observations: rows to fit.
@@ -47,6 +50,8 @@ def whitener_of(observations: Observations, sigma: np.ndarray, library: Mapping[
         kinds: of unnamed functions.
         rules: for the search of shapes.
     """
+    if observations.steady:
+        return flat_whitener(observations, _noise_of_plateaus(observations))
     flat = gather(observations, flat_whitener(observations, sigma))
     found = Candidates(library, flat, rules).all_of(project(flat, []), set())
     richest = [item.hypothesis for item in found]
@@ -62,12 +67,25 @@ def quieter(whitener: Whitener, observations: Observations, model: Sequence[Hypo
     Causes that hide each other from the first look count as noise there. Beside those found, the
     rest of them shows.
     """
+    if observations.steady:
+        return whitener
     left = residuals(observations, model, fit)
     found = whitener_of_residuals(observations, _without_unnamed(observations, left, kinds),
                                   len(fit.covariance))
     return replace(whitener, noise=tuple(
         new if new.variance < QUIETER * old.variance else old
         for new, old in zip(found.noise, whitener.noise)))
+
+
+def _noise_of_plateaus(observations: Observations) -> np.ndarray:
+    """Return the standard deviation (J,) of the mean torques at steady speeds."""
+    known = np.mean([run.noise_floor ** 2 for run in observations.runs], axis=0)
+    speed, target, valid = (np.concatenate(parts) for parts in (
+        [run.speed for run in observations.runs], observations.target,
+        [run.valid for run in observations.runs]))
+    differing = [scatter(*(part[valid[:, joint], joint] for part in (speed, target)))
+                 for joint in range(len(known))]
+    return np.sqrt(np.maximum(known, differing))
 
 
 def _without_unnamed(observations: Observations, left: tuple[np.ndarray, ...], kinds: Kinds

@@ -85,11 +85,14 @@ class Remaining:
         floor_excess: its rms on held-out rows over the noise floor.
         unrelated: what of it follows nothing in the motion.
         nearest: where nothing is named, the effect that explains most without passing as a cause.
+        uneven: whether torques at steady speeds miss the model by more than their own noise, though
+            no function of the speed fits them all.
     """
 
     floor_excess: float
     unrelated: Unrelated
     nearest: Effect | None
+    uneven: bool = False
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from par4_identification.diagnosis.evidence.evidence import Fit, Hypothesis, residuals
+from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.signals.noise import fit_noise
 from par4_identification.signals.rows import Run
@@ -70,6 +72,14 @@ Left = tuple[Run, np.ndarray, np.ndarray]
 """A run, what the model leaves of its rows (m, J), N m, and the torque of the causes (m, J)."""
 
 
+def left_of(observations: Observations, model: Sequence[Hypothesis], base_only: Fit, whole: Fit
+            ) -> list[Left]:
+    """Return of each run what a model leaves, and how far it differs from the base terms."""
+    before, after = (residuals(observations, part, fit)
+                     for part, fit in (((), base_only), (model, whole)))
+    return [(run, left, old - left) for run, old, left in zip(observations.runs, before, after)]
+
+
 def unrelated(fit: Sequence[Left], heldout: Sequence[Left], floor: np.ndarray, rules: Rules
               ) -> Unrelated:
     """Return what residuals contain that follows nothing in the motion.
@@ -81,7 +91,9 @@ def unrelated(fit: Sequence[Left], heldout: Sequence[Left], floor: np.ndarray, r
             `Rules.named_error` how much of it may be an error of the causes' torque.
     """
     runs = [*fit, *heldout]
-    lines = _lines(fit, heldout)
+    if runs[0][0].conditioning.steady:  # plateaus do not follow each other in time
+        return Unrelated(np.zeros_like(floor), 0.0, (), ())
+    lines = lines_of(fit, heldout)
     rms = np.sqrt(np.stack([np.sum(np.where(run.valid, left, 0.0) ** 2, axis=0)
                             for run, left, _ in runs]).sum(axis=0)
                   / np.maximum(sum(run.valid.sum(axis=0) for run, _, _ in runs), 1))
@@ -105,8 +117,7 @@ def _correlation_time(runs: Sequence[Left]) -> float:
     return float(np.median(times) * (run.t[1] - run.t[0]))
 
 
-def _lines(fit: Sequence[Left], heldout: Sequence[Left]
-           ) -> tuple[Line, ...]:
+def lines_of(fit: Sequence[Left], heldout: Sequence[Left]) -> tuple[Line, ...]:
     """Return the frequencies that stand out of the spectrum in the fitted and held-out rows."""
     found: dict[float, np.ndarray] = {}
     joints = fit[0][1].shape[1]

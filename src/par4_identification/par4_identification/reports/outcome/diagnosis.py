@@ -52,7 +52,8 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
     nearest = diagnosis.remaining.nearest
     beside = (' and '.join([*(item.phrase for item in diagnosis.unnamed),
                             *_phrases_of_unrelated(diagnosis.remaining.unrelated)])
-              or (nearest and f'{nearest.phrase}, which does not pass as a cause'))
+              or (nearest and f'{nearest.phrase}, which does not pass as a cause')
+              or 'a torque that changes from speed to speed')
     if diagnosis.verdict == 'clean':
         wandering = ('' if not diagnosis.remaining.unrelated.wanders else
                      ', most of it noise that wanders and follows nothing in the motion')
@@ -122,8 +123,11 @@ def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
         told = [name for name in sizes if _stands_out(cause.parameters[name])] or list(sizes)
         parts = ', '.join(f'{in_words(name)} {sizes[name]}' for name in told)
         return f'{effect.phrase} ({parts})'
-    shown = {item.name for item in effect.parameters
-             if _stands_out(cause.parameters[item.name])} or set(sizes)
+    told = [item.name for item in effect.parameters
+            if np.any(np.asarray(cause.parameters[item.name].value) != 0.0)
+            and not (item.is_shape and np.all(np.asarray(
+                cause.parameters[item.name].value) == item.default))]
+    shown = {name for name in told if _stands_out(cause.parameters[name])} or set(told)
     amount = sizes[first.name]
     if first.unit in ('', '1'):
         amount = _size(cause.parameters[first.name], machine, 100.0) + ' %'
@@ -262,7 +266,12 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
             'Record faster motions, or give a model that knows it.'))
     if isinstance(machine, Axis):
         used = diagnosis.fit_runs[0].conditioning
+        count = len({float(speed) for run in (*diagnosis.fit_runs, *diagnosis.holdout.runs)
+                     for speed in run.speed[run.valid]})
         remarks.append(Remark(
+            True, f'These logs hold one speed after the other: the mean torque of each of the '
+            f'{count} plateaus is a row.', 'Record a motion that goes faster and slower to see the '
+            'inertia and what depends on the position.') if used.steady else Remark(
             True, f'Filters chosen for these data: torque below {number(used.torque_cutoff_hz, 3)} '
             f'Hz, positions below {number(used.position_cutoff_hz, 3)} Hz, '
             f'{number(used.row_rate_hz, 3)} rows a second, friction above '

@@ -125,6 +125,13 @@ def _true_values(truth: Model, name: str) -> np.ndarray:
     return np.sum(offsets, axis=0) if offsets else np.zeros_like(truth.values['coulomb_friction'])
 
 
+def _left_out_remarks(identification: Identification) -> list[Remark]:
+    return [Remark(
+        False, f'Steady speeds do not show the {in_words(term.name)}; it is left out and counts as '
+        f'zero.', 'Record a motion that goes faster and slower as well.')
+        for term in identification.left_out]
+
+
 def outcome_of_identification(identification: Identification, floor: np.ndarray,
                               machine: Robot | Axis, logs: Sequence[Log]) -> Outcome:
     """Return whether the identified model can be trusted, why, and what to do next.
@@ -144,7 +151,8 @@ def outcome_of_identification(identification: Identification, floor: np.ndarray,
         *estimator_remarks(identification, machine), *_bias_remarks(identification, machine),
         _excitation_remark(condition), _precision_remark(relative, unsure),
         _sign_remark(identification), floor_remark(rms, noise, unit),
-        _memory_remark(identification), *_joints_remark(estimate.rms, floor, machine),
+        _memory_remark(identification), *_left_out_remarks(identification),
+        *_joints_remark(estimate.rms, floor, machine),
         data_remark(logs))
     sentence = (
         f'The {len(relative)} parameters are identified from {number(duration(logs), 2)} s of '

@@ -1,0 +1,84 @@
+"""A torque that follows the position of an axis: a spring, a cable, a counterweight, a cam."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    single,
+)
+from par4_dynamics.state import State
+
+HIGHEST_DEGREE = 9
+WIDEST = 4.0 * np.pi
+"""rad: no spring is wound up further; what goes on for longer turns round."""
+
+
+def polynomials(q: np.ndarray, low: float, high: float, degree: int) -> np.ndarray:
+    """Return the Legendre polynomials up to a degree, (..., degree + 1), of positions q (...).
+
+    From `low` to `high` their argument goes from -1 to 1; beyond them it stays.
+    """
+    return legvander(np.clip(2.0 * (q - low) / (high - low) - 1.0, -1.0, 1.0), degree)
+
+
+class PositionTorque(Effect):
+    """tau_i += sum_k c_ik P_k(u): Legendre polynomials, k = 0, 1, ..., u = -1 .. 1 over `range`.
+
+    Beyond the range the torque stays what it is at its end. The degree is a shape of its own:
+    `diagnose` takes as many terms as the data carry.
+    """
+
+    name = 'position_torque'
+    phrase = 'torque that follows the position'
+    parameters = (EffectParameter('coefficients', 'N m', 'joint', per_order=True),
+                  EffectParameter('range', 'rad', 'machine', size=2))
+    needs_both_ways = True
+    of_axis = True
+
+    def shapes(self, state: State) -> tuple[Shape, ...]:
+        low, high = float(state.q.min()), float(state.q.max())
+        if not 0.0 < high - low <= WIDEST:
+            return ()
+        return tuple({'degree': float(degree), 'low': low, 'high': high}
+                     for degree in range(1, HIGHEST_DEGREE + 1))
+
+    def terms(self, shape: Shape) -> int:
+        return int(single(shape['degree']))
+
+    def columns(self, state: State, shape: Shape) -> np.ndarray:
+        return polynomials(state.q, single(shape['low']), single(shape['high']),
+                           int(single(shape['degree'])))
+
+    def coefficients(self, values: Values) -> np.ndarray:
+        found = values['coefficients']  # (J, K), or (J,) of one term
+        return np.reshape(found, (len(found), -1)).T
+
+    def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
+        return {'coefficients': coefficients.T.copy(),
+                'range': np.array((single(shape['low']), single(shape['high'])))}
+
+    def shape_of(self, values: Values) -> Shape:
+        low, high = (float(end) for end in values['range'])
+        terms = np.size(values['coefficients'])
+        return {'degree': float(terms - 1), 'low': low, 'high': high}
+
+    def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
+        coefficients = self.coefficients(values)
+        columns = self.columns(state, self.shape_of(
+            {'coefficients': coefficients[:, 0], 'range': values['range']}))
+        torque = np.einsum('njk,kj->nj', columns, coefficients)
+        return np.where(np.isin(np.arange(torque.shape[1]), joints), torque, 0.0)
+
+    def implausible(self, values: Values, std: Values, base: Base) -> str | None:
+        return None
+
+    def signature(self, state: State) -> Signature:
+        return Signature(state.q, 'joint position, rad')

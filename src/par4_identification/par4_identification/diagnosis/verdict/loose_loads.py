@@ -1,0 +1,94 @@
+"""Loads that rattle beside what a search found, and which names then stay."""
+
+from __future__ import annotations
+
+from par4_dynamics.effects.backlash import Backlash
+from par4_dynamics.effects.effect import Effect
+from par4_dynamics.effects.elastic_transmission import ElasticTransmission
+from par4_dynamics.model_file import EffectEntry
+from par4_dynamics.parameters import Parameter
+from par4_identification.diagnosis.evidence.evidence import project, residuals, solve
+from par4_identification.diagnosis.evidence.holdout import Gain
+from par4_identification.diagnosis.search.search import Model, Search, named_of, others_of
+from par4_identification.diagnosis.verdict.answer import Cause
+from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR, Rattle, rattle
+from par4_identification.diagnosis.verdict.unrelated import left_of, lines_of
+from par4_identification.fitting.identification import INERTIA
+
+SMOOTH = 0.5
+"""Share of what the names leave beyond which an unnamed cause is the whole of it: no load rattles.
+"""
+RINGING = 0.3
+"""Share of it that twisting transmissions explain, though they are no cause, beyond which they are
+nearer than a load that rattles in a gap."""
+
+
+def loose_loads(search: Search, model: Model) -> tuple[Rattle | None, Model]:
+    """Return the loads that rattle, None where none do, and the causes that stand beside them."""
+    found = _rattle(search, model)
+    if found is None:
+        return None, model
+    beside = _beside_bounces(search, model)
+    return (None, model) if _hums(search, beside) else (found, beside)
+
+
+def cause_of(effect: Effect, found: Rattle) -> tuple[Cause, EffectEntry]:
+    """Return loads that rattle as a cause, which gains nothing, and as part of a model."""
+    parameters = {'gap': Parameter(value=tuple(map(float, found.gap)), unit='rad',
+                                   std=tuple(map(float, WIDTH_ERROR * found.gap)))}
+    cause = Cause(effect, found.joints, parameters, (), 1.0, found.p_value, 0.0, None,
+                  Gain(0.0, 0.0, 0.0), predictable=False)
+    return cause, EffectEntry(effect=effect.name, joints=found.joints, parameters=parameters)
+
+
+def _rattle(search: Search, model: Model) -> Rattle | None:
+    """Return the joints whose loads rattle in a gap, if what the names leave tells of any."""
+    library, pool = search.candidates.library, search.pool
+    named = tuple(named_of(model))
+    names = {item.effect.name for item in named}
+    if Backlash.name not in library or names & {Backlash.name, ElasticTransmission.name}:
+        return None
+    if INERTIA not in {term.name for term in pool.evidence.observations.terms}:
+        return None  # nothing is known to rattle
+    left, rest = pool.fit(named).heldout_squares, pool.fit(model).heldout_squares
+    if rest < (1.0 - SMOOTH) * left or _rings(search, named):
+        return None
+    fit = solve(pool.evidence, named)
+    found = rattle([(part.observations, residuals(part.observations, named, fit))
+                    for part in (pool.evidence, pool.heldout)])
+    return found if found is not None and found.p_value < 1e-3 else None
+
+
+def _beside_bounces(search: Search, model: Model) -> Model:
+    """Return the names of a model that explain more than bounces of a load may look like.
+
+    What the names leave is then the torque of the bounces. They are no function of the motion, and
+    as little known as an unnamed cause.
+    """
+    named = tuple(named_of(model))
+    left, share = search.pool.fit(named), 0.5 * search.rules.unnamed_error ** 2
+    kept = []
+    for item in named:
+        needed = search.requirement(named, item)
+        fit_gain, gain = search.gains(item, others_of(named, item))
+        if (fit_gain > needed.fit + share * left.fit_squares
+                and gain > needed.heldout + share * left.heldout_squares):
+            kept.append(item)
+    return tuple(kept)
+
+
+def _hums(search: Search, model: Model) -> bool:
+    """Return whether what a model leaves has frequencies of its own, which bounces have not."""
+    evidence = search.pool.evidence
+    base_only, fit = solve(evidence, ()), solve(evidence, model)
+    return bool(lines_of(*(left_of(part.observations, model, base_only, fit)
+                           for part in (evidence, search.pool.heldout))))
+
+
+def _rings(search: Search, model: Model) -> bool:
+    """Return whether transmissions that twist, no cause though, explain much of what is left."""
+    effect = search.candidates.library.get(ElasticTransmission.name)
+    projection = project(search.pool.evidence, model)
+    candidate = None if effect is None else search.candidates.best(effect, projection)
+    return candidate is not None and 2.0 * candidate.gain > RINGING * float(
+        projection.residual @ projection.residual)
