@@ -42,6 +42,7 @@ from singular_log import singular_log
 
 from par4_dynamics.model import Model
 from par4_identification.diagnosis.diagnosis import diagnose
+from par4_identification.diagnosis.verdict.answer import Unusable
 from par4_identification.logs.log import Log
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.finding import SetupCheck
@@ -317,6 +318,8 @@ def named(check: SetupCheck) -> list[list[str]]:
     fit, *held = check.logs
     diagnosis = diagnosed_if_sound(check, lambda sound: diagnose(
         [fit], sound.machine, holdout_logs=held))
+    if isinstance(diagnosis, Unusable):
+        return []
     return [[cause.effect.name, *cause.twins] for cause in diagnosis.causes]
 
 
