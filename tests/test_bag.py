@@ -22,8 +22,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from par4_identification.logs.recorder import Recorder
 from par4_kinematics.errors import InputError
 from par4_sim import bag as bag_module
-from par4_sim.bag import STORAGES, BagWriter, read_bag
+from par4_sim.bag import BagWriter, read_bag
 from par4_sim.bag_repair import repair_bag
+from par4_sim.choices import STORAGES
 
 JOINTS = ('arm_joint_0', 'arm_joint_1', 'arm_joint_2', 'arm_joint_3')
 JOINT_STATE = 'sensor_msgs/msg/JointState'

@@ -42,6 +42,7 @@ from rosbags.typesys import (
 
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES, RECORDED_TOPICS, REFERENCE, Topic
+from par4_sim.choices import STORAGES
 from par4_sim.serialised import (
     JointStateTemplate,
     SerialisedMessages,
@@ -53,7 +54,6 @@ from par4_sim.serialised import (
 
 JOINT_STATE_TYPE = JOINT_STATES.type
 TRAJECTORY_TYPE = REFERENCE.type
-STORAGES = ('mcap', 'sqlite3')
 FLUSH_PERIOD = 1.0
 """Seconds after which written messages are handed to the operating system."""
 

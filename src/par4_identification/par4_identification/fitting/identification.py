@@ -38,7 +38,6 @@ INSIGNIFICANT = 3.0
 PLAIN: Mapping[str, Callable[[Problem], Estimate]] = {
     'weighted': weighted, 'ordinary': ordinary, 'robust': robust}
 """Estimators that need nothing but the rows."""
-ESTIMATORS = (*PLAIN, 'instrumental', 'consistent')
 SHARED = ('platform_mass_1', 'platform_mass_2')
 """Parameters of the one platform, which no joint can have of its own."""
 OFFSET = 'torque_offset'

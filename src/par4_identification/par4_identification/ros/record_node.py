@@ -19,7 +19,7 @@ from par4_kinematics.ros.convert import SECOND
 from par4_kinematics.ros.node import SILENCE, Par4Node, State, run
 from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.parameters import parameter
-from par4_sim.bag import STORAGES
+from par4_sim.choices import STORAGES
 
 BUFFER = 20000
 """Messages of a topic that wait while this process is held up."""
@@ -34,7 +34,7 @@ class RecordParameters:
     output: str = parameter('recording', 'bag to write; it must not exist')
     duration: float = parameter(0.0, 's from the first message, on the ROS clock; 0 = until '
                                      'stopped', 0.0)
-    storage: str = parameter('mcap', 'of the bag', choices=tuple(STORAGES))
+    storage: str = parameter('mcap', 'of the bag', choices=STORAGES)
 
 
 class RecordNode(Par4Node):

@@ -25,6 +25,7 @@ from par4_kinematics.ros.convert import SECOND
 from par4_kinematics.ros.node import Par4Node, State, run
 from par4_kinematics.ros.parameters import parameter
 from par4_kinematics.workspace import home_pose
+from par4_sim.choices import FIDELITIES
 from par4_sim.plant import STEP
 from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.ros.pace import Pace
@@ -32,7 +33,7 @@ from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.serialised_trajectory import read_serialised_trajectory
 from par4_sim.ros.zero_stamp import ZeroStamps
-from par4_sim.simulation import FIDELITIES, Sample, Simulation, build_simulation
+from par4_sim.simulation import Sample, Simulation, build_simulation
 from par4_sim.window import Window
 
 SWITCH_INTERVAL = 2e-4
