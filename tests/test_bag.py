@@ -19,11 +19,13 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from par4_identification.logs import bag as bag_module
+from par4_identification.logs.bag import read_bag
+from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.recorder import Recorder
 from par4_kinematics.errors import InputError
-from par4_sim import bag as bag_module
-from par4_sim.bag import BagWriter, read_bag
-from par4_sim.bag_repair import repair_bag
+from par4_sim import bag_writer
+from par4_sim.bag_writer import BagWriter
 from par4_sim.choices import STORAGES
 
 JOINTS = ('arm_joint_0', 'arm_joint_1', 'arm_joint_2', 'arm_joint_3')
@@ -201,7 +203,7 @@ def test_messages_keep_the_order_of_the_library(tmp_path, mode, ahead, monkeypat
         # two publishers of one topic, and times that repeat within and across the chunks of 1 MiB
         connections = [writer.add_connection('/joint_states', JOINT_STATE, typestore=STORE,
                                              offered_qos_profiles=profiles)
-                       for profiles in ((), (bag_module._QOS,))]
+                       for profiles in ((), (bag_writer._QOS,))]
         for index in range(15000):
             received = START + index // 7 + int(generator.integers(ahead + 1))
             writer.write(connections[generator.integers(2)], received,
@@ -411,9 +413,9 @@ def run_and_kill(code: str, *arguments: str) -> None:
 
 WRITE = """
 import sys
-from par4_sim import bag
-from par4_sim.bag import BagWriter
-bag.FLUSH_PERIOD = 1e9  # however slow this machine is, nothing is flushed by itself
+from par4_sim import bag_writer
+from par4_sim.bag_writer import BagWriter
+bag_writer.FLUSH_PERIOD = 1e9  # however slow this machine is, nothing is flushed by itself
 sys.path.insert(0, sys.argv[3])
 from test_bag import fill
 writer = BagWriter(sys.argv[1], sys.argv[2])
@@ -451,7 +453,7 @@ def test_killed_writer_leaves_a_journal_that_is_rolled_back(tmp_path):
 @pytest.mark.parametrize('storage', STORAGES)
 def test_writing_flushes_once_a_second(tmp_path, storage, monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(bag_module.time, 'monotonic', lambda: now[0])
+    monkeypatch.setattr(bag_writer.time, 'monotonic', lambda: now[0])
     writer = BagWriter(tmp_path / 'bag', storage)
     for second in range(3):
         fill(writer, 10 * second, 10 * second + 10)
@@ -626,7 +628,7 @@ def test_repair_refuses_in_one_line_and_leaves_no_output(tmp_path):
 FULL_DISK = """
 import resource, sys
 from par4_kinematics.errors import InputError
-from par4_sim.bag import BagWriter
+from par4_sim.bag_writer import BagWriter
 sys.path.insert(0, sys.argv[3])
 from test_bag import fill
 resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))

@@ -57,7 +57,7 @@ from par4_identification.reports.plots import (
 )
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
-from par4_sim.bag import BagWriter
+from par4_sim.bag_writer import BagWriter
 from par4_sim.commands.entry import run as run_command
 from par4_sim.offline import simulate_to_bag
 from par4_sim.report.results import plain, write_results

@@ -18,8 +18,8 @@ setup(
         ('share/' + package_name + '/rviz', ['rviz/par4.rviz']),
     ],
     install_requires=[
-        'backports.zstd', 'click', 'daqp', 'jinja2', 'lazy-loader', 'lz4', 'markupsafe',
-        'matplotlib', 'numba', 'numpy', 'pybullet', 'rich', 'rosbags', 'scipy', 'toppra'],
+        'click', 'daqp', 'jinja2', 'lazy-loader', 'markupsafe', 'matplotlib', 'numba', 'numpy',
+        'pybullet', 'rich', 'rosbags', 'scipy', 'toppra'],
     zip_safe=False,
     entry_points={
         'console_scripts': [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from par4_sim.bag_repair import repair_bag
+from par4_identification.logs.bag_repair import repair_bag
 
 
 def repaired(bag: Path, output: Path | None) -> str:

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from par4_identification.logs.accounts import SHORTEST_SEGMENT, Accounts
+from par4_identification.logs.bag import read_bag
 from par4_identification.logs.clock import Clock
 from par4_identification.logs.grid import EVEN, grid_of
 from par4_identification.logs.log import Log
@@ -36,7 +37,6 @@ from par4_identification.logs.stamped_rows import reordered, stamped_rows
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES
 from par4_kinematics.robot import Axis, Robot
-from par4_sim.bag import read_bag
 
 
 def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = None) -> Log:

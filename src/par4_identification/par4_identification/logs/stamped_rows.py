@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from par4_identification.logs.masks import count
+from par4_identification.logs.raw_bag import JointSamples
 from par4_kinematics.errors import InputError
-from par4_sim.bag import JointSamples
 
 SET_BACK = 1_000_000_000
 """No transport holds a message back for so long (ns): the clock was set back."""
