@@ -9,10 +9,11 @@ from rich.console import Console
 from rich.table import Table
 
 from par4_kinematics.motion_file import write_motion
+from par4_sim.choices import OWN, TIME_OPTIMAL
 from par4_sim.jobs.comparison import read_asked
 from par4_sim.plant import STEP
 from par4_sim.report.results import origin, write_results
-from par4_sim.tracking.fastest import OWN, TIME_OPTIMAL, fastest_cases
+from par4_sim.tracking.fastest import fastest_cases
 
 
 def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | None,
