@@ -29,6 +29,7 @@ from par4_identification.estimators.weighted import weighted
 from par4_identification.fitting.physical import physical_constraints
 from par4_identification.fitting.simulated import simulated_log
 from par4_identification.logs.log import Log
+from par4_identification.logs.stretches import in_pieces
 from par4_identification.signals.rows import Conditioning, Run, runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
@@ -178,7 +179,7 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'pa
     fitting, payloads = fitting or Fitting(), payloads or {}
     for log in logs:
         payload = payloads.get(log.name, 0.0)
-        for run in runs_of_log(log, machine, conditioning):
+        for run in runs_of_log(in_pieces(log), machine, conditioning):
             columns = base_columns(run.state)
             known = known_torque(machine, rigid_body, run.state)
             if payload:
@@ -235,8 +236,8 @@ def _with_instruments(start: Identification, targets: Sequence[np.ndarray],
             loaded = {**model.values}
             if payloads.get(log.name):
                 loaded['platform_mass_1'] = model.values['platform_mass_1'] + payloads[log.name]
-            simulated += runs_of_log(simulated_log(log, machine, replace(model, values=loaded)),
-                                     machine, conditioning)
+            simulated += runs_of_log(in_pieces(simulated_log(
+                log, machine, replace(model, values=loaded))), machine, conditioning)
         runs = tuple(replace(run, valid=run.valid & other.valid)
                      for run, other in zip(start.runs, simulated, strict=True))
         columns = start.fitting.problem(

@@ -12,6 +12,7 @@ from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.fitting.validation import validate
 from par4_identification.logs.bag_hash import bag_sha256
 from par4_identification.logs.read_log import read_log
+from par4_identification.logs.stretches import in_pieces
 from par4_identification.reports.outcome.results import bags_of
 from par4_identification.reports.outcome.setup import setup_json, with_setup
 from par4_identification.reports.outcome.validation import outcome_of_validation, validation_json
@@ -34,7 +35,7 @@ def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str 
         log = read_log(bag, machine, namespace)
         status.update('looking for mistakes of the setup')
         check = check_setup([log], machine, built)
-        (log,), machine = check.logs, check.machine
+        log, machine = in_pieces(check.logs[0]), check.machine
         built = build_model(machine, model_file)
         status.update('calculating the torque')
         conditioning = conditioning_for([log], machine, Conditioning(),

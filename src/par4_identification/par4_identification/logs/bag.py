@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
@@ -23,13 +22,19 @@ from rosbags.typesys import Stores, get_typestore
 
 from par4_identification.logs.bag_files import cut_off, refuse_incomplete
 from par4_identification.logs.bag_topics import choose_topics
-from par4_identification.logs.raw_bag import JointSamples, RawBag, TrajectoryPoints
+from par4_identification.logs.raw_bag import RawBag
 from par4_identification.logs.serialised import (
     SerialisedMessages,
     laid_out_alike,
     messages_of_chunks,
     numbers_of,
     serialised_messages,
+)
+from par4_identification.logs.topic_columns import (
+    JOINT_ARRAYS,
+    TRAJECTORY_ARRAYS,
+    AlikeMessages,
+    TopicColumns,
 )
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES, REFERENCE
@@ -46,8 +51,7 @@ BATCH_MESSAGES = 1 << 16
 """Messages that are decoded at a time where the library reads them."""
 
 _NANOSECONDS = 1_000_000_000
-_ARRAYS = {JOINT_STATE_TYPE: ('position', 'velocity', 'effort'),
-           TRAJECTORY_TYPE: ('positions', 'velocities', 'accelerations', 'effort')}
+_ARRAYS = {JOINT_STATE_TYPE: JOINT_ARRAYS, TRAJECTORY_TYPE: TRAJECTORY_ARRAYS}
 
 
 def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:
@@ -75,38 +79,34 @@ def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:
             filled = {topic for topic, parts in topics.items() if any(p.msgcount for p in parts)}
             chosen = choose_topics(path, types, filled, namespace)
             typestore = get_typestore(Stores.ROS2_JAZZY)
-            received = {topic: np.empty(0, dtype=np.int64) for topic in chosen.values()}
-            blocks: dict[str, list[_Block]] = {topic: [] for topic in chosen.values()}
+            told = {topic: sum(connection.msgcount for connection in topics[topic])
+                    for topic in chosen.values()}
+            columns = {topic: TopicColumns(topic, count, _ARRAYS[types[topic]])
+                       for topic, count in told.items()}
             for batch in _batches(reader, {topic: topics[topic] for topic in chosen.values()}):
                 for topic, messages in batch.items():
-                    blocks[topic] += _blocks(typestore, types[topic], messages,
-                                             len(received[topic]))
-                    received[topic] = np.append(received[topic], messages.received)
+                    columns[topic].append(messages.received, list(
+                        _alike(typestore, types[topic], messages)))
     except InputError:
         raise
     except Exception as error:
         raise cut_off(path, ' '.join(str(error).split()) or type(error).__name__) from error
-    for topic in chosen.values():
-        told = sum(connection.msgcount for connection in topics[topic])
-        if len(received[topic]) < told:
-            raise cut_off(path, f'metadata.yaml tells of {told} messages on {topic}, found are '
-                                 f'{len(received[topic])}')
-
     joints, trajectories, unreadable = {}, {}, {}
     for name, topic in chosen.items():
-        points = _points(types[topic], topic, received[topic], blocks[topic])
-        decoded = points.messages
-        if decoded < len(received[topic]):
-            unreadable[topic] = len(received[topic]) - decoded
-        if decoded and types[topic] == JOINT_STATE_TYPE:
-            joints[name] = JointSamples(*points.named, *points.arrays)
-        elif decoded:
-            trajectories[name] = TrajectoryPoints(*points.named, points.message, points.after,
-                                                  *points.arrays)
+        found = columns[topic]
+        if found.messages < told[topic]:
+            raise cut_off(path, f'metadata.yaml tells of {told[topic]} messages on {topic}, found '
+                                f'are {found.messages}')
+        if found.decoded < found.messages:
+            unreadable[topic] = found.messages - found.decoded
+        if found.decoded and types[topic] == JOINT_STATE_TYPE:
+            joints[name] = found.joint_samples()
+        elif found.decoded:
+            trajectories[name] = found.trajectory_points()
     topic = chosen[JOINT_STATES.name]
     if JOINT_STATES.name not in joints:
-        raise InputError(f'{path}: none of the {len(received[topic])} messages on {topic} can be '
-                         'decoded; record the bag again')
+        raise InputError(f'{path}: none of the {columns[topic].messages} messages on {topic} can '
+                         'be decoded; record the bag again')
     return RawBag(path, topic[:-len(JOINT_STATES.name) - 1] or '/', joints, trajectories,
                   {name: kind for name, kind in sorted(types.items())
                    if name not in chosen.values()}, unreadable)
@@ -191,71 +191,9 @@ def _nanoseconds(time_or_duration: Any) -> int:
     return time_or_duration.sec * _NANOSECONDS + time_or_duration.nanosec
 
 
-@dataclass(frozen=True)
-class _Block:
-    """Messages (m,) of one layout, of P points each.
-
-    Attributes:
-        rows: which messages, (m,).
-        names: of their joints.
-        stamp: (m,) ns.
-        after: time from start of the points, (m, P) ns; a JointState is one point at 0.
-        arrays: of the message type, (m, P, -).
-    """
-
-    rows: np.ndarray
-    names: tuple[str, ...]
-    stamp: np.ndarray
-    after: np.ndarray
-    arrays: tuple[np.ndarray, ...]
-
-
-@dataclass(frozen=True)
-class _Points:
-    """The points (n,) of all messages that could be decoded, and how many messages these are."""
-
-    messages: int
-    named: tuple[str, np.ndarray, np.ndarray, tuple[tuple[str, ...], ...], np.ndarray]
-    message: np.ndarray
-    after: np.ndarray
-    arrays: list[np.ndarray]
-
-
-def _points(type_name: str, topic: str, received: np.ndarray, blocks: Sequence[_Block]
-            ) -> _Points:
-    """Return the points of blocks of messages, which were received at (n,) ns."""
-    count = np.full(len(received), -1)
-    for block in blocks:
-        count[block.rows] = block.after.shape[1]
-    decoded = count >= 0
-    count = np.maximum(count, 0)
-    start = np.cumsum(count) - count
-    stamp, after, layout = np.zeros((3, count.sum()), dtype=np.int64)
-    layouts: dict[tuple[str, ...], int] = {}
-    blocks = [block for block in blocks if block.after.size]
-    places = [start[block.rows, None] + np.arange(block.after.shape[1]) for block in blocks]
-    for block, place in zip(blocks, places, strict=True):
-        stamp[place], after[place] = block.stamp[:, None], block.after
-        layout[place] = layouts.setdefault(block.names, len(layouts))
-    width = max(map(len, layouts), default=0)
-    arrays = [np.empty((len(stamp), width)) for _ in _ARRAYS[type_name]]
-    for block, place in zip(blocks, places, strict=True):
-        for array, part in zip(arrays, block.arrays, strict=True):
-            filled = min(part.shape[-1], width)
-            array[place, :filled] = part[..., :filled]
-            array[place, filled:] = np.nan
-    return _Points(
-        int(decoded.sum()),
-        (topic, np.repeat(received, count), stamp, tuple(layouts), layout),
-        np.repeat(np.cumsum(decoded) - 1, count), after, arrays)
-
-
-def _blocks(typestore: Any, type_name: str, messages: SerialisedMessages, before: int
-            ) -> Iterator[_Block]:
-    """Yield the messages by layout: of the first layouts in bulk, all others one by one.
-
-    They are numbered from `before` on.
-    """
+def _alike(typestore: Any, type_name: str, messages: SerialisedMessages
+           ) -> Iterator[AlikeMessages]:
+    """Yield the messages by layout: of the first layouts in bulk, all others one by one."""
     rows, layouts = np.arange(len(messages)), 0
     while len(rows):
         data = messages[rows[0]]
@@ -267,25 +205,26 @@ def _blocks(typestore: Any, type_name: str, messages: SerialisedMessages, before
         if layout is not None:
             alike = laid_out_alike(messages, rows[0], layout, rows)
             stamp, after, arrays = numbers_of(messages, layout, rows[alike])
-            yield _Block(before + rows[alike], layout.names, stamp, after, arrays)
+            yield AlikeMessages(rows[alike], layout.names, stamp, after, arrays)
             rows, layouts = rows[~alike], layouts + 1
             continue
         if message is not None:
-            yield _block(type_name, before + rows[:1], message)
+            yield _alone(type_name, rows[:1], message)
         rows = rows[1:]
 
 
-def _block(type_name: str, row: np.ndarray, message: Any) -> _Block:
+def _alone(type_name: str, row: np.ndarray, message: Any) -> AlikeMessages:
     """Return a single message."""
     if type_name == JOINT_STATE_TYPE:
         names, points, after = message.name, [message], [0]
     else:
         names, points = message.joint_names, message.points
         after = [_nanoseconds(point.time_from_start) for point in points]
-    return _Block(row, tuple(names), np.array([_nanoseconds(message.header.stamp)]),
-                  np.array([after], dtype=np.int64), tuple(
-                      _padded([getattr(point, part) for point in points])[None]
-                      for part in _ARRAYS[type_name]))
+    return AlikeMessages(
+        row, tuple(names), np.array([_nanoseconds(message.header.stamp)]),
+        np.array([after], dtype=np.int64),
+        tuple(_padded([getattr(point, part) for point in points])[None]
+              for part in _ARRAYS[type_name]))
 
 
 def _padded(rows: Sequence[np.ndarray]) -> np.ndarray:

@@ -62,7 +62,9 @@ def _disagreement(torque: Series, effort: Series, clock: Clock) -> tuple[float, 
     common = np.isfinite(other).all(axis=1)
     if not common.any():
         return None
-    values, other = torque.values[common], other[common]
+    values = torque.values
+    if not common.all():
+        values, other = values[common], other[common]
     size = np.maximum(np.linalg.norm(values, axis=0), np.linalg.norm(other, axis=0))
     difference = np.linalg.norm(values - other, axis=0)
     return tuple(np.divide(difference, size, out=np.zeros_like(size), where=size > 0).tolist())

@@ -91,7 +91,8 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
             f'({position.counts.not_finite} not finite, {without_torque} without torque, {short} '
             f'in segments shorter than {SHORTEST_SEGMENT}), at least {FEWEST_SAMPLES} are needed; '
             'record a longer bag')
-    time, q, tau = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    time, q, tau = (columns[0] if len(parts) == 1 else np.concatenate(columns)
+                    for columns in zip(*parts, strict=True))
     reference, reference_note = reference_of(bag, joints, clock)
     accounts = Accounts(
         bag=str(path), namespace=bag.namespace, duration=1e-9 * float(time[-1] - time[0]),
