@@ -23,6 +23,7 @@ from par4_identification.logs import bag as bag_module
 from par4_identification.logs.bag import read_bag
 from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.recorder import Recorder
+from par4_identification.logs.topic_columns import JOINT_ARRAYS, AlikeMessages, TopicColumns
 from par4_kinematics.errors import InputError
 from par4_sim import bag_writer
 from par4_sim.bag_writer import BagWriter
@@ -700,3 +701,28 @@ def test_recording_in_progress_survives_a_kill(tmp_path):
     shutil.copytree(tmp_path / 'bag', tmp_path / 'as_killed')
     recorder.close()
     assert repair_bag(tmp_path / 'as_killed', tmp_path / 'mended').messages == {'/joint_states': 1}
+
+
+@pytest.mark.parametrize('expected', [0, 3, 10, 1000])
+def test_columns_of_batches_are_those_of_all_messages(expected):
+    """Whatever number the bag tells of, when joints come late and a message cannot be read."""
+    columns = TopicColumns('/joint_states', expected, JOINT_ARRAYS)
+    wanted = []
+    for batch, names in enumerate((('a',), ('a',), ('a', 'b'), ('b', 'a', 'c'), ('a',))):
+        position = 10.0 * batch + np.arange(2.0 * len(names)).reshape(2, 1, -1)
+        nothing = np.empty((2, 1, 0))
+        columns.append(np.arange(3) + 3 * batch, [AlikeMessages(
+            np.array([0, 2]), names, np.array([7, 8]) + batch, np.zeros((2, 1), dtype=int),
+            (position, nothing, position if batch == 3 else nothing))])
+        wanted += [dict(zip(names, row)) for row in position[:, 0]]
+    found = columns.joint_samples()
+    assert (columns.messages, columns.decoded) == (15, 10)
+    np.testing.assert_array_equal(found.received, np.delete(np.arange(15), slice(1, 15, 3)))
+    np.testing.assert_array_equal(found.stamp[:4], (7, 8, 8, 9))
+    assert found.layouts == (('a',), ('a', 'b'), ('b', 'a', 'c'))
+    np.testing.assert_array_equal(
+        found.select(found.position, 'abc'),
+        [[row.get(name, np.nan) for name in 'abc'] for row in wanted])
+    assert np.isnan(found.velocity).all()
+    assert found.velocity.shape == found.position.shape == (10, 3)
+    np.testing.assert_array_equal(np.isfinite(found.effort[:, 0]), np.arange(10) // 2 == 3)
