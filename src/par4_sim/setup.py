@@ -9,7 +9,7 @@ setup(
     license='Apache-2.0',
     author='Par4 maintainers',
     packages=find_packages(),
-    package_data={'par4_sim': ['report/templates/*', 'tracking/templates/*']},
+    package_data={'par4_sim': ['report/templates/*', 'report/uplot/*', 'tracking/templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),

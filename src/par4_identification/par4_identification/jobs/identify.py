@@ -89,7 +89,7 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: R
             # the plot library is slow to load, and some homes make it talk on stderr
             from par4_identification.reports.identification_report import report_of_identification
             page = report_of_identification(identification, outcome, table, floor, machine, logs,
-                                            model_file.provenance)
+                                            model_file.provenance, masses)
         write_results(output, {
             'model.yaml': model_file,
             'identification.json': {**identification_json(identification, machine, logs),
