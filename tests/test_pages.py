@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 import shlex
+import signal
 import subprocess
 import sys
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import entry_points, version
 from pathlib import Path
 
 import click
@@ -117,6 +118,18 @@ for place in sys.argv[1:]:
 """, *(entry.module for entry in COMMANDS.values())], capture_output=True, text=True, check=False)
     assert told.returncode == 0, told.stderr
     assert told.stdout.count('Example:') == len(COMMANDS)
+
+
+@pytest.mark.parametrize('name', sorted(
+    entry.name for entry in entry_points(group='console_scripts') if '.ros:' in entry.value
+    and entry.name.startswith('par4_')))
+def test_a_node_tells_its_version_before_it_loads(name, monkeypatch, capsys):
+    entry, = entry_points(group='console_scripts', name=name)
+    monkeypatch.setattr(sys, 'argv', [f'/somewhere/{name}', '--version'])
+    monkeypatch.setattr(signal, 'signal', lambda *_: None)
+    assert entry.load()() == 0
+    package = entry.value.partition('.')[0]
+    assert capsys.readouterr().out == f'{name}, version {version(package)}\n'
 
 
 def test_every_effect_has_a_guide_with_values_that_it_takes():
