@@ -672,9 +672,14 @@ def test_a_report_gives_numbers_of_the_machine_one_cell_and_those_of_joints_thei
     cable = cause('cable_spring', stiffness=(40.0, 20.0, 1.0), anchor=(0.1, 0.2, 0.0))
     found = parameter_cells(cable, 'stiffness', REFERENCE)
     assert found['common']
-    assert found['cells'] == ['40 ± 40, 20 ± 20, 1.0 ± 1.0']
+    # none of these is told from zero; a shape has a value all the same
+    assert found['cells'] == ['0 ± 40, 0 ± 20, 0 ± 1.0']
     assert parameter_cells(STRIBECK, 'stribeck_torque', REFERENCE)['cells'] == [
-        '', '1.2 ± 1.2', '', '1.2 ± 1.2']
+        '', '0 ± 1.2', '', '0 ± 1.2']
+    cable.parameters['stiffness'] = cable.parameters['stiffness'].model_copy(
+        update={'std': (4.0, 12.0, 0.4)})
+    assert parameter_cells(cable, 'stiffness', REFERENCE)['cells'] == [
+        '40.0 ± 4.0, 0 ± 12, 1.00 ± 0.40']
     assert parameter_cells(COGS, 'periods', REFERENCE)['cells'] == ['22 ± 22']
 
 

@@ -175,7 +175,7 @@ class Evidence:
     ends: np.ndarray
     _kept: dict = field(default_factory=dict)
 
-    def block(self, effect: Effect, shape: Shape) -> Block:
+    def block(self, effect: Effect | Kind, shape: Shape) -> Block:
         """Return the whitened columns of an effect; computed once."""
         key = (effect, tuple(sorted(shape.items())))
         if key not in self._kept:

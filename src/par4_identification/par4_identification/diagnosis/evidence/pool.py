@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -116,8 +117,8 @@ class Pool:
             for part in (evidence, heldout))
         self._joints = evidence.observations.joints
         self._base = evidence.base.shape[1]
-        self._places: dict[tuple, slice] = {}
-        self._fits: dict[tuple, Fitted] = {}
+        self._places: dict[Any, slice] = {}
+        self._fits: dict[Any, Fitted] = {}
 
     def fit(self, model: Sequence[Hypothesis]) -> Fitted:
         """Return base terms and hypotheses fitted together; computed once for a set of them."""

@@ -47,7 +47,8 @@ def beside_retimed(base_model: Model, observations: Observations, machine: Robot
         if not effect.retimes:
             continue
         time = effect.parameters[0].name
-        model, hypothesis = base_model, Hypothesis(effect, effect.shape_of({time: 0.0}), everywhere)
+        still = effect.shape_of({time: np.array(0.0)})
+        model, hypothesis = base_model, Hypothesis(effect, still, everywhere)
         for _ in range(AGREED):
             evidence = gather(with_nominal(observations, model), whitener)
             for _ in range(EXPANSIONS if effect.expanded else 1):

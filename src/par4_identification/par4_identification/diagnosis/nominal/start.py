@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from par4_dynamics.effects.cogging import Cogging
+from par4_dynamics.model_file import RigidBody
 from par4_identification.diagnosis.evidence.evidence import (
     Hypothesis,
     flat_whitener,
@@ -54,7 +55,7 @@ class Start:
     bound: bool = False
 
 
-def start_of(observations: Observations, rigid_body: str, rules: Rules) -> Start:
+def start_of(observations: Observations, rigid_body: RigidBody, rules: Rules) -> Start:
     """Return where a diagnosis of these rows starts."""
     start = _start(observations, None, rigid_body)
     if not start.reasons or observations.runs[0].state.geometry is not None:
@@ -81,7 +82,7 @@ def alike(heldout: Observations, observations: Observations) -> Observations:
         for run in heldout.runs))
 
 
-def _start(observations: Observations, target: Sequence[np.ndarray] | None, rigid_body: str,
+def _start(observations: Observations, target: Sequence[np.ndarray] | None, rigid_body: RigidBody,
            left_out: tuple[str, ...] = ()) -> Start:
     """Return where a diagnosis starts that fits the base terms to `target`, by default all."""
     try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +61,7 @@ class Candidates:
         self._shapes = {name: shapes_of(evidence.observations, effect)
                         for name, effect in library.items()
                         if not effect.needs_both_ways or goes_both_ways(evidence.observations)}
-        self._searched: dict[tuple, Candidate | None] = {}
+        self._searched: dict[Any, Candidate | None] = {}
         self.family = sum(len(shapes) for shapes in self._shapes.values())
 
     def best(self, effect: Effect, projection: Projection) -> Candidate | None:

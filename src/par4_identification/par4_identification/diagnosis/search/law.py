@@ -110,14 +110,14 @@ def dithered_state(run: Run, state: State, counts: int, random: np.random.Genera
 
 def delivered(state: State) -> np.ndarray:
     """Return the nominal torque that the drives deliver as one column, (n, J, 1) N m."""
-    return state.nominal.delivered[..., None]
+    return state.known.delivered[..., None]
 
 
 def _orders(hypothesis: Hypothesis) -> Callable[[State], np.ndarray]:
     """Return the columns of an effect and of the second rate of the torque, (n, J, 2)."""
 
     def columns(state: State) -> np.ndarray:
-        bend = time_rate(state, time_rate(state, state.nominal.delivered))
+        bend = time_rate(state, time_rate(state, state.known.delivered))
         return np.concatenate((hypothesis.effect.columns(state, hypothesis.shape),
                                bend[..., None]), axis=2)
 

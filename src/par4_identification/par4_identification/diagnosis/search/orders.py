@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numba
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, Shape
+from par4_dynamics.effects.effect import Effect, Shape, single
 from par4_identification.diagnosis.evidence.evidence import Hypothesis, Projection, project
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import best_shape, order_name
@@ -35,8 +35,10 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
         rules: what a cause must show.
     """
     name = order_name(effect)
+    if name is None:
+        raise TypeError(f'{effect.name} has no orders')
     evidence, joints = projection.evidence, range(projection.evidence.observations.joints)
-    orders = np.array([shape[name] for shape in shapes])
+    orders = np.array([single(shape[name]) for shape in shapes])
     first, gain = _strongest(effect, name, orders, projection)
     found = [first]
     apart = 0.999 * _resolution(projection)
@@ -78,7 +80,7 @@ def _strongest(effect: Effect, name: str, orders: np.ndarray, projection: Projec
         orders = np.sort(orders[np.argsort(-power)[:STRONGEST]])
     shape, gain = best_shape(effect, [{name: float(order)} for order in orders],
                              lambda some: projection.gains(effect, some))
-    return float(shape[name]), gain
+    return single(shape[name]), gain
 
 
 def line_powers(projection: Projection, orders: np.ndarray) -> np.ndarray:

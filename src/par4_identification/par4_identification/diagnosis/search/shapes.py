@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, Shape
+from par4_dynamics.effects.effect import Effect, Shape, single
 from par4_identification.diagnosis.evidence.evidence import Projection
 from par4_identification.diagnosis.evidence.observations import Observations
 
@@ -27,7 +27,7 @@ def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
         return shapes
     slower = float(np.quantile(np.abs(run.speed[run.valid]), 0.25))
     highest = 2.0 * np.pi * run.conditioning.torque_cutoff_hz / slower
-    return tuple(shape for shape in shapes if shape[name] <= highest)
+    return tuple(shape for shape in shapes if single(shape[name]) <= highest)
 
 
 def order_name(effect: Effect) -> str | None:

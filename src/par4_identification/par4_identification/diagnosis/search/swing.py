@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -47,7 +48,7 @@ def compliances(projection: Projection, least: float) -> tuple[np.ndarray, float
             lambda state: springs[id(state)].torque(
                 compliance, damping, COARSE_STEP if damping == COARSE_DAMPING else 1)[1])
 
-    def left(log_compliance: np.ndarray, damping: float) -> np.ndarray:
+    def left(damping: float, log_compliance: np.ndarray) -> np.ndarray:
         return target - projection.rest(torque(np.exp(log_compliance), damping))
 
     joints = evidence.observations.joints
@@ -57,7 +58,7 @@ def compliances(projection: Projection, least: float) -> tuple[np.ndarray, float
     if worth <= least:
         return None
     for damping in (COARSE_DAMPING, DAMPING_RATIO):
-        found, best = _descended(lambda x, damping=damping: left(x, damping), found)
+        found, best = _descended(partial(left, damping), found)
     return np.exp(found), _square(target) - best
 
 

@@ -67,12 +67,13 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
         rival.hypothesis.effect.name for rival in rivals
         if rival.hypothesis is not None and not isinstance(rival.hypothesis.effect, Kind)
         and (rival.fit_margin < search.rules.twin
-             or (rival.hypothesis.effect.retimes and cause.effect.retimes)))
+             or (rival.hypothesis.named.retimes and cause.named.retimes)))
     best = rivals[0]
     gain, _ = search.gains(cause, others)
     p_value = scipy.special.chdtrc(
         search.pool.width(cause) + len(cause.shape), 2.0 * max(gain, 0.0))
-    return Judgement(cause, best.margin, best.hypothesis and name_of(best.hypothesis), twins,
+    rival = None if best.hypothesis is None else name_of(best.hypothesis)
+    return Judgement(cause, best.margin, rival, twins,
                      float(min(1.0, p_value * search.candidates.family)))
 
 
@@ -82,7 +83,7 @@ def doubt_of(search: Search, cause: Hypothesis, model: Model) -> Pair | None:
     found = search.candidates.all_of(project(search.pool.evidence, others),
                                      {item.effect.name for item in others})
     best = max(found, key=lambda item: item.gain, default=None)
-    return best and Pair(cause, best.hypothesis, others, twins=False)
+    return None if best is None else Pair(cause, best.hypothesis, others, twins=False)
 
 
 def unnamed_cause(search: Search, cause: Hypothesis, model: Model) -> UnnamedCause:
