@@ -64,7 +64,7 @@ class Observations:
         return self._kept[key]
 
     def keep(self, effect: Effect | Kind, shapes: Sequence[Shape]) -> None:
-        """Compute the filtered columns of an effect at many shapes, which is quicker at once."""
+        """Compute the filtered columns of an effect at many shapes together, which is quicker."""
         missing = [shape for shape in shapes
                    if (effect, tuple(sorted(shape.items()))) not in self._kept]
         for first in range(0, len(missing), AT_ONCE):
@@ -106,6 +106,6 @@ def with_nominal(observations: Observations, model: Model) -> Observations:
 
 
 def lasting(kept: dict[Any, Any]) -> dict[Any, Any]:
-    """Return what of columns kept by effect does not depend on the nominal torque."""
+    """Return those of the kept columns whose effect does not depend on the nominal torque."""
     return {(source, shape): value for (source, shape), value in kept.items()
             if not source.needs_nominal}

@@ -1,4 +1,4 @@
-"""The base parameters that a diagnosis starts from, or what makes the data unfit for one.
+"""The base parameters that a diagnosis starts from, or the reasons why there are none.
 
 A Par4 must show all its base parameters. An axis may be any machine: where the bodies alone do
 not explain enough of its torque, it is looked at again beside a torque that is periodic in its
@@ -71,7 +71,7 @@ def start_of(observations: Observations, rigid_body: RigidBody, rules: Rules) ->
 
 
 def alike(heldout: Observations, observations: Observations) -> Observations:
-    """Return rows held out of which only those count that accelerate as the rows to fit do.
+    """Return held-out rows without those that accelerate more than the fitted rows.
 
     A model without inertia says nothing of stronger accelerations.
     """

@@ -1,4 +1,4 @@
-"""The best shape of each effect beside a model."""
+"""The best shape of each effect, given the causes that a model already has."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ONE_WAY = 0.1
 
 @dataclass(frozen=True)
 class Candidate:
-    """The best shape of one effect beside a model, on all joints.
+    """The best shape of one effect on all joints, given the causes of a model.
 
     Attributes:
         hypothesis: the effect with that shape.
@@ -116,5 +116,5 @@ def goes_both_ways(observations: Observations) -> bool:
 
 
 def price_of_shapes(candidate: Candidate) -> float:
-    """Return the log-likelihood that the best of so many shapes has by chance."""
+    """Return the log-likelihood that the best of so many shapes gains by chance alone."""
     return float(np.log(max(candidate.tried, 1)))

@@ -1,4 +1,4 @@
-"""What each cause found is held against: rivals, twins, and how sure it is."""
+"""How sure each cause is: its margin over rivals, and its twins."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from par4_identification.diagnosis.verdict.pair import Pair, name_of
 
 @dataclass(frozen=True)
 class Judgement:
-    """A named cause against what could stand in its place.
+    """A named cause, compared with everything that could explain the data in its place.
 
     Attributes:
         hypothesis: the cause.
@@ -87,7 +87,7 @@ def doubt_of(search: Search, cause: Hypothesis, model: Model) -> Pair | None:
 
 
 def unnamed_cause(search: Search, cause: Hypothesis, model: Model) -> UnnamedCause:
-    """Return an unnamed cause of a model in figures."""
+    """Return size, share and margin of an unnamed cause."""
     pool, others = search.pool, others_of(model, cause)
     _, margin = search.gains(cause, others)
     base, here = pool.fit(()), pool.fit(model)
