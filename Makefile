@@ -8,11 +8,17 @@ PACKAGES := par4_kinematics par4_dynamics par4_sim par4_identification
 unexport PYTHONPATH
 unexport PYTHONHOME
 
-.PHONY: help setup demo test lint bench blind setup_study site docs clean
+# of each room what needs no diagnosis, no engine and no nodes: a minute on two cores
+QUICK := amplifier api bag drive dynamics filtering kinematics log log_table motions noise numbering \
+  pace reach reference_curve ros_convert sensors serialised_trajectory stretches structure table_bag \
+  transmission
+
+.PHONY: help setup demo test quick lint bench blind setup_study site docs clean
 
 help:
 	@echo 'make demo   install and run the main job end to end (results in demo_output/)'
 	@echo 'make test   install and run the tests'
+	@echo 'make quick  run those of the tests that take a minute together'
 	@echo 'make setup  install into $(VENV) only'
 	@echo 'make bench  measure accuracy and speed'
 	@echo 'make setup_study  make mistakes of the setup and count what is told: docs/setup_study.md'
@@ -43,6 +49,9 @@ demo: setup
 
 test: setup
 	$(BIN)/python -m pytest
+
+quick: setup
+	$(BIN)/python -m pytest $(QUICK:%=tests/test_%.py)
 
 lint: setup
 	$(BIN)/ruff check src tests demo bench examples site

@@ -23,10 +23,11 @@ from torque import add_torque
 
 from par4_dynamics.model import read_model
 from par4_identification.diagnosis.diagnosis import diagnose
+from par4_identification.logs.bag import read_bag
 from par4_identification.logs.read_log import read_log
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.robot import JOINT_NAMES, Robot, read_robot
-from par4_sim.bag import BagWriter, read_bag
+from par4_sim.bag_writer import BagWriter
 from par4_sim.offline import simulate_to_bag
 from par4_sim.simulation import build_simulation
 

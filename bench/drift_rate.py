@@ -16,7 +16,8 @@ import numpy as np
 
 from par4_dynamics.model import read_model
 from par4_identification.logs.log import Log
-from par4_identification.trend.drift import LEARNING, WINDOW, DriftWatch, projections
+from par4_identification.trend.drift import DriftWatch, projections
+from par4_identification.trend.windows import LEARNING, WINDOW
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
 from par4_sim.simulation import build_simulation

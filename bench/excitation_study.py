@@ -23,10 +23,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / 'tests'))
 
 from par4_dynamics.base_terms import BASE_TERMS
 from par4_dynamics.model import Model, read_model
-from par4_identification.excitation.design import DesignRequest, design_excitation
+from par4_identification.excitation.design import design_excitation
 from par4_identification.excitation.motion_limits import largest_loads, limits_of
 from par4_identification.excitation.precision import expected_precision
 from par4_identification.excitation.quasi_random import quasi_random_within
+from par4_identification.excitation.request import DesignRequest
 from par4_identification.fitting.identification import identify
 from par4_identification.logs.log import Log
 from par4_kinematics.motion import Motion

@@ -19,11 +19,15 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from par4_identification.logs import bag as bag_module
+from par4_identification.logs.bag import read_bag
+from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.recorder import Recorder
+from par4_identification.logs.topic_columns import JOINT_ARRAYS, AlikeMessages, TopicColumns
 from par4_kinematics.errors import InputError
-from par4_sim import bag as bag_module
-from par4_sim.bag import STORAGES, BagWriter, read_bag
-from par4_sim.bag_repair import repair_bag
+from par4_sim import bag_writer
+from par4_sim.bag_writer import BagWriter
+from par4_sim.choices import STORAGES
 
 JOINTS = ('arm_joint_0', 'arm_joint_1', 'arm_joint_2', 'arm_joint_3')
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -200,7 +204,7 @@ def test_messages_keep_the_order_of_the_library(tmp_path, mode, ahead, monkeypat
         # two publishers of one topic, and times that repeat within and across the chunks of 1 MiB
         connections = [writer.add_connection('/joint_states', JOINT_STATE, typestore=STORE,
                                              offered_qos_profiles=profiles)
-                       for profiles in ((), (bag_module._QOS,))]
+                       for profiles in ((), (bag_writer._QOS,))]
         for index in range(15000):
             received = START + index // 7 + int(generator.integers(ahead + 1))
             writer.write(connections[generator.integers(2)], received,
@@ -410,9 +414,9 @@ def run_and_kill(code: str, *arguments: str) -> None:
 
 WRITE = """
 import sys
-from par4_sim import bag
-from par4_sim.bag import BagWriter
-bag.FLUSH_PERIOD = 1e9  # however slow this machine is, nothing is flushed by itself
+from par4_sim import bag_writer
+from par4_sim.bag_writer import BagWriter
+bag_writer.FLUSH_PERIOD = 1e9  # however slow this machine is, nothing is flushed by itself
 sys.path.insert(0, sys.argv[3])
 from test_bag import fill
 writer = BagWriter(sys.argv[1], sys.argv[2])
@@ -450,7 +454,7 @@ def test_killed_writer_leaves_a_journal_that_is_rolled_back(tmp_path):
 @pytest.mark.parametrize('storage', STORAGES)
 def test_writing_flushes_once_a_second(tmp_path, storage, monkeypatch):
     now = [100.0]
-    monkeypatch.setattr(bag_module.time, 'monotonic', lambda: now[0])
+    monkeypatch.setattr(bag_writer.time, 'monotonic', lambda: now[0])
     writer = BagWriter(tmp_path / 'bag', storage)
     for second in range(3):
         fill(writer, 10 * second, 10 * second + 10)
@@ -625,7 +629,7 @@ def test_repair_refuses_in_one_line_and_leaves_no_output(tmp_path):
 FULL_DISK = """
 import resource, sys
 from par4_kinematics.errors import InputError
-from par4_sim.bag import BagWriter
+from par4_sim.bag_writer import BagWriter
 sys.path.insert(0, sys.argv[3])
 from test_bag import fill
 resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
@@ -697,3 +701,28 @@ def test_recording_in_progress_survives_a_kill(tmp_path):
     shutil.copytree(tmp_path / 'bag', tmp_path / 'as_killed')
     recorder.close()
     assert repair_bag(tmp_path / 'as_killed', tmp_path / 'mended').messages == {'/joint_states': 1}
+
+
+@pytest.mark.parametrize('expected', [0, 3, 10, 1000])
+def test_columns_of_batches_are_those_of_all_messages(expected):
+    """Whatever number the bag tells of, when joints come late and a message cannot be read."""
+    columns = TopicColumns('/joint_states', expected, JOINT_ARRAYS)
+    wanted = []
+    for batch, names in enumerate((('a',), ('a',), ('a', 'b'), ('b', 'a', 'c'), ('a',))):
+        position = 10.0 * batch + np.arange(2.0 * len(names)).reshape(2, 1, -1)
+        nothing = np.empty((2, 1, 0))
+        columns.append(np.arange(3) + 3 * batch, [AlikeMessages(
+            np.array([0, 2]), names, np.array([7, 8]) + batch, np.zeros((2, 1), dtype=int),
+            (position, nothing, position if batch == 3 else nothing))])
+        wanted += [dict(zip(names, row)) for row in position[:, 0]]
+    found = columns.joint_samples()
+    assert (columns.messages, columns.decoded) == (15, 10)
+    np.testing.assert_array_equal(found.received, np.delete(np.arange(15), slice(1, 15, 3)))
+    np.testing.assert_array_equal(found.stamp[:4], (7, 8, 8, 9))
+    assert found.layouts == (('a',), ('a', 'b'), ('b', 'a', 'c'))
+    np.testing.assert_array_equal(
+        found.select(found.position, 'abc'),
+        [[row.get(name, np.nan) for name in 'abc'] for row in wanted])
+    assert np.isnan(found.velocity).all()
+    assert found.velocity.shape == found.position.shape == (10, 3)
+    np.testing.assert_array_equal(np.isfinite(found.effort[:, 0]), np.arange(10) // 2 == 3)

@@ -8,7 +8,8 @@ import pytest
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_joints
 from par4_identification.logs.log import Log
-from par4_identification.trend.drift import WINDOW, WORDS, DriftWatch, projections
+from par4_identification.trend.drift import WORDS, DriftWatch, projections
+from par4_identification.trend.windows import WINDOW
 from par4_kinematics.motion_file import named_motion
 from robots import REFERENCE
 

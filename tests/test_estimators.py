@@ -17,6 +17,7 @@ from par4_identification.commands.identify import identify_bags
 from par4_identification.estimators.consistent import Constraint, consistent
 from par4_identification.estimators.covariance import long_run_covariance
 from par4_identification.estimators.instrumental import instrumental
+from par4_identification.estimators.names import ESTIMATORS
 from par4_identification.estimators.ordinary import ordinary
 from par4_identification.estimators.problem import (
     Series,
@@ -26,7 +27,7 @@ from par4_identification.estimators.problem import (
 )
 from par4_identification.estimators.robust import robust
 from par4_identification.estimators.weighted import weighted
-from par4_identification.fitting.identification import ESTIMATORS, Fitting, identify, identify_runs
+from par4_identification.fitting.identification import Fitting, identify, identify_runs
 from par4_identification.fitting.physical import physical_constraints
 from par4_identification.fitting.simulated import simulated_log
 from par4_identification.logs.log import Reference

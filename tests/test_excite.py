@@ -13,12 +13,13 @@ from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_joints
 from par4_identification.commands import excite, identify
 from par4_identification.excitation import path_optimisation
-from par4_identification.excitation.design import DesignRequest, design_excitation
+from par4_identification.excitation.design import design_excitation
 from par4_identification.excitation.fourier_path import FourierPath
 from par4_identification.excitation.motion_limits import largest_loads, limits_of
 from par4_identification.excitation.path_optimisation import PathProblem, criterion
 from par4_identification.excitation.precision import expected_precision
 from par4_identification.excitation.quasi_random import quasi_random_within
+from par4_identification.excitation.request import DesignRequest
 from par4_identification.excitation.transition import DURATIONS, shortest_durations, transition
 from par4_identification.fitting.identification import identify as fit_parameters
 from par4_identification.logs.log import Log

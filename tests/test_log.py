@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from par4_identification.logs.accounts import SHORTEST_SEGMENT
+from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.log import Log
 from par4_identification.logs.read_log import read_log
 from par4_identification.logs.stamps import CROWDED
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import JOINT_NAMES, Axis, read_robot
-from par4_sim.bag import BagWriter
-from par4_sim.bag_repair import repair_bag
+from par4_sim.bag_writer import BagWriter
 
 ROBOT = read_robot('reference')
 GAIN = np.array(ROBOT.drive_gain)

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-from par4_sim.bag import BagWriter
+from par4_sim.bag_writer import BagWriter
 
 RUN = """
 import sys

@@ -31,6 +31,7 @@ from node_bench import (
 )
 from par4_dynamics.model import read_model
 from par4_dynamics.model_file import read_model_file, write_model_file
+from par4_identification.logs.bag import read_bag
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.files import read_yaml, write_yaml
 from par4_kinematics.interface import (
@@ -59,7 +60,6 @@ from par4_kinematics.ros.convert import (
 )
 from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.workspace import home_pose
-from par4_sim.bag import read_bag
 from par4_sim.tracking.metrics import tracking_of
 from par4_sim.tracking.run import record_run
 from par4_sim.urdf import tree_joint_positions

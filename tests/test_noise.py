@@ -7,8 +7,8 @@ import pytest
 from click.testing import CliRunner
 from flywheels import played, spinning
 
+from par4_identification.logs.bag import read_bag
 from par4_kinematics.errors import InputError
-from par4_sim.bag import read_bag
 from par4_sim.commands.simulate import simulate
 from par4_sim.noise import Noise, NoiseSource
 

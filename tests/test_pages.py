@@ -27,6 +27,8 @@ TUTORIALS = ('first_ten_minutes', 'your_own_robot', 'fault_step_by_step', 'effec
              'cluster')
 COMMANDS = {entry.name: entry for entry in entry_points(group='console_scripts')
             if '.commands.' in entry.value}
+NODES = sorted(entry.name for entry in entry_points(group='console_scripts')
+               if entry.name.startswith('par4_') and '.ros:' in entry.value)
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -99,16 +101,47 @@ def test_the_example_in_help_has_options_that_exist(name):
     expect_known_options(example)
 
 
-def test_help_waits_for_no_library_that_it_does_not_need():
+def test_help_loads_no_library_of_the_work():
     told = subprocess.run([sys.executable, '-c', """
 import sys
-import par4_identification.commands.diagnose, par4_identification.commands.excite
-import par4_identification.commands.identify, par4_identification.commands.trend
-import par4_identification.commands.validate, par4_sim.commands.simulate
-print(sorted({'dask', 'jinja2', 'matplotlib', 'pybullet', 'scipy.interpolate',
-              'scipy.optimize', 'scipy.stats'} & set(sys.modules)))
-"""], capture_output=True, text=True, check=True)
-    assert told.stdout.split() == ['[]']
+from importlib import import_module
+import click
+for place in sys.argv[1:]:
+    module = import_module(place)
+    command = next(item for item in vars(module).values() if isinstance(item, click.Command))
+    try:
+        command.main(['--help'])
+    except SystemExit as ended:
+        assert ended.code == 0, place
+    heavy = {'dask', 'jinja2', 'matplotlib', 'numba', 'pybullet', 'pydantic', 'rosbags', 'scipy',
+             'toppra'} & set(sys.modules)
+    assert not heavy, (place, heavy)
+""", *(entry.module for entry in COMMANDS.values())], capture_output=True, text=True, check=False)
+    assert told.returncode == 0, told.stderr
+    assert told.stdout.count('Example:') == len(COMMANDS)
+
+
+def test_nodes_tell_help_and_version_without_ros():
+    told = subprocess.run([sys.executable, '-c', """
+import sys
+from importlib.metadata import entry_points, version
+for name in sys.argv[1:]:
+    entry, = entry_points(group='console_scripts', name=name)
+    for option in ('--version', '--help'):
+        sys.argv = [f'/somewhere/{name}', option]
+        assert entry.load()() == 0
+    package = entry.value.partition('.')[0]
+    print(f'expected: {name}, version {version(package)}')
+    heavy = {'rclpy', 'numba', 'scipy', 'pybullet', 'rosbags'} & set(sys.modules)
+    assert not heavy, (name, heavy)
+""", *NODES], capture_output=True, text=True, check=False)
+    assert told.returncode == 0, told.stderr
+    lines = told.stdout.splitlines()
+    for name in NODES:
+        assert f'{name} --ros-args -p NAME:=VALUE ...' in lines
+        assert f'{name}, version' in told.stdout
+    assert {line.partition(': ')[2] for line in lines if line.startswith('expected')} <= set(lines)
+    assert lines.count('Example:') == len(NODES) == 6
 
 
 def test_every_effect_has_a_guide_with_values_that_it_takes():

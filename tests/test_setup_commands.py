@@ -12,8 +12,10 @@ from test_commands import checked_page, run, simulated
 
 from par4_dynamics.model import read_model
 from par4_identification.commands import diagnose, identify, validate
+from par4_identification.logs.bag import read_bag
+from par4_identification.logs.raw_bag import RawBag
 from par4_identification.logs.read_log import read_log
-from par4_sim.bag import BagWriter, RawBag, read_bag
+from par4_sim.bag_writer import BagWriter
 from robots import REFERENCE
 
 FIRST = 'Before anything else: '
@@ -96,8 +98,8 @@ def test_diagnosis_says_it_too_and_finds_a_clean_machine(bag, tmp_path):
 
 
 def test_useless_data_are_unusable_with_the_finding_as_reason(bag, tmp_path, monkeypatch):
-    monkeypatch.setattr(diagnose, 'read_log', lambda *arguments: mistakes.standing(
-        read_log(*arguments)))
+    monkeypatch.setattr('par4_identification.jobs.diagnose.read_log',
+                        lambda *arguments: mistakes.standing(read_log(*arguments)))
     done = run(diagnose, bag, '--robot', 'reference', '--output', tmp_path)
     finding = said_first(done, tmp_path, 'not_moving', 'diagnosis.json')
     content = json.loads((tmp_path / 'diagnosis.json').read_text())
@@ -107,8 +109,8 @@ def test_useless_data_are_unusable_with_the_finding_as_reason(bag, tmp_path, mon
 
 
 def test_stamps_in_milliseconds_end_in_no_error(bag, tmp_path, monkeypatch):
-    monkeypatch.setattr(validate, 'read_log', lambda *arguments: mistakes.in_milliseconds(
-        read_log(*arguments)))
+    monkeypatch.setattr('par4_identification.jobs.validate.read_log',
+                        lambda *arguments: mistakes.in_milliseconds(read_log(*arguments)))
     done = run(validate, bag, '--model', 'table1', '--robot', 'reference', '--output', tmp_path)
     said_first(done, tmp_path, 'wrong_unit', 'validation.json')
 

@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from measured import log_of_model
 
+from par4_dynamics.model import read_model
 from par4_identification.diagnosis.diagnosis import MOST, manageable
+from par4_identification.fitting.identification import identify
+from par4_identification.logs import stretches
 from par4_identification.logs.log import Log
-from par4_identification.logs.stretches import STRETCH, parted, seconds_of, spread_over
+from par4_identification.logs.stretches import (
+    STRETCH,
+    in_pieces,
+    parted,
+    seconds_of,
+    spread_over,
+)
+from robots import REFERENCE
 
 
 def log_of(seconds: float, gap: bool = False) -> Log:
@@ -72,3 +84,26 @@ def test_of_long_logs_stretches_are_diagnosed_and_of_others_everything():
     assert fit[0].t[-1] < held[0].t[0]
     assert manageable([short, long], [])[1][0].t[0] == 0.0
     assert len(manageable([short], [long])[0]) == 1
+
+
+@pytest.mark.parametrize('gap', [False, True])
+def test_pieces_are_all_of_a_log_and_none_is_long(gap, monkeypatch):
+    log = log_of(60.0, gap)
+    assert in_pieces(log).segments == log.segments
+    monkeypatch.setattr(stretches, 'PIECE', 7.0)
+    cut = in_pieces(log).segments
+    assert cut[0].start == 0
+    assert cut[-1].stop == len(log.t)
+    assert all(one.stop == other.start for one, other in pairwise(cut))
+    assert max(part.stop - part.start for part in cut) <= 700
+    assert {part.start for part in log.segments} <= {part.start for part in cut}
+
+
+def test_pieces_of_a_log_tell_the_same_parameters(monkeypatch):
+    log = log_of_model(REFERENCE, read_model('table1', REFERENCE), duration=12.0)
+    whole = identify([log], REFERENCE).estimate
+    monkeypatch.setattr(stretches, 'PIECE', 3.0)
+    parts = identify([log], REFERENCE)
+    assert len(parts.runs) > 3
+    assert 0 < whole.rows - parts.estimate.rows < 0.04 * whole.rows
+    assert (np.abs(parts.estimate.values - whole.values) < whole.std).all()

@@ -13,7 +13,7 @@ from par4_kinematics import interface
 ROOT = Path(__file__).parents[1]
 CHAIN = ('par4_kinematics', 'par4_dynamics', 'par4_sim', 'par4_identification')
 HOMES = {
-    'rosbags': ('par4_sim/bag.py',),
+    'rosbags': ('par4_sim/bag_writer.py', 'par4_identification/logs/bag.py'),
     'matplotlib': ('par4_sim/report/drawing.py', 'par4_identification/reports/plots.py'),
     'pybullet': ('par4_sim/bullet.py',),
     'jinja2': ('par4_sim/report/page.py',),
@@ -23,7 +23,7 @@ MESSAGES = ('rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', '
 ROOMS = ('logs', 'signals', 'estimators', 'fitting', 'gains', 'excitation', 'diagnosis/evidence',
          'diagnosis/search', 'diagnosis/nominal', 'diagnosis/verdict', 'diagnosis',
          'diagnosis/experiment', 'setup_check', 'changes', 'confrontation', 'trend',
-         'reports/outcome', 'reports', 'commands', 'ros')
+         'reports/outcome', 'reports', 'jobs', 'commands', 'ros')
 """Of par4_identification; each may import from those in front of it."""
 SOURCES = sorted(path for package in CHAIN
                  for path in (ROOT / 'src' / package / package).rglob('*.py'))
@@ -91,6 +91,16 @@ def test_every_room_is_described():
         assert f'| `{name}/` |' in page, name
         door = ROOT / 'src' / CHAIN[3] / CHAIN[3] / name / '__init__.py'
         assert ast.get_docstring(ast.parse(door.read_text(encoding='utf-8'))), door
+
+
+@pytest.mark.parametrize('path', [path for path in SOURCES if inner(path).parts[1] == 'commands'],
+                         ids=lambda path: str(inner(path)))
+def test_a_command_line_is_read_before_its_work_is_loaded(path):
+    top = ast.Module(body=[item for item in ast.parse(path.read_text(encoding='utf-8')).body
+                           if isinstance(item, ast.Import | ast.ImportFrom)], type_ignores=[])
+    names = {item.module if isinstance(item, ast.ImportFrom) else item.names[0].name
+             for item in top.body}
+    assert not [name for name in names if '.jobs.' in name], 'import the job where it is called'
 
 
 @pytest.mark.parametrize('library', sorted(HOMES))

@@ -21,6 +21,7 @@ from scipy.io import savemat
 
 from par4_dynamics.model import read_model
 from par4_identification.commands import bag
+from par4_identification.jobs.bag import joint_names
 from par4_identification.logs.read_log import read_log
 from par4_identification.logs.table_bag import chosen_columns
 from par4_identification.logs.units import UNITS
@@ -246,8 +247,8 @@ def test_a_robot_file_names_the_joints_and_must_fit(tool, tmp_path):
         told = tool(path, '--columns', COLUMNS, '--robot', robot, '--output', tmp_path / 'bag')
         assert told.code == code
     np.testing.assert_allclose(read_log(tmp_path / 'bag', axis('shaft')).q[:, 0], Q)
-    assert bag.joint_names(None, None, 4) == JOINT_NAMES
-    assert bag.joint_names(REFERENCE, None, 4) == JOINT_NAMES
+    assert joint_names(None, None, 4) == JOINT_NAMES
+    assert joint_names(REFERENCE, None, 4) == JOINT_NAMES
 
 
 # ------------------------------------------------------------------------ the measured machines

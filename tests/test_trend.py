@@ -187,7 +187,7 @@ def test_a_payload_is_dated_and_bad_bags_are_said_one_by_one(bags, tmp_path, mon
     assert result['sentence'].startswith('On 25 March a payload of 0.50 kg')
     checked_page(output / 'report.html', 1)
     # what was seen is not computed again
-    monkeypatch.setattr(trend, 'results_of', lambda _, left, __: iter(
+    monkeypatch.setattr('par4_identification.jobs.trend.results_of', lambda _, left, __: iter(
         [(bag, {'error': 'computed again'}) for bag in left]))
     assert run(trend, *good, '--robot', 'reference', '--output', output).code == 0
     again = json.loads((output / 'trend.json').read_text(encoding='utf-8'))

@@ -17,8 +17,8 @@ setup(
             'config/par4_record.yaml', 'config/par4_monitor.yaml']),
     ],
     install_requires=[
-        'click', 'daqp', 'dask', 'distributed', 'lazy-loader', 'matplotlib', 'numba',
-        'numpy', 'rich', 'scipy'],
+        'backports.zstd', 'click', 'daqp', 'dask', 'distributed', 'lazy-loader', 'lz4',
+        'matplotlib', 'numba', 'numpy', 'rich', 'rosbags', 'scipy'],
     zip_safe=False,
     entry_points={
         'console_scripts': [

@@ -9,7 +9,7 @@ setup(
     license='Apache-2.0',
     author='Par4 maintainers',
     packages=find_packages(),
-    package_data={'par4_sim': ['report/templates/*', 'tracking/templates/*']},
+    package_data={'par4_sim': ['report/templates/*', 'report/uplot/*', 'tracking/templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
@@ -18,8 +18,8 @@ setup(
         ('share/' + package_name + '/rviz', ['rviz/par4.rviz']),
     ],
     install_requires=[
-        'backports.zstd', 'click', 'daqp', 'jinja2', 'lazy-loader', 'lz4', 'markupsafe',
-        'matplotlib', 'numba', 'numpy', 'pybullet', 'rich', 'rosbags', 'scipy', 'toppra'],
+        'click', 'daqp', 'jinja2', 'lazy-loader', 'markupsafe', 'matplotlib', 'numba', 'numpy',
+        'pybullet', 'rich', 'rosbags', 'scipy', 'toppra'],
     zip_safe=False,
     entry_points={
         'console_scripts': [

@@ -97,6 +97,20 @@ def _address(context, builder, signature, arguments):
     return builder.gep(rows, arguments[2:4], inbounds=True)
 
 
+def _plain_entry(rows, _width, row, column):
+    """Do what `_entry` does, in Python."""
+    return rows[row, column]
+
+
+def _put_plain_entry(rows, _width, row, column, value):
+    """Do what `_put_entry` does, in Python."""
+    rows[row, column] = value
+
+
+if numba.config.DISABLE_JIT:  # for a debugger, and for the test that compares
+    _entry, _put_entry = _plain_entry, _put_plain_entry
+
+
 @numba.njit(cache=True, error_model='numpy', forceinline=True)
 def two(rows, row):
     """Return one row of rows (n, 2)."""

@@ -7,13 +7,13 @@ import numba
 from par4_dynamics.model import Model
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Robot
+from par4_sim.choices import LAWS
 from par4_sim.computed_torque import ComputedTorque, computed_torque
 from par4_sim.controller import COMPUTED_TORQUE, TORQUE, Controller
 from par4_sim.drive import DriveLoops, control
 from par4_sim.predictive import Predictive
 from par4_sim.torque_mode import TorqueMode, torque_mode
 
-LAWS = ('loops', 'computed_torque', 'predictive', 'torque')
 KNOWING: dict[str, type[ComputedTorque]] = {
     'computed_torque': ComputedTorque, 'predictive': Predictive}
 """Laws that know a model."""

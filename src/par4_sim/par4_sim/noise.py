@@ -11,7 +11,7 @@ import numpy as np
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
 
-BLOCK = 512
+DRAWN = 512
 """Samples drawn at a time."""
 JITTER_BOUND = 0.49
 """Largest error of a stamp over the sample period: stamps keep their order."""
@@ -73,20 +73,20 @@ class NoiseSource:
         self._keep = (math.exp(-period / noise.correlation_time)
                       if noise.correlation_time > 0.0 else 0.0)
         self._last = self._torque.standard_normal(LEGS)  # stationary from the first sample on
-        self._row = BLOCK
+        self._row = DRAWN
 
     def advance(self) -> None:
         """Go to the next sample; before the first one too."""
         self._row += 1
-        if self._row < BLOCK:
+        if self._row < DRAWN:
             return
         self._row = 0
         noise = self._noise
-        torque = self._torque.standard_normal((BLOCK, LEGS))
+        torque = self._torque.standard_normal((DRAWN, LEGS))
         _correlate(torque, self._keep, math.sqrt(1.0 - self._keep ** 2), self._last)
         self._torques = noise.torque_noise * torque
-        self._positions = noise.position_noise * self._position.standard_normal((BLOCK, LEGS))
-        stamps = noise.stamp_jitter * self._stamp.standard_normal(BLOCK)
+        self._positions = noise.position_noise * self._position.standard_normal((DRAWN, LEGS))
+        stamps = noise.stamp_jitter * self._stamp.standard_normal(DRAWN)
         self._stamps_ns = np.rint(1e9 * np.clip(stamps, -self._bound, self._bound)).astype(int)
 
     @property

@@ -20,7 +20,7 @@ from par4_kinematics.interface import (
 )
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import JOINT_NAMES, Robot
-from par4_sim.bag import BagWriter
+from par4_sim.bag_writer import BagWriter
 from par4_sim.simulation import Simulation
 
 DWELL = 0.5

@@ -15,6 +15,7 @@ from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import Robot
 from par4_kinematics.workspace import home_pose
 from par4_sim.amplifier import Amplifier
+from par4_sim.choices import FIDELITIES
 from par4_sim.control_loop import ControlLoop
 from par4_sim.controller import Controller
 from par4_sim.drive import DriveLoops
@@ -30,7 +31,6 @@ from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.sensors import Sensors
 
 Fidelity = Literal['accurate', 'fast', 'exact']
-FIDELITIES: tuple[str, ...] = ('accurate', 'fast', 'exact')
 
 
 @dataclass(frozen=True)

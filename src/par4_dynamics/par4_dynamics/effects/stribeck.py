@@ -60,7 +60,7 @@ class Stribeck(Effect):
         return super().values(coefficients, {'exponent': USUAL, **shape})
 
     def shape_of(self, values: Values) -> Shape:
-        shape = super().shape_of({'exponent': USUAL, **values})
+        shape = super().shape_of({'exponent': np.array(USUAL), **values})
         return {name: value for name, value in shape.items()
                 if name != 'exponent' or value != USUAL}
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 
 import numpy as np
 from trajectory_msgs.msg import JointTrajectory
 
 from par4_dynamics.model import read_model
+from par4_dynamics.ros.feedforward_parameters import FeedforwardParameters
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE
 from par4_kinematics.limits import check_points, check_torque
@@ -16,26 +16,12 @@ from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import Trajectory, read_trajectory, write_effort
 from par4_kinematics.ros.node import Par4Node, run
-from par4_kinematics.ros.parameters import parameter
 from par4_kinematics.workspace import home_pose
 
 
-@dataclass(frozen=True)
-class FeedforwardParameters:
-    """Parameters of the node."""
-
-    robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
-    model_file: str = parameter('table1', 'model.yaml: a path or a built-in name')
-
-
 class FeedforwardNode(Par4Node):
-    """Sends every reference back with the torque the model needs for it.
+    """The node `par4_feedforward`; `FeedforwardParameters` says what it does."""
 
-    A reference beyond the limits of robot.yaml, or that takes more torque than the drives have, is
-    refused.
-    """
-
-    NAME = 'par4_feedforward'
     PARAMETERS = FeedforwardParameters
 
     def __init__(self) -> None:

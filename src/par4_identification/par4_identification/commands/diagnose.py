@@ -2,56 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import click
-from rich.console import Console
 
-from par4_dynamics.model import build_model
-from par4_dynamics.model_file import ModelFile, read_model_file
-from par4_identification.changes.changes import (
-    Changes,
-    changes_between,
-    changes_since_model,
-    model_of_bags,
-)
 from par4_identification.commands.conditioning import conditioning_options
-from par4_identification.commands.identify import distinct_bags
-from par4_identification.confrontation.confrontation import confront_diagnosis, model_after
-from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
-from par4_identification.diagnosis.experiment.next_experiment import next_experiment
-from par4_identification.diagnosis.verdict.answer import Diagnosis
-from par4_identification.fitting.axis_gravity import with_gravity_told
-from par4_identification.logs.log import Log
-from par4_identification.logs.read_log import read_log
-from par4_identification.reports.outcome.changes import (
-    diagnosis_json_with_changes,
-    error_rows,
-    verdict_with_changes,
-    with_changes,
-)
-from par4_identification.reports.outcome.confrontation import (
-    remarks_of_confrontation,
-    simulation_json,
-)
-from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
-from par4_identification.reports.outcome.next_experiment import MOTION_FILE
-from par4_identification.reports.outcome.outcome import over_joints
-from par4_identification.reports.outcome.results import model_in_units, provenance
-from par4_identification.reports.outcome.setup import setup_json, setup_lines, with_setup
-from par4_identification.setup_check.check import check_setup
-from par4_identification.setup_check.total import total_lines
-from par4_identification.setup_check.unusable import diagnosed_if_sound, sound_or_refused
-from par4_identification.signals.scales import Chosen, conditioning_for
-from par4_kinematics.errors import InputError
-from par4_kinematics.motion_file import write_motion
-from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.commands.entry import run
-from par4_sim.report.outcome import Remark
-from par4_sim.report.results import refuse_unwritable, write_results
-from par4_sim.report.words import listed, number, unit_on
 
 GREEDY = ('--holdout', '--before')
 
@@ -94,133 +51,10 @@ class GreedyBags(click.Command):
 @conditioning_options
 @click.option('--simulate/--no-simulate', default=True, show_default=True,
               help='run the motion held out through the pybullet plant, the model before and after')
-def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple[str, ...],
-                  robot: str, model: str | None, output: Path, namespace: str | None,
-                  cutoff: float | None, rows: float | None, low_speed: float | None,
-                  simulate: bool) -> None:
+def diagnose_bags(**options: Any) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
-    machine = read_machine(robot)
-    baseline = None if model is None else read_model_file(model)
-    # refuses a model of another machine before any long work
-    known = None if baseline is None else build_model(machine, baseline)
-    refuse_unwritable(output)
-    with Console(stderr=True).status('reading the bags') as status:
-        logs = []
-        for bag in distinct_bags((*bags, *holdout, *before)):
-            status.update(f'reading {bag}')
-            logs.append(read_log(bag, machine, namespace))
-        status.update('looking for mistakes of the setup')
-        own = len(bags) + len(holdout)
-        chosen = Chosen(cutoff, rows, low_speed)
-        machine = with_gravity_told(machine, logs[:own], conditioning_for(
-            logs[:own], machine, CONDITIONING, chosen))
-        earlier = Earlier.of(logs[own:], machine, baseline) if before else None
-        if earlier is not None:
-            baseline, known = earlier.model_file, build_model(machine, earlier.model_file)
-        check = check_setup(logs[:own], machine, known)
-        logs, machine = check.logs, check.machine
-        conditioning = conditioning_for(logs, machine, CONDITIONING, chosen)
-        diagnosis = diagnosed_if_sound(check, lambda sound: diagnose(
-            sound.logs[:len(bags)], sound.machine, baseline, sound.logs[len(bags):],
-            conditioning=conditioning, progress=status.update))
-        experiment = confrontation = extended = changes = None
-        untold: tuple[Remark, ...] = ()
-        if isinstance(diagnosis, Diagnosis):
-            status.update('looking for the motion that would tell twins apart')
-            experiment = next_experiment(diagnosis, machine)
-            extended = model_after(diagnosis)
-            if baseline is not None:
-                status.update('looking for what has changed')
-                try:
-                    changes = (changes_since_model(diagnosis, machine, baseline, str(model))
-                               if earlier is None else
-                               changes_between(diagnosis, machine, earlier.logs, baseline,
-                                               listed(before)))
-                except InputError as error:
-                    untold = (Remark(False, f'What has changed could not be told: {error}.'),)
-            if simulate:
-                confrontation = confront_diagnosis(diagnosis, machine, logs,
-                                                   progress=status.update)
-        outcome = outcome_of_diagnosis(diagnosis, machine, experiment)
-        verdict = diagnosis.verdict
-        if changes is not None:
-            outcome = with_changes(outcome, changes, diagnosis, machine)
-            verdict = verdict_with_changes(verdict, changes)
-        outcome = replace(outcome, remarks=(
-            *untold, *outcome.remarks,
-            *(Remark(True, line) for line in total_lines(
-                check, diagnosis.causes if isinstance(diagnosis, Diagnosis) else ())),
-            *remarks_of_confrontation(confrontation)))
-        outcome = with_setup(outcome, check, 'diagnosis')
-        if earlier is not None:
-            outcome = replace(outcome, first=(*outcome.first, *earlier.setup_lines))
-        origin = provenance('par4_diagnose', machine, (*bags, *holdout, *before),
-                            {'holdout': holdout, 'before': before, 'model': model,
-                             'namespace': namespace, **asdict(conditioning)})
-        status.update('drawing the report')
-        # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.reports.diagnosis_report import report_of_diagnosis
-        results = {
-            'diagnosis.json': {**diagnosis_json_with_changes(
-                                   diagnosis_json(diagnosis, machine, experiment), changes,
-                                   machine),
-                               'setup': setup_json(check),
-                               'simulation': simulation_json(confrontation)},
-            'extended_model.yaml': extended and model_in_units(
-                extended.model_copy(update={'provenance': origin}), machine),
-            'report.html': report_of_diagnosis(diagnosis, outcome, machine, logs, origin,
-                                               experiment, confrontation, changes)}
-        motion = experiment and experiment.motion
-        if motion is not None:  # before what names it
-            write_motion(output / MOTION_FILE, motion, 'platform')
-        write_results(output, results)
-    if motion is None:
-        for left in (output / MOTION_FILE, (output / MOTION_FILE).with_suffix('.csv')):
-            left.unlink(missing_ok=True)
-    console = Console(highlight=False)
-    for line in outcome.first:
-        console.print(line, soft_wrap=not console.is_terminal, markup=False)
-    if changes is not None:
-        console.print(errors_in_lines(changes, diagnosis, machine), soft_wrap=True, markup=False)
-    console.print(f'{verdict}: {outcome.sentence}',
-                  soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results and report: {output}', soft_wrap=True, markup=False)
-
-
-@dataclass(frozen=True)
-class Earlier:
-    """Bags of the machine as it was.
-
-    Attributes:
-        logs: mended.
-        model_file: identified from them.
-        setup_lines: what was wrong with their setup.
-    """
-
-    logs: tuple[Log, ...]
-    model_file: ModelFile
-    setup_lines: tuple[str, ...]
-
-    @classmethod
-    def of(cls, logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None) -> Earlier:
-        """Return earlier bags with their model.
-
-        Raises:
-            InputError: no model can be identified from them.
-        """
-        check = check_setup(logs, machine)
-        model_file = sound_or_refused(check, lambda: model_of_bags(check.logs, machine, baseline))
-        return cls(check.logs, model_file, tuple(
-            f'In the bags before: {line}' for line in setup_lines(check, 'comparison')))
-
-
-def errors_in_lines(changes: Changes, diagnosis: Diagnosis, machine: Robot | Axis) -> str:
-    """Return the held-out errors of three models, a line each."""
-    holdout, unit = diagnosis.holdout, unit_on(machine, 'N m')
-    rows = error_rows(changes, holdout.baseline_rms, holdout.extended_rms)
-    width = max(len(name) for name, _ in rows)
-    return '\n'.join(f'held-out error, {name:<{width}}  {number(over_joints(rms), 2)} {unit}'
-                     for name, rms in rows)
+    from par4_identification.jobs import diagnose
+    diagnose.diagnose_bags(**options)
 
 
 def main() -> None:

@@ -2,26 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import click
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
 
-from par4_identification.gains.static_push import gains_of_pushes, pushes_of_log, read_force
-from par4_identification.logs.read_log import read_log
-from par4_identification.reports.outcome.drive_gain import (
-    drive_gain_json,
-    gains_rows,
-    outcome_of_gains,
-)
-from par4_identification.reports.outcome.results import provenance
-from par4_kinematics.errors import InputError
-from par4_kinematics.robot import read_robot
 from par4_sim.commands.entry import run
-from par4_sim.report.results import refuse_unwritable, write_results
 
 
 @click.command('par4_drive_gain', epilog='\b\nExample:\n'
@@ -34,60 +20,13 @@ from par4_sim.report.results import refuse_unwritable, write_results
               help='largest friction at rest, N m: bounds the gain of joints that do not slide '
                    'both ways')
 @click.option('--namespace', default=None, help='that the topics sit under')
-def find_gains(pushes: tuple[str, ...], robot: str, output: Path,
-               coulomb_friction: float | None, namespace: str | None) -> None:
+def find_gains(**options: Any) -> None:
     """Find the drive gains from bags of static pushes and the readings t,fx,fy,fz of a sensor.
 
     t is the stamp in seconds on the clock of the bag, the force that on the platform in `base`, N.
     """
-    machine = read_robot(robot)
-    pairs = bags_with_readings(pushes)
-    refuse_unwritable(output)
-    with Console(stderr=True).status('reading the bags') as status:
-        logs, found = [], []
-        for bag, readings in pairs:
-            status.update(f'reading {bag}')
-            logs.append(read_log(bag, machine, namespace))
-            found += pushes_of_log(logs[-1], read_force(readings), machine)
-        status.update('estimating')
-        gains = gains_of_pushes(found, machine, coulomb_friction)
-        outcome = outcome_of_gains(gains, machine, logs, len(found))
-        origin = provenance('par4_drive_gain', machine, [bag for bag, _ in pairs], {
-            'readings': [readings for _, readings in pairs],
-            'coulomb_friction': coulomb_friction, 'namespace': namespace})
-        status.update('drawing the report')
-        # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.reports.gains_report import report_of_gains
-        write_results(output, {
-            'drive_gain.json': drive_gain_json(gains, logs, len(found), origin),
-            'report.html': report_of_gains(gains, outcome, machine, logs, origin)})
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for name in ('', 'nominal', 'gain, N m/V', 'std', 'bound', 'difference'):
-        table.add_column(name, justify='right' if name else 'left', no_wrap=True)
-    for row in gains_rows(gains, machine):
-        table.add_row(*row)
-    console = Console(highlight=False)
-    console.print(table)
-    console.print(outcome.sentence, soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results and report: {output}', soft_wrap=True, markup=False)
-
-
-def bags_with_readings(pushes: Sequence[str]) -> list[tuple[str, str]]:
-    """Return bag and file of readings of each argument BAG=FORCE.csv.
-
-    Raises:
-        InputError: another form, or a bag given twice.
-    """
-    pairs = []
-    for push in pushes:
-        bag, _, readings = push.rpartition('=')
-        if not bag or not readings:
-            raise InputError(f'{push}: expected BAG=FORCE.csv, the bag and the readings of the '
-                             f'force sensor')
-        if Path(bag).resolve() in [Path(other).resolve() for other, _ in pairs]:
-            raise InputError(f'{bag}: given twice; give every bag once')
-        pairs.append((bag, readings))
-    return pairs
+    from par4_identification.jobs import drive_gain
+    drive_gain.find_gains(**options)
 
 
 def main() -> None:

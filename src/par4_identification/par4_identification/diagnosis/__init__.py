@@ -1,1 +1,1 @@
-"""Naming what a model gets wrong: evidence, selection, sufficiency, verdict."""
+"""Naming what a model gets wrong: evidence, search, verdict and the next experiment."""

@@ -89,7 +89,7 @@ is left: noise that wanders is in both."""
 
 def manageable(fit_logs: Sequence[Log], holdout_logs: Sequence[Log]
                ) -> tuple[Sequence[Log], Sequence[Log], float]:
-    """Return logs to fit and held out of which no more than `MOST` readings are looked at each.
+    """Return the logs to fit and those held out, thinned to at most `MOST` readings each.
 
     Long logs are looked at in stretches that are spread over them. The third is the share of all
     readings that is looked at.

@@ -8,6 +8,7 @@ import numpy as np
 
 from par4_dynamics.model import Model
 from par4_dynamics.state import State, state_of_platform
+from par4_identification.excitation.request import ACCELERATION
 from par4_kinematics.acceleration import half_plate_accelerations
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import FAST_SPEED_SHARE, reachable_region
@@ -17,8 +18,6 @@ from par4_kinematics.time_laws import require_positive
 from par4_kinematics.workspace import home_pose
 
 KINDS = ('workspace', 'joint position', 'joint speed', 'acceleration', 'torque')
-ACCELERATION = 100.0
-"""m/s2, where nothing else is asked, as for the quasi-random excitation."""
 TORQUE_SHARE = 0.9
 """Of the drives' torque that a model may ask for."""
 

@@ -35,6 +35,7 @@ from par4_identification.estimators.weighted import weighted
 from par4_identification.fitting.physical import physical_constraints
 from par4_identification.fitting.simulated import simulated_log
 from par4_identification.logs.log import Log
+from par4_identification.logs.stretches import in_pieces
 from par4_identification.signals.rows import Conditioning, Run, runs_of_log, runs_of_logs
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
@@ -46,7 +47,6 @@ INSIGNIFICANT = 3.0
 PLAIN: Mapping[str, Callable[[Problem], Estimate]] = {
     'weighted': weighted, 'ordinary': ordinary, 'robust': robust}
 """Estimators that need nothing but the rows."""
-ESTIMATORS = (*PLAIN, 'instrumental', 'consistent')
 SHARED = ('platform_mass_1', 'platform_mass_2')
 """Parameters of the one platform, which no joint can have of its own."""
 OFFSET = 'torque_offset'
@@ -193,9 +193,10 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'pa
     """
     targets, bases = [], []
     fitting, payloads = fitting or Fitting(), payloads or {}
-    runs = runs_of_logs(logs, machine, conditioning)
+    steady = conditioning is not None and conditioning.steady
+    runs = runs_of_logs(logs if steady else [in_pieces(log) for log in logs], machine,
+                        conditioning)
     terms = base_terms(runs[0].state)
-    steady = runs[0].conditioning.steady
     if steady and fitting.estimator == 'instrumental':
         raise InputError('--estimator instrumental asked of logs that hold steady speeds, whose '
                          'motion it would simulate; use another estimator')
@@ -257,8 +258,8 @@ def _with_instruments(start: Identification, targets: Sequence[np.ndarray],
             loaded = {**model.values}
             if payloads.get(log.name):
                 loaded['platform_mass_1'] = model.values['platform_mass_1'] + payloads[log.name]
-            simulated += runs_of_log(simulated_log(log, machine, replace(model, values=loaded)),
-                                     machine, conditioning)
+            simulated += runs_of_log(in_pieces(simulated_log(
+                log, machine, replace(model, values=loaded))), machine, conditioning)
         runs = tuple(replace(run, valid=run.valid & other.valid)
                      for run, other in zip(start.runs, simulated, strict=True))
         columns = start.fitting.problem(

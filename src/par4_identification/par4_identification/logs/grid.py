@@ -57,7 +57,7 @@ def grid_of(position: Series) -> Grid:
         else:
             time = (stamp[part] - period * number).mean() + period * np.arange(number[-1] + 1)
         if not uneven and len(time) == len(part):
-            q = values[part]
+            q = values[part[0]:part[-1] + 1]
         else:
             from scipy.interpolate import CubicSpline  # slow to load, and not always needed
             q = CubicSpline(stamp[part] / period, values[part])(time / period)

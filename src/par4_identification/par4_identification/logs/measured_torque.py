@@ -9,13 +9,13 @@ import numpy as np
 
 from par4_identification.logs.clock import Clock
 from par4_identification.logs.grid import EVEN
+from par4_identification.logs.raw_bag import RawBag
 from par4_identification.logs.series import Series, interpolated, series_of
 from par4_identification.logs.sources import Source
 from par4_identification.logs.stamped_rows import StampedRows, stamped_rows
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
 from par4_kinematics.robot import Axis, Robot
-from par4_sim.bag import RawBag
 
 
 def measured_torque(path: str | Path, bag: RawBag, machine: Robot | Axis, clock: Clock,
@@ -62,7 +62,9 @@ def _disagreement(torque: Series, effort: Series, clock: Clock) -> tuple[float, 
     common = np.isfinite(other).all(axis=1)
     if not common.any():
         return None
-    values, other = torque.values[common], other[common]
+    values = torque.values
+    if not common.all():
+        values, other = values[common], other[common]
     size = np.maximum(np.linalg.norm(values, axis=0), np.linalg.norm(other, axis=0))
     difference = np.linalg.norm(values - other, axis=0)
     return tuple(np.divide(difference, size, out=np.zeros_like(size), where=size > 0).tolist())

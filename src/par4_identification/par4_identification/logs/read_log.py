@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from par4_identification.logs.accounts import SHORTEST_SEGMENT, Accounts
+from par4_identification.logs.bag import read_bag
 from par4_identification.logs.clock import Clock
 from par4_identification.logs.grid import EVEN, grid_of
 from par4_identification.logs.log import Log
@@ -36,7 +37,6 @@ from par4_identification.logs.stamped_rows import reordered, stamped_rows
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES
 from par4_kinematics.robot import Axis, Robot
-from par4_sim.bag import read_bag
 
 
 def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = None) -> Log:
@@ -91,7 +91,8 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
             f'({position.counts.not_finite} not finite, {without_torque} without torque, {short} '
             f'in segments shorter than {SHORTEST_SEGMENT}), at least {FEWEST_SAMPLES} are needed; '
             'record a longer bag')
-    time, q, tau = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    time, q, tau = (columns[0] if len(parts) == 1 else np.concatenate(columns)
+                    for columns in zip(*parts, strict=True))
     reference, reference_note = reference_of(bag, joints, clock)
     accounts = Accounts(
         bag=str(path), namespace=bag.namespace, duration=1e-9 * float(time[-1] - time[0]),

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from par4_identification.logs.stamps import spacing_counts
-from par4_sim.bag import JOINT_STATE_TYPE, BagWriter
+from par4_kinematics.interface import JOINT_STATES
+from par4_sim.bag_writer import BagWriter
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Recorder:
         """
         self._bag.write_raw(topic, type_name, received, data)
         self._messages[topic] += 1
-        if type_name == JOINT_STATE_TYPE:
+        if type_name == JOINT_STATES.type:
             self._stamps.setdefault(topic, array('q')).append(_header_stamp(data))
 
     def flush(self) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 
 from par4_identification.logs.clock import Clock
 from par4_identification.logs.log import Reference
+from par4_identification.logs.raw_bag import RawBag, TrajectoryPoints
 from par4_identification.logs.stamps import nearest_stamp
 from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE, START_DELAY
-from par4_sim.bag import RawBag, TrajectoryPoints
 from par4_sim.reference import MATCH
 
 

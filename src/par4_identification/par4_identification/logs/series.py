@@ -9,7 +9,8 @@ import numpy as np
 
 from par4_identification.logs.accounts import SampleCounts
 from par4_identification.logs.clock import Clock
-from par4_identification.logs.masks import count
+from par4_identification.logs.masks import count, taken
+from par4_identification.logs.sources import to_and_fro
 from par4_identification.logs.stamped_rows import StampedRows
 from par4_identification.logs.stamps import CROWDED, nearest_stamp, spacing_counts
 from par4_kinematics.errors import InputError
@@ -20,9 +21,8 @@ FEWEST_SAMPLES = 100
 """Samples below which a log is refused."""
 MOST_CONFLICTS = 0.05
 """Fraction of samples with the stamp but not the values of another above which a log is refused."""
-JUMP, MOST_TO_AND_FRO = 1e-2, 0.05
-"""rad of a jump to and fro from sample to sample, and share of such samples, that two sources in
-one topic make."""
+MOST_TO_AND_FRO = 0.05
+"""Share of samples that jump to and fro from which two sources talk in one topic."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def series_of(path: str | Path, rows: StampedRows, clock: Clock) -> Series:
     received_order = stamp[np.sort(order)]
     out_of_order = count(received_order < np.maximum.accumulate(received_order))
     spacing = spacing_counts(stamp[order], clock.run(stamp[order]))
-    finite = np.isfinite(rows.values[order]).all(axis=1)
+    finite = np.isfinite(rows.values).all(axis=1)[order]
     counts = SampleCounts(
         topic=rows.topic, **rows.dropped, repeated=repeated, conflicting=conflicting,
         crowded=count(crowded), not_finite=count(~finite),
@@ -69,7 +69,7 @@ def series_of(path: str | Path, rows: StampedRows, clock: Clock) -> Series:
     if len(order) < 2 or not counts.period:
         raise InputError(f'{path}: {len(order)} usable samples on {rows.topic}, at least '
                          f'{FEWEST_SAMPLES} are needed; record a longer bag')
-    return Series(stamp[order], rows.values[order], 1e9 * counts.period, counts)
+    return Series(taken(stamp, order), taken(rows.values, order), 1e9 * counts.period, counts)
 
 
 def refuse_two_sources(path: str | Path, position: Series) -> None:
@@ -78,14 +78,12 @@ def refuse_two_sources(path: str | Path, position: Series) -> None:
     Raises:
         InputError: they do.
     """
-    step = np.diff(position.values, axis=0)
-    there, back = np.abs(step[:-1]), np.abs(step[1:])
-    returned = np.abs(step[:-1] + step[1:]) < 0.3 * np.minimum(there, back)
-    to_and_fro = (returned & (np.minimum(there, back) > JUMP)).any(axis=1)
-    if to_and_fro.sum() > MOST_TO_AND_FRO * len(step):
+    jumps = count(to_and_fro(position.values))
+    steps = len(position.values) - 1
+    if jumps > MOST_TO_AND_FRO * steps:
         raise InputError(
-            f'{path}: positions on {position.counts.topic} jump to and fro in {to_and_fro.sum()} '
-            f'of {len(step)} samples (two machines or simulations on one topic); record one source '
+            f'{path}: positions on {position.counts.topic} jump to and fro in {jumps} '
+            f'of {steps} samples (two machines or simulations on one topic); record one source '
             'at a time, in a namespace or ROS_DOMAIN_ID of its own')
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from par4_identification.logs.masks import taken
 from par4_identification.logs.stamped_rows import StampedRows
 
 APART = 250_000_000
@@ -19,7 +20,7 @@ APART = 250_000_000
 OFTEN = 0.02
 """Share of the messages at which the clock changes from one to the other and back."""
 JUMP = 1e-2
-"""rad of a jump to and fro."""
+"""rad of a jump to and fro, from sample to sample."""
 AROUND, DENSE = 50, 0.3
 """Samples over which jumps are counted, and share of them where two sources talk; the jumps of
 single wrong readings are rarer."""
@@ -73,7 +74,7 @@ def beside_mixed(source: Source, positions: StampedRows, time: np.ndarray) -> So
     """
     finite = np.flatnonzero(np.isfinite(positions.values).all(axis=1))
     order = finite[np.argsort(time[finite], kind='stable')]
-    found = _mixed_stretches(time[order], positions.values[order])
+    found = _mixed_stretches(taken(time, order), taken(positions.values, order))
     lost = sum(last - first for first, last in found)
     if not found or lost > MOST_MIXED * (time[order[-1]] - time[order[0]]):
         return source
@@ -98,6 +99,16 @@ def _offset(rows: StampedRows, side: np.ndarray) -> float:
     return float(np.median((rows.received - rows.stamp)[side]))
 
 
+def to_and_fro(values: np.ndarray) -> np.ndarray:
+    """Return at which inner samples a position of (n, J), rad, jumps and jumps back, (n - 2,)."""
+    found = np.zeros(max(len(values) - 2, 0), dtype=bool)
+    for own in values.T:  # joint by joint: an hour of all of them is half a gigabyte
+        step = np.diff(own)
+        smaller = np.minimum(np.abs(step[:-1]), np.abs(step[1:]))
+        found |= (np.abs(step[:-1] + step[1:]) < 0.3 * smaller) & (smaller > JUMP)
+    return found
+
+
 def _mixed_stretches(stamp: np.ndarray, values: np.ndarray) -> list[tuple[int, int]]:
     """Return the stretches of time, ns, in which positions of two sources get mixed.
 
@@ -105,13 +116,9 @@ def _mixed_stretches(stamp: np.ndarray, values: np.ndarray) -> list[tuple[int, i
         stamp: (n,) ns, increasing or repeated.
         values: positions (n, J), rad.
     """
-    step = np.diff(values, axis=0)
-    if len(step) < 2:
+    if len(values) < 3:
         return []
-    there, back = np.abs(step[:-1]), np.abs(step[1:])
-    returned = np.abs(step[:-1] + step[1:]) < 0.3 * np.minimum(there, back)
-    to_and_fro = (returned & (np.minimum(there, back) > JUMP)).any(axis=1)
-    dense = np.convolve(to_and_fro, np.full(AROUND, 1.0 / AROUND), 'same') > DENSE
+    dense = np.convolve(to_and_fro(values), np.full(AROUND, 1.0 / AROUND), 'same') > DENSE
     found: list[tuple[int, int]] = []
     for start, end in np.flatnonzero(np.diff(np.r_[False, dense, False])).reshape(-1, 2):
         first = int(stamp[max(start - AROUND, 0)])

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from par4_identification.logs.masks import count
+from par4_identification.logs.raw_bag import JointSamples
 from par4_kinematics.errors import InputError
-from par4_sim.bag import JointSamples
 
 SET_BACK = 1_000_000_000
 """No transport holds a message back for so long (ns): the clock was set back."""
@@ -58,7 +58,9 @@ def stamped_rows(path: str | Path, samples: JointSamples, values: np.ndarray,
     if samples.stamp[stamped & complete].min() < SET_BACK:
         stamped = samples.stamp >= 0
     kept = complete & stamped
-    return StampedRows(samples.topic, samples.received[kept], samples.stamp[kept], selected[kept], {
+    received, stamp, selected = ((part if kept.all() else part[kept])
+                                 for part in (samples.received, samples.stamp, selected))
+    return StampedRows(samples.topic, received, stamp, selected, {
         'read': len(named), 'other_joints': count(named == 0),
         'incomplete': count((named > 0) & ~complete),
         'not_stamped': count(complete & ~stamped)})

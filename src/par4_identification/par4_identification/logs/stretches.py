@@ -10,6 +10,8 @@ import numpy as np
 
 from par4_identification.logs.log import Log
 
+PIECE = 600.0
+"""s that are filtered at a time; of four joints at 1 kHz the columns are 120 MB then."""
 STRETCH = 10.0
 """s of a stretch: long against what a filter or a friction that remembers its way forgets."""
 
@@ -29,6 +31,21 @@ def spread_over(logs: Sequence[Log], seconds: float) -> tuple[Log, ...]:
     if share >= 1.0:
         return tuple(logs)
     return tuple(_thinned(log, share) for log in logs)
+
+
+def in_pieces(log: Log) -> Log:
+    """Return the log with its sound stretches cut where they are longer than `PIECE`.
+
+    Filters and columns then hold no more than a piece at a time. The samples stay; what a filter
+    does not know at the ends of a piece, a tenth of a second, is not in the rows.
+    """
+    longest = round(PIECE / log.period)
+    parts = []
+    for segment in log.segments:
+        count = -(-(segment.stop - segment.start) // longest)
+        ends = np.linspace(segment.start, segment.stop, count + 1).astype(int).tolist()
+        parts += [slice(*pair) for pair in pairwise(ends)]
+    return replace(log, segments=tuple(parts))
 
 
 def _thinned(log: Log, share: float) -> Log:

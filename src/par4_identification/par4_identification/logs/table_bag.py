@@ -22,7 +22,7 @@ from par4_identification.logs.units import Kind, Unit, si_unit, unit_named
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
-from par4_sim.bag import BagWriter
+from par4_sim.bag_writer import BagWriter
 
 EXAMPLE = 'time=1:ms position=angle:deg torque=current:A'
 SECOND = 1_000_000_000

@@ -12,7 +12,7 @@ import numpy as np
 from par4_dynamics.model import build_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis
-from par4_identification.reports.outcome.diagnosis import phrase_of_cause
+from par4_identification.reports.outcome.diagnosis import phrase_of_cause, told_from_zero
 from par4_identification.reports.plots import Names, signature
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.words import (
@@ -49,15 +49,20 @@ def cause_cells(diagnosis: Diagnosis, index: int, machine: Robot | Axis, names: 
 
 
 def parameter_cells(cause: Cause, name: str, machine: Robot | Axis) -> dict[str, Any]:
-    """Return a line of values with standard deviations: those of the machine or one a joint."""
+    """Return a line of values with standard deviations: those of the machine or one a joint.
+
+    A size that the data do not tell from zero is no finding: only its deviation is printed.
+    """
     parameter = cause.parameters[name]
     shape = [item for item in cause.effect.parameters if item.per_order and item.is_shape]
     if shape and isinstance(cause.parameters[shape[0].name].value, tuple):
         return _order_cells(parameter, name, machine)
-    scope = next(item.scope for item in cause.effect.parameters if item.name == name)
+    own = next(item for item in cause.effect.parameters if item.name == name)
+    scope, is_size = own.scope, not own.is_shape and name != 'phase'
     values, stds = np.atleast_1d(parameter.value), np.atleast_1d(parameter.std)
-    cells = [' ± '.join(with_std(float(value), float(std)))
-             for value, std in zip(values, stds, strict=True)]
+    cells = [f'0 ± {number(float(std), 2)}' if is_size and not told else
+             ' ± '.join(with_std(float(value), float(std)))
+             for value, std, told in zip(values, stds, told_from_zero(values, stds), strict=True)]
     joints = len(joint_labels(machine))
     if scope == 'machine':
         cells = [', '.join(cells)]

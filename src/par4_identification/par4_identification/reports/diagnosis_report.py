@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from par4_dynamics.model import build_model
 from par4_identification.changes.changes import Changes
 from par4_identification.confrontation.confrontation import Confrontation, Unsimulated
 from par4_identification.diagnosis.experiment.next_experiment import NextExperiment
@@ -32,9 +33,11 @@ from par4_identification.reports.plots import (
     residual_over_time,
 )
 from par4_identification.reports.run_pictures import joined_time, statistics_of_runs
+from par4_identification.reports.sample_traces import torque_traces, worst_run
 from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
+from par4_sim.report.traces import Traces
 from par4_sim.report.words import (
     in_words,
     joint_labels,
@@ -70,8 +73,8 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
         verdict = verdict_with_changes(verdict, changes)
     title = f'Diagnosis of {machine.name}: {in_words(verdict)}'
     content: dict[str, Any] = {
-        'causes': [], 'motion': '', 'over_time': '', 'statistics': '', 'per_joint': [],
-        'swallowed': [], 'bars': '', 'rejected': (), 'unnamed': [],
+        'causes': [], 'motion': '', 'over_time': '', 'traces': None, 'statistics': '',
+        'per_joint': [], 'swallowed': [], 'bars': '', 'rejected': (), 'unnamed': [],
         'over_motion': '', 'experiment': _experiment_cells(experiment, names),
         'simulation': confrontation_cells(confrontation, names), 'changes': None}
     if isinstance(diagnosis, Unusable):
@@ -81,6 +84,7 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
                                   for part in ('speed', 'tau')), names)
     else:
         content.update(_what_was_found(diagnosis, machine, names))
+        content['traces'] = _sample_by_sample(diagnosis, machine, logs, names)
         content['changes'] = changes_cells(changes, diagnosis, machine, names)
     return page_of('diagnosis.html', machine, logs, outcome, title, 'Insights', provenance,
                    **content)
@@ -110,6 +114,15 @@ def _what_was_found(diagnosis: Diagnosis, machine: Robot | Axis, names: Names) -
         'bars': _bars_of_swallowed(diagnosis), 'rejected': diagnosis.rejected,
         'unnamed': [_unnamed_cells(item, machine) for item in diagnosis.unnamed],
         'over_motion': _residual_over_motion(diagnosis, machine, names)}
+
+
+def _sample_by_sample(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequence[Log],
+                      names: Names) -> Traces:
+    """Return measured torque and that of the extended model where the old one leaves most."""
+    holdout = diagnosis.holdout
+    worst = worst_run(holdout.runs, holdout.baseline)
+    model = build_model(machine, diagnosis.extended_model, diagnosis.effects)
+    return torque_traces(holdout.runs[worst], logs, model, holdout.baseline[worst], names)
 
 
 def _held_out_rows(diagnosis: Diagnosis

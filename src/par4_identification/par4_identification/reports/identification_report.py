@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from par4_dynamics.model import build_model
 from par4_identification.fitting.identification import Identification
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.estimator import estimator_in_words
@@ -15,6 +16,7 @@ from par4_identification.reports.outcome.identification import ParameterRow
 from par4_identification.reports.page import names_of, page_of
 from par4_identification.reports.plots import Bar, deviation_bars, torque_over_time
 from par4_identification.reports.run_pictures import series_of_runs, statistics_of_runs
+from par4_identification.reports.sample_traces import loaded, torque_traces, worst_run
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.words import in_words, listed, number, percent, typeset, with_std
@@ -23,7 +25,8 @@ from par4_sim.report.words import in_words, listed, number, percent, typeset, wi
 def report_of_identification(identification: Identification, outcome: Outcome,
                              rows: Sequence[ParameterRow], floor: np.ndarray,
                              machine: Robot | Axis, logs: Sequence[Log],
-                             provenance: dict[str, Any]) -> str:
+                             provenance: dict[str, Any],
+                             masses: Mapping[str, float] | None = None) -> str:
     """Return the report of an identification.
 
     Args:
@@ -34,8 +37,12 @@ def report_of_identification(identification: Identification, outcome: Outcome,
         machine: that was identified.
         logs: the data.
         provenance: as in the model file.
+        masses: log name -> known payload, kg.
     """
     names, estimate, runs = names_of(machine), identification.estimate, identification.runs
+    worst = worst_run(runs, estimate.residuals)
+    model = loaded(build_model(machine, identification.model_file({})),
+                   (masses or {}).get(runs[worst].name, 0.0))
     paper, truth = (any(getattr(row, name) is not None for row in rows)
                     for name in ('paper', 'true'))
     printed = list(dict.fromkeys(f'{number(row.printed)} {typeset(row.unit)}'
@@ -46,6 +53,7 @@ def report_of_identification(identification: Identification, outcome: Outcome,
         rows=[_table_1_cells(row) for row in rows], paper=paper, truth=truth,
         printed=listed(printed) if printed else '', bars=_bars_of_table_1(rows, paper, truth),
         over_time=torque_over_time(series_of_runs(runs, estimate.residuals), names),
+        traces=torque_traces(runs[worst], logs, model, estimate.residuals[worst], names),
         per_joint=[('residual rms', [number(value) for value in estimate.rms], names.torque_unit),
                    ('noise floor', [number(value) for value in floor], names.torque_unit),
                    ('residual / floor', [number(value, 2) for value in

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.fitting.validation import Validation
 from par4_identification.logs.log import Log
@@ -15,6 +16,7 @@ from par4_identification.reports.outcome.validation import errors_by_joint, tota
 from par4_identification.reports.page import joint_cells, names_of, page_of
 from par4_identification.reports.plots import torque_over_time
 from par4_identification.reports.run_pictures import series_of_runs, statistics_of_runs
+from par4_identification.reports.sample_traces import torque_traces, worst_run
 from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
@@ -39,6 +41,7 @@ def report_of_validation(validation: Validation, outcome: Outcome, runs: Sequenc
     ends = np.cumsum([0, *(len(run.t) for run in runs)])
     residual = validation.measured - validation.calculated
     residuals = [residual[first:end] for first, end in pairwise(ends)]
+    worst = worst_run(runs, residuals)
     table = []
     for title, errors, rows in (
             ('', validation.without_standstill, validation.moving),
@@ -55,5 +58,7 @@ def report_of_validation(validation: Validation, outcome: Outcome, runs: Sequenc
         'How good is it?', model_file.provenance,
         facts_title='Where the model comes from',
         over_time=torque_over_time(series_of_runs(runs, residuals), names), per_joint=table,
+        traces=torque_traces(runs[worst], [log], build_model(machine, model_file),
+                             residuals[worst], names),
         statistics=(statistics_of_runs(runs, residuals, floor, names)
                     if validation.moving.any() else ''))

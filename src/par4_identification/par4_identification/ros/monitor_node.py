@@ -4,44 +4,28 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from par4_dynamics.model import read_model
 from par4_identification.logs.log import Log
-from par4_identification.trend.drift import LEARNING, WINDOW, DriftWatch, projections
+from par4_identification.ros.monitor_parameters import MonitorParameters
+from par4_identification.trend.drift import DriftWatch, projections
+from par4_identification.trend.windows import WINDOW
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import SECOND, is_foreign, joint_values, time_ns
 from par4_kinematics.ros.node import Par4Node, State, run
-from par4_kinematics.ros.parameters import parameter
 
 LONGEST_GAP = 5
 """Periods without a sample within a window that is still looked at."""
 
 
-@dataclass(frozen=True)
-class MonitorParameters:
-    """Parameters of the node."""
-
-    robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
-    model_file: str = parameter('table1', 'model.yaml of the healthy machine: a path or a '
-                                          'built-in name')
-    learning: int = parameter(LEARNING, 'windows of 2 s of motion to learn from', 10)
-
-
 class MonitorNode(Par4Node):
-    """Compares measured with model torque and warns where a joint drifts away from its model.
+    """The node `par4_monitor`; `MonitorParameters` says what it does."""
 
-    Learns for two minutes of motion how far apart the two are on this machine and its work. Torque
-    is gain x amplifier_voltage where that is published, else the effort of joint_states.
-    ~/reload_model reads the model again and learns anew.
-    """
-
-    NAME = 'par4_monitor'
     PARAMETERS = MonitorParameters
     REST = 0.01  # a turn of the executor costs more than a message: take them by the dozen
 

@@ -6,20 +6,19 @@ import math
 import sys
 import time
 from collections import Counter, defaultdict
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rclpy.subscription import Subscription
 
 from par4_identification.logs.recorder import Recorder
+from par4_identification.ros.record_parameters import RecordParameters
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, RECORDED_TOPICS, Topic
 from par4_kinematics.ros.convert import SECOND
 from par4_kinematics.ros.node import SILENCE, Par4Node, State, run
 from par4_kinematics.ros.numbering import Numbering
-from par4_kinematics.ros.parameters import parameter
-from par4_sim.bag import STORAGES
 
 BUFFER = 20000
 """Messages of a topic that wait while this process is held up."""
@@ -27,25 +26,9 @@ TICK = 0.02
 """Seconds of wall time between looks at the clock."""
 
 
-@dataclass(frozen=True)
-class RecordParameters:
-    """Parameters of the node."""
-
-    output: str = parameter('recording', 'bag to write; it must not exist')
-    duration: float = parameter(0.0, 's from the first message, on the ROS clock; 0 = until '
-                                     'stopped', 0.0)
-    storage: str = parameter('mcap', 'of the bag', choices=tuple(STORAGES))
-
-
 class RecordNode(Par4Node):
-    """Records joint_states, amplifier_voltage, reference and feedforward_torque from its start.
+    """The node `par4_record`; `RecordParameters` says what it does."""
 
-    ~/stop completes the bag, ~/start begins the next (OUTPUT_2 and so on). Publishers number
-    their messages: a missing number is a lost message and is counted, for each publisher.
-    `par4_record --repair BAG [--output OUT]` mends a bag that was cut off.
-    """
-
-    NAME = 'par4_record'
     PARAMETERS = RecordParameters
     REST = 0.005  # a turn of the executor costs more than a message: take them by the dozen
 

@@ -40,9 +40,9 @@ SMALLEST = np.array((math.radians(1.0),) * LEGS + (8e-3,) * len(DIMENSIONS))
 LARGEST = np.array((math.radians(20.0),) * LEGS + (0.06,) * len(DIMENSIONS))
 LARGEST_PART = 0.3
 """Of a dimension, by which it can be wrong."""
-SURE, SURE_BESIDE = 4.0, 3.0
-"""Standard deviations, clustered, from which an error is believed, and from which it is beside
-another that is."""
+DEVIATIONS_ALONE, DEVIATIONS_BESIDE = 4.0, 3.0
+"""How many clustered standard deviations an error must be from zero: the surest one, and the others
+that are told together with it."""
 WORTH_FITTING = 2.5, 0.4
 """Standard deviations, and part of `SMALLEST`, that an error must have if all were linear, for its
 hypothesis to be fitted."""
@@ -190,9 +190,9 @@ def _pruned(placement: Placement, solution: Solution, free: Sequence[int]) -> So
     free = list(free)
     while free:
         values, std = np.abs(solution.values[free]), solution.std[free]
-        size = values / np.maximum(SMALLEST[free], SURE_BESIDE * std)
+        size = values / np.maximum(SMALLEST[free], DEVIATIONS_BESIDE * std)
         if size.min() >= 1.0:
-            return solution if (values >= SURE * std).any() else None
+            return solution if (values >= DEVIATIONS_ALONE * std).any() else None
         start = solution.values.copy()
         start[free.pop(int(np.argmin(size)))] = 0.0
         if free:

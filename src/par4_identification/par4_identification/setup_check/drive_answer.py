@@ -24,8 +24,8 @@ ABOVE = 0.15
 LEAST_RATE_HZ = 400.0
 PIECE, PIECES = 0.5, 10
 """s of a piece from which the answer is taken, and pieces that are needed; the median counts."""
-SURE = 6.0
-"""Standard deviations by which the answer must stand out."""
+DEVIATIONS = 6.0
+"""Standard deviations that the answer must be from zero."""
 LEAST_SHOWN, MOST_SHOWN = 0.4, 1.2
 """Bounds of the answer in the product of the gains."""
 
@@ -80,4 +80,4 @@ def answer_of(logs: Sequence[Log], drives: Drives) -> Answer | None:
         return None
     middle = float(np.median(found))
     std = 1.4826 * float(np.median(np.abs(np.array(found) - middle))) / np.sqrt(len(found))
-    return Answer(middle, expected) if middle > SURE * std > 0.0 else None
+    return Answer(middle, expected) if middle > DEVIATIONS * std > 0.0 else None

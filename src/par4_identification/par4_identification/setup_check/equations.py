@@ -20,6 +20,7 @@ import numpy as np
 from par4_dynamics.base_terms import BASE_TERMS, base_columns
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.logs.log import Log
+from par4_identification.logs.stretches import spread_over
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_kinematics.geometry import Geometry
 from par4_kinematics.position import closes
@@ -32,6 +33,8 @@ SLOW = 0.05
 """Joint speed, rad/s, below which the sign of friction is not known."""
 SHORTEST = 1.0
 """s; shorter stretches are left out."""
+LONGEST = 600.0
+"""s of logs that are looked at."""
 LEAST_RATE_HZ = 50.0
 """Rate of a log below which (20) cannot be compared with it."""
 
@@ -74,9 +77,13 @@ class Stretch:
 
 
 def stretches_of(logs: Sequence[Log]) -> list[Stretch]:
-    """Return the stretches of logs that are long and fast enough; none is no error."""
+    """Return the stretches of logs that are long and fast enough; none is no error.
+
+    Of logs longer than `LONGEST` in all, stretches are taken that are spread over them: a mistake
+    of the setup is in all of them, and dozens of hypotheses about an hour need too much memory.
+    """
     found = []
-    for number, log in enumerate(logs):
+    for number, log in enumerate(spread_over(logs, LONGEST)):
         rate = 1.0 / log.period
         if rate < LEAST_RATE_HZ:
             continue

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter, rank_filter
 
 from par4_identification.logs.log import Log
 
@@ -181,9 +182,8 @@ def slips(log: Log) -> list[tuple[int, int, float]]:
         q = log.q[segment]
         if len(q) < 4 * AROUND:
             continue
-        step = np.diff(q, axis=0)
         for joint in range(q.shape[1]):
-            own = step[:, joint]
+            own = np.diff(q[:, joint])
             usual = _neighbours(own)
             jump = own - usual
             scatter = np.quantile(np.abs(jump), 0.995)
@@ -196,9 +196,11 @@ def slips(log: Log) -> list[tuple[int, int, float]]:
 
 def _neighbours(values: np.ndarray) -> np.ndarray:
     """Return the median of the neighbours of each value (n,), itself left out."""
-    padded = np.pad(values, AROUND, mode='edge')
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
-    return np.median(np.delete(windows, AROUND, axis=1), axis=1)
+    below, middle, above = (rank_filter(values, rank, 2 * AROUND + 1, mode='nearest')
+                            for rank in (AROUND - 1, AROUND, AROUND + 1))
+    # of the others, without a value above, below or at the median of all
+    return 0.5 * (np.where(values < middle, above, below)
+                  + np.where(values == middle, above, middle))
 
 
 def spikes(log: Log, column: str) -> np.ndarray:
@@ -209,9 +211,9 @@ def spikes(log: Log, column: str) -> np.ndarray:
         part = values[segment]
         if len(part) < 4 * AROUND:
             continue
-        away = np.abs(part - _median_of_seven(part))
         for joint in range(part.shape[1]):
-            own, size = away[:, joint], part[:, joint]
+            size = np.ascontiguousarray(part[:, joint])
+            own = np.abs(size - median_filter(size, 2 * WIDEST + 1, mode='mirror'))
             scatter = max(1.4826 * float(np.median(own)), float(np.quantile(own, 0.99)) / 2.6)
             least = max(BEYOND * scatter, max(SMALLEST_SLIP, COUNTS * resolution(size))
                         if column == 'q' else
@@ -232,12 +234,6 @@ def spikes(log: Log, column: str) -> np.ndarray:
                         and off > 0.5 * peak):
                     found[segment.start + start:segment.start + end, joint] = True
     return found
-
-
-def _median_of_seven(values: np.ndarray) -> np.ndarray:
-    """Return the median of each value (n, J) and its three neighbours on either side."""
-    padded = np.pad(values, ((3, 3), (0, 0)), mode='reflect')
-    return np.median(np.lib.stride_tricks.sliding_window_view(padded, 7, axis=0), axis=-1)
 
 
 def flat_tops(log: Log) -> np.ndarray:

@@ -41,8 +41,9 @@ UNEXPLAINED = 0.6
 do not explain at any time, no time is right."""
 BETTER = 0.95
 """Most of the error of all rows, over that at the recorded time, that the right time may leave."""
-SURE = 15.0
-"""Standard deviations by which a drift must stand out; residuals are not white."""
+DRIFT_DEVIATIONS = 15.0
+"""Standard deviations that a drift must be from zero. They are so many because residuals are not
+white, and the stated deviation takes them for white."""
 STEPS = 6
 """Of Gauss and Newton."""
 
@@ -99,7 +100,7 @@ def timing_of(rows: Equations) -> Timing | None:
     drifting = _refined(rows, torque, delay, middle, drifts=True)
     late, rate, _, rate_std, own = drifting
     drifts = (abs(rate) * (end - start) > SMALLEST_DRIFT
-              and SMALLEST_RATE < abs(rate) < LARGEST_RATE and abs(rate) > SURE * rate_std
+              and max(SMALLEST_RATE, DRIFT_DEVIATIONS * rate_std) < abs(rate) < LARGEST_RATE
               and own.left < FEWER_BY_DRIFT * fit.left and own.physical
               and own.error < min(UNEXPLAINED, BETTER * before.error))
     if drifts:

@@ -143,8 +143,12 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
     return runs
 
 
-def _run_of_plateaus(logs: Sequence[Log], machine: Axis, conditioning: Conditioning) -> Run:
+def _run_of_plateaus(logs: Sequence[Log], machine: Robot | Axis, conditioning: Conditioning
+                     ) -> Run:
     """Return the plateaus of logs of an axis as rows, from the fastest one way to the other."""
+    if not isinstance(machine, Axis):
+        raise InputError(f'{logs[0].name}: steady speeds asked of a robot; they are read of single '
+                         f'axes')
     plateaus = sorted((item for log in logs for item in plateaus_of(log)),
                       key=lambda item: item.speed)
     if not plateaus:

@@ -18,12 +18,9 @@ import numpy as np
 from par4_dynamics.model import Model
 from par4_identification.logs.log import Log
 from par4_identification.signals.rows import runs_of_log
+from par4_identification.trend.windows import LEARNING
 from par4_kinematics.robot import Robot
 
-WINDOW = 2.0
-"""Seconds of a window."""
-LEARNING = 60
-"""Windows from which the scatter is learnt."""
 SLACK = 1.5
 """Standard deviations of a window that count as none."""
 LEVEL = 20.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
@@ -13,21 +12,13 @@ from par4_kinematics.interface import JOINT_STATES, PLATFORM_POSE
 from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns, write_pose
+from par4_kinematics.ros.kinematics_parameters import KinematicsParameters
 from par4_kinematics.ros.node import Par4Node, run
-from par4_kinematics.ros.parameters import parameter
-
-
-@dataclass(frozen=True)
-class KinematicsParameters:
-    """Parameters of the node."""
-
-    robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
 
 
 class KinematicsNode(Par4Node):
-    """Publishes the pose of D for every valid joint state, with its stamp."""
+    """The node `par4_kinematics`; `KinematicsParameters` says what it does."""
 
-    NAME = 'par4_kinematics'
     PARAMETERS = KinematicsParameters
 
     def __init__(self) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import sys
 import time
-from dataclasses import dataclass
 
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -27,8 +26,8 @@ from par4_kinematics.ros.convert import (
     time_ns,
     write_trajectory,
 )
+from par4_kinematics.ros.motion_parameters import MotionParameters
 from par4_kinematics.ros.node import Par4Node, State, run
-from par4_kinematics.ros.parameters import parameter
 
 LEAD_NS = SECOND
 """How far ahead of the clock points are sent."""
@@ -55,25 +54,9 @@ DISCOVERY = 3.5
 """Seconds of wall time in which listeners are found: a lost packet is repeated after 3 s."""
 
 
-@dataclass(frozen=True)
-class MotionParameters:
-    """Parameters of the node."""
-
-    robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
-    motion: str = parameter('excitation', 'excitation, adept, circle or the path of a motion.yaml')
-    duration: float = parameter(0.0, 's, of a named motion; 0 = its own', 0.0)
-    seed: int = parameter(0, 'of an excitation', 0)
-
-
 class MotionNode(Par4Node):
-    """Plays a motion as `reference`: waits for clock, robot and a listener, sends, ends.
+    """The node `par4_motion`; `MotionParameters` says what it does."""
 
-    Points go out a second ahead of the clock. If the robot stands elsewhere than the motion
-    begins, a slow move takes it there first. A signal or ~/stop brakes on the path of the motion
-    and ends.
-    """
-
-    NAME = 'par4_motion'
     PARAMETERS = MotionParameters
 
     def __init__(self) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import os
 import signal
@@ -34,7 +33,7 @@ from par4_kinematics.errors import InputError, Par4Error, UnreachableError
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, Topic
 from par4_kinematics.ros.convert import SECOND, write_time
 from par4_kinematics.ros.numbering import Numbering
-from par4_kinematics.ros.parameters import config, declare, usage
+from par4_kinematics.ros.parameters import NodeParameters, answered, declare
 from par4_kinematics.ros.qos import message_type, qos_of
 
 NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_messages',
@@ -95,7 +94,6 @@ class Par4Node(Node):
     """A node that drops bad messages, counts what goes wrong and tells it on `/diagnostics`.
 
     Attributes:
-        NAME: of the node, set by the subclass.
         PARAMETERS: the dataclass of its parameters, set by the subclass.
         REST: seconds between callbacks, for a node that takes many messages at a time.
         parameters: their values.
@@ -104,12 +102,11 @@ class Par4Node(Node):
         counts: what went wrong so far, by name.
     """
 
-    NAME: ClassVar[str]
-    PARAMETERS: ClassVar[type]
+    PARAMETERS: ClassVar[type[NodeParameters]]
     REST: ClassVar[float] = 0.0
 
     def __init__(self) -> None:
-        super().__init__(self.NAME, automatically_declare_parameters_from_overrides=True)
+        super().__init__(self.PARAMETERS.NAME, automatically_declare_parameters_from_overrides=True)
         self.wall_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self.parameters = declare(self, self.PARAMETERS)
         self.finished = False
@@ -365,14 +362,7 @@ def run(node_class: type[Par4Node]) -> int:
     `--help` and `--config` only print. 0 is a proper end, 2 bad input: one line `error: ...` on
     stderr. A signal that comes later interrupts a node that does not end.
     """
-    if {'-h', '--help'} & {*sys.argv}:
-        print(f'{node_class.NAME} --ros-args -p NAME:=VALUE ...\n'
-              f'{node_class.NAME} --config  prints a parameter file with the defaults\n\n'
-              f'{inspect.cleandoc(node_class.__doc__)}\n\n'
-              f'Parameters, with their defaults:\n{usage(node_class.PARAMETERS)}')
-        return 0
-    if '--config' in sys.argv:
-        print(config(node_class.NAME, node_class.PARAMETERS), end='')
+    if answered(node_class.PARAMETERS, sys.argv[1:]):
         return 0
     _prepare_environment()
     try:

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import math
 import textwrap
-from typing import Any, TypeVar
-
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.node import Node
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from par4_kinematics.errors import InputError
 
-Parameters = TypeVar('Parameters')
+if TYPE_CHECKING:  # help is told without loading ROS
+    from rcl_interfaces.msg import ParameterDescriptor
+    from rclpy.node import Node
+
+
+class NodeParameters:
+    """The parameters of a node, a dataclass whose docstring says what the node does.
+
+    Attributes:
+        NAME: of the node.
+    """
+
+    NAME: ClassVar[str]
+
+
+Parameters = TypeVar('Parameters', bound=NodeParameters)
 
 _OF_ROS = ('use_sim_time', 'start_type_description_service')
 """Parameters that every node has."""
@@ -75,6 +88,27 @@ def _checked(field: dataclasses.Field, value: Any) -> Any:
     return value
 
 
+def page(parameters: type[NodeParameters]) -> str:
+    """Return the help of a node: how it is started, what it does, what it can be told."""
+    name, first = parameters.NAME, dataclasses.fields(parameters)[0]
+    return (f'{name} --ros-args -p NAME:=VALUE ...\n'
+            f'{name} --config  prints a parameter file with the defaults\n\n'
+            f'{inspect.cleandoc(parameters.__doc__ or "")}\n\n'
+            f'Parameters, with their defaults:\n{usage(parameters)}\n\n'
+            f'Example:\n  {name} --ros-args -p {first.name}:={_written(first.default)}')
+
+
+def answered(parameters: type[NodeParameters], arguments: list[str]) -> bool:
+    """Print help or the parameter file if these arguments ask for it; return whether they do."""
+    if {'-h', '--help'} & {*arguments}:
+        print(page(parameters))
+        return True
+    if '--config' in arguments:
+        print(config(parameters.NAME, parameters), end='')
+        return True
+    return False
+
+
 def usage(parameters: type) -> str:
     """Return one line for each parameter: name, default, description, choices or range."""
     return '\n'.join(f'  {field.name}:={_written(field.default)}  '
@@ -108,6 +142,8 @@ def _bounds(field: dataclasses.Field) -> str:
 
 
 def _descriptor(field: dataclasses.Field) -> ParameterDescriptor:
+    from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+
     descriptor = ParameterDescriptor(description=field.metadata['description'], read_only=True)
     choices = field.metadata['choices']
     if choices:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
-from par4_dynamics.model import read_model
-from par4_kinematics.robot import read_robot
+from par4_sim.choices import FIDELITIES
 from par4_sim.commands.entry import run
-from par4_sim.simulation import FIDELITIES
-from par4_sim.static_push import simulate_push
 
 
 @click.command('par4_push', epilog='\b\nExample:\n'
@@ -28,18 +26,13 @@ from par4_sim.static_push import simulate_push
               help='noise on the recorded voltage, as torque, N m rms')
 @click.option('--force-noise', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
               help='noise of the force sensor, N rms')
-def push(robot: str, model: str, output: Path, force: float, fidelity: str, seed: int,
-         torque_noise: float, force_noise: float) -> None:
+def push(**options: Any) -> None:
     """Simulate slow pushes of the platform on a force plate into a bag, its readings into a CSV."""
-    machine = read_robot(robot)
-    readings = output.with_name(f'{output.name}.csv')
+    from par4_sim.jobs.push import pushed
     with click.progressbar(length=1000, label='simulating static pushes') as bar:
-        simulate_push(machine, read_model(model, machine), output, readings, force, fidelity, seed,
-                      torque_noise, force_noise,
-                      progress=lambda share: bar.update(round(1000 * share) - bar.pos))
+        line = pushed(**options, progress=lambda share: bar.update(round(1000 * share) - bar.pos))
         bar.update(1000 - bar.pos)
-    click.echo(f'{output}: static pushes of {force:g} N on {machine.name} ({fidelity}); force in '
-               f'{readings}')
+    click.echo(line)
 
 
 def main() -> None:

@@ -10,11 +10,12 @@ from par4_dynamics.model import Model, read_model
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
-from par4_sim.laws import KNOWING, LAWS
+from par4_sim.choices import BAND, CYCLES, LEARNING, NO_FEEDFORWARD
+from par4_sim.laws import KNOWING
 from par4_sim.plant import STEP
 from par4_sim.report.words import in_words, listed
-from par4_sim.tracking.learning import CYCLES, Cycle, learn
-from par4_sim.tracking.metrics import BAND, Tracking, tracking_of
+from par4_sim.tracking.learning import Cycle, learn
+from par4_sim.tracking.metrics import Tracking, tracking_of
 from par4_sim.tracking.run import Run, feedforward_of, record_run
 from par4_sim.tracking.stability import (
     Margin,
@@ -24,9 +25,6 @@ from par4_sim.tracking.stability import (
     margin_over,
 )
 
-NO_FEEDFORWARD = 'none'
-LEARNING = 'learning'
-CONTROLLERS = (*LAWS, LEARNING)
 NEED_MODEL = (*KNOWING, 'torque', LEARNING)
 """Controllers that make no sense without a model."""
 

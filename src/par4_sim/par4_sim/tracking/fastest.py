@@ -18,6 +18,7 @@ import numpy as np
 from par4_dynamics.model import Model
 from par4_kinematics.errors import Par4Error
 from par4_kinematics.motion import Motion, check_limits
+from par4_sim.choices import OWN, PEAK, TIMINGS
 from par4_sim.tracking.case import NEED_MODEL, Case, Plan
 from par4_sim.tracking.metrics import (
     errors_of,
@@ -26,11 +27,6 @@ from par4_sim.tracking.metrics import (
     point_in_words,
 )
 
-OWN, TIME_OPTIMAL = 'own', 'time_optimal'
-TIMINGS = {OWN: 'own timing', TIME_OPTIMAL: 'time-optimal'}
-"""How a path is timed, in words: as the motion that was given, or as time-optimal motion."""
-PEAK = 0.5e-3
-"""Default limit of the peak error of D, m."""
 RESOLUTION = 2e-3
 """Relative, of the pace."""
 SLOWEST = 0.1

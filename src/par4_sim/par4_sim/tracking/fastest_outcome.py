@@ -9,10 +9,11 @@ from typing import Any
 from par4_dynamics.state import GRAVITY
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
+from par4_sim.choices import TIMINGS
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
 from par4_sim.report.words import in_words, listed, number, percent
-from par4_sim.tracking.fastest import TIMINGS, Reached, Unreached
+from par4_sim.tracking.fastest import Reached, Unreached
 from par4_sim.tracking.time_optimal import Fastest, PathLimits
 
 NAMES = ('controller', 'feedforward', 'timing')

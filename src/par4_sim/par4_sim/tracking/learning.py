@@ -26,6 +26,7 @@ from par4_dynamics.mechanism import joint_mass_matrix
 from par4_dynamics.model import Model
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
+from par4_sim.choices import CYCLES
 from par4_sim.plant import STEP
 from par4_sim.tracking.metrics import errors_of
 from par4_sim.tracking.run import Run, record_run
@@ -33,8 +34,6 @@ from par4_sim.tracking.run import Run, record_run
 CUTOFF_HZ = 100.0
 """Of Q: at this frequency half of the power passes. Far above the loops' bandwidth of some 15 Hz,
 far below the 500 Hz that samples a millisecond apart can carry."""
-CYCLES = 10
-"""Default number of cycles."""
 
 
 @dataclass(frozen=True)

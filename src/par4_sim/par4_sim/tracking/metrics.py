@@ -17,10 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from par4_kinematics.robot import Workspace
+from par4_sim.choices import BAND
 from par4_sim.tracking.run import Run
 
-BAND = 0.5e-3
-"""Default half width of the limit band, m."""
 STILL = 1e-12
 """m: smaller steps of a desired coordinate are rounding."""
 ATTAINED = 0.1

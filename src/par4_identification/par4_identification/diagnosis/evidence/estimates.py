@@ -89,7 +89,7 @@ def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
 
 def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter]
                ) -> dict[str, Parameter]:
-    """Return parameters whose deviations hold what another fit of the same cause says, too.
+    """Return parameters whose deviations reach to what another fit of the same cause says.
 
     Beside an unnamed cause the size of a named one depends on which of the two has the torque that
     either could have.

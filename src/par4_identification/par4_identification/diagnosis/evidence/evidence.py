@@ -62,7 +62,7 @@ class Hypothesis:
 
     @property
     def key(self) -> tuple:
-        """What tells it from any other."""
+        """A key that no other hypothesis has."""
         return self.effect, tuple(sorted(self.shape.items())), self.joints, self.sets
 
 
@@ -175,7 +175,7 @@ class Evidence:
     ends: np.ndarray
     _kept: dict = field(default_factory=dict)
 
-    def block(self, effect: Effect, shape: Shape) -> Block:
+    def block(self, effect: Effect | Kind, shape: Shape) -> Block:
         """Return the whitened columns of an effect; computed once."""
         key = (effect, tuple(sorted(shape.items())))
         if key not in self._kept:
@@ -190,7 +190,7 @@ class Evidence:
         return self._kept[key]
 
     def keep(self, effect: Effect, shapes: Sequence[Shape]) -> None:
-        """Compute the whitened columns of an effect at many shapes, which is quicker at once."""
+        """Compute the whitened columns of an effect at many shapes together, which is quicker."""
         missing = [shape for shape in shapes
                    if (effect, tuple(sorted(shape.items()))) not in self._kept]
         if not missing:
@@ -205,7 +205,7 @@ class Evidence:
                 columns, np.stack([part.T @ part for part in columns]))
 
     def stack(self, effect: Effect, shapes: Sequence[Shape]) -> Stack:
-        """Return the whitened columns of an effect at many shapes side by side; put so once."""
+        """Return the whitened columns of an effect at many shapes, side by side; computed once."""
         names = tuple(tuple(sorted(shape.items())) for shape in shapes)
         key = effect, ('stack', *names)
         if key not in self._kept:
@@ -247,7 +247,7 @@ class Evidence:
         return np.hstack([self.base, *(self.columns(item) for item in hypotheses)])
 
     def left(self, hypotheses: Sequence[Hypothesis], fit: Fit) -> np.ndarray:
-        """Return what a fit, perhaps of other rows, leaves of the target, (N,)."""
+        """Return the target minus a fit, (N,). The fit may have been made on other rows."""
         values = [fit.base, *(item.stacked(coefficients) for item, coefficients in zip(
             hypotheses, fit.coefficients))]
         return self.target - self.design(hypotheses) @ np.concatenate(values)
@@ -283,7 +283,7 @@ def gather(observations: Observations, whitener: Whitener, before: Evidence | No
 
 @dataclass(frozen=True)
 class Projection:
-    """What is left of the target after a design; computed where it is asked for.
+    """What a design leaves of the target. Each part is computed when it is asked for.
 
     Attributes:
         evidence: whose target.
@@ -354,17 +354,17 @@ class Projection:
         return np.concatenate(inside, axis=2), np.concatenate(moment, axis=1), gram
 
     def rest(self, columns: np.ndarray) -> np.ndarray:
-        """Return what the design cannot follow of columns (N, ...)."""
+        """Return the part of columns (N, ...) that is orthogonal to the design."""
         return columns - self.basis @ (self.basis.T @ columns)
 
     def left_share(self, columns: np.ndarray, coefficients: np.ndarray) -> float:
-        """Return the share (rms) of columns @ coefficients that the design does not swallow."""
+        """Return the share (rms) of columns @ coefficients that the design cannot imitate."""
         signal = columns @ coefficients
         return float(np.linalg.norm(self.rest(signal)) / max(np.linalg.norm(signal), 1e-30))
 
 
 def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Return moment^T gram^-1 moment over the directions of gram that are not rounding.
+    """Return moment^T gram^-1 moment. Directions of gram that are only rounding are left out.
 
     Args:
         gram: (..., k, k).

@@ -1,4 +1,4 @@
-"""Gain on rows that took no part in the fit, with a block bootstrap."""
+"""The gain on held-out rows, with an interval by block bootstrap."""
 
 from __future__ import annotations
 

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.model import Model
+from par4_dynamics.model_file import RigidBody
 from par4_identification.fitting.identification import known_torque
 from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
+
+if TYPE_CHECKING:  # it imports this module
+    from par4_identification.diagnosis.evidence.unnamed import Kind
 
 AT_ONCE = 4
 """Shapes of an effect whose columns are filtered together."""
@@ -33,7 +38,7 @@ class Observations:
     target: tuple[np.ndarray, ...]
     base: tuple[np.ndarray, ...]
     terms: tuple[BaseTerm, ...]
-    _kept: dict = field(default_factory=dict)
+    _kept: dict[Any, Any] = field(default_factory=dict)
 
     @property
     def joints(self) -> int:
@@ -51,7 +56,7 @@ class Observations:
         return replace(self, base=tuple(part[..., kept] for part in self.base),
                        terms=tuple(self.terms[index] for index in kept))
 
-    def effect_rows(self, effect: Effect, shape: Shape) -> tuple[np.ndarray, ...]:
+    def effect_rows(self, effect: Effect | Kind, shape: Shape) -> tuple[np.ndarray, ...]:
         """Return the filtered columns (m, J, K) of an effect in each run; computed once."""
         key = (effect, tuple(sorted(shape.items())))
         if key not in self._kept:
@@ -63,8 +68,8 @@ class Observations:
                 self.keep(effect, (shape,))
         return self._kept[key]
 
-    def keep(self, effect: Effect, shapes: Sequence[Shape]) -> None:
-        """Compute the filtered columns of an effect at many shapes, which is quicker at once."""
+    def keep(self, effect: Effect | Kind, shapes: Sequence[Shape]) -> None:
+        """Compute the filtered columns of an effect at many shapes together, which is quicker."""
         missing = [shape for shape in shapes
                    if (effect, tuple(sorted(shape.items()))) not in self._kept]
         for first in range(0, len(missing), AT_ONCE):
@@ -78,7 +83,7 @@ class Observations:
                 self._kept[effect, tuple(sorted(shape.items()))] = rows
 
 
-def observe(runs: list[Run], machine: Robot | Axis, rigid_body: str, baseline: Model | None
+def observe(runs: list[Run], machine: Robot | Axis, rigid_body: RigidBody, baseline: Model | None
             ) -> Observations:
     """Return the observations of `runs`.
 
@@ -105,7 +110,7 @@ def with_nominal(observations: Observations, model: Model) -> Observations:
         for run in observations.runs))
 
 
-def lasting(kept: dict) -> dict:
-    """Return what of columns kept by effect does not depend on the nominal torque."""
+def lasting(kept: dict[Any, Any]) -> dict[Any, Any]:
+    """Return those of the kept columns whose effect does not depend on the nominal torque."""
     return {(source, shape): value for (source, shape), value in kept.items()
             if not source.needs_nominal}

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +49,7 @@ class Fitted:
 
     @property
     def squares(self) -> tuple[float, float]:
-        """What it leaves of the rows to fit and of those held out."""
+        """Sums of squares that the fit leaves, on fitted and on held-out rows."""
         return self.fit_squares, self.heldout_squares
 
 
@@ -116,8 +117,8 @@ class Pool:
             for part in (evidence, heldout))
         self._joints = evidence.observations.joints
         self._base = evidence.base.shape[1]
-        self._places: dict[tuple, slice] = {}
-        self._fits: dict[tuple, Fitted] = {}
+        self._places: dict[Any, slice] = {}
+        self._fits: dict[Any, Fitted] = {}
 
     def fit(self, model: Sequence[Hypothesis]) -> Fitted:
         """Return base terms and hypotheses fitted together; computed once for a set of them."""
@@ -128,7 +129,7 @@ class Pool:
         return self._fits[key]
 
     def solution(self, model: Sequence[Hypothesis]) -> Fit:
-        """Return the same fit with its coefficients apart and their covariance."""
+        """Return the same fit with the coefficients of each hypothesis and their covariance."""
         gram, moment, scale, _ = self._system(model)
         values, vectors = _directions(gram)
         inverse = (vectors / values) @ vectors.T
@@ -186,7 +187,7 @@ class Pool:
                 [np.concatenate(parts) for parts in positions], size)
 
     def columns_of(self, item: Hypothesis) -> np.ndarray:
-        """Return which columns a hypothesis has; they are taken in where they are not there."""
+        """Return which columns of the pool are those of a hypothesis. Missing ones are added."""
         places = [self._place(item.effect, shape) for shape in item.effect.parts(item.shape)]
         columns = np.concatenate([np.arange(place.start, place.stop) for place in places])
         return columns[item.columns]

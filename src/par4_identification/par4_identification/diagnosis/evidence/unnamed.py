@@ -1,4 +1,4 @@
-"""Unnamed causes: functions of the motion with free coefficients, a kind each.
+"""Unnamed causes: functions of the motion with free coefficients, sorted into kinds.
 
 What no effect of the library explains still acts like something: a force on the platform, a
 function of speed, friction that changes with time. A kind is searched, accepted and tested like an
@@ -34,7 +34,7 @@ READING_DEGREE = 3
 
 @dataclass(frozen=True)
 class Ranges:
-    """Scales of the fit data, and periods, that make a kind the same function on other data."""
+    """Scales and periods of the fitted data, which make a kind the same function on others."""
 
     q: tuple[np.ndarray, np.ndarray]
     qd: np.ndarray
@@ -195,7 +195,7 @@ class Kind:
     told_by_speeds: bool = False
 
     def parts(self, shape: Shape) -> tuple[Shape, ...]:
-        """Return its one shape: a kind has no parts."""
+        """Return the shape as the only part: a kind has no others."""
         return (shape,)
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:  # noqa: ARG002

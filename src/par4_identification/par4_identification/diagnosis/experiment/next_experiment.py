@@ -96,7 +96,7 @@ class NextExperiment:
 
 def next_experiment(diagnosis: Diagnosis, machine: Robot | Axis, seed: int = 0
                     ) -> NextExperiment | None:
-    """Return the motion that separates causes from their twins, and doubts from what else they are.
+    """Return the motion that tells causes from twins, and unnamed causes from the nearest name.
 
     Args:
         diagnosis: the answer with its evidence.
@@ -234,12 +234,12 @@ class Trial:
     _kept: dict = field(default_factory=dict)
 
     def bound(self, motions: Programme, times: int = 1) -> float:
-        """Return at least the expected separation: the rival's shape is that of the old data."""
+        """Return an upper bound of `exact`, with the rival at the shape of the old data."""
         return min(0.5 * self._rest(number, self._shape(1 - number), motions, times)
                    for number in self._truths)
 
     def exact(self, motions: Programme, times: int = 1) -> float:
-        """Return the expected separation of motions run so many times, any shape of the rival."""
+        """Return the expected separation of motions run so often; the rival may have any shape."""
         return min(self._least_rest(number, motions, times) for number in self._truths)
 
     @property

@@ -1,4 +1,4 @@
-"""The data gate: what makes data unfit for a diagnosis, before any model is blamed."""
+"""The data gate: whether data are fit for a diagnosis, asked before any model is blamed."""
 
 from __future__ import annotations
 
@@ -92,8 +92,9 @@ def _error_in_motion(observations: Observations) -> float:
         target.append(both[:, 0])
         base.append(both[:, 1:])
     tau, columns = np.concatenate(target), np.concatenate(base)
+    size = max(float(np.linalg.norm(tau)), 1e-30)
     left = tau - columns @ np.linalg.lstsq(columns, tau, rcond=None)[0]
-    return float(np.linalg.norm(left) / max(np.linalg.norm(tau), 1e-30))
+    return float(np.linalg.norm(left)) / size
 
 
 def _quadratic(run: Run) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The nominal torque where most of the error is that it is read at another time."""
+"""The nominal torque of data whose largest error is that the torque is read at another time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ the nominal one."""
 def beside_retimed(base_model: Model, observations: Observations, machine: Robot | Axis,
                     baseline: ModelFile | None, rigid_body: str,
                     sigma: np.ndarray, library: Mapping[str, Effect]) -> Model:
-    """Return the model fitted beside a torque read at another time, where that explains most.
+    """Return the model fitted together with a lag or a delay, where one explains most of the error.
 
     Such an effect is bilinear: its column is the rate of the torque of the base parameters, which
     without it come out wrong in first order. Both are fitted in turn until they agree.
@@ -47,7 +47,8 @@ def beside_retimed(base_model: Model, observations: Observations, machine: Robot
         if not effect.retimes:
             continue
         time = effect.parameters[0].name
-        model, hypothesis = base_model, Hypothesis(effect, effect.shape_of({time: 0.0}), everywhere)
+        still = effect.shape_of({time: np.array(0.0)})
+        model, hypothesis = base_model, Hypothesis(effect, still, everywhere)
         for _ in range(AGREED):
             evidence = gather(with_nominal(observations, model), whitener)
             for _ in range(EXPANSIONS if effect.expanded else 1):

@@ -1,4 +1,4 @@
-"""The base parameters that a diagnosis starts from, or what makes the data unfit for one.
+"""The base parameters that a diagnosis starts from, or the reasons why there are none.
 
 A Par4 must show all its base parameters. An axis may be any machine: where the bodies alone do
 not explain enough of its torque, it is looked at again beside a torque that is bound to its
@@ -15,6 +15,7 @@ import numpy as np
 from par4_dynamics.effects.cogging import Cogging
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.position_torque import PositionTorque
+from par4_dynamics.model_file import RigidBody
 from par4_identification.diagnosis.evidence.evidence import (
     flat_whitener,
     gather,
@@ -53,7 +54,7 @@ class Start:
     bound: bool = False
 
 
-def start_of(observations: Observations, rigid_body: str, rules: Rules) -> Start:
+def start_of(observations: Observations, rigid_body: RigidBody, rules: Rules) -> Start:
     """Return where a diagnosis of these rows starts."""
     start = _start(observations, None, rigid_body)
     if not start.reasons or observations.runs[0].state.geometry is not None:
@@ -69,7 +70,7 @@ def start_of(observations: Observations, rigid_body: str, rules: Rules) -> Start
 
 
 def alike(heldout: Observations, observations: Observations) -> Observations:
-    """Return rows held out of which only those count that accelerate as the rows to fit do.
+    """Return held-out rows without those that accelerate more than the fitted rows.
 
     A model without inertia says nothing of stronger accelerations.
     """
@@ -80,7 +81,7 @@ def alike(heldout: Observations, observations: Observations) -> Observations:
         for run in heldout.runs))
 
 
-def _start(observations: Observations, target: Sequence[np.ndarray] | None, rigid_body: str,
+def _start(observations: Observations, target: Sequence[np.ndarray] | None, rigid_body: RigidBody,
            left_out: tuple[str, ...] = ()) -> Start:
     """Return where a diagnosis starts that fits the base terms to `target`, by default all."""
     try:

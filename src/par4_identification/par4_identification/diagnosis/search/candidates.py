@@ -1,10 +1,11 @@
-"""The best shape of each effect beside a model."""
+"""The best shape of each effect, given the causes that a model already has."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ ONE_WAY = 0.1
 
 @dataclass(frozen=True)
 class Candidate:
-    """The best shape of one effect beside a model, on all joints.
+    """The best shape of one effect on all joints, given the causes of a model.
 
     Attributes:
         hypothesis: the effect with that shape.
@@ -60,7 +61,7 @@ class Candidates:
         self._shapes = {name: shapes_of(evidence.observations, effect)
                         for name, effect in library.items()
                         if not effect.needs_both_ways or goes_both_ways(evidence.observations)}
-        self._searched: dict[tuple, Candidate | None] = {}
+        self._searched: dict[Any, Candidate | None] = {}
         self.family = sum(len(shapes) for shapes in self._shapes.values())
 
     def best(self, effect: Effect, projection: Projection) -> Candidate | None:
@@ -132,5 +133,5 @@ def goes_both_ways(observations: Observations) -> bool:
 
 
 def price_of_shapes(candidate: Candidate) -> float:
-    """Return the log-likelihood that the best of so many shapes has by chance."""
+    """Return the log-likelihood that the best of so many shapes gains by chance alone."""
     return float(np.log(max(candidate.tried, 1)))

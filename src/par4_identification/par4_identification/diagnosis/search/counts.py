@@ -1,4 +1,4 @@
-"""What encoder counts make of a motion that has no cause: errors in the columns of a fit.
+"""The false causes that encoder counts make, by errors in the columns of a fit.
 
 Positions in counts give the model's torque a noise e that the measured torque has not, so that a
 residual holds -e. A column Z of a cause has a noise E of the same positions, and so has X of the
@@ -42,9 +42,9 @@ class Counts:
     _torque: list[np.ndarray] | None = None
 
     def imitate(self, projection: Projection, hypothesis: Hypothesis) -> float:
-        """Return how much of a cause's log-likelihood on the rows to fit may be that of counts.
+        """Return how much of the log-likelihood of a cause, on fitted rows, counts could give.
 
-        What they may do is `DOUBT` times what they are computed to do, or anything less.
+        Their effect is allowed to be anything up to `DOUBT` times what is computed.
         """
         if not self.dithered.draws:
             return 0.0

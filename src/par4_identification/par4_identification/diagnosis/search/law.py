@@ -1,4 +1,8 @@
-"""Effects that read the torque at another time are alike to first order: the second tells them."""
+"""Whether a torque that is late is late by a lag or by a delay.
+
+Both add the rate of the torque to it, so that they are alike to first order in the time. They
+differ in second order, by half of the squared time of its curvature.
+"""
 
 from __future__ import annotations
 
@@ -17,21 +21,24 @@ from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
 
 DRAWS = 4
-"""Of the noise of counts, whose squares are then known to a few percent."""
+"""Motions that are drawn with other roundings to encoder counts. Their mean tells the squares of
+that noise to a few percent."""
 WRONG = 0.5
-"""Share of T^2 / 2, by which a lag T and a delay T differ, from which on the law is another."""
+"""A lag T and a delay T differ by T^2 / 2. From this share of it on, the other law is believed."""
 TOLD = 0.5
-"""Least share of the second order's squares that must not be noise of counts, to be judged."""
-SURE = 10.0
-"""Log-likelihood of a second order that is no chance."""
+"""The second order is judged only if at least this share of its squares is not noise of counts."""
+SECOND_ORDER = 10.0
+"""Log-likelihood from which a second order that differs from the law counts as no chance."""
+
 
 @dataclass(frozen=True)
 class Dithered:
-    """Motions as encoders could have told them that count otherwise.
+    """The same motion as encoders could have read it whose counts lie elsewhere.
 
-    Positions in counts give the model's torque a noise e, and its rate de/dt. Least squares would
-    hold it against a lag that it amplifies e, and favour a delay, which only moves it; the squares
-    of that noise are therefore taken out of the squares.
+    Positions are rounded to counts. This gives the torque of the model a noise e, and its rate the
+    noise de/dt. A lag amplifies e and a delay only moves it, so that least squares would favour the
+    delay. The squares of that noise, known from these draws, are therefore subtracted from the
+    normal equations.
 
     Attributes:
         draws: the observations, with other positions; none where the counts are not known.
@@ -68,7 +75,7 @@ class Dithered:
             return True
         both = np.linalg.solve(gram, moment)
         gain = 0.5 * float(both @ moment - moment[0] ** 2 / gram[0, 0])
-        return gain < inflation * SURE or abs(both[1]) < WRONG * 0.5 * time ** 2
+        return gain < inflation * SECOND_ORDER or abs(both[1]) < WRONG * 0.5 * time ** 2
 
     def noise(self, evidence: Evidence, function: Callable[[State], np.ndarray]
                ) -> list[np.ndarray]:
@@ -102,14 +109,15 @@ def dithered_state(run: Run, state: State, counts: int, random: np.random.Genera
 
 
 def delivered(state: State) -> np.ndarray:
-    return state.nominal.delivered[..., None]
+    """Return the nominal torque that the drives deliver as one column, (n, J, 1) N m."""
+    return state.known.delivered[..., None]
 
 
 def _orders(hypothesis: Hypothesis) -> Callable[[State], np.ndarray]:
     """Return the columns of an effect and of the second rate of the torque, (n, J, 2)."""
 
     def columns(state: State) -> np.ndarray:
-        bend = time_rate(state, time_rate(state, state.nominal.delivered))
+        bend = time_rate(state, time_rate(state, state.known.delivered))
         return np.concatenate((hypothesis.effect.columns(state, hypothesis.shape),
                                bend[..., None]), axis=2)
 

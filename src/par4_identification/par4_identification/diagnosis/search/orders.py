@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numba
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, Shape
+from par4_dynamics.effects.effect import Effect, Shape, single
 from par4_identification.diagnosis.evidence.evidence import Hypothesis, Projection, project
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import best_shape, order_name
@@ -22,11 +22,11 @@ STRONGEST = 32
 
 def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection, rules: Rules
                 ) -> tuple[Shape, float]:
-    """Return the orders that an effect has beside a projection, and twice their gain.
+    """Return the orders of an effect, given a projection, and twice what they gain.
 
-    Every order after the first must gain what a cause must, what chance gives to the best of so
-    many, and more than the orders before it may get wrong. It must be told from them on the
-    range of positions.
+    An order after the first must gain three things together: what every cause must, what chance
+    gives to the best of so many orders, and what may be an error of the orders before it. The
+    range of positions must also be wide enough to tell it from these.
 
     Args:
         effect: with a shape parameter that may be a tuple of orders.
@@ -35,8 +35,10 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
         rules: what a cause must show.
     """
     name = order_name(effect)
+    if name is None:
+        raise TypeError(f'{effect.name} has no orders')
     evidence, joints = projection.evidence, range(projection.evidence.observations.joints)
-    orders = np.array([shape[name] for shape in shapes])
+    orders = np.array([single(shape[name]) for shape in shapes])
     first, gain = _strongest(effect, name, orders, projection)
     found = [first]
     apart = 0.999 * _resolution(projection)
@@ -78,11 +80,11 @@ def _strongest(effect: Effect, name: str, orders: np.ndarray, projection: Projec
         orders = np.sort(orders[np.argsort(-power)[:STRONGEST]])
     shape, gain = best_shape(effect, [{name: float(order)} for order in orders],
                              lambda some: projection.gains(effect, some))
-    return float(shape[name]), gain
+    return single(shape[name]), gain
 
 
 def line_powers(projection: Projection, orders: np.ndarray) -> np.ndarray:
-    """Return how strong the residual's line of each order is, (k,), without units.
+    """Return the strength of each order in the residual, (k,), without units.
 
     The whitened residual stands for the product of both: a whitening filter changes a wave little
     but its size and phase, and the phase turns over with the direction, so that the directions are

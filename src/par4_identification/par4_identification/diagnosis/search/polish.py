@@ -1,4 +1,4 @@
-"""Shapes of causes moved from the grid on which they were sought to where they fit best."""
+"""Shapes of causes, moved from the grid of the search to the best fit."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SMALL = 0.05
 
 
 def polished(search: Search, model: Sequence[Hypothesis]) -> Model:
-    """Return a model whose shapes are where the rows to fit have them.
+    """Return a model whose shapes fit the fitted rows best.
 
     The search tries shapes on a grid. What it gives is off by up to half a step of that, which may
     be many standard deviations of a strong cause. Orders of periodic torques stay whole numbers,

@@ -1,4 +1,4 @@
-"""How much a cause must gain: chance, and what the model may get wrong of torques it has."""
+"""How much a cause must gain, to be more than chance and more than an error of the model."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from par4_identification.diagnosis.search.rules import Rules
 
 @dataclass(frozen=True)
 class Requirement:
-    """What a gain in log-likelihood must exceed beside a model.
+    """What the gain of a cause in log-likelihood must exceed, beside the causes of a model.
 
-    No torque is known exactly. The rows' covariance has, beside the measured noise, a part that
-    grows with the squares of each torque that the model has: of the measured one, of named causes
-    and of unnamed ones. Such an error follows the motion and does not average out over rows; of a
-    log of any length it may look like a cause that explains that share of the squares.
+    No torque is known exactly: neither the measured one nor that of a named or of an unnamed cause.
+    The covariance of the rows therefore has two parts. One is the measured noise; the other grows
+    with the squares of these torques. An error of a torque follows the motion, so that it does not
+    average out over rows. However long the log is, such an error can look like a cause that
+    explains the same share of the squares.
 
     Attributes:
         fit: on the rows to fit.
@@ -41,8 +42,9 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
         pool: fits.
         model: causes, the one in question among them.
         rules: how much of each torque may be wrong.
-        cause: the one in question. What an unnamed cause gets wrong is like what it has in common
-            with a name: that much of its error counts as the name loses beside it.
+        cause: the one in question. The error of an unnamed cause resembles what the unnamed cause
+            has in common with a name. It counts by the share of its gain that the name loses
+            beside the unnamed cause.
     """
     named = [item for item in model if not isinstance(item.effect, Kind)]
     base, only_named, whole = (pool.fit(part) for part in ((), named, model))
@@ -64,10 +66,10 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
 
 def torque_errors(pool: Pool, named: Sequence[Hypothesis], unnamed: Sequence[Hypothesis],
                   rules: Rules) -> list[np.ndarray]:
-    """Return the torques by which a model may be wrong, on the whitened rows to fit, (N,) each.
+    """Return the torques by which a model may be wrong, on the whitened fitted rows, (N,) each.
 
-    They are the shares that `Rules` gives: of the measured torque, of that of the named causes and
-    of that of the unnamed ones.
+    There are up to three: the share of the measured torque, of that of the named causes and of that
+    of the unnamed causes that `Rules` says may be wrong.
     """
     evidence = pool.evidence
     fit = pool.solution([*named, *unnamed])

@@ -7,19 +7,20 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Rules:
-    """What a cause must show. Fixed before any scored study.
+    """What a cause must show. These numbers were fixed before any study that is scored.
 
-    Log-likelihoods are of whitened rows: half the squares that something removes. The noise of a
-    row has three parts beside the measured one, since no torque is known exactly: each is a share
-    (rms) of a torque that the model already has. See `Requirement`.
+    A log-likelihood is half the sum of the squares of whitened rows that a cause removes. No torque
+    is known exactly. A row therefore has three errors beside its noise, each of which is a share
+    (rms) of a torque that the model already has. `Requirement` says how they add up.
 
     Attributes:
-        evidence: gain in log-likelihood that a cause must have on the rows that are fitted.
-        margin: gain in log-likelihood that it must have on rows that no fit has seen.
-        price: log-likelihood that each coefficient must be worth beside the others; of equal
-            explanations the one with the fewest coefficients, hence joints, is taken.
-        twin: difference in log-likelihood within which two names explain alike.
-        equal: difference in log-likelihood within which the simpler of two names goes first.
+        evidence: a cause must gain as much log-likelihood on the fitted rows.
+        margin: a cause must gain as much log-likelihood on held-out rows.
+        price: each coefficient must be worth as much log-likelihood beside the others. So the
+            explanation with the fewest coefficients, and with the fewest joints, is taken among
+            equal ones.
+        twin: two names whose log-likelihoods differ by no more are twins.
+        equal: of two names whose log-likelihoods differ by no more the simpler one goes first.
         base_error: share (rms) of the measured torque that sampling, filters and base terms get
             wrong.
         noise_error: share of the squares of the noise by which its model may be wrong.

@@ -39,7 +39,7 @@ class Rejected:
 
 @dataclass(frozen=True)
 class Rival:
-    """What could stand in a cause's place.
+    """What could explain the data in the place of a cause.
 
     Attributes:
         hypothesis: a name or an unnamed cause; None for nothing at all.
@@ -56,7 +56,7 @@ class Rival:
 
 @dataclass
 class Journal:
-    """What was looked at closely and is no cause, in the order in which it happened."""
+    """The hypotheses that were looked at closely and rejected, in that order."""
 
     rejected: list[Rejected] = field(default_factory=list)
 
@@ -66,7 +66,7 @@ class Journal:
 
 
 class Search:
-    """Finds the causes that rows to fit suggest and rows held out confirm.
+    """Finds causes: fitted rows suggest them, held-out rows confirm them.
 
     Args:
         candidates: the library.
@@ -89,7 +89,7 @@ class Search:
         self._kinds: tuple[Kind, ...] = ()
 
     def run(self, start: Model = ()) -> Model:
-        """Return the causes, from those of an earlier search on."""
+        """Return the causes; the search begins with those of an earlier one."""
         model = self.tested(start)
         visited: set[frozenset[str]] = {names_of(model)}
         refused: set[str] = set()
@@ -193,7 +193,7 @@ class Search:
         return hypothesis
 
     def with_needed_joints(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
-        """Return a hypothesis of the fewest coefficients, each of which is worth its price.
+        """Return the hypothesis with only those joints and parts that are worth their price.
 
         Joints share the base parameters, so that an effect on one leaves a trace on all, and what
         all have in common belongs to the base: every set of joints is tried. So is, of a shared
@@ -272,14 +272,14 @@ class Search:
                 0.5 * (without.heldout_squares - together.heldout_squares))
 
     def sound_gains(self, hypothesis: Hypothesis, others: Model) -> tuple[float, float]:
-        """Return the gains of `gains` without what encoder counts may have made of the motion."""
+        """Return `gains` less what encoder counts may have contributed."""
         fit_gain, gain = self.gains(hypothesis, others)
         imitated = self._counts.imitate(project(self.pool.evidence, others), hypothesis)
         return (fit_gain - imitated,
                 gain - imitated * self.pool.heldout.rows / max(self.pool.evidence.rows, 1))
 
     def tested(self, model: Model) -> Model:
-        """Return a model without the causes that the others do not leave anything to explain.
+        """Return a model without the causes that become superfluous beside the others.
 
         The shape of a cause is sought again around what it was, its joints among all sets; the
         cause that misses what it must gain by most goes first.
@@ -441,7 +441,7 @@ class Search:
         return min(found, key=lambda item: item[0])[1] if found else None
 
     def rivals(self, cause: Hypothesis, others: Model) -> list[Rival]:
-        """Return what could stand in a cause's place, the strongest first."""
+        """Return what could explain the data in the place of a cause, the strongest first."""
         own = self.pool.fit((*others, cause))
         projection = project(self.pool.evidence, others)
         names = names_of((*others, cause))

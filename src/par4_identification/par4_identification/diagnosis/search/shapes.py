@@ -1,4 +1,4 @@
-"""Which shape of an effect suits best: over a grid, around the best of it, around its own size."""
+"""The best shape of an effect: first over a grid, then around the best one there."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Effect, Shape
+from par4_dynamics.effects.effect import Effect, Shape, single
 from par4_identification.diagnosis.evidence.evidence import Projection
 from par4_identification.diagnosis.evidence.observations import Observations
 
@@ -27,7 +27,7 @@ def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
         return shapes
     slower = float(np.quantile(np.abs(run.speed[run.valid]), 0.25))
     highest = 2.0 * np.pi * run.conditioning.torque_cutoff_hz / slower
-    return tuple(shape for shape in shapes if shape[name] <= highest)
+    return tuple(shape for shape in shapes if single(shape[name]) <= highest)
 
 
 def order_name(effect: Effect) -> str | None:
@@ -38,7 +38,7 @@ def order_name(effect: Effect) -> str | None:
 
 def best_shape(effect: Effect, shapes: Sequence[Shape],
                worth: Callable[[Sequence[Shape]], np.ndarray]) -> tuple[Shape, float]:
-    """Return the shape of most worth, sought around the best of `shapes`, and its worth."""
+    """Return the shape of the largest worth, found around the best of `shapes`, and its worth."""
     worths = worth(shapes)
     shape, most = shapes[int(np.argmax(worths))], float(np.max(worths))
     for step in (1.0, 0.5, 0.25):
@@ -52,7 +52,7 @@ def best_shape(effect: Effect, shapes: Sequence[Shape],
 
 
 def self_consistent(projection: Projection, effect: Effect, shape: Shape) -> Shape:
-    """Return the shape of a series around the coefficient that it gives beside a projection."""
+    """Return the shape of a series at which the coefficient that it gives is the one assumed."""
     for _ in range(EXPANSIONS):
         estimate = projection.estimate(effect, shape)
         shape = {'expanded_at': float(estimate[0])}

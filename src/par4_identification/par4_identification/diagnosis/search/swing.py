@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from par4_dynamics.effects.elastic_transmission import STIFFNESSES, ElasticTransmission
 from par4_dynamics.effects.transmission import DAMPING_RATIO, Springs
@@ -18,13 +20,16 @@ COARSE_STEP = 2
 """Samples from step to step of the integration in the first search."""
 SOFTEST, STIFFEST = (1.0 / stiffness for stiffness in STIFFNESSES)
 """rad/(N m): compliances of what is believed."""
-SWEEPS, STEPS, TRIALS = 3, 12, 5
+SWEEPS, TRIALS = 3, 40
+"""Of the first look over the joints; of compliances in one descent."""
+SETTLED = 1e-4
+"""Share of the squares that a last step gains."""
 TINY = 1e-12
 """rad/(N m): what is rigid, where a logarithm is taken."""
 CHANGE = 1e-3
 """Of log compliance, for its derivative."""
 WIDEST = 0.7
-"""Step of log compliance."""
+"""First step of log compliance at the most."""
 
 
 def compliances(projection: Projection, least: float) -> tuple[np.ndarray, float] | None:
@@ -43,7 +48,7 @@ def compliances(projection: Projection, least: float) -> tuple[np.ndarray, float
             lambda state: springs[id(state)].torque(
                 compliance, damping, COARSE_STEP if damping == COARSE_DAMPING else 1)[1])
 
-    def left(log_compliance: np.ndarray, damping: float) -> np.ndarray:
+    def left(damping: float, log_compliance: np.ndarray) -> np.ndarray:
         return target - projection.rest(torque(np.exp(log_compliance), damping))
 
     joints = evidence.observations.joints
@@ -53,7 +58,7 @@ def compliances(projection: Projection, least: float) -> tuple[np.ndarray, float
     if worth <= least:
         return None
     for damping in (COARSE_DAMPING, DAMPING_RATIO):
-        found, best = _descend(lambda x, damping=damping: left(x, damping), found)
+        found, best = _descended(partial(left, damping), found)
     return np.exp(found), _square(target) - best
 
 
@@ -85,27 +90,24 @@ def _first_look(alone: np.ndarray, target: np.ndarray, joints: int) -> tuple[np.
                      for index in chosen]), squares
 
 
-def _descend(left: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the minimum of |left(x)|^2 near x and its value, by Levenberg and Marquardt."""
-    now, weight = left(x), 1e-2
-    for _ in range(STEPS):
-        slope = np.stack([(left(x + CHANGE * unit) - now) / CHANGE for unit in np.eye(len(x))], 1)
-        gram = slope.T @ slope
-        size = np.diag(np.diag(gram) + 1e-9 * np.trace(gram) + 1e-12)
-        done = True
-        for _ in range(TRIALS):
-            step = np.linalg.solve(gram + weight * size, -slope.T @ now)
-            trial = np.clip(x + np.clip(step, -WIDEST, WIDEST), np.log(2.0 * STIFFEST),
-                            np.log(SOFTEST))
-            after = left(trial)
-            if _square(after) < _square(now):
-                done = _square(now) - _square(after) < 1e-4 * _square(now)
-                x, now, weight = trial, after, max(weight / 10.0, 1e-6)
-                break
-            weight *= 10.0
-        if done:
-            break
-    return x, _square(now)
+def _descended(left: Callable[[np.ndarray], np.ndarray], start: np.ndarray
+               ) -> tuple[np.ndarray, float]:
+    """Return the minimum of |left(x)|^2 near `start` (J,), within what is believed, and its value.
+
+    The box of the first step is `WIDEST`, so that the search stays in the basin where it begins.
+    """
+    lowest, highest = np.log(2.0 * STIFFEST), np.log(SOFTEST)
+    start = np.clip(start, lowest, highest)
+
+    def slopes(change: np.ndarray) -> np.ndarray:
+        here = left(start + change)
+        return np.stack([(left(start + change + CHANGE * unit) - here) / CHANGE
+                         for unit in np.eye(len(start))], axis=1)
+
+    found = least_squares(
+        lambda change: left(start + change), np.zeros_like(start), slopes, method='dogbox',
+        bounds=(lowest - start, highest - start), x_scale=WIDEST, ftol=SETTLED, max_nfev=TRIALS)
+    return start + found.x, 2.0 * float(found.cost)
 
 
 def _square(values: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""The noise of the rows: what is left where everything that follows the motion is taken away."""
+"""The noise of the rows: what is left when everything that follows the motion is removed."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ HALF = 1.0
 
 def whitener_of(observations: Observations, sigma: np.ndarray, library: Mapping[str, Effect],
                 kinds: Kinds, rules: Rules) -> Whitener:
-    """Return the noise model of what neither effects nor unnamed functions explain.
+    """Return the model of the noise that neither effects nor unnamed functions explain.
 
     A poorer model would take what it lacks for noise, and whitening would then hide it. Of steady
     speeds the noise is measured: by the parts of each plateau and by how plateaus of neighbouring
@@ -62,9 +62,9 @@ def whitener_of(observations: Observations, sigma: np.ndarray, library: Mapping[
 
 def quieter(whitener: Whitener, observations: Observations, model: Sequence[Hypothesis], fit: Fit,
             kinds: Kinds) -> Whitener:
-    """Return the noise model with that of what a model leaves, of each joint where it is less.
+    """Return the smaller noise of each joint: that of the noise model, or what a model leaves.
 
-    Causes that hide each other from the first look count as noise there. Beside those found, the
+    Causes that hide each other count as noise at the first look. Once some are found, the
     rest of them shows.
     """
     if observations.steady:

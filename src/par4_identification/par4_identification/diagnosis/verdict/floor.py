@@ -1,4 +1,4 @@
-"""The noise floor: what would be left if the model were perfect."""
+"""The noise floor: the residual that a perfect model would still leave."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
 
 WINDOW = 30
-"""Rows of a stretch of standstill in which torque noise is measured."""
+"""Torque noise is measured in stretches of standstill of so many rows."""
 LEAST_WINDOWS = 3
 LONGEST = 60_000
-"""Samples of a run that tell what encoder counts do; more move the result by a few percent."""
+"""Samples of a run from which the noise of encoder counts is computed. More of them change the
+result by a few percent."""
 
 
 def torque_noise(runs: Sequence[Run]) -> np.ndarray:
     """Return the standard deviation (J,), N m, of the torque noise in the rows.
 
-    The level above the pass band, which motion with jumps of acceleration raises, or, where there
-    are enough dwells and they show more, that of dwells, where little but noise moves the torque. A
-    resting drive creeps and now and then breaks loose: slow parts are taken out of each window and
-    the median window counts.
+    There are two measures, and the larger one counts. The first is the level above the pass band;
+    jumps of the acceleration raise it. The second is the scatter while the machine rests, where
+    little but noise moves the torque; it counts where there are at least `LEAST_WINDOWS` windows of
+    rest. A resting drive creeps, and now and then it breaks loose. A parabola is therefore taken
+    out of each window, and the median over the windows is used.
     """
     floor = np.sqrt(np.mean([run.noise_floor ** 2 for run in runs], axis=0))
     time = np.arange(WINDOW)
@@ -43,9 +45,10 @@ def torque_noise(runs: Sequence[Run]) -> np.ndarray:
 
 
 def encoder_noise(runs: Sequence[Run], machine: Robot | Axis, model: Model) -> np.ndarray:
-    """Return the standard deviation (J,), N m, that the encoder's counts cause in the torque.
+    """Return the standard deviation (J,), N m, of the calculated torque that encoder counts cause.
 
-    The model's torque is calculated again from positions dithered by one count.
+    Positions are known to one count. The torque of the model is calculated twice, from the measured
+    positions and from positions that lie elsewhere within their count; the difference is the noise.
     """
     joints = runs[0].tau.shape[1]
     counts = machine.drives.encoder_counts if isinstance(machine, Robot) else 0

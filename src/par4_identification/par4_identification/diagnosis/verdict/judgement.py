@@ -1,4 +1,4 @@
-"""What each cause found is held against: rivals, twins, and how sure it is."""
+"""How sure each cause is: its margin over rivals, and its twins."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from par4_identification.diagnosis.verdict.pair import Pair, name_of
 
 @dataclass(frozen=True)
 class Judgement:
-    """A named cause against what could stand in its place.
+    """A named cause, compared with everything that could explain the data in its place.
 
     Attributes:
         hypothesis: the cause.
@@ -67,12 +67,13 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
         rival.hypothesis.effect.name for rival in rivals
         if rival.hypothesis is not None and not isinstance(rival.hypothesis.effect, Kind)
         and (rival.fit_margin < search.rules.twin
-             or (rival.hypothesis.effect.retimes and cause.effect.retimes)))
+             or (rival.hypothesis.named.retimes and cause.named.retimes)))
     best = rivals[0]
     gain, _ = search.gains(cause, others)
     p_value = scipy.special.chdtrc(
         search.pool.width(cause) + len(cause.shape), 2.0 * max(gain, 0.0))
-    return Judgement(cause, best.margin, best.hypothesis and name_of(best.hypothesis), twins,
+    rival = None if best.hypothesis is None else name_of(best.hypothesis)
+    return Judgement(cause, best.margin, rival, twins,
                      float(min(1.0, p_value * search.candidates.family)))
 
 
@@ -82,11 +83,11 @@ def doubt_of(search: Search, cause: Hypothesis, model: Model) -> Pair | None:
     found = search.candidates.all_of(project(search.pool.evidence, others),
                                      {item.effect.name for item in others})
     best = max(found, key=lambda item: item.gain, default=None)
-    return best and Pair(cause, best.hypothesis, others, twins=False)
+    return None if best is None else Pair(cause, best.hypothesis, others, twins=False)
 
 
 def unnamed_cause(search: Search, cause: Hypothesis, model: Model) -> UnnamedCause:
-    """Return an unnamed cause of a model in figures."""
+    """Return size, share and margin of an unnamed cause."""
     pool, others = search.pool, others_of(model, cause)
     _, margin = search.gains(cause, others)
     base, here = pool.fit(()), pool.fit(model)

@@ -1,4 +1,4 @@
-"""Backlash by what it leaves: loads that rattle in their gaps after their torque has turned over.
+"""Backlash, told by its residual: loads rattle in their gaps after their torque changes sign.
 
 A load in a gap bounces between the flanks; no column of the motion as it was read gives its torque
 again. What the rows leave over is that of the load's slip against its motor, large for a while
@@ -84,7 +84,7 @@ class _Slip:
 
 
 def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle | None:
-    """Return the joints whose loads rattle in every part of the data, None where none does.
+    """Return the joints whose loads rattle in every part of the data, or None.
 
     None is told of logs whose rows are too slow for bounces.
 

@@ -194,8 +194,13 @@ def source_of_order(order: float, machine: Robot | Axis) -> str | None:
 
 def _stands_out(parameter: Parameter) -> bool:
     """Return whether a value, or one of the joints' values, is more than what chance makes."""
-    return parameter.std is None or bool(np.any(
-        np.abs(parameter.value) > STANDS_OUT * np.asarray(parameter.std)))
+    return parameter.std is None or bool(np.any(told_from_zero(
+        np.asarray(parameter.value, dtype=float), np.asarray(parameter.std, dtype=float))))
+
+
+def told_from_zero(values: np.ndarray, stds: np.ndarray) -> np.ndarray:
+    """Return which values (...) are farther from zero than their standard deviations explain."""
+    return np.abs(values) > STANDS_OUT * stds
 
 
 def _phrase_of_joints(cause: Cause, machine: Robot | Axis) -> str:

@@ -20,9 +20,10 @@ from pathlib import Path
 import lz4.frame
 from backports import zstd
 
+from par4_identification.logs.bag_files import STORAGE_SUFFIXES, ZSTD_SUFFIX, storage_files
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
-from par4_sim.bag import STORAGE_SUFFIXES, ZSTD_SUFFIX, BagWriter, storage_files
+from par4_sim.bag_writer import BagWriter
 
 _MCAP_MAGIC = b'\x89MCAP0\r\n'
 _SQLITE_MAGIC = b'SQLite format 3\0'

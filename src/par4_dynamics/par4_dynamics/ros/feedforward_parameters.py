@@ -1,0 +1,22 @@
+"""What the node `par4_feedforward` does and can be told: its help, apart from its work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from par4_kinematics.ros.parameters import NodeParameters, parameter
+
+
+@dataclass(frozen=True)
+class FeedforwardParameters(NodeParameters):
+    """Sends every reference back with the torque the model needs for it.
+
+    A reference beyond the limits of robot.yaml, or that takes more torque than the drives have, is
+    refused.
+    """
+
+    NAME: ClassVar[str] = 'par4_feedforward'
+
+    robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
+    model_file: str = parameter('table1', 'model.yaml: a path or a built-in name')

@@ -1,0 +1,73 @@
+"""par4_bag: a bag in the contract's format from CSV, numpy or MATLAB logs of any machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+
+from par4_identification.logs.table_bag import (
+    Part,
+    Scales,
+    chosen_columns,
+    measured_of_files,
+    write_measured,
+)
+from par4_kinematics.errors import InputError
+from par4_kinematics.geometry import LEGS
+from par4_kinematics.robot import JOINT_NAMES, Axis, Robot, read_machine
+
+
+def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | None,
+             joints: str | None, array: str | None, rate: float | None,
+             counts_per_turn: tuple[float, ...], motor_gain: tuple[float, ...],
+             between: tuple[float, float] | None, unwrap: bool, storage: str) -> None:
+    """Make a bag of FILES: CSV, .npz or .mat, parts of one recording in order.
+
+    Says what it read and what looks wrong; the other tools then read the bag.
+    """
+    choices = chosen_columns(columns)
+    machine = None if robot is None else read_machine(robot)
+    names = joint_names(machine, joints, len(choices['position'].columns))
+    if output.exists():
+        raise InputError(f'{output}: exists already; give another path or remove it')
+    start, end = between or (-float('inf'), float('inf'))
+    with Console(stderr=True).status('reading the files') as status:
+        measured = measured_of_files(files, choices, Scales(counts_per_turn, motor_gain),
+                                     Part(array, rate, start, end, unwrap))
+        kind = machine.kind if isinstance(machine, Axis) else 'revolute'
+        if machine is not None and measured.kind != kind:
+            raise InputError(f'position in {choices["position"].unit}: {robot} has {kind} joints; '
+                             f'mend --columns or the robot file')
+        counts = write_measured(measured, names, output, storage, lambda share: status.update(
+            f'writing {output}: {share:.0%}'))
+    console = Console(highlight=False)
+    for line in measured.account():
+        console.print(line, soft_wrap=True, markup=False)
+    for finding in measured.findings():
+        console.print(f'look at this: {finding}', soft_wrap=True, markup=False)
+    console.print(f'{output}: ' + ', '.join(f'{topic} {count}' for topic, count in counts.items())
+                  + f' of {", ".join(names)}', soft_wrap=True, markup=False)
+
+
+def joint_names(machine: Robot | Axis | None, joints: str | None, count: int) -> tuple[str, ...]:
+    """Return the names of `count` joints.
+
+    Raises:
+        InputError: both or neither given, or names of another number of joints.
+    """
+    if machine is not None and joints is not None:
+        raise InputError('--joints and --robot both name the joints; give one of them')
+    if machine is not None:
+        names, source = machine.joint_names, '--robot'
+    elif joints is not None:
+        names, source = tuple(name.strip() for name in joints.split(',')), '--joints'
+    elif count == LEGS:
+        names, source = JOINT_NAMES, 'a Par4'
+    else:
+        raise InputError(f'no names for {count} columns of positions: name the joints by --joints '
+                         f'as in the robot.yaml, or give --robot')
+    if len(names) != count or len(set(names)) < count or not all(names):
+        raise InputError(f'{source}: {len(names)} joints ({", ".join(names)}), the positions have '
+                         f'{count} columns; give one column a joint, each with its own name')
+    return names

@@ -1,0 +1,109 @@
+"""par4_trend: base parameters and effects of dated bags over time, and when they changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import Progress
+
+from par4_dynamics.model import build_model
+from par4_dynamics.model_file import ModelFile, read_model_file
+from par4_identification.jobs.identify import distinct_bags
+from par4_identification.reports.outcome.trend import lines_of_refused, outcome_of_life, trend_json
+from par4_identification.trend.bag_values import BagValues, outcome_of_bag
+from par4_identification.trend.kept import Kept
+from par4_identification.trend.life import life_of
+from par4_identification.trend.tasks import results_of
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import Axis, Robot, read_machine
+from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.results import origin, refuse_unwritable, write_results
+
+
+def trend_of_bags(bags: tuple[str, ...], robot: str, output: Path, scheduler: str | None,
+                  model: str | None, namespace: str | None) -> None:
+    """Follow a machine over its life through dated bags."""
+    machine = read_machine(robot)
+    model_file = None if model is None else read_model_file(model)
+    if model_file is not None:
+        build_model(machine, model_file)  # refuses a model of another machine before any long work
+    refuse_unwritable(output)
+    results = _results([str(Path(bag).absolute()) for bag in distinct_bags(bags)], machine,
+                       model_file, namespace, output, scheduler)
+    named = dict(zip(results, bags))
+    told = [BagValues.from_json(result, named[bag]) for bag, result in results.items()
+            if 'error' not in result]
+    refused = {named[bag]: result['error'].replace(bag, named[bag])
+               for bag, result in results.items() if 'error' in result}
+    refused |= _same_dates(told)
+    told = [item for item in told if item.bag not in refused]
+    if not told:
+        raise InputError(f'none of {len(bags)} bags can be used; the first: '
+                         f'{next(iter(refused.values()))}')
+    life = life_of(told)
+    outcome = outcome_of_life(life, refused, machine)
+    outcome = Outcome(outcome.sentence, outcome.standing,
+                      (*outcome.remarks, *_setup_remarks(told)))
+    provenance = origin('par4_trend', machine, {
+        'bags': len(bags), 'model': model, 'namespace': namespace})
+    # the plot library is slow to load, and some homes make it talk on stderr
+    from par4_identification.reports.trend_report import report_of_life
+    write_results(output, {
+        'trend.json': trend_json(life, refused, machine, outcome.sentence),
+        'report.html': report_of_life(life, outcome, refused, machine, provenance)})
+    console = Console(highlight=False)
+    for line in (*lines_of_refused(refused), outcome.sentence,
+                 f'results and report: {output}'):
+        console.print(line, soft_wrap=not console.is_terminal, markup=False)
+
+
+def _results(bags: Sequence[str], machine: Robot | Axis, model_file: ModelFile | None,
+             namespace: str | None, output: Path, scheduler: str | None
+             ) -> dict[str, Mapping[str, Any]]:
+    """Return what each bag says or why it says nothing, in the order given."""
+    kept = Kept(output, machine, model_file, namespace)
+    found: dict[str, Mapping[str, Any]] = {}
+    keys: dict[str, str] = {}
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        bar = progress.add_task('bags', total=len(bags))
+        for bag in bags:
+            try:
+                keys[bag] = kept.key(bag)
+            except OSError as error:
+                found[bag] = {'error': f'{bag}: {error.strerror or error}; check the path'}
+            else:
+                known = kept.read(keys[bag])
+                if known is not None:
+                    found[bag] = known
+            if bag in found:
+                progress.advance(bar)
+        work = partial(outcome_of_bag, machine=machine, model_file=model_file, namespace=namespace)
+        for bag, result in results_of(work, [bag for bag in bags if bag not in found], scheduler):
+            if 'error' not in result:
+                kept.write(keys[bag], result)
+            found[bag] = result
+            progress.advance(bar)
+    return {bag: found[bag] for bag in bags}
+
+
+def _same_dates(bags: Sequence[BagValues]) -> dict[str, str]:
+    """Return bags that begin when another one does: a copy would count twice."""
+    first: dict[int, str] = {}
+    again = {}
+    for item in bags:
+        if item.stamp in first:
+            again[item.bag] = (f'{item.bag}: begins at the same time as {first[item.stamp]}; give '
+                               f'every recording once')
+        first.setdefault(item.stamp, item.bag)
+    return again
+
+
+def _setup_remarks(bags: Sequence[BagValues]) -> list[Remark]:
+    """Return what was wrong with the setup of bags and was mended."""
+    return [Remark(False, f'{item.bag}: {item.findings[0]}. It was mended.',
+                   'Run par4_identify on such a bag: it says what to do.')
+            for item in bags if item.findings]

@@ -1,0 +1,54 @@
+"""Measured and calculated torque at every sample of a log, for the traces of a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from par4_dynamics.model import Model
+from par4_identification.logs.log import Log
+from par4_identification.reports.plots import Names
+from par4_identification.signals.rows import Run
+from par4_sim.report.drawing import CALCULATED, MEASURED
+from par4_sim.report.traces import Trace, Traces, shown_part, traces_of
+
+
+def torque_traces(run: Run, logs: Sequence[Log], model: Model, residual: np.ndarray, names: Names
+                  ) -> Traces:
+    """Return the torque of a run as it was recorded, unfiltered, and as a model calculates it.
+
+    Of a long run the part is taken in which the residual is largest.
+
+    Args:
+        run: of one of the logs.
+        logs: that were read.
+        model: calculates the torque.
+        residual: of the run's rows, (m, J).
+        names: labels.
+    """
+    log = next(log for log in logs if log.name == run.name)
+    state = run.state
+    size = np.interp(state.t, run.t, np.linalg.norm(np.where(run.valid, residual, 0.0), axis=1))
+    part = shown_part(state.t, size, 2 * len(names.joints))
+    shown = state.part(part)
+    first = int(np.searchsorted(log.t, shown.t[0] - 0.5 * log.period))
+    return traces_of(
+        shown.t, [Trace('measured', MEASURED, log.tau[first:first + len(shown.t)]),
+                  Trace('calculated', CALCULATED, model.torque(shown))],
+        names.joints, f'{names.torque}, {names.torque_unit}')
+
+
+def loaded(model: Model, mass: float) -> Model:
+    """Return the model of the machine with a known mass, kg, at the tool."""
+    if not mass:
+        return model
+    half = model.values['platform_mass_1'] + mass
+    return replace(model, values={**model.values, 'platform_mass_1': half})
+
+
+def worst_run(runs: Sequence[Run], residuals: Sequence[np.ndarray]) -> int:
+    """Return which run has the largest mean square of its valid residuals (m, J)."""
+    return int(np.argmax([np.sum(np.where(run.valid, part, 0.0) ** 2) / max(run.valid.sum(), 1)
+                          for run, part in zip(runs, residuals, strict=True)]))

@@ -1,0 +1,26 @@
+"""What the node `par4_record` does and can be told: its help, apart from its work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from par4_kinematics.ros.parameters import NodeParameters, parameter
+from par4_sim.choices import STORAGES
+
+
+@dataclass(frozen=True)
+class RecordParameters(NodeParameters):
+    """Records joint_states, amplifier_voltage, reference and feedforward_torque from its start.
+
+    ~/stop completes the bag, ~/start begins the next (OUTPUT_2 and so on). Publishers number
+    their messages: a missing number is a lost message and is counted, for each publisher.
+    `par4_record --repair BAG [--output OUT]` mends a bag that was cut off.
+    """
+
+    NAME: ClassVar[str] = 'par4_record'
+
+    output: str = parameter('recording', 'bag to write; it must not exist')
+    duration: float = parameter(0.0, 's from the first message, on the ROS clock; 0 = until '
+                                     'stopped', 0.0)
+    storage: str = parameter('mcap', 'of the bag', choices=STORAGES)

@@ -1,0 +1,25 @@
+"""What the node `par4_motion` does and can be told: its help, apart from its work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from par4_kinematics.ros.parameters import NodeParameters, parameter
+
+
+@dataclass(frozen=True)
+class MotionParameters(NodeParameters):
+    """Plays a motion as `reference`: waits for clock, robot and a listener, sends, ends.
+
+    Points go out a second ahead of the clock. If the robot stands elsewhere than the motion
+    begins, a slow move takes it there first. A signal or ~/stop brakes on the path of the motion
+    and ends.
+    """
+
+    NAME: ClassVar[str] = 'par4_motion'
+
+    robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
+    motion: str = parameter('excitation', 'excitation, adept, circle or the path of a motion.yaml')
+    duration: float = parameter(0.0, 's, of a named motion; 0 = its own', 0.0)
+    seed: int = parameter(0, 'of an excitation', 0)

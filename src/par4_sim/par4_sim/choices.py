@@ -1,0 +1,26 @@
+"""What the options of commands and nodes offer, by name, and their defaults.
+
+It stands apart from what does the work, so that `--help` loads nothing but this.
+"""
+
+from __future__ import annotations
+
+FIDELITIES: tuple[str, ...] = ('accurate', 'fast', 'exact')
+"""Simulated machines: `plant.py` says what they have in common."""
+STORAGES = ('mcap', 'sqlite3')
+"""Formats of bags."""
+LAWS = ('loops', 'computed_torque', 'predictive', 'torque')
+"""Laws of the drives."""
+LEARNING = 'learning'
+CONTROLLERS = (*LAWS, LEARNING)
+"""What `par4_track` compares: the laws, and the loops with feedforward that learns."""
+NO_FEEDFORWARD = 'none'
+BAND = 0.5e-3
+"""Half width of the limit band, m."""
+CYCLES = 10
+"""How often a learning controller does the motion."""
+OWN, TIME_OPTIMAL = 'own', 'time_optimal'
+TIMINGS = {OWN: 'own timing', TIME_OPTIMAL: 'time-optimal'}
+"""How a path is timed, in words: as the motion that was given, or as time-optimal motion."""
+PEAK = 0.5e-3
+"""Limit of the peak error of D, m."""

@@ -1,0 +1,69 @@
+"""par4_fastest: the shortest time of a path within torque and a peak error."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from par4_kinematics.motion_file import write_motion
+from par4_sim.choices import OWN, TIME_OPTIMAL
+from par4_sim.jobs.comparison import read_asked
+from par4_sim.plant import STEP
+from par4_sim.report.results import origin, write_results
+from par4_sim.tracking.fastest import fastest_cases
+
+
+def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | None,
+            joint_jerk: float | None, **options: Any) -> None:
+    """Find how fast a simulated machine can do MOTION (adept, circle, a motion.yaml)."""
+    asked = read_asked(**options)
+    robot, played = asked.robot, asked.motion
+    with Console(stderr=True).status('looking for the bound') as status:
+        from par4_sim.tracking.fastest_outcome import (
+            HEADINGS,
+            NAMES,
+            best_of,
+            fastest_json,
+            outcome_of_fastest,
+            rows_of_fastest,
+        )
+        from par4_sim.tracking.fastest_report import report_of_fastest
+        from par4_sim.tracking.time_optimal import (  # toppra is slow to load
+            PathLimits,
+            fastest_along,
+            motion_of,
+        )
+        limits = PathLimits(asked.machine.torque_limit or robot.drives.torque_limit,
+                            joint_acceleration or math.inf, joint_jerk or math.inf)
+        bound = fastest_along(robot, asked.machine, played, limits)
+        motions = {OWN: played, TIME_OPTIMAL: motion_of(
+            bound, robot, f'{played.name}, time-optimal', STEP)}
+        plans = {name: asked.plan(motions[name]) for name in timing}
+        found = fastest_cases(plans, asked.controllers, asked.models, bound.bound, 1e-3 * peak,
+                              limits.acceleration, limits.jerk, status.update)
+        status.update('drawing the report')
+        outcome = outcome_of_fastest(found, bound, played, robot, limits, 1e-3 * peak)
+        provenance = origin('par4_fastest', robot, {
+            **asked.options, 'timing': list(timing), 'peak_mm': peak,
+            'joint_acceleration': joint_acceleration, 'joint_jerk': joint_jerk})
+        write_results(asked.output, {
+            'fastest.json': fastest_json(found, bound, played, robot, limits, 1e-3 * peak,
+                                         provenance),
+            'report.html': report_of_fastest(found, bound, outcome, played, robot, provenance)})
+        best = best_of(found)
+        if best is not None:
+            write_motion(asked.output / 'fastest.yaml', best.case.run.motion)
+    console = Console(highlight=False)
+    table = Table(box=None, header_style='', pad_edge=False)
+    for name in NAMES:
+        table.add_column(name, no_wrap=True)
+    for heading in HEADINGS:
+        table.add_column(heading, justify='right', min_width=7)
+    for names, cells in rows_of_fastest(found, bound):
+        table.add_row(*names, *cells)
+    console.print(table)
+    for text in (outcome.sentence, f'results and report: {asked.output}'):
+        console.print(text, soft_wrap=True, markup=False)

@@ -1,0 +1,40 @@
+"""par4_simulate: a motion of a simulated Par4 into a bag, without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+from par4_dynamics.model import read_model
+from par4_kinematics.motion_file import named_motion
+from par4_kinematics.robot import read_robot
+from par4_sim.offline import SECOND, simulate_to_bag
+from par4_sim.simulation import build_simulation
+
+
+def simulated(motion: str, robot: str, model: str, output: Path, fidelity: str,
+             feedforward: str | None, duration: float | None, motion_seed: int, seed: int,
+             torque_noise: float, noise_time: float, position_noise: float, stamp_jitter: float,
+             rate: float, date: datetime | None, storage: str,
+             progress: Callable[[float], object]) -> str:
+    """Simulate a motion into a bag and return what was done, in a line."""
+    machine = read_robot(robot)
+    truth = read_model(model, machine)
+    helping = None if feedforward is None else read_model(feedforward, machine)
+    played = named_motion(motion, machine, duration, motion_seed)
+    simulation = build_simulation(
+        machine, truth, fidelity, 1.0 / rate, seed, torque_noise=torque_noise,
+        correlation_time=noise_time, position_noise=position_noise, stamp_jitter=stamp_jitter)
+    counts = simulate_to_bag(simulation, played, machine, output, helping, storage, progress,
+                             0 if date is None else nanoseconds(date))
+    if feedforward is None:
+        counts.pop('missing_effort')
+    troubles = ', '.join(f'{name} {count}' for name, count in counts.items() if count)
+    return (f'{output}: {played.duration:.1f} s of {played.name} on {machine.name} '
+            f'({fidelity}){"; " + troubles if troubles else ""}')
+
+
+def nanoseconds(date: datetime) -> int:
+    """Return the stamp, ns since 1970, of a date in UTC."""
+    return round(date.replace(tzinfo=UTC).timestamp()) * SECOND

@@ -1,0 +1,53 @@
+"""What the node `par4_simulation` does and can be told: its help, apart from its work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from par4_kinematics.ros.parameters import NodeParameters, parameter
+from par4_sim.choices import FIDELITIES
+from par4_sim.plant import STEP
+
+LAW_OF_MODE = {'position': 'loops', 'torque': 'torque'}
+"""The law of the drives by `drive_mode`."""
+
+
+@dataclass(frozen=True)
+class SimulationParameters(NodeParameters):
+    """Simulates Par4 with its drives: reference and feedforward_torque -> joint_states and clock.
+
+    The physics runs in the main thread, callbacks in another. ~/reset puts the machine at rest at
+    home, ~/reload_model too; the clock goes on. A reference beyond the limits of robot.yaml is
+    refused; one that ends in motion is braked.
+    """
+
+    NAME: ClassVar[str] = 'par4_simulation'
+
+    robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
+    model_file: str = parameter('table1_full', 'the machine as it truly is, model.yaml: a '
+                                               'path or a built-in name')
+    fidelity: str = parameter('fast', 'how exactly the mechanism is simulated', choices=FIDELITIES)
+    physics_step: float = parameter(
+        STEP, 'of the physics and the drives, s; larger is faster and less exact', 1e-5, 1e-3)
+    drive_mode: str = parameter(
+        'position', 'position: the loops of the drives follow the reference, feedforward helps '
+                    'them; torque: feedforward_torque is the command, the loops take over where '
+                    'it is missing', choices=tuple(LAW_OF_MODE))
+    publish_rate_hz: float = parameter(1000.0, 'samples a second of simulated time, Hz', 1.0, 1e4)
+    real_time_factor: float = parameter(1.0, 'simulated seconds a second; 0 = as fast as it can',
+                                        0.0)
+    seed: int = parameter(0, 'of the measurement noise', 0)
+    torque_noise: float = parameter(0.0, 'noise of the recorded torque, N m rms', 0.0)
+    noise_correlation_time: float = parameter(
+        0.0, 'of the noise of the recorded torque, s; 0 = white', 0.0)
+    position_noise: float = parameter(0.0, 'noise of the recorded positions, rad rms', 0.0)
+    stamp_jitter: float = parameter(
+        0.0, 'error of the stamps, s rms; the values belong to the even times', 0.0)
+    publish_clock: bool = parameter(True, 'publish simulated time on /clock')
+    window: bool = parameter(False, 'show the robot in a window; needs a screen')
+    feedforward_timeout: float = parameter(
+        0.0, 'longest wait (s of wall time) for the torque of a reference that starts', 0.0)
+    following_error_limit: float = parameter(
+        0.25, 'distance of a joint from its reference, rad, beyond which the drives brake and ask '
+              'for ~/reset; 0 = none', 0.0)
