@@ -10,8 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from changed import KINDS, Change, Changed, changed_machine, drawn_machine
+from changed import (
+    KINDS,
+    Change,
+    Changed,
+    changed_machine,
+    drawn_machine,
+    torque_beside_axis,
+)
 from hidden.machines import known_machine
+from hidden.physics import Torques
 
 from par4_dynamics.base_terms import BASE_TERMS
 from par4_dynamics.model import build_model
@@ -36,6 +44,7 @@ from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.fitting.identification import identify
 from par4_identification.reports.outcome.changes import name_of_reading, phrase_of_reading
 from par4_identification.signals.rows import runs_of_log
+from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.robot import Axis
 from par4_sim.noise import Noise
 from robots import REFERENCE
@@ -206,3 +215,31 @@ def test_drawn_machines_are_changed_as_said():
     assert [item.kind for item in drawn.changes] == ['gain of one', 'payload 2']
     mass = drawn.after.bodies.platform_mass_2 - drawn.before.bodies.platform_mass_2
     assert mass == pytest.approx(drawn.changes[1].size)
+
+
+def test_a_payload_beside_the_axis_is_that_on_it_and_an_inertia():
+    # two halves on either side of the tool's axis balance: mass at D and m r^2 about the tool
+    machine, mass, radius = known_machine('reference').machine, 0.6, 0.02
+    motion, bodies = excitation_motion(REFERENCE, 3.0, 4), machine.bodies
+    ratio = REFERENCE.geometry.rotation_amplification
+    loaded = replace(machine, bodies=replace(
+        bodies, platform_mass_1=bodies.platform_mass_1 + mass,
+        theta_inertia=bodies.theta_inertia + mass * (ratio * radius) ** 2))
+    torques = Torques(motion.t, motion.q)
+    expected = torques.recorded(loaded) - torques.recorded(machine)
+    both = sum(torque_beside_axis(REFERENCE, motion, 0.5 * mass, side * radius)
+               for side in (-1.0, 1.0))
+    inner = slice(5, -5)
+    assert both[inner] == pytest.approx(expected[inner], abs=2e-3 * np.abs(expected).max())
+    one = torque_beside_axis(REFERENCE, motion, mass, radius)
+    assert np.abs(one - both).max() > 0.05 * np.abs(expected).max()
+
+
+def test_company_of_a_change_is_in_the_machines_that_it_should_be_in():
+    drawn = {company: drawn_machine(5, ('payload 2',), company, 'base_tilt')
+             for company in (None, 'new', 'old', 'known')}
+    down = drawn[None].before.gravity
+    for company, case in drawn.items():
+        assert case.changes == drawn[None].changes
+        assert np.array_equal(case.before.gravity, down) == (company in (None, 'new'))
+        assert np.array_equal(case.after.gravity, down) == (company is None)
