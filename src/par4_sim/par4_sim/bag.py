@@ -482,7 +482,7 @@ def _refuse_incomplete(path: Path) -> None:
 
 def _cut_off(path: Path, reason: str) -> InputError:
     return InputError(f'{path}: the bag is cut off or damaged ({reason}); run par4_record --repair '
-                      f'{path}')
+                      f'{path}, unless it is still being recorded')
 
 
 def storage_files(path: Path) -> list[Path]:

@@ -125,7 +125,9 @@ def _is_slight(life: Life, part: Happening) -> bool:
 def outcome_of_life(life: Life, refused: Mapping[str, str], machine: Robot | Axis) -> Outcome:
     """Return what changed when, in one sentence, and all of it below."""
     count = len(life.bags)
-    span = f'{count} bag{"s" if count > 1 else ""} from {day(life, 0)} to {day(life, -1)}'
+    first, last = day(life, 0), day(life, -1)
+    dates = f'of {first}' if first == last else f'from {first} to {last}'
+    span = f'{count} bag{"s" if count > 1 else ""} {dates}'
     clauses = [sentence_of_event(life, event, machine) for event in life.events]
     clauses = [clause for clause in clauses if clause]
     if not clauses:
@@ -134,7 +136,8 @@ def outcome_of_life(life: Life, refused: Mapping[str, str], machine: Robot | Axi
             odd) else ''
         sentence = (f'Nothing changed for good over {span} beyond what chance and the seasons '
                     f'do{alone}.' if len(life.bags) >= FEWEST else
-                    f'{_capital(span)} say nothing of a change; give at least {FEWEST}.')
+                    f'{_capital(span)} {"say" if count > 1 else "says"} nothing of a change; '
+                    f'give at least {FEWEST}.')
     elif len(clauses) <= TOLD:
         sentence = f'{_capital("; ".join(clauses))}.'
     else:
