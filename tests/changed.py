@@ -131,7 +131,7 @@ def torque_beside_axis(robot: Robot, motion: Motion, mass: float, radius: float)
     turned, period = ratio * motion.x[:, 3], float(motion.t[1] - motion.t[0])
     arm = radius * np.stack((np.cos(turned), np.sin(turned), np.zeros(len(turned))), axis=1)
     carried = rate(rate(motion.x[:, :3] + arm, period), period) + (0.0, 0.0, GRAVITY)
-    pose_rates = jacobian(robot.geometry, motion.x, motion.q)
+    pose_rates = jacobian(robot.geometry, motion.x)
     turn = ratio * np.stack((-arm[:, 1], arm[:, 0], np.zeros(len(turned))), axis=1)
     point_rates = pose_rates[:, :3] + turn[:, :, None] * pose_rates[:, 3:]
     return mass * np.einsum('nkj,nk->nj', point_rates, carried)

@@ -220,7 +220,7 @@ def test_drawn_machines_are_changed_as_said():
 def test_a_payload_beside_the_axis_is_that_on_it_and_an_inertia():
     # two halves on either side of the tool's axis balance: mass at D and m r^2 about the tool
     machine, mass, radius = known_machine('reference').machine, 0.6, 0.02
-    motion, bodies = excitation_motion(REFERENCE, 3.0, 4), machine.bodies
+    motion, bodies = excitation_motion(REFERENCE, 4.0, 4), machine.bodies
     ratio = REFERENCE.geometry.rotation_amplification
     loaded = replace(machine, bodies=replace(
         bodies, platform_mass_1=bodies.platform_mass_1 + mass,

@@ -143,10 +143,8 @@ def outcome_of_life(life: Life, refused: Mapping[str, str], machine: Robot | Axi
     else:
         sentence = (f'{len(clauses)} changes over {span}; the last ones: '
                     f'{"; ".join(clauses[-2:])}.')
-    remarks = [Remark(False, f'{place}. {_capital(clause)}.')
-               for place, clause in enumerate(clauses, start=1)]
-    remarks.append(Remark(True, f'Read from {span}. Where nothing changes, one false alarm in '
-                                f'{1.0 / life.chance:.0f} bags is to be expected at most.'))
+    remarks = [Remark(True, f'Read from {span}. Where nothing changes, one false alarm in '
+                            f'{1.0 / life.chance:.0f} bags is to be expected at most.')]
     for index in sorted({index for index, _ in life.odd}):
         names = listed([name_of_channel(life.channels[channel], machine)
                         for own, channel in life.odd if own == index][:3])
