@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -56,13 +56,13 @@ class Panel:
         title: what they are.
         unit: of the ordinate.
         lines: the series.
-        events: numbers of the events that they take part in.
+        events: number of each event that they take part in -> the bag at which they do.
     """
 
     title: str
     unit: str
     lines: tuple[Line, ...]
-    events: frozenset[int]
+    events: Mapping[int, int]
 
 
 def life(dates: np.ndarray, panels: Sequence[Panel], events: Sequence[np.datetime64]) -> str:
@@ -81,6 +81,7 @@ def life(dates: np.ndarray, panels: Sequence[Panel], events: Sequence[np.datetim
             _series(axis, dates, panel)
             for number, date in enumerate(events, start=1):
                 own = number in panel.events
+                date = dates[panel.events[number]] if own else date
                 axis.axvline(date, color=INK if own else IDLE, linewidth=0.9 if own else 0.7,
                              linestyle='--' if own else ':', zorder=0)
                 if own:

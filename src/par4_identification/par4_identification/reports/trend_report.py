@@ -90,8 +90,11 @@ def _panel(life: Life, name: str, own: bool, members: Sequence[int], machine: Ro
     elif factor:
         title += ', all joints' + (', without the wave of the seasons' if yearly else '')
     unit = 'change, %' if percent else typeset(unit_on(machine, life.channels[members[0]].unit))
-    events = frozenset(place for place, event in enumerate(life.events, start=1)
-                       if any(part.channel in members for part in event.happenings))
+    events: dict[int, int] = {}
+    for place, event in enumerate(life.events, start=1):
+        for part in event.happenings:  # strongest first
+            if part.channel in members:
+                events.setdefault(place, part.item.index)
     return Panel(title[:1].upper() + title[1:], unit, tuple(lines), events)
 
 

@@ -50,20 +50,20 @@ def name_of_channel(channel: Channel, machine: Robot | Axis) -> str:
 def sentence_of_event(life: Life, event: Event, machine: Robot | Axis) -> str:
     """Return what happened when, a clause."""
     when = day(life, event.index)
-    parts = []
+    parts: list[tuple[int, str]] = []
     if event.read:
         phrases = listed([phrase_of_reading(item.reading, item.size, machine)
                           for item in event.read])
-        parts.append(f'on {when} {phrases}')
+        parts.append((event.index, f'on {when} {phrases}'))
     elif not event.is_drift:
         steps = [part for part in event.happenings if part.is_step]
-        parts.append(f'on {when} ' + listed([_step_phrase(life, part, machine)
-                                             for part in steps[:3]]))
+        parts.append((event.index, f'on {when} ' + listed([_step_phrase(life, part, machine)
+                                                           for part in steps[:3]])))
     for part in event.happenings:
         drift = _drift_phrase(life, part, machine)
         if drift and (event.is_drift or not parts or not _is_slight(life, part)):
-            parts.append(drift)
-    return '; '.join(parts)
+            parts.append((part.item.index, drift))
+    return '; '.join(phrase for _, phrase in sorted(parts, key=lambda part: part[0]))
 
 
 def _level(life: Life, part: Happening, index: int) -> float:
@@ -95,7 +95,9 @@ def _drift_phrase(life: Life, part: Happening, machine: Robot | Axis) -> str:
             f'{name} ceased to {"rise" if before > 0.0 else "fall"} on {when}')
     began = abs(before) < max(4.0 * std, 0.05 * abs(after))
     verb = 'rise' if after > 0.0 else 'fall'
-    start = _level(life, part, part.item.index)
+    # a drift that began between two bags is as large as it is against the bag before
+    between = part.item.kind == 'both' and not part.is_step
+    start = _level(life, part, max(part.item.index - between, 0))
     end = _level(life, part, part.until)
     if abs(end - start) <= 3.0 * std * (life.t[part.until] - life.t[part.item.index]):
         return ''
