@@ -150,6 +150,33 @@ def test_what_follows_no_reading_is_left():
     assert not explanation.is_complete
 
 
+def test_of_readings_that_explain_the_same_those_are_told_that_undo_nothing():
+    # friction of a joint by a factor and less Coulomb friction would be the same change
+    values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
+    before = Parameters(NAMES, values, np.zeros((4, 6)))
+    made = {Added(1, 'coulomb_friction'): -0.9, Added(1, 'viscous_friction'): 0.7}
+    explanation = explained(
+        readings_of(BASE_TERMS, 4), before, applied(list(made), list(made.values()), before),
+        np.diag(np.tile((1e-3 * values[0]) ** 2, 4)))
+    assert {item.reading: pytest.approx(item.size) for item in explanation.read} == made
+
+
+def test_where_no_list_explains_all_only_what_explains_nearly_all_is_told():
+    random = np.random.default_rng(6)
+    values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
+    covariance = np.diag(np.tile((1e-4 * values[0]) ** 2, 4))
+    before = Parameters(NAMES, values, np.zeros((4, 6)))
+    strange = values * (1.0 + 0.1 * random.uniform(-1.0, 1.0, values.shape))
+    loaded = applied([Added(None, 'platform_mass_1')], [0.8],
+                     Parameters(NAMES, strange, np.zeros((4, 6))))
+    explanation = explained(readings_of(BASE_TERMS, 4), before, loaded, covariance)
+    assert [item.reading for item in explanation.read] == [Added(None, 'platform_mass_1')]
+    assert not explanation.is_complete
+    explanation = explained(readings_of(BASE_TERMS, 4), before, strange, covariance)
+    assert explanation.read == ()
+    assert not explanation.is_complete
+
+
 def test_a_motion_that_tells_no_halves_apart_names_both():
     values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
     covariance = np.diag(np.tile((1e-3 * values[0]) ** 2, 4))
