@@ -161,7 +161,7 @@ def test_of_readings_that_explain_the_same_those_are_told_that_undo_nothing():
     assert {item.reading: pytest.approx(item.size) for item in explanation.read} == made
 
 
-def test_where_no_list_explains_all_only_what_explains_nearly_all_is_told():
+def test_where_something_is_left_only_what_explains_nearly_all_is_told():
     random = np.random.default_rng(6)
     values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
     covariance = np.diag(np.tile((1e-4 * values[0]) ** 2, 4))

@@ -19,8 +19,8 @@ READING_ERROR = 0.01
 """Share (rms) by which what a reading does may differ from what really happened: a payload is no
 point, a joint that warms does not change its friction by exactly one factor."""
 MAIN = 0.9
-"""Share of the squares of a change that readings must explain to be told where `MOST` of them do
-not explain it all."""
+"""Share of the squares of a change that readings must explain to be told where more than chance is
+left."""
 EQUAL = 0.01
 """Squares within which sets explain the same; told is the one whose readings undo least of each
 other: friction of a joint by a factor and less Coulomb friction is but more viscous friction."""
@@ -173,8 +173,8 @@ def explained(readings: Sequence[Reading], before: Parameters, after: np.ndarray
 def _fewest(difference: _Difference) -> _Fit:
     """Return the smallest set of readings beside which no other is worth taking.
 
-    Where `MOST` are not enough, everything has changed: only those that explain nearly all of it
-    are told, if there are such.
+    Where they leave more than chance, something has happened that no reading is: only those that
+    explain nearly all of the change are told, if there are such, for the others may imitate it.
     """
     count = len(difference.readings)
     best_of_size = []
@@ -189,11 +189,11 @@ def _fewest(difference: _Difference) -> _Fit:
         needed = float(scipy.stats.chi2.isf(CHANCE / count, 1)) + wrong
         if best.squares - kept[0].squares <= needed:
             # one more may be worth nothing by itself and two much: only while chance is left
-            return best
+            break
         best = min((fit for fit in fits if fit.squares < fits[0].squares + EQUAL),
                    key=difference.way)
         best_of_size.append(best)
-    if len(best.chosen) < MOST or _left_p(difference, best) > CHANCE:
+    if _left_p(difference, best) > CHANCE:
         return best
     main = (1.0 - MAIN) * difference.none.squares
     return next((fit for fit in best_of_size if fit.squares < main), difference.none)
