@@ -10,8 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from changed import KINDS, Change, Changed, changed_machine, drawn_machine
+from changed import (
+    KINDS,
+    Change,
+    Changed,
+    changed_machine,
+    drawn_machine,
+    torque_beside_axis,
+)
 from hidden.machines import known_machine
+from hidden.physics import Torques
 
 from par4_dynamics.base_terms import BASE_TERMS
 from par4_dynamics.model import build_model
@@ -36,6 +44,7 @@ from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.fitting.identification import identify
 from par4_identification.reports.outcome.changes import name_of_reading, phrase_of_reading
 from par4_identification.signals.rows import runs_of_log
+from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.robot import Axis
 from par4_sim.noise import Noise
 from robots import REFERENCE
@@ -141,6 +150,33 @@ def test_what_follows_no_reading_is_left():
     assert not explanation.is_complete
 
 
+def test_of_readings_that_explain_the_same_those_are_told_that_undo_nothing():
+    # friction of a joint by a factor and less Coulomb friction would be the same change
+    values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
+    before = Parameters(NAMES, values, np.zeros((4, 6)))
+    made = {Added(1, 'coulomb_friction'): -0.9, Added(1, 'viscous_friction'): 0.7}
+    explanation = explained(
+        readings_of(BASE_TERMS, 4), before, applied(list(made), list(made.values()), before),
+        np.diag(np.tile((1e-3 * values[0]) ** 2, 4)))
+    assert {item.reading: pytest.approx(item.size) for item in explanation.read} == made
+
+
+def test_where_something_is_left_only_what_explains_nearly_all_is_told():
+    random = np.random.default_rng(6)
+    values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
+    covariance = np.diag(np.tile((1e-4 * values[0]) ** 2, 4))
+    before = Parameters(NAMES, values, np.zeros((4, 6)))
+    strange = values * (1.0 + 0.1 * random.uniform(-1.0, 1.0, values.shape))
+    loaded = applied([Added(None, 'platform_mass_1')], [0.8],
+                     Parameters(NAMES, strange, np.zeros((4, 6))))
+    explanation = explained(readings_of(BASE_TERMS, 4), before, loaded, covariance)
+    assert [item.reading for item in explanation.read] == [Added(None, 'platform_mass_1')]
+    assert not explanation.is_complete
+    explanation = explained(readings_of(BASE_TERMS, 4), before, strange, covariance)
+    assert explanation.read == ()
+    assert not explanation.is_complete
+
+
 def test_a_motion_that_tells_no_halves_apart_names_both():
     values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
     covariance = np.diag(np.tile((1e-3 * values[0]) ** 2, 4))
@@ -206,3 +242,31 @@ def test_drawn_machines_are_changed_as_said():
     assert [item.kind for item in drawn.changes] == ['gain of one', 'payload 2']
     mass = drawn.after.bodies.platform_mass_2 - drawn.before.bodies.platform_mass_2
     assert mass == pytest.approx(drawn.changes[1].size)
+
+
+def test_a_payload_beside_the_axis_is_that_on_it_and_an_inertia():
+    # two halves on either side of the tool's axis balance: mass at D and m r^2 about the tool
+    machine, mass, radius = known_machine('reference').machine, 0.6, 0.02
+    motion, bodies = excitation_motion(REFERENCE, 4.0, 4), machine.bodies
+    ratio = REFERENCE.geometry.rotation_amplification
+    loaded = replace(machine, bodies=replace(
+        bodies, platform_mass_1=bodies.platform_mass_1 + mass,
+        theta_inertia=bodies.theta_inertia + mass * (ratio * radius) ** 2))
+    torques = Torques(motion.t, motion.q)
+    expected = torques.recorded(loaded) - torques.recorded(machine)
+    both = sum(torque_beside_axis(REFERENCE, motion, 0.5 * mass, side * radius)
+               for side in (-1.0, 1.0))
+    inner = slice(5, -5)
+    assert both[inner] == pytest.approx(expected[inner], abs=2e-3 * np.abs(expected).max())
+    one = torque_beside_axis(REFERENCE, motion, mass, radius)
+    assert np.abs(one - both).max() > 0.05 * np.abs(expected).max()
+
+
+def test_company_of_a_change_is_in_the_machines_that_it_should_be_in():
+    drawn = {company: drawn_machine(5, ('payload 2',), company, 'base_tilt')
+             for company in (None, 'new', 'old', 'known')}
+    down = drawn[None].before.gravity
+    for company, case in drawn.items():
+        assert case.changes == drawn[None].changes
+        assert np.array_equal(case.before.gravity, down) == (company in (None, 'new'))
+        assert np.array_equal(case.after.gravity, down) == (company is None)

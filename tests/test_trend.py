@@ -4,17 +4,29 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from test_commands import checked_page, run
 from year import NAMES, YEAR, drawn_year
 
+from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import build_model
+from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
+from par4_dynamics.parameters import Parameter
 from par4_identification.commands import trend
+from par4_identification.diagnosis.evidence.evidence import Hypothesis
+from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR
 from par4_identification.reports.outcome.trend import outcome_of_life, sentence_of_event
 from par4_identification.trend import tasks
-from par4_identification.trend.bag_values import EARLIEST, BagValues
+from par4_identification.trend.bag_values import (
+    EARLIEST,
+    BagValues,
+    EffectSize,
+    sizes_of_effect,
+    values_of_bag,
+)
 from par4_identification.trend.channels import channels_of
 from par4_identification.trend.course import course_of
 from par4_identification.trend.life import FALSE_ALARMS, life_of
@@ -143,6 +155,18 @@ def test_a_quiet_year_is_quiet():
     assert outcome_of_life(life, {}, REFERENCE).sentence.startswith('Nothing changed')
 
 
+def test_a_phase_near_half_a_turn_does_not_jump():
+    phase = 3.1 + 0.1 * np.random.default_rng(2).normal(size=20)
+    wrapped = np.remainder(phase + np.pi, 2.0 * np.pi) - np.pi
+    assert np.ptp(wrapped) > 6.0
+    year = drawn_year(1, bags=20, eventful=False)
+    bags = [replace(bag, effects=(EffectSize('cogging.phase[1]', float(angle), 0.1, 'rad'),))
+            for bag, angle in zip(year.bags(COVARIANCE, np.random.default_rng(3)), wrapped)]
+    channel, = (item for item in channels_of(bags) if item.name == 'cogging.phase[1]')
+    turns = (channel.values - phase) / (2.0 * np.pi)
+    assert turns == pytest.approx(np.round(turns[0]), abs=1e-9)
+
+
 # ---------------------------------------------------------------------------------- command
 
 
@@ -171,13 +195,14 @@ def test_a_payload_is_dated_and_bad_bags_are_said_one_by_one(bags, tmp_path, mon
            str(tmp_path / 'copy')]
     monkeypatch.setattr(tasks, 'FEW', 100)  # in this process
     output = tmp_path / 'life'
-    done = run(trend, *good, *bad, '--robot', 'reference', '--output', output)
+    done = run(trend, *good, *bad, good[0], '--robot', 'reference', '--output', output)
     assert done.code == 0, done.err
-    assert done.out.count('not used: ') == len(bad)
+    assert f'not used: {good[0]}: given twice; it counts once' in done.out
+    assert done.out.count('not used: ') == len(bad) + 1
     result = json.loads((output / 'trend.json').read_text(encoding='utf-8'))
     assert result['schema'] == 'par4/trend/1'
     assert [item['bag'] for item in result['bags']] == good
-    assert {item['bag'] for item in result['refused']} == set(bad)
+    assert {item['bag'] for item in result['refused']} == {*bad, good[0]}
     assert all(item['bag'] in item['reason'] for item in result['refused'])
     assert result['false_alarms_per_bag'] == FALSE_ALARMS
     event, = result['changes']
@@ -195,6 +220,72 @@ def test_a_payload_is_dated_and_bad_bags_are_said_one_by_one(bags, tmp_path, mon
     assert again['refused'] == []
 
 
+def with_effects(model_file, **effects):
+    """Return a model with effects, by name the parameters with their units and the joints."""
+    return model_file.model_copy(update={'effects': tuple(
+        EffectEntry(effect=name, joints=joints, parameters={
+            key: Parameter(value=value, unit=unit) for key, (value, unit) in parameters.items()})
+        for name, (joints, parameters) in effects.items())})
+
+
+def test_sizes_of_effects_in_the_model_are_followed(tmp_path, monkeypatch):
+    # of the machine that makes the bags cogging of joint 2 doubles in size at the fourth
+    table = read_model_file('table1')
+    known = with_effects(table, cogging=((2,), {
+        'periods': (24.0, '1/turn'), 'amplitude': (0.3, 'N m'), 'phase': (3.1, 'rad')}))
+    for number in range(6):
+        model_file = with_effects(table, cogging=((2,), {
+            'periods': (24.0, '1/turn'), 'amplitude': (0.3 if number < 3 else 0.6, 'N m'),
+            'phase': (3.1, 'rad')}))
+        simulation = build_simulation(REFERENCE, build_model(REFERENCE, model_file), 'exact',
+                                      seed=number, torque_noise=0.05)
+        simulate_to_bag(simulation, excitation_motion(REFERENCE, 4.0, 3), REFERENCE,
+                        tmp_path / f'bag_{number}', began=(SECONDS + 604_800 * number) * SECOND)
+    write_model_file(tmp_path / 'known.yaml', known)
+    monkeypatch.setattr(tasks, 'FEW', 100)  # in this process
+    bags = [tmp_path / f'bag_{number}' for number in range(6)]
+    done = run(trend, *bags, '--robot', 'reference', '--model', tmp_path / 'known.yaml',
+               '--output', tmp_path / 'life')
+    assert done.code == 0, done.err
+    result = json.loads((tmp_path / 'life' / 'trend.json').read_text(encoding='utf-8'))
+    event, = result['changes']
+    assert event['bag'] == str(bags[3])
+    assert [part['name'] for part in event['series']] == ['cogging.amplitude[2]']
+    part, = event['series']
+    assert part['step'] == pytest.approx(0.3, abs=4.0 * part['step_std'])
+    assert result['sentence'].startswith('On 18 March cogging amplitude of joint 2 up by 0.3')
+
+
+def test_a_gap_is_read_from_the_bounces_of_its_load(tmp_path):
+    # the columns of backlash gave a gap below zero here, and a smaller one for a wider gap
+    found = []
+    for number, gap in enumerate((1e-3, 2e-3)):
+        model_file = with_effects(read_model_file('table1'), backlash=((2,), {
+            'gap': (gap, 'rad')}))
+        simulation = build_simulation(REFERENCE, build_model(REFERENCE, model_file), 'exact',
+                                      seed=number, torque_noise=0.05)
+        simulate_to_bag(simulation, excitation_motion(REFERENCE, 5.0, 3), REFERENCE,
+                        tmp_path / f'{number}', began=SECONDS * SECOND)
+        size, = values_of_bag(str(tmp_path / f'{number}'), REFERENCE, model_file).effects
+        assert size.label == 'backlash.gap[2]'
+        assert size.value == pytest.approx(gap, rel=2.0 * WIDTH_ERROR)
+        found.append(size.value)
+    assert found[1] > 1.5 * found[0]
+
+
+def test_each_order_of_a_cogging_is_followed_on_each_joint():
+    effect = CATALOGUE['cogging']
+    item = Hypothesis(effect, {'periods': np.array([7.0, 84.0])}, (0, 3))
+    value = ((0.3, 0.2), (0.05, 0.04))
+    told = {'amplitude': Parameter(value=value, std=value, unit='N m'),
+            'phase': Parameter(value=value, std=value, unit='rad'),
+            'periods': Parameter(value=(7.0, 84.0), unit='1/turn')}
+    found = {size.label: size.value for size in sizes_of_effect(item, told, 4)}
+    assert len(found) == 8
+    assert found['cogging.amplitude.order_7[3]'] == 0.2
+    assert found['cogging.phase.order_84[0]'] == 0.05
+
+
 def test_no_bag_that_can_be_used(tmp_path):
     done = run(trend, tmp_path / 'a', '--robot', 'reference', '--output', tmp_path / 'life')
     assert done.code == 2
@@ -206,6 +297,29 @@ def test_no_scheduler(monkeypatch):
     monkeypatch.setattr(tasks, 'REACHED', 1)
     with pytest.raises(InputError, match='no dask scheduler answers'):
         list(tasks.results_of(str, ['a bag'], 'tcp://127.0.0.1:9'))
+
+
+@pytest.fixture
+def cluster():
+    """Return the address of a dask scheduler with one worker, as elsewhere in the network."""
+    from dask.distributed import LocalCluster
+
+    with LocalCluster(processes=False, protocol='tcp', n_workers=1, threads_per_worker=1,
+                      dashboard_address=':0') as found:
+        yield found
+
+
+def test_a_scheduler_that_runs_elsewhere(cluster):
+    found = dict(tasks.results_of(str.upper, ['a', 'b', 'c'], cluster.scheduler_address))
+    assert found == {'a': 'A', 'b': 'B', 'c': 'C'}
+
+
+def test_a_scheduler_without_workers(cluster, monkeypatch):
+    monkeypatch.setattr(tasks, 'REACHED', 1)
+    cluster.scale(0)
+    cluster.sync(cluster._correct_state)
+    with pytest.raises(InputError, match='it has no workers; start some with `dask worker tcp:'):
+        list(tasks.results_of(str.upper, ['a'], cluster.scheduler_address))
 
 
 def test_undated_stamps_are_those_before_the_year_2000():

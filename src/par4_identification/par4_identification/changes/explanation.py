@@ -18,6 +18,12 @@ MOST = 6
 READING_ERROR = 0.01
 """Share (rms) by which what a reading does may differ from what really happened: a payload is no
 point, a joint that warms does not change its friction by exactly one factor."""
+MAIN = 0.9
+"""Share of the squares of a change that readings must explain to be told where more than chance is
+left."""
+EQUAL = 0.01
+"""Squares within which sets explain the same; told is the one whose readings undo least of each
+other: friction of a joint by a factor and less Coulomb friction is but more viscous friction."""
 TWIN = 10.0
 """Difference in log-likelihood within which two readings explain alike."""
 STEPS = 4
@@ -107,6 +113,12 @@ class _Difference:
         found = applied([self.readings[index] for index in fit.chosen], fit.sizes, self.before)
         return (self.after - found).ravel()
 
+    def way(self, fit: _Fit) -> float:
+        """Return how far the readings of a fit go, each by itself, in deviations."""
+        alone = (applied([self.readings[index]], [size], self.before) - self.before.values
+                 for index, size in zip(fit.chosen, fit.sizes))
+        return sum(float(np.linalg.norm(self.root @ move.ravel())) for move in alone)
+
     def fit(self, chosen: Sequence[int]) -> _Fit:
         """Return the readings of these numbers, fitted together; computed once."""
         key = tuple(sorted(chosen))
@@ -152,17 +164,20 @@ def explained(readings: Sequence[Reading], before: Parameters, after: np.ndarray
     best = _fewest(difference)  # one direction may show what all together drown
     read = [_read(difference, best, place) for place in range(len(best.chosen))]
     read.sort(key=lambda item: item.p_value)
-    wrong = READING_ERROR ** 2 * (nothing.squares - best.squares)
     left = difference.left(best)
-    allowed = 1.0 + wrong / max(size - len(best.chosen), 1)
-    left_p = float(scipy.stats.chi2.sf(best.squares / allowed, max(size - len(best.chosen), 1)))
     return Explanation(tuple(read), p_value, left,
-                       np.sqrt(allowed * np.diag(covariance)), left_p if read else p_value)
+                       np.sqrt(_allowed(difference, best) * np.diag(covariance)),
+                       _left_p(difference, best) if read else p_value)
 
 
 def _fewest(difference: _Difference) -> _Fit:
-    """Return the smallest set of readings beside which no other is worth taking."""
+    """Return the smallest set of readings beside which no other is worth taking.
+
+    Where they leave more than chance, something has happened that no reading is: only those that
+    explain nearly all of the change are told, if there are such, for the others may imitate it.
+    """
     count = len(difference.readings)
+    best_of_size = []
     best, kept = difference.none, [difference.none]
     for size in range(1, min(MOST, count, difference.after.size - 1) + 1):
         larger = (combinations(range(count), size) if size <= PAIRS else
@@ -175,8 +190,25 @@ def _fewest(difference: _Difference) -> _Fit:
         if best.squares - kept[0].squares <= needed:
             # one more may be worth nothing by itself and two much: only while chance is left
             break
-        best = kept[0]
-    return best
+        best = min((fit for fit in fits if fit.squares < fits[0].squares + EQUAL),
+                   key=difference.way)
+        best_of_size.append(best)
+    if _left_p(difference, best) > CHANCE:
+        return best
+    main = (1.0 - MAIN) * difference.none.squares
+    return next((fit for fit in best_of_size if fit.squares < main), difference.none)
+
+
+def _allowed(difference: _Difference, fit: _Fit) -> float:
+    """Return the factor on the variance by what the readings of a fit may get wrong."""
+    wrong = READING_ERROR ** 2 * (difference.none.squares - fit.squares)
+    return 1.0 + wrong / max(difference.after.size - len(fit.chosen), 1)
+
+
+def _left_p(difference: _Difference, fit: _Fit) -> float:
+    """Return the chance that what a fit leaves is none."""
+    return float(scipy.stats.chi2.sf(fit.squares / _allowed(difference, fit),
+                                     max(difference.after.size - len(fit.chosen), 1)))
 
 
 def _read(difference: _Difference, best: _Fit, place: int) -> Read:

@@ -132,7 +132,9 @@ def whitened(observations: Observations, causes: Sequence[Hypothesis] = ()) -> E
     for _ in range(ROUNDS):
         design = _design(evidence, causes)
         values, _ = _solved(design, evidence.target, observations)
-        left = _residuals(observations, causes, values)
+        size = observations.joints * len(observations.terms)
+        left = _residuals(observations, values[:size].reshape(observations.joints, -1),
+                          _coefficients(observations, causes, values[size:]))
         evidence = gather(observations, whitener_of_residuals(observations, left, design.shape[1]))
     return evidence
 
@@ -184,14 +186,15 @@ def _solved(design: np.ndarray, target: np.ndarray, observations: Observations
     return (inverse @ (scaled.T @ target)) / scale, inverse / np.outer(scale, scale)
 
 
-def _residuals(observations: Observations, causes: Sequence[Hypothesis], values: np.ndarray
-               ) -> list[np.ndarray]:
-    """Return the measured minus the fitted torque (m, J) of each run, N m."""
-    joints, terms = observations.joints, len(observations.terms)
-    own = values[:joints * terms].reshape(joints, terms)
-    beside = torque_of_causes(_coefficients(observations, causes, values[joints * terms:]),
-                              observations)
-    return [target - torque - np.einsum('mjp,jp->mj', base, own)
+def left_by(observations: Observations, found: JointValues) -> list[np.ndarray]:
+    """Return the measured torque minus that of values and causes, (m, J) of each run, N m."""
+    return _residuals(observations, found.values, found.causes)
+
+
+def _residuals(observations: Observations, values: np.ndarray,
+               causes: Sequence[tuple[Hypothesis, np.ndarray]]) -> list[np.ndarray]:
+    beside = torque_of_causes(causes, observations)
+    return [target - torque - np.einsum('mjp,jp->mj', base, values)
             for target, torque, base in zip(observations.target, beside, observations.base)]
 
 

@@ -12,7 +12,6 @@ from rich.progress import Progress
 
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile, read_model_file
-from par4_identification.jobs.identify import distinct_bags
 from par4_identification.reports.outcome.trend import lines_of_refused, outcome_of_life, trend_json
 from par4_identification.trend.bag_values import BagValues, outcome_of_bag
 from par4_identification.trend.kept import Kept
@@ -32,15 +31,17 @@ def trend_of_bags(bags: tuple[str, ...], robot: str, output: Path, scheduler: st
     if model_file is not None:
         build_model(machine, model_file)  # refuses a model of another machine before any long work
     refuse_unwritable(output)
-    results = _results([str(Path(bag).absolute()) for bag in distinct_bags(bags)], machine,
-                       model_file, namespace, output, scheduler)
-    named = dict(zip(results, bags))
+    once, twice = _each_once(bags)
+    results = _results([str(Path(bag).absolute()) for bag in once], machine, model_file,
+                       namespace, output, scheduler)
+    named = dict(zip(results, once))
     told = [BagValues.from_json(result, named[bag]) for bag, result in results.items()
             if 'error' not in result]
     refused = {named[bag]: result['error'].replace(bag, named[bag])
                for bag, result in results.items() if 'error' in result}
     refused |= _same_dates(told)
     told = [item for item in told if item.bag not in refused]
+    refused |= twice
     if not told:
         raise InputError(f'none of {len(bags)} bags can be used; the first: '
                          f'{next(iter(refused.values()))}')
@@ -88,6 +89,19 @@ def _results(bags: Sequence[str], machine: Robot | Axis, model_file: ModelFile |
             found[bag] = result
             progress.advance(bar)
     return {bag: found[bag] for bag in bags}
+
+
+def _each_once(bags: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Return the bags without those given before, and what is said of those."""
+    first: dict[Path, str] = {}
+    again = {}
+    for bag in bags:
+        path = Path(bag).resolve()
+        if path in first:
+            as_given = '' if first[path] == bag else f', as {first[path]} before'
+            again[bag] = f'{bag}: given twice{as_given}; it counts once'
+        first.setdefault(path, bag)
+    return list(first.values()), again
 
 
 def _same_dates(bags: Sequence[BagValues]) -> dict[str, str]:

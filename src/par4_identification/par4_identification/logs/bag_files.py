@@ -31,7 +31,7 @@ def refuse_incomplete(path: Path) -> None:
 def cut_off(path: Path, reason: str) -> InputError:
     """Return the error that says of a bag that it is cut off or damaged, and what to do."""
     return InputError(f'{path}: the bag is cut off or damaged ({reason}); run par4_record --repair '
-                      f'{path}')
+                      f'{path}, unless it is still being recorded')
 
 
 def storage_files(path: Path) -> list[Path]:

@@ -46,24 +46,27 @@ def report_of_life(life: Life | None, outcome: Outcome, refused: Mapping[str, st
             'dates': (day(life, 0), day(life, -1))}
     return rendered(
         'par4_identification.reports', 'trend.html', outcome, f'The life of {machine.name}',
-        'What happened', provenance, refused=list(refused.items()), **content)
+        'What it rests on', provenance, refused=list(refused.items()), **content)
 
 
 def panels_of(life: Life, machine: Robot | Axis) -> list[Panel]:
-    """Return a panel for each parameter or effect, those of all joints before those of one."""
+    """Return a panel for each parameter or effect, those in which something happens first."""
     groups: dict[tuple[str, bool], list[int]] = {}
     for index, channel in enumerate(life.channels):
         name, _, joint = channel.name.partition('[')
         if name.startswith('platform_mass'):
             name = 'platform_mass'
         groups.setdefault((name, bool(joint)), []).append(index)
-    return [_panel(life, name, own, members, machine) for (name, own), members in groups.items()]
+    panels = [_panel(life, name, own, members, machine)
+              for (name, own), members in groups.items()]
+    return sorted(panels, key=lambda panel: min(panel.events, default=len(life.events) + 1))
 
 
 def _panel(life: Life, name: str, own: bool, members: Sequence[int], machine: Robot | Axis
            ) -> Panel:
     words = ' '.join(in_words(part) for part in name.split('.'))
-    lines, percent = [], name != 'platform_mass'
+    # a phase has no size that it could be a share of
+    lines, percent = [], name != 'platform_mass' and '.phase' not in name
     for index in members:
         level = life.courses[index].fitted
         percent &= bool(np.nanmin(np.abs(level)) > 0.2 * np.nanmax(np.abs(level)) > 0.0)
@@ -80,13 +83,18 @@ def _panel(life: Life, name: str, own: bool, members: Sequence[int], machine: Ro
     yearly = any(np.nanmax(np.abs(life.courses[index].wave)) > 0.0 for index in members)
     factor = life.channels[members[0]].is_factor
     title = 'platform masses' if name == 'platform_mass' else words
-    if own:
+    if own and len(members) == 1:
+        title += f', {lines[0].label}'
+    elif own:
         title += ', each joint against all' if factor else ', each joint'
     elif factor:
         title += ', all joints' + (', without the wave of the seasons' if yearly else '')
     unit = 'change, %' if percent else typeset(unit_on(machine, life.channels[members[0]].unit))
-    events = frozenset(place for place, event in enumerate(life.events, start=1)
-                       if any(part.channel in members for part in event.happenings))
+    events: dict[int, int] = {}
+    for place, event in enumerate(life.events, start=1):
+        for part in event.happenings:  # strongest first
+            if part.channel in members:
+                events.setdefault(place, part.item.index)
     return Panel(title[:1].upper() + title[1:], unit, tuple(lines), events)
 
 

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile
-from par4_identification.changes.joint_values import JointValues, fitted_values, whitened
+from par4_identification.changes.joint_values import (
+    JointValues,
+    fitted_values,
+    left_by,
+    whitened,
+)
 from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.estimates import effect_parameters
 from par4_identification.diagnosis.evidence.evidence import Hypothesis, solve
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.verdict.rattle import gaps
 from par4_identification.fitting.validation import LARGEST_ERROR
 from par4_identification.logs.read_log import read_log
 from par4_identification.setup_check.check import check_setup
@@ -26,7 +33,7 @@ from par4_sim.report.words import percent
 
 EARLIEST = 946_684_800_000_000_000
 """Stamp (ns) of the year 2000: earlier ones count from the start of a machine or simulation."""
-FORMAT = 1
+FORMAT = 2
 """Of what is kept of a bag; another one when the calculation changes."""
 
 
@@ -113,12 +120,14 @@ def values_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None 
         raise InputError(f'{bag}: it does not fit the dimensions of {machine.name}; give the robot '
                          f'file of the machine that made it')
     rigid_body = model_file.rigid_body if model_file else 'paper'
-    followed, known = _known(machine, model_file)
+    model = None if model_file is None else build_model(machine, model_file)
+    model, loose = (None, ()) if model is None else _without_gaps(model)
+    followed, known = ([], None) if model is None else _known(model)
     try:
         observations = observe(runs_of_log(check.logs[0], machine, CONDITIONING), machine,
                                rigid_body, known)
-        if model_file is not None:
-            observations = with_nominal(observations, build_model(machine, model_file))
+        if model is not None:
+            observations = with_nominal(observations, model)
         found = fitted_values(observations, followed)
         evidence = whitened(observations, followed)
         fit = solve(evidence, followed)
@@ -132,16 +141,17 @@ def values_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None 
     return BagValues(
         bag, log.start_stamp, float(log.t[-1]), tuple(term.name for term in found.terms),
         found.values, found.covariance,
-        tuple(size for index, item in enumerate(followed)
-              for size in _sizes(item, effect_parameters(evidence, item, fit, index))),
+        (*(size for index, item in enumerate(followed)
+           for size in sizes_of_effect(item, effect_parameters(evidence, item, fit, index),
+                              len(found.values))),
+         *_gaps(loose, observations, found)),
         tuple(finding.evidence for finding in check.findings))
 
 
 def _relative_error(observations: Observations, found: JointValues) -> float:
     """Return |residual| / |torque| of the base parameters of every joint, over all valid rows."""
     left, torque = 0.0, 0.0
-    for run, target, base in zip(observations.runs, observations.target, observations.base):
-        rest = target - np.einsum('mjp,jp->mj', base, found.values)
+    for run, rest in zip(observations.runs, left_by(observations, found)):
         left += float(np.sum(rest[run.valid] ** 2))
         torque += float(np.sum(run.tau[run.valid] ** 2))
     return math.sqrt(left / max(torque, 1e-300))
@@ -158,31 +168,55 @@ def outcome_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None
         return {'error': f'{bag}: {error.strerror or error}'}
 
 
-def _known(machine: Robot | Axis, model_file: ModelFile | None
-           ) -> tuple[list[Hypothesis], Model | None]:
+def _without_gaps(model: Model) -> tuple[Model, tuple[int, ...]]:
+    """Return the model without backlash, and the joints that it says have some.
+
+    A load that bounces in a gap follows no column: its gap is read from what the fit leaves.
+    """
+    loose = tuple(joint for active in model.effects if active.effect.name == Backlash.name
+                  for joint in active.joints)
+    return replace(model, effects=tuple(
+        active for active in model.effects if active.effect.name != Backlash.name)), loose
+
+
+def _known(model: Model) -> tuple[list[Hypothesis], Model]:
     """Return the effects whose sizes are followed, and the model of all that is known beside."""
-    if model_file is None:
-        return [], None
-    model = build_model(machine, model_file)
     followed = [active for active in model.effects if not active.effect.fixed_coefficients
                 and not active.effect.against_the_others]
     kept = tuple(active for active in model.effects if active not in followed)
+    joints = len(next(iter(model.values.values())))
     hypotheses = [Hypothesis(active.effect, active.effect.shape_of({
-        name: values[active.joints[0]] if np.ndim(values) and len(values) == len(
-            machine.joint_names) else values for name, values in active.values.items()}),
-        active.joints) for active in followed]
-    return hypotheses, Model(model.rigid_body, model.values, model.bodies, kept)
+        name: values[active.joints[0]] if np.ndim(values) and len(values) == joints else values
+        for name, values in active.values.items()}), active.joints) for active in followed]
+    return hypotheses, replace(model, effects=kept)
 
 
-def _sizes(item: Hypothesis, parameters: Mapping[str, Any]) -> list[EffectSize]:
-    """Return the sizes of an effect, those that the fit gives a deviation."""
+def _gaps(loose: Sequence[int], observations: Observations, found: JointValues
+          ) -> list[EffectSize]:
+    """Return the gaps of joints that are loose, where the motion tells them."""
+    if not loose:
+        return []
+    told = gaps(observations, left_by(observations, found))
+    return [EffectSize(f'{Backlash.name}.gap[{joint}]', *told[joint], 'rad')
+            for joint in loose if told[joint] is not None]
+
+
+def sizes_of_effect(item: Hypothesis, parameters: Mapping[str, Any], joints: int
+                    ) -> list[EffectSize]:
+    """Return the sizes of an effect on a machine of so many joints, those that are fitted."""
     found = []
-    for name, parameter in parameters.items():
-        if name in item.shape or parameter.std is None:
+    for parameter in item.effect.parameters:
+        told = parameters[parameter.name]
+        if parameter.name in item.shape or told.std is None:
             continue
-        values, stds = (np.ravel(part) for part in (parameter.value, parameter.std))
-        for place, (value, std) in enumerate(zip(values, stds)):
-            where = f'[{item.joints[place]}]' if len(values) == len(item.joints) > 1 else ''
-            found.append(EffectSize(f'{item.effect.name}.{name}{where}', float(value), float(std),
-                                    parameter.unit))
+        orders = np.ravel(item.shape['periods']) if parameter.per_order else np.zeros(1)
+        values, stds = (np.reshape(part, (len(orders), -1)) for part in (told.value, told.std))
+        for order, own, own_std in zip(orders, values, stds):
+            name = f'{item.effect.name}.{parameter.name}'
+            name += f'.order_{order:g}' if len(orders) > 1 else ''
+            each = parameter.scope == 'joint' and joints > 1
+            for place, (value, std) in enumerate(zip(own, own_std)):
+                where = (f'[{item.joints[place]}]' if each else
+                         f'.{"xyz"[place]}' if len(own) > 1 else '')
+                found.append(EffectSize(name + where, float(value), float(std), told.unit))
     return found

@@ -115,11 +115,21 @@ def _effects(bags: Sequence[BagValues]) -> list[Channel]:
     for label in labels:
         own = [next((item for item in bag.effects if item.label == label), None) for bag in bags]
         unit = next(item.unit for item in own if item is not None)
+        values = np.array([np.nan if item is None else item.value for item in own])
+        if '.phase' in label:
+            values = _around_the_middle(values)
         found.append(Channel(
-            label, np.array([np.nan if item is None else item.value for item in own]),
+            label, values,
             np.array([np.nan if item is None else item.std for item in own]),
             unit if unit != '1' else ''))
     return found
+
+
+def _around_the_middle(angles: np.ndarray) -> np.ndarray:
+    """Return angles, rad, without jumps of a turn: each within half a turn of their mean direction.
+    """
+    middle = np.angle(np.nanmean(np.exp(1j * angles)))
+    return middle + np.remainder(angles - middle + np.pi, 2.0 * np.pi) - np.pi
 
 
 def _label(name: str, joint: int, joints: int) -> str:

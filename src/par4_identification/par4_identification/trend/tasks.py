@@ -13,6 +13,8 @@ FEW = 4
 """Bags up to which starting workers takes longer than they save."""
 REACHED = 10
 """s in which a scheduler must answer."""
+FREE_PORT = ':0'
+"""For the page of the workers: the usual one may be in use, which dask would warn of."""
 ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'MKL_NUM_THREADS', 'NUMBA_NUM_THREADS')
 
 
@@ -26,19 +28,21 @@ def results_of(work: Callable[[str], dict[str, Any]], bags: Sequence[str], sched
         scheduler: address of a dask scheduler; None for the cores of this machine.
 
     Raises:
-        InputError: no scheduler answers.
+        InputError: no scheduler answers, it has no workers, or it ends before the bags do.
     """
     if scheduler is None and len(bags) <= FEW:
         yield from ((bag, work(bag)) for bag in bags)
         return
     from dask.distributed import Client, LocalCluster, as_completed  # slow to load
 
+    # what it says of lost connections is said here in a line
+    logging.getLogger('distributed.client').setLevel(logging.CRITICAL)
     cluster = None
     if scheduler is None:
         for name in ONE_THREAD:  # workers inherit it: they must not fight for the cores
             os.environ.setdefault(name, '1')
         cluster = LocalCluster(threads_per_worker=1, n_workers=min(len(bags), os.cpu_count() or 1),
-                               dashboard_address=None, silence_logs=logging.ERROR)
+                               dashboard_address=FREE_PORT, silence_logs=logging.ERROR)
     try:
         try:
             client = Client(cluster or scheduler, timeout=REACHED)
@@ -46,8 +50,16 @@ def results_of(work: Callable[[str], dict[str, Any]], bags: Sequence[str], sched
             raise InputError(f'--scheduler {scheduler}: no dask scheduler answers there; give an '
                              f'address as tcp://HOST:8786, or leave it out') from error
         with client:
+            try:
+                client.wait_for_workers(1, timeout=REACHED)
+            except TimeoutError as error:
+                raise InputError(f'--scheduler {scheduler}: it has no workers; start some with '
+                                 f'`dask worker {scheduler} --nthreads 1`') from error
             futures = {client.submit(work, bag, pure=False): bag for bag in bags}
             for future in as_completed(futures):
+                if future.cancelled():
+                    raise InputError(f'--scheduler {scheduler}: the connection to it was lost; the '
+                                     f'bags done so far are kept, so call again')
                 lost = future.exception()
                 yield futures[future], (future.result() if lost is None else {
                     'error': f'{futures[future]}: its task was lost ({type(lost).__name__})'})

@@ -10,7 +10,8 @@ from contextlib import contextmanager
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.axes import Axes
+from matplotlib.axes import Axes as Axes  # also for those who draw with what is here
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -60,6 +61,14 @@ def envelope(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, width: 
     low, high = np.where(shown, low, np.nan), np.where(shown, high, np.nan)
     middle = 0.5 * (edges[1:] + edges[:-1])
     axis.fill_between(middle, low, high, color=colour, linewidth=0.5 * width)
+
+
+def dated(axis: Axes) -> None:
+    """Label dates below an axis by months and days, and the year at its end."""
+    locator = AutoDateLocator(minticks=4, maxticks=9)
+    axis.xaxis.set_major_locator(locator)
+    axis.xaxis.set_major_formatter(ConciseDateFormatter(
+        locator, offset_formats=['', '%Y', '%Y', '%Y', '%d %B %Y', '%d %B %Y']))
 
 
 def legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:

@@ -30,10 +30,9 @@ SLOWEST_ROWS_HZ = 80.0
 leaves the same there."""
 APART = 5
 """Rows after which the slip is taken for another draw."""
-
-
 WIDTH_ERROR = 0.3
-"""Relative standard deviation of a gap that is read from what its bounces leave."""
+"""Relative standard deviation of a gap that is read from what its bounces leave. Most of it is the
+same for the same motion."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +58,13 @@ class _Slip:
         loud: its acceleration near changes of sides, rad/s2.
         quiet: while the load leans on one flank, rad/s2.
         path: what the loud part moves, rad.
+        still: what the quiet part moves, rad: noise.
     """
 
     loud: np.ndarray
     quiet: np.ndarray
     path: np.ndarray
+    still: np.ndarray
 
     @property
     def rattles(self) -> bool:
@@ -81,6 +82,11 @@ class _Slip:
     def gap(self) -> float:
         """How far the load moves against its motor, rad."""
         return float(np.ptp(np.quantile(self.path, (0.02, 0.98))))
+
+    @property
+    def gap_std(self) -> float:
+        """Standard deviation of `gap` by noise, rad; another motion may move it by more."""
+        return float(np.std(self.still))
 
 
 def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle | None:
@@ -107,6 +113,21 @@ def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle
                   float(min(min(p_values) * len(slips[0]), 1.0)))
 
 
+def gaps(observations: Observations, left: Sequence[np.ndarray]
+         ) -> list[tuple[float, float] | None]:
+    """Return the gap of each joint and its standard deviation by noise, rad.
+
+    Of a joint without a gap it is what the noise moves. None of a joint whose load changes sides
+    too rarely, or too often to come to rest between.
+
+    Args:
+        observations: rows with a nominal torque.
+        left: torque that the model leaves of them, (m, J) of each run, N m.
+    """
+    return [None if min(len(slip.path), len(slip.still)) < LEAST_ROWS else
+            (slip.gap, slip.gap_std) for slip in _slips(observations, left)]
+
+
 def _slips(observations: Observations, left: Sequence[np.ndarray]) -> list[_Slip]:
     """Return the slip of each joint."""
     parts: list[list[_Slip]] = [[] for _ in range(observations.joints)]
@@ -118,9 +139,10 @@ def _slips(observations: Observations, left: Sequence[np.ndarray]) -> list[_Slip
             since, until = _around_changes(run.state.t, load[:, joint], run.t)
             loud = counted & ((since < FRESH) | (until < FRESH))
             quiet = counted & (since > LEANING) & (until > FRESH)
-            parts[joint].append(_Slip(slip[loud, joint], slip[quiet, joint], path[loud, joint]))
+            parts[joint].append(_Slip(slip[loud, joint], slip[quiet, joint], path[loud, joint],
+                                      path[quiet, joint]))
     return [_Slip(*(np.concatenate([getattr(part, name) for part in own])
-                    for name in ('loud', 'quiet', 'path'))) for own in parts]
+                    for name in ('loud', 'quiet', 'path', 'still'))) for own in parts]
 
 
 def _slip(run: Run, rest: np.ndarray) -> np.ndarray:

@@ -50,20 +50,20 @@ def name_of_channel(channel: Channel, machine: Robot | Axis) -> str:
 def sentence_of_event(life: Life, event: Event, machine: Robot | Axis) -> str:
     """Return what happened when, a clause."""
     when = day(life, event.index)
-    parts = []
+    parts: list[tuple[int, str]] = []
     if event.read:
         phrases = listed([phrase_of_reading(item.reading, item.size, machine)
                           for item in event.read])
-        parts.append(f'on {when} {phrases}')
+        parts.append((event.index, f'on {when} {phrases}'))
     elif not event.is_drift:
         steps = [part for part in event.happenings if part.is_step]
-        parts.append(f'on {when} ' + listed([_step_phrase(life, part, machine)
-                                             for part in steps[:3]]))
+        parts.append((event.index, f'on {when} ' + listed([_step_phrase(life, part, machine)
+                                                           for part in steps[:3]])))
     for part in event.happenings:
         drift = _drift_phrase(life, part, machine)
         if drift and (event.is_drift or not parts or not _is_slight(life, part)):
-            parts.append(drift)
-    return '; '.join(parts)
+            parts.append((part.item.index, drift))
+    return '; '.join(phrase for _, phrase in sorted(parts, key=lambda part: part[0]))
 
 
 def _level(life: Life, part: Happening, index: int) -> float:
@@ -95,7 +95,9 @@ def _drift_phrase(life: Life, part: Happening, machine: Robot | Axis) -> str:
             f'{name} ceased to {"rise" if before > 0.0 else "fall"} on {when}')
     began = abs(before) < max(4.0 * std, 0.05 * abs(after))
     verb = 'rise' if after > 0.0 else 'fall'
-    start = _level(life, part, part.item.index)
+    # a drift that began between two bags is as large as it is against the bag before
+    between = part.item.kind == 'both' and not part.is_step
+    start = _level(life, part, max(part.item.index - between, 0))
     end = _level(life, part, part.until)
     if abs(end - start) <= 3.0 * std * (life.t[part.until] - life.t[part.item.index]):
         return ''
@@ -125,7 +127,9 @@ def _is_slight(life: Life, part: Happening) -> bool:
 def outcome_of_life(life: Life, refused: Mapping[str, str], machine: Robot | Axis) -> Outcome:
     """Return what changed when, in one sentence, and all of it below."""
     count = len(life.bags)
-    span = f'{count} bag{"s" if count > 1 else ""} from {day(life, 0)} to {day(life, -1)}'
+    first, last = day(life, 0), day(life, -1)
+    dates = f'of {first}' if first == last else f'from {first} to {last}'
+    span = f'{count} bag{"s" if count > 1 else ""} {dates}'
     clauses = [sentence_of_event(life, event, machine) for event in life.events]
     clauses = [clause for clause in clauses if clause]
     if not clauses:
@@ -134,16 +138,15 @@ def outcome_of_life(life: Life, refused: Mapping[str, str], machine: Robot | Axi
             odd) else ''
         sentence = (f'Nothing changed for good over {span} beyond what chance and the seasons '
                     f'do{alone}.' if len(life.bags) >= FEWEST else
-                    f'{_capital(span)} say nothing of a change; give at least {FEWEST}.')
+                    f'{_capital(span)} {"say" if count > 1 else "says"} nothing of a change; '
+                    f'give at least {FEWEST}.')
     elif len(clauses) <= TOLD:
         sentence = f'{_capital("; ".join(clauses))}.'
     else:
         sentence = (f'{len(clauses)} changes over {span}; the last ones: '
                     f'{"; ".join(clauses[-2:])}.')
-    remarks = [Remark(False, f'{place}. {_capital(clause)}.')
-               for place, clause in enumerate(clauses, start=1)]
-    remarks.append(Remark(True, f'Read from {span}. Where nothing changes, one false alarm in '
-                                f'{1.0 / life.chance:.0f} bags is to be expected at most.'))
+    remarks = [Remark(True, f'Read from {span}. Where nothing changes, one false alarm in '
+                            f'{1.0 / life.chance:.0f} bags is to be expected at most.')]
     for index in sorted({index for index, _ in life.odd}):
         names = listed([name_of_channel(life.channels[channel], machine)
                         for own, channel in life.odd if own == index][:3])
