@@ -15,6 +15,8 @@ setup(
         ('share/' + package_name, ['package.xml']),
         ('share/' + package_name + '/config', [
             'config/par4_record.yaml', 'config/par4_monitor.yaml']),
+        ('share/' + package_name + '/launch', [
+            'launch/recording.launch.py', 'launch/identification.launch.py']),
     ],
     install_requires=[
         'click', 'daqp', 'dask', 'distributed', 'lazy-loader', 'matplotlib', 'numba',

@@ -85,6 +85,8 @@ EXECUTABLES = (
     ('par4_sim', 'par4_simulation', 'node: the simulated Par4 with drives and sensors'),
     ('par4_sim', 'par4_simulate',
      'offline: the same simulation without ROS, same topics in the bag'),
+    ('par4_sim', 'par4_cell',
+     'runs simulation, cell, recording or identification together, as the launch files do'),
     ('par4_sim', 'par4_push',
      'offline: static pushes on a simulated force sensor, a bag and its readings'),
     ('par4_sim', 'par4_track',

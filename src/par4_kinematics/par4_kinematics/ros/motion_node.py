@@ -63,6 +63,8 @@ class MotionParameters:
     motion: str = parameter('excitation', 'excitation, adept, circle or the path of a motion.yaml')
     duration: float = parameter(0.0, 's, of a named motion; 0 = its own', 0.0)
     seed: int = parameter(0, 'of an excitation', 0)
+    listeners: int = parameter(1, 'subscribers of reference to wait for: robot, feedforward, '
+                                  'recorder', 1)
 
 
 class MotionNode(Par4Node):
@@ -192,12 +194,14 @@ class MotionNode(Par4Node):
                                       'use_sim_time is for a simulation')
         if self._robot_at is None:
             return JOINT_STATES.name
-        if listeners != self._listeners or listeners == 0:
+        wanted = self.parameters.listeners
+        if listeners != self._listeners or listeners < wanted:
             self._listeners = listeners
             self._settling_since, self._settling_since_ns = time.monotonic(), now_ns
-        if listeners == 0 or time.monotonic() < max(self._discovered,
-                                                    self._settling_since + SETTLING):
-            return f'subscribers of {REFERENCE.name}'
+        if listeners < wanted or time.monotonic() < max(self._discovered,
+                                                        self._settling_since + SETTLING):
+            found = f', {listeners} of {wanted} are there' if listeners < wanted else ''
+            return f'subscribers of {REFERENCE.name}{found}'
         return ''
 
     def _begin(self, now_ns: int) -> None:
