@@ -8,11 +8,12 @@ PACKAGES := par4_kinematics par4_dynamics par4_sim par4_identification
 unexport PYTHONPATH
 unexport PYTHONHOME
 
-.PHONY: help setup demo test lint bench blind setup_study site docs clean
+.PHONY: help setup demo test fuzz lint bench blind setup_study site docs clean
 
 help:
 	@echo 'make demo   install and run the main job end to end (results in demo_output/)'
 	@echo 'make test   install and run the tests'
+	@echo 'make fuzz   give every reader of outside data 2,000 inputs at their worst (half an hour)'
 	@echo 'make setup  install into $(VENV) only'
 	@echo 'make bench  measure accuracy and speed'
 	@echo 'make setup_study  make mistakes of the setup and count what is told: docs/setup_study.md'
@@ -43,6 +44,9 @@ demo: setup
 
 test: setup
 	$(BIN)/python -m pytest
+
+fuzz: setup
+	$(BIN)/python -m pytest tests/test_fuzz.py --hypothesis-profile=fuzz --timeout=3600
 
 lint: setup
 	$(BIN)/ruff check src tests demo bench examples site

@@ -23,7 +23,7 @@ MESSAGES = ('rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', '
 ROOMS = ('logs', 'signals', 'estimators', 'fitting', 'gains', 'excitation', 'diagnosis/evidence',
          'diagnosis/search', 'diagnosis/nominal', 'diagnosis/verdict', 'diagnosis',
          'diagnosis/experiment', 'setup_check', 'changes', 'confrontation', 'trend',
-         'reports/outcome', 'reports', 'commands', 'ros')
+         'reports/outcome', 'inspection', 'reports', 'commands', 'ros')
 """Of par4_identification; each may import from those in front of it."""
 SOURCES = sorted(path for package in CHAIN
                  for path in (ROOT / 'src' / package / package).rglob('*.py'))

@@ -99,7 +99,8 @@ EXECUTABLES = (
     ('par4_identification', 'par4_excite',
      'offline: designs an excitation motion file and says what to expect of it'),
     ('par4_identification', 'par4_bag',
-     'offline: makes a bag from CSV, .npz or .mat logs of any machine'),
+     'offline: makes a bag from CSV, .npz or .mat logs of any machine; `--inspect BAG` says '
+     'what a bag holds and what each tool could do with it'),
     ('par4_identification', 'par4_identify', 'offline: identifies a model from bags'),
     ('par4_identification', 'par4_validate', 'offline: cross-validates a model on a bag'),
     ('par4_identification', 'par4_diagnose', 'offline: names what the model gets wrong'),

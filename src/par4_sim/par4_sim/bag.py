@@ -11,6 +11,7 @@ import os
 import sqlite3
 import struct
 import time
+from array import array
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -347,6 +348,39 @@ class RawBag:
     unreadable: dict[str, int]
 
 
+@dataclass(frozen=True)
+class RecordedTopic:
+    """A topic of a bag and when its messages were received, (n,) ns, in the order of the bag."""
+
+    name: str
+    type: str
+    received: np.ndarray
+
+
+class CutOffError(InputError):
+    """A bag that is cut off or damaged, of which `repair_bag` may recover something."""
+
+
+def recorded_topics(path: str | Path) -> tuple[RecordedTopic, ...]:
+    """Return every topic of a rosbag2, whatever its type, in order of their names.
+
+    Raises:
+        InputError: no such bag, not a bag, or cut off or damaged.
+    """
+    path = Path(path)
+    _refuse_incomplete(path)
+    try:  # as in `read_bag`
+        with Reader(path) as reader:
+            types = {connection.topic: connection.msgtype for connection in reader.connections}
+            received: dict[str, array[int]] = {topic: array('q') for topic in types}
+            for connection, when, _ in reader.messages():
+                received[connection.topic].append(when)
+    except Exception as error:
+        raise _cut_off(path, ' '.join(str(error).split()) or type(error).__name__) from error
+    return tuple(RecordedTopic(topic, types[topic], np.array(received[topic], dtype=np.int64))
+                 for topic in sorted(types))
+
+
 def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:
     """Return the contract's topics of a rosbag2 folder, or of a single .mcap or .db3 file.
 
@@ -480,9 +514,9 @@ def _refuse_incomplete(path: Path) -> None:
                 raise _cut_off(path, f'{log.name} is left over')
 
 
-def _cut_off(path: Path, reason: str) -> InputError:
-    return InputError(f'{path}: the bag is cut off or damaged ({reason}); run par4_record --repair '
-                      f'{path}')
+def _cut_off(path: Path, reason: str) -> CutOffError:
+    return CutOffError(f'{path}: the bag is cut off or damaged ({reason}); run par4_record '
+                       f'--repair {path}')
 
 
 def storage_files(path: Path) -> list[Path]:
@@ -603,10 +637,10 @@ def _points(type_name: str, topic: str, received: np.ndarray, blocks: Sequence[_
     width = max(map(len, layouts), default=0)
     arrays = [np.empty((len(stamp), width)) for _ in _ARRAYS[type_name]]
     for block, place in zip(blocks, places, strict=True):
-        for array, part in zip(arrays, block.arrays, strict=True):
+        for values, part in zip(arrays, block.arrays, strict=True):
             filled = min(part.shape[-1], width)
-            array[place, :filled] = part[..., :filled]
-            array[place, filled:] = np.nan
+            values[place, :filled] = part[..., :filled]
+            values[place, filled:] = np.nan
     return _Points(
         int(decoded.sum()),
         (topic, np.repeat(received, count), stamp, tuple(layouts), layout),

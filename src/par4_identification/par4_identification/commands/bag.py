@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import click
@@ -75,6 +76,7 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
     """Make a bag of FILES: CSV, .npz or .mat, parts of one recording in order.
 
     Says what it read and what looks wrong; the other tools then read the bag.
+    `par4_bag --inspect BAG` instead says what a bag holds and what each tool could do with it.
     """
     choices = chosen_columns(columns)
     machine = None if robot is None else read_machine(robot)
@@ -124,7 +126,10 @@ def joint_names(machine: Robot | Axis | None, joints: str | None, count: int) ->
 
 
 def main() -> None:
-    """Run the executable."""
+    """Make a bag, or look at one with `--inspect BAG`."""
+    if any(argument.split('=')[0] == '--inspect' for argument in sys.argv[1:]):
+        from par4_identification.commands.inspect import inspect  # loads what all tools need
+        run(inspect)
     run(make_bag)
 
 
