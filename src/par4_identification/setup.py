@@ -21,6 +21,7 @@ setup(
     install_requires=[
         'click', 'daqp', 'dask', 'distributed', 'lazy-loader', 'matplotlib', 'numba',
         'numpy', 'rich', 'scipy'],
+    extras_require={'test': ['hypothesis', 'pytest', 'pytest-timeout', 'pytest-xdist']},
     zip_safe=False,
     entry_points={
         'console_scripts': [
