@@ -151,7 +151,7 @@ def test_the_manifest_declares_every_library(package):
             for name in imported(path)} - set(sys.stdlib_module_names) - {
                 package, 'llvmlite'}  # which numba is made on
     for library in used:
-        if library in CHAIN or library in MESSAGES or library in ('control_msgs', 'launch', 'launch_ros'):
+        if library in (*CHAIN, *MESSAGES, 'control_msgs', 'launch', 'launch_ros'):
             assert library in declared, library
         elif library in ROSDEP:
             assert ROSDEP[library] in declared, library

@@ -23,8 +23,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from par4_kinematics.robot import read_robot
 from par4_sim.cell import COMPOSITIONS, Argument, NodePart, Session
+from par4_sim.description import complete_description
 from par4_sim.running_cell import executable_path
-from par4_sim.urdf import robot_description
 
 PICTURES_HZ = 31.0
 """Of robot_state_publisher: with a shorter period than that of the passive joints in joint_states,
@@ -115,8 +115,8 @@ def _rviz(view: Path | None, robot_file: str, session: Session) -> list[Node]:
         Node(package='robot_state_publisher', executable='robot_state_publisher',
              on_exit=Shutdown(reason='robot_state_publisher has ended'),
              parameters=[clock, {
-                 'robot_description': ParameterValue(robot_description(read_robot(robot_file)),
-                                                     value_type=str),
+                 'robot_description': ParameterValue(complete_description(
+                     read_robot(robot_file)), value_type=str),
                  'publish_frequency': PICTURES_HZ}],
              **{**place, 'remappings': [*place['remappings'],
                                         ('robot_description', '~/robot_description')]}),
