@@ -20,7 +20,7 @@ help:
 	@echo 'make blind  hide effects and count what is found: docs/blind_study.md (hours; ARGUMENTS=...)'
 	@echo 'make lint   check style and types'
 	@echo 'make site   build the site of the documentation into build/site'
-	@echo 'make docs   regenerate docs/interface.md, docs/effects.md and the parameter files'
+	@echo 'make docs   regenerate docs/interface.md, docs/effects.md, parameter files and layouts'
 	@echo 'make clean  remove what the above made'
 
 setup: $(VENV)/.installed
@@ -68,6 +68,7 @@ site: setup
 docs: setup
 	$(BIN)/python -m par4_kinematics.interface > docs/interface.md
 	$(BIN)/python -m par4_dynamics.effects.catalogue > docs/effects.md
+	$(BIN)/python -m par4_sim.layouts src/par4_sim/layouts
 	$(BIN)/par4_kinematics --config > src/par4_kinematics/config/par4_kinematics.yaml
 	$(BIN)/par4_motion --config > src/par4_kinematics/config/par4_motion.yaml
 	$(BIN)/par4_feedforward --config > src/par4_dynamics/config/par4_feedforward.yaml

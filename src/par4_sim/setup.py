@@ -17,6 +17,8 @@ setup(
         ('share/' + package_name + '/launch', [
             'launch/cell.launch.py', 'launch/simulation.launch.py']),
         ('share/' + package_name + '/rviz', ['rviz/par4.rviz']),
+        ('share/' + package_name + '/layouts', [
+            'layouts/par4.plotjuggler.xml', 'layouts/par4.foxglove.json']),
     ],
     install_requires=[
         'backports.zstd', 'click', 'daqp', 'jinja2', 'lazy-loader', 'lz4', 'markupsafe',
