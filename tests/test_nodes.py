@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import signal
 import subprocess
 import sys
@@ -32,6 +33,7 @@ from node_bench import (
 from par4_dynamics.model import read_model
 from par4_dynamics.model_file import read_model_file, write_model_file
 from par4_kinematics.adept import adept_motion
+from par4_kinematics.errors import InputError
 from par4_kinematics.files import read_yaml, write_yaml
 from par4_kinematics.interface import (
     AMPLIFIER_VOLTAGE,
@@ -60,6 +62,7 @@ from par4_kinematics.ros.convert import (
 from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.workspace import home_pose
 from par4_sim.bag import read_bag
+from par4_sim.bag_repair import repair_bag
 from par4_sim.tracking.metrics import tracking_of
 from par4_sim.tracking.run import record_run
 from par4_sim.urdf import tree_joint_positions
@@ -579,6 +582,32 @@ def test_messages_lost_while_the_recorder_is_held_up_are_counted(bench):
     lost = recorded.end(signal.SIGTERM)
     assert lost == sum(lost_between(numbers_in(bench.folder / 'bag', topic), recorded.published)
                        for topic in (JOINT_STATES, AMPLIFIER_VOLTAGE))
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_full_disk_ends_the_recorder_with_one_line_and_a_bag_to_mend(bench, storage):
+    limit = 1_500_000  # bytes that a file may have; the shared memory of the middleware needs some
+
+    def start(node: str, **parameters: Any) -> subprocess.Popen:
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+        try:
+            return Bench.start(bench, node, **parameters)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+    bench.start = start
+    recorded = Recorded(bench, storage=storage)
+    bench.wait(lambda: recorded.publish(100) or recorded.child.poll() is not None, 'a full disk')
+    assert recorded.child.returncode == 2
+    errors = [line for line in bench.said().splitlines() if 'error: ' in line]
+    assert len(errors) == 1
+    assert 'cannot be written' in errors[0]
+    assert 'Traceback' not in bench.said()
+    with pytest.raises(InputError, match='--repair'):
+        read_bag(bench.folder / 'bag')
+    repair_bag(bench.folder / 'bag', bench.folder / 'mended')
+    assert len(numbers_in(bench.folder / 'mended', JOINT_STATES)) > 100
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
