@@ -16,7 +16,7 @@ for library in ('OPENBLAS', 'OMP', 'MKL'):
 CALM = {'deadline': None, 'database': None,
         'suppress_health_check': [HealthCheck.too_slow, HealthCheck.data_too_large,
                                   HealthCheck.function_scoped_fixture]}
-settings.register_profile('few', max_examples=8, derandomize=True, **CALM)
+settings.register_profile('few', max_examples=5, derandomize=True, **CALM)
 settings.register_profile('fuzz', max_examples=2000, print_blob=True, **CALM)
 settings.load_profile('few')
 

@@ -255,7 +255,7 @@ def test_a_flood_of_references_is_followed_and_loses_nothing(bench):
     simulated = Simulated(bench)
     references = bench.publisher(REFERENCE)
     motion = quintic_motion(AWAY_Q, 1e-3)
-    start_ns = simulated.now_ns() + 4 * SECOND  # so far ahead that a busy machine is not late
+    start_ns = simulated.now_ns() + 3 * SECOND  # so far ahead that a busy machine is not late
     for row in range(len(motion.t)):  # a message a millisecond, as the contract allows
         single = Motion('point', *(getattr(motion, name)[row:row + 1]
                                    for name in ('t', 'q', 'qd', 'qdd', 'x', 'xd', 'xdd')))
@@ -263,8 +263,8 @@ def test_a_flood_of_references_is_followed_and_loses_nothing(bench):
     simulated.wait_until(start_ns + round(motion.duration * SECOND) + SECOND // 2)
     np.testing.assert_allclose(joint_values(simulated.states[-1], 'position'), AWAY_Q, atol=2e-3)
     assert 'late_points' not in simulated.fresh_counts()
-    # and 100,000 points at once, at rest where it stands
-    count = 100_000
+    # and 20,000 points at once, at rest where it stands
+    count = 20_000
     rest = np.zeros((count, 4))
     standing = Motion('rest', np.arange(count) * 2e-5, np.tile(AWAY_Q, (count, 1)), rest, rest,
                       rest, rest, rest)

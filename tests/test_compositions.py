@@ -171,10 +171,8 @@ def test_a_recorder_that_fails_at_the_end_leaves_nothing_to_identify(launched):
 
 
 def test_a_recording_by_processes_and_what_follows_it(bench, monkeypatch, capfd):
-    """In a namespace, beside a robot of the same kind that has none."""
     for name, value in bench.environment.items():
         monkeypatch.setenv(name, value)
-    bench.start('par4_simulation', fidelity='exact')
     session = session_of('recording', namespace='robot_a', fidelity='exact', duration='1.0',
                          record=str(bench.folder / 'bag'))
     follows = ToolPart('par4_identification', 'par4_record', (
