@@ -126,7 +126,8 @@ SCHEMAS = (
     ('tracking.json', 'par4/tracking/1', 'written by `par4_track`'),
     ('fastest.json', 'par4/fastest/1', 'written by `par4_fastest`'),
     ('drive_gain.json', 'par4/drive_gain/1', 'written by `par4_drive_gain`'),
-    ('par4_bag --inspect BAG --json', 'par4/inspection/1', 'printed: what a bag holds and is good for'),
+    ('par4_bag --inspect BAG --json', 'par4/inspection/1',
+     'printed: what a bag holds and is good for'),
 )
 
 START_DELAY = 0.2
