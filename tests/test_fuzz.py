@@ -385,3 +385,18 @@ def test_aliases_that_stand_for_millions_of_values_are_refused_in_a_line(folder)
         robot.read_machine(path)
     assert 'name: ' in str(refusal.value)
     assert len(str(refusal.value)) <= LONGEST_LINE
+
+
+def test_a_torque_too_large_to_be_squared_is_compared_all_the_same(folder):
+    """As a flipped bit makes it; drawn once among some hundred damaged bags."""
+    path = folder / 'large'
+    motion = quintic_motion(np.asarray(quintic_motion.__globals__['AWAY_Q']))
+    with BagWriter(path) as bag:
+        for row in range(150):
+            stamp, effort = 10**9 + 2_000_000 * row, np.full(4, 1e300 if row == 10 else 1.0)
+            bag.write_joint_state(f'/{JOINT_STATES.name}', stamp, JOINTS, motion.q[row],
+                                  effort=effort)
+            bag.write_joint_state(f'/{AMPLIFIER_VOLTAGE.name}', stamp, JOINTS,
+                                  effort=np.ones(4) / ROBOT.drives.gain)
+    disagreement = read_log(path, ROBOT).accounts.torque_disagreement
+    np.testing.assert_allclose(disagreement, 1.0)
