@@ -13,19 +13,20 @@ QUICK := amplifier api bag drive dynamics filtering kinematics log log_table mot
   pace reach reference_curve ros_convert sensors serialised_trajectory stretches structure table_bag \
   transmission
 
-.PHONY: help setup demo test quick lint bench blind setup_study site docs clean
+.PHONY: help setup demo test quick fuzz lint bench blind setup_study site docs clean
 
 help:
 	@echo 'make demo   install and run the main job end to end (results in demo_output/)'
 	@echo 'make test   install and run the tests'
 	@echo 'make quick  run those of the tests that take a minute together'
+	@echo 'make fuzz   give every reader of outside data 2,000 inputs at their worst (half an hour)'
 	@echo 'make setup  install into $(VENV) only'
 	@echo 'make bench  measure accuracy and speed'
 	@echo 'make setup_study  make mistakes of the setup and count what is told: docs/setup_study.md'
 	@echo 'make blind  hide effects and count what is found: docs/blind_study.md (hours; ARGUMENTS=...)'
 	@echo 'make lint   check style and types'
 	@echo 'make site   build the site of the documentation into build/site'
-	@echo 'make docs   regenerate docs/interface.md, docs/effects.md and the parameter files'
+	@echo 'make docs   regenerate docs/interface.md, docs/effects.md, parameter files and layouts'
 	@echo 'make clean  remove what the above made'
 
 setup: $(VENV)/.installed
@@ -53,6 +54,9 @@ test: setup
 quick: setup
 	$(BIN)/python -m pytest $(QUICK:%=tests/test_%.py)
 
+fuzz: setup
+	$(BIN)/python -m pytest tests/test_fuzz.py --hypothesis-profile=fuzz --timeout=3600
+
 lint: setup
 	$(BIN)/ruff check src tests demo bench examples site
 	$(BIN)/mypy
@@ -73,6 +77,7 @@ site: setup
 docs: setup
 	$(BIN)/python -m par4_kinematics.interface > docs/interface.md
 	$(BIN)/python -m par4_dynamics.effects.catalogue > docs/effects.md
+	$(BIN)/python -m par4_sim.layouts src/par4_sim/layouts
 	$(BIN)/par4_kinematics --config > src/par4_kinematics/config/par4_kinematics.yaml
 	$(BIN)/par4_motion --config > src/par4_kinematics/config/par4_motion.yaml
 	$(BIN)/par4_feedforward --config > src/par4_dynamics/config/par4_feedforward.yaml

@@ -9,19 +9,19 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from par4_dynamics.model_file import read_model_file
+from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_yaml
+from par4_sim.cell import COMPOSITIONS
+from par4_sim.running_cell import running_cell
 
 BIN = Path(sys.executable).parent
 CONSOLE = Console(highlight=False, soft_wrap=True)
@@ -47,63 +47,28 @@ def environment() -> dict[str, str]:
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
 
 
-@contextmanager
-def node(log: Path, executable: str, **parameters: object) -> Iterator[subprocess.Popen]:
-    """Run a node with these parameters; end it with an interrupt, as a terminal would."""
-    arguments = [str(BIN / executable), '--ros-args']
-    for name, value in parameters.items():
-        arguments += ['-p', f'{name}:={str(value).lower() if isinstance(value, bool) else value}']
-    with log.open('a', encoding='utf-8') as stream:
-        process = subprocess.Popen(arguments, stdout=stream, stderr=stream, env=environment())
-        try:
-            yield process
-        finally:
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-            try:
-                process.wait(timeout=20)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-
-
-def ended(process: subprocess.Popen, patience: float = 0.0) -> bool:
-    """Return whether a process has ended, waiting for it up to `patience` seconds."""
-    try:
-        process.wait(timeout=patience)
-    except subprocess.TimeoutExpired:
-        return False
-    return True
-
-
 def record(folder: Path, bag: Path, model: Path | str, seconds: float, seed: int, title: str
            ) -> None:
     """Play a quasi-random excitation on the simulated machine and record it into a bag."""
     log = folder / 'nodes.log'
     with log.open('a', encoding='utf-8') as stream:
         stream.write(f'--- {bag.name}: {title}, machine {model}\n')
-    with ExitStack() as nodes:
-        simulation = nodes.enter_context(node(
-            log, 'par4_simulation', model_file=model, torque_noise=TORQUE_NOISE, seed=seed,
-            feedforward_timeout=2.0))
-        nodes.enter_context(node(log, 'par4_feedforward', model_file='table1', use_sim_time=True))
-        recorder = nodes.enter_context(node(log, 'par4_record', output=bag, use_sim_time=True))
-        while not bag.exists() and not ended(recorder, 0.05):
-            continue
-        motion = nodes.enter_context(node(
-            log, 'par4_motion', motion='excitation', duration=seconds, seed=seed,
-            use_sim_time=True))
-        columns = (TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn(),
-                   TextColumn(f'of about {seconds + STARTING:.0f} s'))
-        with Progress(*columns, console=CONSOLE) as progress:
+    session = COMPOSITIONS['recording'].session({
+        'machine': str(model), 'noise': str(TORQUE_NOISE), 'seed': str(seed),
+        'duration': str(seconds), 'record': str(bag)})
+    columns = (TextColumn('{task.description}'), BarColumn(), TimeElapsedColumn(),
+               TextColumn(f'of about {seconds + STARTING:.0f} s'))
+    try:
+        with (running_cell(session, log, environment()) as cell,
+              Progress(*columns, console=CONSOLE) as progress):
             task = progress.add_task(title, total=seconds + STARTING)
             began = time.monotonic()
-            while not ended(motion, 0.1) and not ended(simulation) and not ended(recorder):
+            while not cell.played():
                 progress.update(task, completed=time.monotonic() - began)
+                time.sleep(0.1)
             progress.update(task, completed=seconds + STARTING)
-        played = motion.returncode == 0  # asked before the nodes that still run are ended
-    if not played:
-        CONSOLE.print(f'error: the motion was not played to its end; the nodes say in {log}:')
+    except InputError as error:
+        CONSOLE.print(f'error: the motion was not played to its end: {error}', markup=False)
         CONSOLE.print(log.read_text(encoding='utf-8')[-2000:], markup=False)
         sys.exit(1)
     counted = [line for line in log.read_text(encoding='utf-8').splitlines() if bag.name in line]

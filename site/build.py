@@ -31,7 +31,7 @@ SECTIONS = {
     'Tutorials': ('first_ten_minutes', 'your_own_robot', 'fault_step_by_step',
                   'effect_of_your_own', 'cluster'),
     'Guides': ('identification', 'diagnosis', 'changes', 'trend', 'setup', 'measured', 'tracking',
-               'hardware'),
+               'hardware', 'workstation'),
     'Reference': ('glossary', 'effects', 'api', 'model', 'interface',
                   *(f'reference/{package}' for package in PACKAGES)),
     'Development': ('architecture', 'CONTRIBUTING', 'dependencies', 'benchmarks', 'blind_study',

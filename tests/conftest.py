@@ -7,9 +7,18 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 for library in ('OPENBLAS', 'OMP', 'MKL'):
     os.environ.setdefault(f'{library}_NUM_THREADS', '1')
+
+# the same few examples in every run; `make fuzz` draws others, and many
+CALM = {'deadline': None, 'database': None,
+        'suppress_health_check': [HealthCheck.too_slow, HealthCheck.data_too_large,
+                                  HealthCheck.function_scoped_fixture]}
+settings.register_profile('few', max_examples=5, derandomize=True, **CALM)
+settings.register_profile('fuzz', max_examples=2000, print_blob=True, **CALM)
+settings.load_profile('few')
 
 
 @pytest.fixture

@@ -219,7 +219,9 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     assert bench.ended(lost) == 2
     assert 'use_sim_time:=true' in bench.said()
     recorder = bench.start('par4_record', output='bag', **SIMULATED)
+    bench.start('par4_feedforward', **SIMULATED)
     player = bench.start('par4_motion', motion='excitation', duration=20.0, **SIMULATED)
+    wait_for_state(bench, diagnostics, 'par4_feedforward', OK, '')
     wait_for_state(bench, diagnostics, 'par4_motion', OK, 'playing')
     wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
     simulated.child.kill()
@@ -227,6 +229,8 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     second = bench.start('par4_simulation', fidelity='exact')
     assert bench.ended(player) == 2
     wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
+    bench.wait(lambda: '[par4_feedforward]: the clock jumped back by' in bench.said(),
+               'feedforward to notice')
     said = bench.said()
     assert 'excitation aborted: the clock jumped back' in said
     assert 'bag holds more than one run' in said
@@ -245,6 +249,32 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
 
 SOURCES = Path(__file__).parents[1] / 'src'
 DRIVER = Path(__file__).parents[1] / 'examples' / 'driver' / 'driver.py'
+
+
+def test_a_flood_of_references_is_followed_and_loses_nothing(bench):
+    simulated = Simulated(bench)
+    references = bench.publisher(REFERENCE)
+    motion = quintic_motion(AWAY_Q, 1e-3)
+    start_ns = simulated.now_ns() + 3 * SECOND  # so far ahead that a busy machine is not late
+    for row in range(len(motion.t)):  # a message a millisecond, as the contract allows
+        single = Motion('point', *(getattr(motion, name)[row:row + 1]
+                                   for name in ('t', 'q', 'qd', 'qdd', 'x', 'xd', 'xdd')))
+        references.publish(reference_message(single, start_ns))
+    simulated.wait_until(start_ns + round(motion.duration * SECOND) + SECOND // 2)
+    np.testing.assert_allclose(joint_values(simulated.states[-1], 'position'), AWAY_Q, atol=2e-3)
+    assert 'late_points' not in simulated.fresh_counts()
+    # and 20,000 points at once, at rest where it stands
+    count = 20_000
+    rest = np.zeros((count, 4))
+    standing = Motion('rest', np.arange(count) * 2e-5, np.tile(AWAY_Q, (count, 1)), rest, rest,
+                      rest, rest, rest)
+    message = reference_message(standing, 0)  # starts when it comes, whenever that is
+    references.publish(message)
+    bench.wait(lambda: simulated.fresh_counts().get('missing_effort', 0) > len(motion.t),
+               'the first of them to be followed')
+    np.testing.assert_allclose(joint_values(simulated.states[-1], 'position'), AWAY_Q, atol=2e-3)
+    counts = simulated.fresh_counts()
+    assert not {'missed_messages', 'rejected_messages'} & counts.keys()
 
 
 def test_a_foreign_robot_is_moved_recorded_and_identified(bench):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import signal
 import subprocess
 import sys
@@ -32,7 +33,9 @@ from node_bench import (
 from par4_dynamics.model import read_model
 from par4_dynamics.model_file import read_model_file, write_model_file
 from par4_identification.logs.bag import read_bag
+from par4_identification.logs.bag_repair import repair_bag
 from par4_kinematics.adept import adept_motion
+from par4_kinematics.errors import InputError
 from par4_kinematics.files import read_yaml, write_yaml
 from par4_kinematics.interface import (
     AMPLIFIER_VOLTAGE,
@@ -579,6 +582,31 @@ def test_messages_lost_while_the_recorder_is_held_up_are_counted(bench):
     lost = recorded.end(signal.SIGTERM)
     assert lost == sum(lost_between(numbers_in(bench.folder / 'bag', topic), recorded.published)
                        for topic in (JOINT_STATES, AMPLIFIER_VOLTAGE))
+
+
+def test_a_full_disk_ends_the_recorder_with_one_line_and_a_bag_to_mend(bench):
+    limit = 1_500_000  # bytes that a file may have; the shared memory of the middleware needs some
+
+    def start(node: str, **parameters: Any) -> subprocess.Popen:
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
+        try:
+            return Bench.start(bench, node, **parameters)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+    bench.start = start
+    recorded = Recorded(bench, storage='sqlite3')
+    bench.wait(lambda: recorded.publish(100) or recorded.child.poll() is not None, 'a full disk')
+    assert recorded.child.returncode == 2
+    errors = [line for line in bench.said().splitlines() if 'error: ' in line]
+    assert len(errors) == 1
+    assert 'cannot be written' in errors[0]
+    assert 'Traceback' not in bench.said()
+    with pytest.raises(InputError, match='--repair'):
+        read_bag(bench.folder / 'bag')
+    repair_bag(bench.folder / 'bag', bench.folder / 'mended')
+    assert len(numbers_in(bench.folder / 'mended', JOINT_STATES)) > 100
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import sys
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
@@ -23,7 +25,7 @@ MESSAGES = ('rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', '
 ROOMS = ('logs', 'signals', 'estimators', 'fitting', 'gains', 'excitation', 'diagnosis/evidence',
          'diagnosis/search', 'diagnosis/nominal', 'diagnosis/verdict', 'diagnosis',
          'diagnosis/experiment', 'setup_check', 'changes', 'confrontation', 'trend',
-         'reports/outcome', 'reports', 'jobs', 'commands', 'ros')
+         'reports/outcome', 'inspection', 'reports', 'jobs', 'commands', 'ros')
 """Of par4_identification; each may import from those in front of it."""
 SOURCES = sorted(path for package in CHAIN
                  for path in (ROOT / 'src' / package / package).rglob('*.py'))
@@ -134,3 +136,38 @@ def test_every_dependency_is_pinned_and_explained():
     for pin in pins:
         assert '==' in pin
         assert f'| `{pin.split("==")[0].split("[")[0]}` |' in explained, pin
+
+
+ROSDEP = {'matplotlib': 'python3-matplotlib', 'pybullet': 'python3-pybullet-pip',
+          'rosbags': 'python3-rosbags-pip', 'toppra': 'python3-toppra-pip',
+          **{name: f'python3-{name}' for name in (
+              'click', 'jinja2', 'numba', 'numpy', 'pydantic', 'rich', 'scipy')},
+          'ruamel': 'python3-ruamel.yaml'}
+"""Library -> key of rosdep, as of rosdistro in 2026."""
+KEYLESS = {'backports': 'backports.zstd', 'daqp': 'daqp', 'dask': 'dask',
+           'distributed': 'distributed', 'lazy_loader': 'lazy-loader', 'lz4': 'lz4',
+           'markupsafe': 'markupsafe', 'ruckig': 'ruckig'}
+"""Library -> name of its distribution, for which rosdep has no key."""
+
+
+@pytest.mark.parametrize('package', CHAIN)
+def test_the_manifest_declares_every_library(package):
+    folder = ROOT / 'src' / package
+    manifest = ElementTree.parse(folder / 'package.xml').getroot()
+    declared = {item.text for item in manifest if item.tag.endswith('depend')}
+    written = (folder / 'package.xml').read_text(encoding='utf-8')
+    setup = (folder / 'setup.py').read_text(encoding='utf-8')
+    used = {name.split('.')[0] for path in [*folder.rglob('*.py')] if path.name != 'setup.py'
+            for name in imported(path)} - set(sys.stdlib_module_names) - {
+                package, 'llvmlite'}  # which numba is made on
+    for library in used:
+        if library in (*CHAIN, *MESSAGES, 'control_msgs', 'launch', 'launch_ros'):
+            assert library in declared, library
+        elif library in ROSDEP:
+            assert ROSDEP[library] in declared, library
+        else:
+            name = KEYLESS[library]
+            assert name in written, f'{name}: name it beside the libraries without key'
+        if library in KEYLESS or library in ROSDEP:
+            assert f"'{KEYLESS.get(library, library)}" in setup, library
+    assert manifest.find('export/build_type').text == 'ament_python'

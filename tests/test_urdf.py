@@ -135,6 +135,8 @@ def chain_masses(urdf):
     result = {}
     for link in ElementTree.fromstring(urdf).findall('link'):
         inertial = link.find('inertial')
+        if inertial is None:
+            continue
         inertia = inertial.find('inertia')
         result[link.get('name')] = (
             float(inertial.find('mass').get('value')),

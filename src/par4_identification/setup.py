@@ -15,10 +15,13 @@ setup(
         ('share/' + package_name, ['package.xml']),
         ('share/' + package_name + '/config', [
             'config/par4_record.yaml', 'config/par4_monitor.yaml']),
+        ('share/' + package_name + '/launch', [
+            'launch/recording.launch.py', 'launch/identification.launch.py']),
     ],
     install_requires=[
         'backports.zstd', 'click', 'daqp', 'dask', 'distributed', 'lazy-loader', 'lz4',
         'matplotlib', 'numba', 'numpy', 'rich', 'rosbags', 'scipy'],
+    extras_require={'test': ['hypothesis', 'pytest', 'pytest-timeout', 'pytest-xdist']},
     zip_safe=False,
     entry_points={
         'console_scripts': [

@@ -16,7 +16,8 @@ setup(
         ('share/' + package_name + '/config', [
             'config/par4_kinematics.yaml', 'config/par4_motion.yaml']),
     ],
-    install_requires=['lazy-loader', 'numba', 'numpy', 'pydantic', 'ruamel.yaml', 'ruckig'],
+    install_requires=[
+        'lazy-loader', 'numba', 'numpy', 'pydantic', 'ruamel.yaml', 'ruckig', 'scipy'],
     zip_safe=False,
     entry_points={
         'console_scripts': [

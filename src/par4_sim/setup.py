@@ -14,8 +14,11 @@ setup(
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
         ('share/' + package_name + '/config', ['config/par4_simulation.yaml']),
-        ('share/' + package_name + '/launch', ['launch/cell.launch.py']),
+        ('share/' + package_name + '/launch', [
+            'launch/cell.launch.py', 'launch/simulation.launch.py']),
         ('share/' + package_name + '/rviz', ['rviz/par4.rviz']),
+        ('share/' + package_name + '/layouts', [
+            'layouts/par4.plotjuggler.xml', 'layouts/par4.foxglove.json']),
     ],
     install_requires=[
         'click', 'daqp', 'jinja2', 'lazy-loader', 'markupsafe', 'matplotlib', 'numba', 'numpy',
@@ -24,6 +27,7 @@ setup(
     entry_points={
         'console_scripts': [
             'par4_simulation = par4_sim.ros:simulation',
+            'par4_cell = par4_sim.commands.cell:main',
             'par4_simulate = par4_sim.commands.simulate:main',
             'par4_fastest = par4_sim.commands.fastest:main',
             'par4_track = par4_sim.commands.track:main',

@@ -1,8 +1,24 @@
 """The errors a user can cause; each is one line that says what was asked, found, exists, to do."""
 
+LONGEST_LINE = 1000
+"""Characters of an error; what it quotes from outside may be of any length."""
+
+
+def one_line(text: str) -> str:
+    """Return a text as one line of printable characters, cut in its middle where it is too long."""
+    half = (LONGEST_LINE - 5) // 2
+    if len(text) > 4 * LONGEST_LINE:  # most of it is never looked at
+        text = f'{text[:2 * LONGEST_LINE]} ... {text[-2 * LONGEST_LINE:]}'
+    line = ''.join(mark if mark.isprintable() else ascii(mark)[1:-1]
+                   for mark in ' '.join(text.split()))
+    return line if len(line) <= LONGEST_LINE else f'{line[:half]} ... {line[-half:]}'
+
 
 class Par4Error(Exception):
     """Bad input, described in one line fit for a user; base of every error this project raises."""
+
+    def __str__(self) -> str:
+        return one_line(super().__str__())
 
 
 class UnreachableError(Par4Error):

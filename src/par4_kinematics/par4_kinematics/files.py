@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import reprlib
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -16,6 +17,9 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from par4_kinematics.errors import InputError
+
+_QUOTE = reprlib.Repr()
+_QUOTE.maxlevel, _QUOTE.maxstring, _QUOTE.maxother = 3, 120, 120
 
 
 class FileModel(BaseModel):
@@ -43,6 +47,12 @@ def read_yaml(path: str | Path) -> object:
     except YAMLError as error:
         line = ' '.join(str(error).split())
         raise InputError(f'{path}: not valid YAML ({line}); mend the file') from error
+    except RecursionError:
+        raise InputError(f'{path}: nested too deeply; mend the file') from None
+    # what its scalars say is understood by Python's own functions, which raise what they like
+    except Exception as error:
+        raise InputError(f'{path}: a value in it is not understood ({error}); mend the file'
+                         ) from error
 
 
 def parse(content: object, model: type[FileType], source: str) -> FileType:
@@ -57,7 +67,7 @@ def parse(content: object, model: type[FileType], source: str) -> FileType:
         found = '; '.join(
             f'{".".join(map(str, item["loc"])) or "file"}: '
             f'{item["msg"].removeprefix("Value error, ")}'
-            + (f' (found {item["input"]!r})' if not isinstance(item['input'], dict) else '')
+            + (f' (found {quoted(item["input"])})' if not isinstance(item['input'], dict) else '')
             for item in error.errors()[:4]
         )
         raise InputError(f'{source}: {found}; see docs/interface.md') from error
@@ -70,8 +80,13 @@ def expect_schema(content: object, schemas: tuple[str, ...], source: str) -> str
                          f'{type(content).__name__}')
     found = content.get('schema')
     if found not in schemas:
-        raise InputError(f'{source}: expected schema {" or ".join(schemas)}, found {found!r}')
+        raise InputError(f'{source}: expected schema {" or ".join(schemas)}, found {quoted(found)}')
     return found
+
+
+def quoted(value: object) -> str:
+    """Return a value from outside as an error quotes it, short whatever its size."""
+    return _QUOTE.repr(value)
 
 
 def resolve_builtin(name_or_path: str | Path, package: str) -> Path:

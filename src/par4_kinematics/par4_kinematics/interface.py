@@ -85,6 +85,8 @@ EXECUTABLES = (
     ('par4_sim', 'par4_simulation', 'node: the simulated Par4 with drives and sensors'),
     ('par4_sim', 'par4_simulate',
      'offline: the same simulation without ROS, same topics in the bag'),
+    ('par4_sim', 'par4_cell',
+     'runs simulation, cell, recording or identification together, as the launch files do'),
     ('par4_sim', 'par4_push',
      'offline: static pushes on a simulated force sensor, a bag and its readings'),
     ('par4_sim', 'par4_track',
@@ -97,7 +99,8 @@ EXECUTABLES = (
     ('par4_identification', 'par4_excite',
      'offline: designs an excitation motion file and says what to expect of it'),
     ('par4_identification', 'par4_bag',
-     'offline: makes a bag from CSV, .npz or .mat logs of any machine'),
+     'offline: makes a bag from CSV, .npz or .mat logs of any machine; `--inspect BAG` says '
+     'what a bag holds and what each tool could do with it'),
     ('par4_identification', 'par4_identify', 'offline: identifies a model from bags'),
     ('par4_identification', 'par4_validate', 'offline: cross-validates a model on a bag'),
     ('par4_identification', 'par4_diagnose', 'offline: names what the model gets wrong'),
@@ -123,6 +126,8 @@ SCHEMAS = (
     ('tracking.json', 'par4/tracking/1', 'written by `par4_track`'),
     ('fastest.json', 'par4/fastest/1', 'written by `par4_fastest`'),
     ('drive_gain.json', 'par4/drive_gain/1', 'written by `par4_drive_gain`'),
+    ('par4_bag --inspect BAG --json', 'par4/inspection/1',
+     'printed: what a bag holds and is good for'),
 )
 
 START_DELAY = 0.2

@@ -101,7 +101,21 @@ def motion_of_recipe(recipe: Mapping[str, Any], robot: Robot, source: str = 'rec
     """
     arguments = dict(_checked_recipe(recipe, source))
     with _source_in_errors(source):
-        return RECIPES[arguments.pop('kind')](robot, **arguments)
+        return _finite(lambda: RECIPES[arguments.pop('kind')](robot, **arguments))
+
+
+def _finite(build: Callable[[], Motion]) -> Motion:
+    """Return the motion that is built, without a word of numbers too large on the way.
+
+    Raises:
+        InputError: they make it infinite.
+    """
+    with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
+        motion = build()
+    if not all(np.isfinite(part).all() for part in (motion.t, motion.q, motion.qd, motion.qdd,
+                                                    motion.x, motion.xd, motion.xdd)):
+        raise InputError('its numbers are so large that the motion is not finite; give SI units')
+    return motion
 
 
 @contextmanager
@@ -162,7 +176,7 @@ def read_motion(path: str | Path, robot: Robot) -> Motion:
     t, columns = read_samples(table, motion_file.frame)
     build = motion_of_joints if motion_file.frame == 'joint' else motion_of_platform
     with _source_in_errors(str(table)):
-        return build(path.stem, robot.geometry, t, *np.split(columns, 3, axis=1))
+        return _finite(lambda: build(path.stem, robot.geometry, t, *np.split(columns, 3, axis=1)))
 
 
 def read_samples(path: str | Path, frame: str) -> tuple[np.ndarray, np.ndarray]:

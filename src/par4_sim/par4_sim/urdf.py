@@ -219,6 +219,47 @@ def _bar_offsets(geometry: Geometry, fidelity: Fidelity) -> list[np.ndarray]:
     return [np.array((side * BAR_OFFSET * geometry.arm_length, 0.0, 0.0)) for side in SIDES]
 
 
+Inertial = tuple[float, np.ndarray, np.ndarray]
+"""Of a link: mass, kg; centre (3,), m; central inertia about x, y, z (3,), kg m2."""
+
+
+def arm_inertial(geometry: Geometry, single: PhysicalBodies, leg: int) -> Inertial:
+    """Return what an arm weighs, its motor included.
+
+    Only the inertia about the axis and the gravity moment count: any mass does that leaves the
+    central inertia positive.
+    """
+    inertia, moment = float(single.motor_inertia[leg]), float(single.arm_moment[leg])
+    mass = max(inertia / (0.5 * geometry.arm_length) ** 2, 2.0 * moment ** 2 / inertia)
+    return mass, moment / mass * _outward(geometry, leg), np.full(3, inertia - moment ** 2 / mass)
+
+
+def rod_inertial(geometry: Geometry, bodies: LumpedBodies, single: PhysicalBodies,
+                 together: float = 1.0) -> Inertial:
+    """Return what a rod weighs, or several together; along -z from the elbow.
+
+    End masses need m l^2 / 4 for (20); distributed mass takes off its m l^2 / 6.
+    """
+    across = together * geometry.forearm_length ** 2 * (
+        single.rod_mass / 4.0 - bodies.rod_mass / 6.0)
+    return (together * single.rod_mass, -0.5 * geometry.forearm_length * UP,
+            across * np.array((1.0, 1.0, AXIAL_INERTIA)))
+
+
+def bar_inertial(geometry: Geometry, bodies: LumpedBodies, single: PhysicalBodies,
+                 together: float = 1.0) -> Inertial:
+    """Return what a bar weighs, or several together; along y, with its share of theta's inertia."""
+    length = geometry.platform_bar_length
+    inertia = together * (length ** 2 * (single.bar_mass / 4.0 - bodies.bar_mass / 6.0)
+                          + 0.5 * bodies.theta_inertia)
+    return together * single.bar_mass, np.array((0.0, 0.5 * length, 0.0)), np.full(3, inertia)
+
+
+def plate_inertial(geometry: Geometry, mass: float) -> Inertial:
+    """Return what a half plate weighs; as it only translates, its inertia never counts."""
+    return mass, np.zeros(3), np.full(3, mass * (PLATE_GYRATION * geometry.arm_length) ** 2)
+
+
 def _leg_urdf(geometry: Geometry, bodies: LumpedBodies, single: PhysicalBodies, leg: int,
               fidelity: Fidelity) -> str:
     outward = _outward(geometry, leg)
@@ -226,24 +267,17 @@ def _leg_urdf(geometry: Geometry, bodies: LumpedBodies, single: PhysicalBodies, 
     if fidelity == 'fast':
         foot = foot - _plate_joint(geometry, leg)
     robot = _document(leg_chain(leg))
-    _add_link(robot, BASE_FRAME)
+    add_inertial(_add_link(robot, BASE_FRAME))
 
-    # only the inertia about the axis and the gravity moment count: any mass does that leaves the
-    # central inertia positive
-    inertia, moment = float(single.motor_inertia[leg]), float(single.arm_moment[leg])
-    mass = max(inertia / (0.5 * geometry.arm_length) ** 2, 2.0 * moment ** 2 / inertia)
-    _add_link(robot, 'arm', mass, moment / mass * outward, inertia - moment ** 2 / mass)
+    add_inertial(_add_link(robot, 'arm'), *arm_inertial(geometry, single, leg))
     _add_joint(robot, JOINT_NAMES[leg], 'continuous', BASE_FRAME, 'arm', foot,
                _sideways(geometry, leg))
 
     offsets = _rod_offsets(geometry, leg, fidelity)
     together = 2.0 / len(offsets)
-    # end masses need m l^2 / 4 for (20); distributed mass takes off its m l^2 / 6
-    across = together * geometry.forearm_length ** 2 * (
-        single.rod_mass / 4.0 - bodies.rod_mass / 6.0)
     for number, offset in enumerate(offsets):
-        _add_link(robot, f'rod_{number}', together * single.rod_mass,
-                  -0.5 * geometry.forearm_length * UP, (across, across, AXIAL_INERTIA * across))
+        add_inertial(_add_link(robot, f'rod_{number}'),
+                     *rod_inertial(geometry, bodies, single, together))
         _add_joint(robot, f'elbow_{number}', 'spherical', 'arm', f'rod_{number}',
                    geometry.arm_length * outward + offset)
     return _text(robot)
@@ -254,19 +288,15 @@ def _plate_urdf(geometry: Geometry, bodies: LumpedBodies, single: PhysicalBodies
     robot = _document(name)
     mass = single.half_plate_1 if name == PLATE_CHAINS[0] else single.half_plate_2
     if fidelity == 'fast':
-        _add_link(robot, BASE_FRAME)
+        add_inertial(_add_link(robot, BASE_FRAME))
         _add_slides(robot, PLATE_SLIDES, PLATE_SLIDES)
-    _add_link(robot, 'plate', mass,
-              inertia=mass * (PLATE_GYRATION * geometry.arm_length) ** 2)
+    add_inertial(_add_link(robot, 'plate'), *plate_inertial(geometry, mass))
     if name == PLATE_CHAINS[0]:
         offsets = _bar_offsets(geometry, fidelity)
         together = 2.0 / len(offsets)
-        length = geometry.platform_bar_length
-        inertia = (together * length ** 2 * (single.bar_mass / 4.0 - bodies.bar_mass / 6.0)
-                   + bodies.theta_inertia / len(offsets))
         for number, offset in enumerate(offsets):
-            _add_link(robot, f'bar_{number}', together * single.bar_mass, (0.0, 0.5 * length, 0.0),
-                      inertia)
+            add_inertial(_add_link(robot, f'bar_{number}'),
+                         *bar_inertial(geometry, bodies, single, together))
             _add_joint(robot, f'bar_rotation_{number}', 'continuous', 'plate', f'bar_{number}',
                        offset)
     return _text(robot)
@@ -485,10 +515,13 @@ def _text(robot: ElementTree.Element) -> str:
     return ElementTree.tostring(robot, encoding='unicode') + '\n'
 
 
-def _add_link(robot: ElementTree.Element, name: str, mass: float = 0.0,
-              centre: ArrayLike = (0.0, 0.0, 0.0), inertia: ArrayLike = 0.0) -> None:
-    """Add a link with central inertia (xx, yy, zz), or one number for all three, kg m2."""
-    link = ElementTree.SubElement(robot, 'link', name=name)
+def _add_link(robot: ElementTree.Element, name: str) -> ElementTree.Element:
+    return ElementTree.SubElement(robot, 'link', name=name)
+
+
+def add_inertial(link: ElementTree.Element, mass: float = 0.0,
+                 centre: ArrayLike = (0.0, 0.0, 0.0), inertia: ArrayLike = 0.0) -> None:
+    """Give a link a mass, kg, a centre (3,), m, and central inertia about x, y, z, kg m2."""
     inertial = ElementTree.SubElement(link, 'inertial')
     ElementTree.SubElement(inertial, 'origin', xyz=_numbers(centre))
     ElementTree.SubElement(inertial, 'mass', value=_numbers(mass))
@@ -516,7 +549,7 @@ def _add_slides(robot: ElementTree.Element, joints: tuple[str, ...], links: tupl
                 ) -> None:
     """Add joints that slide the last of three links along x, y, z from `base`, and the others."""
     for name in links[:-1]:
-        _add_link(robot, name)
+        add_inertial(_add_link(robot, name))
     for joint, parent, child, axis in zip(joints, (BASE_FRAME, *links[:-1]), links, np.eye(3),
                                           strict=True):
         _add_joint(robot, joint, 'prismatic', parent, child, axis=axis)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -62,13 +63,17 @@ def make_bag(**options: Any) -> None:
     """Make a bag of FILES: CSV, .npz or .mat, parts of one recording in order.
 
     Says what it read and what looks wrong; the other tools then read the bag.
+    `par4_bag --inspect BAG` instead says what a bag holds and what each tool could do with it.
     """
     from par4_identification.jobs import bag
     bag.make_bag(**options)
 
 
 def main() -> None:
-    """Run the executable."""
+    """Make a bag, or look at one with `--inspect BAG`."""
+    if any(argument.split('=')[0] == '--inspect' for argument in sys.argv[1:]):
+        from par4_identification.commands.inspect import inspect
+        run(inspect)
     run(make_bag)
 
 

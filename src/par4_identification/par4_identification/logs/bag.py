@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import os
 import struct
+from array import array
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
@@ -52,6 +54,35 @@ BATCH_MESSAGES = 1 << 16
 
 _NANOSECONDS = 1_000_000_000
 _ARRAYS = {JOINT_STATE_TYPE: JOINT_ARRAYS, TRAJECTORY_TYPE: TRAJECTORY_ARRAYS}
+
+
+@dataclass(frozen=True)
+class RecordedTopic:
+    """A topic of a bag and when its messages were received, (n,) ns, in the order of the bag."""
+
+    name: str
+    type: str
+    received: np.ndarray
+
+
+def recorded_topics(path: str | Path) -> tuple[RecordedTopic, ...]:
+    """Return every topic of a rosbag2, whatever its type, in order of their names.
+
+    Raises:
+        InputError: no such bag, not a bag, or cut off or damaged.
+    """
+    path = Path(path)
+    refuse_incomplete(path)
+    try:  # as in `read_bag`
+        with Reader(path) as reader:
+            types = {connection.topic: connection.msgtype for connection in reader.connections}
+            received: dict[str, array[int]] = {topic: array('q') for topic in types}
+            for connection, when, _ in reader.messages():
+                received[connection.topic].append(when)
+    except Exception as error:
+        raise cut_off(path, ' '.join(str(error).split()) or type(error).__name__) from error
+    return tuple(RecordedTopic(topic, types[topic], np.array(received[topic], dtype=np.int64))
+                 for topic in sorted(types))
 
 
 def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:

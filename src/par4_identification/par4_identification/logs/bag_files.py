@@ -28,10 +28,14 @@ def refuse_incomplete(path: Path) -> None:
                 raise cut_off(path, f'{log.name} is left over')
 
 
-def cut_off(path: Path, reason: str) -> InputError:
+class CutOffError(InputError):
+    """A bag that is cut off or damaged, of which `repair_bag` may recover something."""
+
+
+def cut_off(path: Path, reason: str) -> CutOffError:
     """Return the error that says of a bag that it is cut off or damaged, and what to do."""
-    return InputError(f'{path}: the bag is cut off or damaged ({reason}); run par4_record --repair '
-                      f'{path}, unless it is still being recorded')
+    return CutOffError(f'{path}: the bag is cut off or damaged ({reason}); run par4_record '
+                       f'--repair {path}, unless it is still being recorded')
 
 
 def storage_files(path: Path) -> list[Path]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import multiprocessing
 import re
-import zipfile
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -104,13 +106,21 @@ def _archive(path: Path) -> Mapping[str, np.ndarray]:
         if path.suffix.lower() == '.npz':
             with np.load(path, allow_pickle=False) as archive:
                 return {name: archive[name] for name in archive.files}
-        return {name: values for name, values in scipy.io.loadmat(path).items()
-                if not name.startswith('__')}
-    # scipy.io.loadmat raises NotImplementedError for MATLAB 7.3 files, which are HDF5
-    except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile,
-            scipy.io.matlab.MatReadError) as error:
+        with ProcessPoolExecutor(1, multiprocessing.get_context('spawn')) as reader:
+            return reader.submit(_of_matlab, str(path)).result()
+    # A damaged MATLAB file can make scipy's compiled reader crash: it has a process of its own.
+    except BrokenProcessPool:
+        raise InputError(f'{path}: damaged, so that it cannot be read; save it again') from None
+    # Of damaged files both libraries raise whatever their parsers meet; scipy.io.loadmat raises
+    # NotImplementedError for MATLAB 7.3 files, which are HDF5.
+    except Exception as error:
         raise InputError(f'{path}: cannot be read ({" ".join(str(error).split())}); give an '
                          f'archive of plain numbers') from error
+
+
+def _of_matlab(path: str) -> dict[str, np.ndarray]:
+    return {name: np.asarray(values) for name, values in scipy.io.loadmat(path).items()
+            if not name.startswith('__')}
 
 
 def _of_archive(path: Path, archive: Mapping[str, np.ndarray], wanted: Sequence[str],

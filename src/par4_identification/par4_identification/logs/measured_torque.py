@@ -65,6 +65,9 @@ def _disagreement(torque: Series, effort: Series, clock: Clock) -> tuple[float, 
     values = torque.values
     if not common.all():
         values, other = values[common], other[common]
+    largest = np.maximum(np.abs(values).max(axis=0), np.abs(other).max(axis=0))
+    scale = np.where(largest > 0.0, largest, 1.0)  # damaged numbers may be too large to be squared
+    values, other = values / scale, other / scale
     size = np.maximum(np.linalg.norm(values, axis=0), np.linalg.norm(other, axis=0))
     difference = np.linalg.norm(values - other, axis=0)
     return tuple(np.divide(difference, size, out=np.zeros_like(size), where=size > 0).tolist())

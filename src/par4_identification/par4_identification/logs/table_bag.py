@@ -36,6 +36,10 @@ JUMP = 0.4
 FACTOR = 2.0
 """By which a recorded speed may differ from the slope of the position: loggers filter and quantise
 speeds, a wrong unit makes a factor of six at least."""
+MOST_COLUMNS = 1000
+"""In a span of columns."""
+LONGEST_NUMBER = 9
+"""Digits of the number of a column."""
 PLAIN_TURNS = 1e3
 """Turns beyond which whole numbers are counts rather than angles."""
 
@@ -236,8 +240,14 @@ def _expanded(columns: str) -> tuple[str, ...]:
     names: list[str] = []
     for part in columns.split(','):
         span = re.fullmatch(r'(\d+)-(\d+)', part.strip())
-        names += ([str(number) for number in range(int(span[1]), int(span[2]) + 1)] if span
-                  else [part.strip()])
+        if span is None:
+            names.append(part.strip())
+            continue
+        first, last = (int(number[-LONGEST_NUMBER:]) for number in span.groups())
+        if not 0 <= last - first < MOST_COLUMNS or max(map(len, span.groups())) > LONGEST_NUMBER:
+            raise InputError(f'--columns: {part.strip()!r} is no span of 1 to {MOST_COLUMNS} '
+                             f'columns; write it as FIRST-LAST')
+        names += [str(number) for number in range(first, last + 1)]
     return tuple(names)
 
 

@@ -17,6 +17,7 @@ from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import CLOCK, JOINT_STATES, REFERENCE
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion
+from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import (
     SECOND,
@@ -26,8 +27,10 @@ from par4_kinematics.ros.convert import (
     time_ns,
     write_trajectory,
 )
+from par4_kinematics.ros.goal_server import ACTION, GoalServer
 from par4_kinematics.ros.motion_parameters import MotionParameters
 from par4_kinematics.ros.node import Par4Node, State, run
+from par4_kinematics.workspace import home_pose
 
 LEAD_NS = SECOND
 """How far ahead of the clock points are sent."""
@@ -50,6 +53,8 @@ STRANGE_NS = 100 * SECOND
 """Difference between the robot's stamps and the node's clock that no clock of a robot has."""
 STANDSTILL = 3.0
 """Seconds of wall time beyond the braking for which a clock that stands is waited for."""
+FEEDBACK = 0.05
+"""Seconds of wall time between two feedbacks of a goal."""
 DISCOVERY = 3.5
 """Seconds of wall time in which listeners are found: a lost packet is repeated after 3 s."""
 
@@ -65,11 +70,16 @@ class MotionNode(Par4Node):
         self._publisher = self.publisher_of(REFERENCE)
         self._discovered = time.monotonic() + DISCOVERY
         self._robot = read_robot(asked.robot_file)
-        self._motion = named_motion(asked.motion, self._robot, asked.duration or None,
-                                    asked.seed)
+        self._motion: Motion | None = None
+        if asked.motion != ACTION:
+            self._motion = named_motion(asked.motion, self._robot, asked.duration or None,
+                                        asked.seed)
         # compile what the approach needs before there is a clock that could run on meanwhile
-        platform_motion(self._robot.geometry, self._motion.q[:2], self._motion.qd[:2],
-                        self._motion.qdd[:2])
+        home = inverse_kinematics(self._robot.geometry, home_pose(self._robot))
+        platform_motion(self._robot.geometry, *np.vstack((home, np.zeros((2, 4))))[:, None])
+        self._goals: GoalServer | None = None
+        self._ending = False
+        self._fed_back = 0.0
         self._times_ns: np.ndarray | None = None
         self._points: tuple[np.ndarray, ...] = ()
         self._braking = False
@@ -87,20 +97,21 @@ class MotionNode(Par4Node):
         self._robot_listener = self.subscribe(JOINT_STATES, self._on_joint_state)
         self.create_timer(TICK, self._tick, clock=self.wall_clock)
         self.serve('~/stop', self._stop)
+        if asked.motion == ACTION:
+            self._goals = GoalServer(self, self._robot, lambda: self._robot_at, self._play,
+                                     self._ask_to_stop)
 
     def _on_joint_state(self, message: JointState) -> None:
         if not is_foreign(message):
             self._robot_at = joint_values(message, 'position')
-
-        self._stamp_ns = time_ns(message.header.stamp)
+            self._stamp_ns = time_ns(message.header.stamp)
 
     def clock_jumped_back(self) -> None:
         """Abort a motion that is being played: the robot is not where it was."""
         if self._times_ns is not None and not self.finished:
-            self.failure = InputError(
+            self._fail(InputError(
                 f'{self._motion.name} aborted: the clock jumped back, so that the simulation was '
-                f'started again; play it anew')
-            self.finished = True
+                f'started again; play it anew'))
 
     def _check_clock(self, now_ns: int) -> None:
         """Refuse to play on another clock than the robot's.
@@ -123,6 +134,8 @@ class MotionNode(Par4Node):
         if self._times_ns is None:
             self._waits_for = self._missing(now_ns)
             if self._waits_for:
+                if self._motion is None:
+                    return
                 self.get_logger().info(f'waiting for {self._waits_for}', throttle_duration_sec=5.0,
                                        throttle_time_source_type=self.wall_clock)
                 return
@@ -130,28 +143,71 @@ class MotionNode(Par4Node):
                 self._check_clock(now_ns)
                 self._begin(now_ns)
             except Par4Error as error:
-                self.failure, self.finished = error, True
+                self._fail(error)
                 return
         if self._stop_asked and not self._braking:
             self._brake(now_ns)
         while self._sent < len(self._times_ns) and (
                 self._times_ns[self._sent] <= now_ns + self._ahead_ns):
             self._send_chunk()
+        self._feed_back(now_ns)
         if now_ns > self._times_ns[-1]:
-            self.finished = True
+            self._over(now_ns - int(self._times_ns[-1]))
         elif time.monotonic() > self._patient_until:
             self.get_logger().error('the clock stands: the robot may not have braked')
+            self._over(0)
+
+    def _play(self, motion: Motion) -> None:
+        """Play the motion of a goal from the next look at the clock on."""
+        self._motion, self._patient_until = motion, math.inf
+
+    def _feed_back(self, now_ns: int) -> None:
+        if self._goals is None or time.monotonic() - self._fed_back < FEEDBACK:
+            return
+        self._fed_back = time.monotonic()
+        elapsed_ns = int(np.clip(self._stamp_ns, self._times_ns[0], self._times_ns[-1])
+                         - self._times_ns[0])
+        at = elapsed_ns / SECOND
+        told = (self._times_ns - self._times_ns[0]) / SECOND
+        self._goals.follow(now_ns, elapsed_ns, tuple(
+            np.array([np.interp(at, told, column) for column in part.T])
+            for part in self._points))
+
+    def _over(self, late_ns: int) -> None:
+        """End what was played, `late_ns` after its last point."""
+        if self._goals is None:
             self.finished = True
+        elif self._goals.over(late_ns, self._braking):
+            self._rest()
+
+    def _fail(self, error: Par4Error) -> None:
+        if self._goals is None:
+            self.failure, self.finished = error, True
+            return
+        self._goals.fail(error)
+        self._rest()
+
+    def _rest(self) -> None:
+        """Wait for the next goal, or end where that was asked."""
+        self._motion = self._times_ns = None
+        self._sent, self._braking, self._stop_asked = 0, False, False
+        self.finished = self._ending
+
+    def _ask_to_stop(self) -> None:
+        self._stop_asked = self._motion is not None
 
     def _stop(self) -> str:
-        self.end()
+        if self._goals is None:
+            self.end()
+        else:
+            self._ask_to_stop()
         return 'braking on the path of the motion'
 
     def end(self) -> None:
         """Brake on the path of the motion, then end; at once if it does not play yet."""
         if self._times_ns is None:
             self.finished = True
-        self._stop_asked = True
+        self._stop_asked = self._ending = True
 
     def _brake(self, now_ns: int) -> None:
         """Replace what is queued by the way to rest."""
@@ -169,23 +225,28 @@ class MotionNode(Par4Node):
             f'stopped: at rest {t[-1]:.3f} s after the start, of {played:.3f} s')
 
     def _missing(self, now_ns: int) -> str:
+        if self._motion is None:
+            return 'a goal'
         listeners = self._publisher.get_subscription_count()
         if now_ns == 0:
             return f'{CLOCK.name}' + ('' if self.clocks() else ', which nobody publishes: '
                                       'use_sim_time is for a simulation')
         if self._robot_at is None:
             return JOINT_STATES.name
-        if listeners != self._listeners or listeners == 0:
+        wanted = self.parameters.listeners
+        if listeners != self._listeners or listeners < wanted:
             self._listeners = listeners
             self._settling_since, self._settling_since_ns = time.monotonic(), now_ns
-        if listeners == 0 or time.monotonic() < max(self._discovered,
-                                                    self._settling_since + SETTLING):
-            return f'subscribers of {REFERENCE.name}'
+        if listeners < wanted or time.monotonic() < max(self._discovered,
+                                                        self._settling_since + SETTLING):
+            found = f', {listeners} of {wanted} are there' if listeners < wanted else ''
+            return f'subscribers of {REFERENCE.name}{found}'
         return ''
 
     def _begin(self, now_ns: int) -> None:
-        self.destroy_subscription(self._robot_listener)
-        self._motion: Motion = with_approach(self._motion, self._robot, self._robot_at)
+        if self._goals is None:
+            self.destroy_subscription(self._robot_listener)
+        self._motion = with_approach(self._motion, self._robot, self._robot_at)
         self._points = (self._motion.q, self._motion.qd, self._motion.qdd)
         pace = (now_ns - self._settling_since_ns) / (time.monotonic() - self._settling_since)
         self._pace = pace / SECOND

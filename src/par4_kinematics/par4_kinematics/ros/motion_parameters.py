@@ -14,12 +14,16 @@ class MotionParameters(NodeParameters):
 
     Points go out a second ahead of the clock. If the robot stands elsewhere than the motion
     begins, a slow move takes it there first. A signal or ~/stop brakes on the path of the motion
-    and ends.
+    and ends. With motion:=action it plays goals of the action ~/follow_joint_trajectory until a
+    signal ends it; ~/stop brakes the goal.
     """
 
     NAME: ClassVar[str] = 'par4_motion'
 
     robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
-    motion: str = parameter('excitation', 'excitation, adept, circle or the path of a motion.yaml')
+    motion: str = parameter('excitation', 'excitation, adept, circle or the path of a motion.yaml; '
+                                          'action: goals of ~/follow_joint_trajectory')
     duration: float = parameter(0.0, 's, of a named motion; 0 = its own', 0.0)
     seed: int = parameter(0, 'of an excitation', 0)
+    listeners: int = parameter(1, 'subscribers of reference to wait for: robot, feedforward, '
+                                  'recorder', 1)

@@ -29,7 +29,7 @@ from rclpy.subscription import Subscription
 from rclpy.utilities import remove_ros_args
 from std_srvs.srv import Trigger
 
-from par4_kinematics.errors import InputError, Par4Error, UnreachableError
+from par4_kinematics.errors import InputError, Par4Error, UnreachableError, one_line
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, Topic
 from par4_kinematics.ros.convert import SECOND, write_time
 from par4_kinematics.ros.numbering import Numbering
@@ -371,6 +371,6 @@ def run(node_class: type[Par4Node]) -> int:
     except KeyboardInterrupt:
         pass
     except (Par4Error, NameValidationException) as error:
-        print(f'error: {" ".join(str(error).split())}', file=sys.stderr)
+        print(f'error: {one_line(str(error))}', file=sys.stderr)
         return 2
     return 0

@@ -7,7 +7,7 @@ from typing import NoReturn
 
 import click
 
-from par4_kinematics.errors import Par4Error
+from par4_kinematics.errors import Par4Error, one_line
 
 
 def run(command: click.Command) -> NoReturn:
@@ -39,5 +39,5 @@ def run(command: click.Command) -> NoReturn:
 
 
 def _refuse(line: str) -> NoReturn:
-    print(f'error: {line}', file=sys.stderr)
+    print(f'error: {one_line(line)}', file=sys.stderr)
     sys.exit(2)

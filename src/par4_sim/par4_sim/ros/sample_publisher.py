@@ -32,7 +32,7 @@ from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.qos import message_type
 from par4_kinematics.workspace import home_pose
 from par4_sim.simulation import Sample
-from par4_sim.urdf import robot_description, tree_joint_positions
+from par4_sim.urdf import tree_joint_positions
 
 CLOCK_PERIOD_NS = 10_000_000
 PASSIVE_PERIOD_NS = 33_000_000
@@ -46,7 +46,8 @@ class SamplePublisher:
         published: messages sent so far, by topic.
     """
 
-    def __init__(self, node: Par4Node, robot: Robot, publish_clock: bool) -> None:
+    def __init__(self, node: Par4Node, robot: Robot, description: str, publish_clock: bool
+                 ) -> None:
         self.published: Counter[str] = Counter()
         self._geometry = robot.geometry
         self._publish_clock = publish_clock
@@ -63,7 +64,7 @@ class SamplePublisher:
         self._with_passive = message_type(JOINT_STATES)()
         self._with_passive.name = list(tree_joint_positions(robot.geometry, home_pose(robot)))
         self._with_passive.header.frame_id = BASE_FRAME
-        self._messages[ROBOT_DESCRIPTION].data = robot_description(robot)
+        self._messages[ROBOT_DESCRIPTION].data = description
         self._send(ROBOT_DESCRIPTION)
 
     def _send(self, topic: Topic, message: Any = None) -> None:

@@ -16,6 +16,7 @@ from par4_kinematics.interface import (
     FEEDFORWARD_TORQUE,
     JOINT_STATES,
     REFERENCE,
+    ROBOT_DESCRIPTION,
 )
 from par4_kinematics.limits import check_torque
 from par4_kinematics.position import inverse_kinematics
@@ -23,6 +24,7 @@ from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import SECOND
 from par4_kinematics.ros.node import Par4Node, State, run
 from par4_kinematics.workspace import home_pose
+from par4_sim.description import complete_description
 from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
@@ -57,7 +59,8 @@ class SimulationNode(Par4Node):
             self.create_timer(1.0, self._notice_closed_window, clock=self.wall_clock)
         self._limits = self._compiled_limits()
         simulation = self._build()
-        self._samples = SamplePublisher(self, self._robot, asked.publish_clock)
+        self._samples = SamplePublisher(self, self._robot, self._description(),
+                                        asked.publish_clock)
         self._pace = Pace(asked.real_time_factor, asked.fidelity, asked.physics_step)
         self._physics = PhysicsLoop(
             simulation, self._publish, lambda error: self.reject(REFERENCE, error),
@@ -83,6 +86,15 @@ class SimulationNode(Par4Node):
         points[:, :4] = home
         limits.check(np.array((0.0, 1.0)), points)
         return limits
+
+    def _description(self) -> str:
+        """Return the URDF, without masses where those of rods and bars do not fit the machine."""
+        try:
+            return complete_description(self._robot, read_model(
+                self.parameters.model_file, self._robot).lumped_bodies())
+        except InputError as error:
+            self.get_logger().warning(f'{ROBOT_DESCRIPTION.name} without masses: {error}')
+            return complete_description(self._robot)
 
     def _build(self) -> Simulation:
         asked = self.parameters

@@ -1,0 +1,1 @@
+"""What a bag holds, and what each tool could do with it."""

@@ -1,0 +1,162 @@
+"""What each tool could do with a log: a verdict in one sentence, by the tool's own criteria."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from par4_identification.diagnosis.diagnosis import CONDITIONING
+from par4_identification.diagnosis.evidence.observations import observe
+from par4_identification.diagnosis.nominal.gate import unusable
+from par4_identification.fitting.identification import Identification, identify, identify_runs
+from par4_identification.logs.log import Log
+from par4_identification.reports.outcome.identification import (
+    LARGEST_CONDITION,
+    LARGEST_STD,
+    WORST_CONDITION,
+)
+from par4_identification.setup_check.finding import SetupCheck
+from par4_identification.setup_check.unusable import SINGULAR
+from par4_identification.signals.rows import Run, runs_of_log
+from par4_identification.signals.scales import conditioning_for
+from par4_identification.trend.bag_values import EARLIEST
+from par4_identification.trend.drift import MOVING
+from par4_identification.trend.windows import LEARNING, WINDOW
+from par4_kinematics.errors import Par4Error
+from par4_kinematics.robot import Axis
+from par4_sim.report.words import in_words, percent
+
+Use = Literal['yes', 'weakly', 'no']
+TOOLS = ('identify', 'validate', 'diagnose', 'trend', 'monitor')
+
+
+@dataclass(frozen=True)
+class Fitness:
+    """What a tool could do with a bag.
+
+    Attributes:
+        tool: one of `TOOLS`.
+        use: whether it would do its work.
+        reason: a sentence.
+    """
+
+    tool: str
+    use: Use
+    reason: str
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """How a joint moves.
+
+    Attributes:
+        name: of the joint.
+        travel: from its lowest to its highest position, rad, of a linear axis m.
+        peak_speed: rad/s, m/s.
+        seconds: for which it moves fast enough to tell its friction.
+    """
+
+    name: str
+    travel: float
+    peak_speed: float
+    seconds: float
+
+
+def joint_motions(runs: Sequence[Run], joints: Sequence[str]) -> tuple[JointMotion, ...]:
+    """Return how each joint moves in the rows of a log."""
+    q, speed = (np.concatenate([getattr(run, name) for run in runs]) for name in ('q', 'speed'))
+    seconds = sum(run.valid.sum(axis=0) * float(run.t[1] - run.t[0]) for run in runs)
+    return tuple(JointMotion(*row) for row in zip(
+        joints, np.ptp(q, axis=0).tolist(), np.abs(speed).max(axis=0).tolist(),
+        np.asarray(seconds).tolist(), strict=True))
+
+
+def unfit(reason: str) -> tuple[Fitness, ...]:
+    """Return that no tool can use a bag, for one reason."""
+    return tuple(Fitness(tool, 'no', reason) for tool in TOOLS)
+
+
+def fitness_of(check: SetupCheck) -> tuple[tuple[Fitness, ...], tuple[Run, ...]]:
+    """Return what each tool could do with the log of a setup check, and its rows."""
+    if check.useless:
+        finding = check.useless[0]
+        return unfit(f'{finding.evidence}; {finding.mend}'), ()
+    log, machine = check.logs[0], check.machine
+    try:
+        runs = tuple(runs_of_log(log, machine, conditioning_for([log], machine, CONDITIONING)))
+    except Par4Error as error:
+        return unfit(str(error)), ()
+    try:
+        identified = _identified(identify([log], machine))
+    except Par4Error as error:
+        identified = Fitness('identify', 'no', str(error))
+    except np.linalg.LinAlgError:
+        identified = Fitness('identify', 'no', SINGULAR)
+    return (identified, _validated(runs), _diagnosed(check, runs),
+            _trended(log, identified), _monitored(check, runs)), runs
+
+
+def _identified(identification: Identification) -> Fitness:
+    condition = identification.excitation
+    estimate = identification.estimate
+    relative = estimate.std / np.maximum(np.abs(estimate.values), 1e-300)
+    worst = int(np.argmax(relative))
+    excited = (f'condition number {condition:.3g}; the least certain is '
+               f'{in_words(estimate.labels[worst].name)}, to {percent(float(relative[worst]))}')
+    if condition > WORST_CONDITION:
+        return Fitness('identify', 'no', f'the motion excites the parameters too weakly: {excited}')
+    if condition > LARGEST_CONDITION or relative[worst] > LARGEST_STD:
+        return Fitness('identify', 'weakly', f'the motion excites the parameters weakly: {excited}')
+    return Fitness('identify', 'yes', f'the motion excites all parameters: {excited}')
+
+
+def _validated(runs: Sequence[Run]) -> Fitness:
+    seconds = sum(run.valid.any(axis=1).sum() * float(run.t[1] - run.t[0]) for run in runs)
+    if seconds < 1.0:
+        return Fitness('validate', 'no', 'the joints rest, so that only torques at rest could be '
+                                         'compared; record a motion')
+    return Fitness('validate', 'yes', f'{seconds:.3g} s in motion to compare a model with, if it '
+                                      f'comes from another bag')
+
+
+def _diagnosed(check: SetupCheck, runs: Sequence[Run]) -> Fitness:
+    observations = observe(list(runs), check.machine, 'paper', None)
+    try:
+        start = identify_runs(runs, observations.target, observations.base, 'paper')
+        reasons = unusable(observations, start)
+    except Par4Error as error:
+        reasons = [str(error)]
+    except np.linalg.LinAlgError:
+        reasons = [SINGULAR]
+    if reasons:
+        return Fitness('diagnose', 'no', reasons[0])
+    return Fitness('diagnose', 'yes', 'all joints move enough; without a second bag (--holdout) '
+                                      'the last third of this one judges the causes')
+
+
+def _trended(log: Log, identified: Fitness) -> Fitness:
+    if log.start_stamp < EARLIEST:
+        return Fitness('trend', 'no', f'its stamps begin {log.start_stamp / 1e9:.0f} s after 1970, '
+                                      f'so it has no date; record with the wall clock')
+    if identified.use != 'yes':
+        return Fitness('trend', identified.use, 'it is dated, but its parameters are not certain')
+    return Fitness('trend', 'yes', 'it is dated and tells all parameters; give further bags')
+
+
+def _monitored(check: SetupCheck, runs: Sequence[Run]) -> Fitness:
+    if isinstance(check.machine, Axis):
+        return Fitness('monitor', 'no', 'it watches a Par4, not a single axis')
+    windows = 0
+    for run in runs:
+        length = round(WINDOW / float(run.t[1] - run.t[0]))
+        count = len(run.valid) // length
+        parts = run.valid[:count * length].reshape(count, length, -1)
+        windows += int((parts.mean(axis=1) >= MOVING).all(axis=1).sum())
+    told = (f'{windows} windows of {WINDOW:g} s in which all joints move; it learns a machine from '
+            f'{LEARNING}')
+    if windows == 0:
+        return Fitness('monitor', 'no', f'work like this has {told}')
+    return Fitness('monitor', 'yes' if windows >= LEARNING else 'weakly', told)

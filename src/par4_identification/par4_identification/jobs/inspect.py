@@ -1,0 +1,72 @@
+"""par4_bag --inspect: what a bag holds and what each tool could do with it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from par4_identification.inspection.inspection import Inspection, inspect_bag
+from par4_kinematics.robot import read_machine
+from par4_sim.report.results import plain
+
+
+def inspect(bag: Path, robot: str, namespace: str | None, as_json: bool) -> None:
+    """Say what a bag holds and what each tool could do with it."""
+    machine = read_machine(robot)
+    with Console(stderr=True).status('reading the bag'):
+        found = inspect_bag(bag, machine, namespace)
+    if as_json:
+        click.echo(json.dumps(plain(found.to_json()), indent=2))
+        return
+    _show(found, Console(highlight=False))
+
+
+def _show(found: Inspection, console: Console) -> None:
+    def say(line: str) -> None:
+        console.print(line, soft_wrap=not console.is_terminal, markup=False)
+
+    length = '' if found.duration is None else f', {found.duration:.4g} s'
+    say(f'{found.bag}: looked at as of {found.machine}{length}')
+    if found.cut_off is not None:
+        say(f'not readable as it is: {found.cut_off}; what follows can be recovered')
+    console.print(_table(
+        ('topic', 'type', 'messages', 'Hz', 'gaps', 'longest', 'by'), (2, 3, 4, 5),
+        [(topic.name, topic.type.rpartition('/')[2], str(topic.messages),
+          _number(topic.rate), _number(topic.gaps),
+          '' if not topic.gaps else f'{topic.longest_gap:.3g} s', topic.by)
+         for topic in found.topics]))
+    moves = {motion.name: motion for motion in found.motion}
+    rows = []
+    for joint in found.joints:
+        motion = moves.get(joint.name)
+        also = [name for name in ('velocity', 'effort') if getattr(joint, name)]
+        rows.append((joint.name, str(joint.samples), _number(joint.lowest),
+                     _number(joint.highest),
+                     '' if motion is None else f'{motion.peak_speed:.3g}',
+                     '' if motion is None else f'{motion.seconds:.3g} s', ', '.join(also)))
+    if rows:
+        console.print(_table(('joint', 'samples', 'from', 'to', 'speed', 'moves', 'also'),
+                             (1, 2, 3, 4, 5), rows))
+    for finding in found.findings:
+        say(f'look at this: {finding}')
+    for item in found.fitness:
+        say(f'{item.tool}: {item.use}, {item.reason}')
+
+
+def _table(names: Sequence[str], numbers: Sequence[int], rows: Sequence[Sequence[str]]) -> Table:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for index, name in enumerate(names):
+        table.add_column(name, justify='right' if index in numbers else 'left', overflow='fold')
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _number(value: float | None) -> str:
+    return '' if value is None else f'{value:.4g}'

@@ -1,0 +1,230 @@
+"""What runs together in a cell: the one table behind `par4_cell` and the launch files.
+
+A composition turns its arguments into a `Session`: nodes that run side by side and, where a motion
+is played, what comes after it. Nothing here starts a process and nothing knows ROS;
+`running_cell.py` runs a session by itself, `ros/launched.py` hands it to `ros2 launch`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from par4_kinematics.errors import InputError
+from par4_kinematics.interface import CLOCK
+from par4_sim.simulation import FIDELITIES
+
+Value = str | int | float | bool
+
+
+@dataclass(frozen=True)
+class Argument:
+    """An argument of a composition; its default has its type."""
+
+    name: str
+    default: Value
+    description: str
+    choices: tuple[str, ...] = ()
+
+    @property
+    def written(self) -> str:
+        """The default as it is written on a command line."""
+        return str(self.default).lower() if isinstance(self.default, bool) else str(self.default)
+
+    @property
+    def allowed(self) -> tuple[str, ...]:
+        """What may be given; nothing where every text or number may."""
+        return ('true', 'false') if isinstance(self.default, bool) else self.choices
+
+    def value(self, text: str) -> Value:
+        """Return what a text means.
+
+        Raises:
+            InputError: it is not among the choices, or not a number where one is expected.
+        """
+        if self.allowed and text not in self.allowed:
+            raise InputError(f'argument {self.name}: {text!r} asked; known are '
+                             f'{", ".join(self.allowed)}')
+        if isinstance(self.default, bool):
+            return text == 'true'
+        try:
+            return type(self.default)(text)
+        except ValueError:
+            kind = 'a whole number' if isinstance(self.default, int) else 'a number'
+            raise InputError(f'argument {self.name}: expected {kind}, found {text!r}; it means: '
+                             f'{self.description}') from None
+
+
+@dataclass(frozen=True)
+class NodePart:
+    """A node with its parameters."""
+
+    package: str
+    executable: str
+    parameters: Mapping[str, Value]
+
+
+@dataclass(frozen=True)
+class ToolPart:
+    """An offline tool with its arguments."""
+
+    package: str
+    executable: str
+    arguments: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Session:
+    """What runs.
+
+    Attributes:
+        nodes: run side by side; when one ends, all end.
+        player: the one of them that plays a motion: when it has played, all end and that is well.
+        then: runs after that.
+        namespace: of all nodes, without slashes around it; empty = none.
+        remappings: of topics, for all nodes.
+    """
+
+    nodes: tuple[NodePart, ...]
+    player: NodePart | None = None
+    then: ToolPart | None = None
+    namespace: str = ''
+    remappings: tuple[tuple[str, str], ...] = ()
+
+
+ROBOT = (
+    Argument('robot_file', 'reference', 'robot.yaml or built-in name'),
+    Argument('namespace', '', 'of all nodes and topics; without one they have none'),
+)
+SIMULATED = (
+    Argument('clock', '', f'topic of the simulated time; without one {CLOCK.name}, in a namespace '
+                          f'NAMESPACE{CLOCK.name}'),
+    Argument('machine', 'table1_full', 'model.yaml of the machine as it truly is'),
+    Argument('fidelity', 'fast', 'how exactly the mechanism is simulated', FIDELITIES),
+    Argument('noise', 0.0, 'of the recorded torque, N m rms'),
+    Argument('seed', 0, 'of the noise, and of an excitation'),
+    Argument('window', False, 'show the robot in a window of pybullet'),
+)
+FED_FORWARD = (Argument('model', 'table1', 'model.yaml of the feedforward'),)
+OPTIONAL = (
+    Argument('motion', '', 'adept, excitation, circle or a motion.yaml; without one none is '
+                           'played'),
+    Argument('duration', 0.0, 's of a named motion; 0 = its own'),
+    Argument('record', '', 'bag to write; without one nothing is recorded'),
+)
+PLAYED = (
+    Argument('motion', 'excitation', 'adept, excitation, circle or a motion.yaml'),
+    Argument('duration', 0.0, 's of a named motion; 0 = its own'),
+    Argument('record', 'recording', 'bag to write'),
+)
+IDENTIFIED = (
+    Argument('rigid_body', 'paper', 'equation (20), or with rods and bars distributed',
+             ('paper', 'full')),
+    Argument('output', 'identified', 'folder for the results of par4_identify'),
+)
+OWN_ROBOT = (Argument('simulated', True, 'simulate the robot; false where a real one is there'),)
+
+
+@dataclass(frozen=True)
+class Composition:
+    """Parts that run together, by name.
+
+    Attributes:
+        summary: what it is, in a sentence.
+        arguments: it takes.
+        build: the session of their values.
+    """
+
+    summary: str
+    arguments: tuple[Argument, ...]
+    build: Callable[[Mapping[str, Value]], Session]
+
+    def session(self, given: Mapping[str, str]) -> Session:
+        """Return what runs with these texts as arguments; the others have their defaults.
+
+        Raises:
+            InputError: an unknown argument, or a value that it does not take.
+        """
+        known = {argument.name: argument for argument in self.arguments}
+        unknown = [name for name in given if name not in known]
+        if unknown:
+            raise InputError(f'argument {unknown[0]}: unknown; known are {", ".join(known)}')
+        return self.build({name: argument.value(given[name]) if name in given else argument.default
+                           for name, argument in known.items()})
+
+
+def _simulation(asked: Mapping[str, Value], **further: Value) -> NodePart:
+    return NodePart('par4_sim', 'par4_simulation', {
+        'robot_file': asked['robot_file'], 'model_file': asked['machine'],
+        'fidelity': asked['fidelity'], 'torque_noise': asked['noise'], 'seed': asked['seed'],
+        'window': asked['window'], **further})
+
+
+def _session(asked: Mapping[str, Value], nodes: tuple[NodePart, ...],
+             player: NodePart | None = None, then: ToolPart | None = None,
+             simulated: bool = True) -> Session:
+    space = str(asked['namespace']).strip('/')
+    clock = str(asked['clock']) or (f'/{space}{CLOCK.name}' if space else CLOCK.name)
+    remappings = ((CLOCK.name, clock),) if simulated and clock != CLOCK.name else ()
+    return Session(nodes, player, then, space, remappings)
+
+
+def _only_simulation(asked: Mapping[str, Value]) -> Session:
+    return _session(asked, (_simulation(asked),))
+
+
+def _cell(asked: Mapping[str, Value]) -> Session:
+    pose = NodePart('par4_kinematics', 'par4_kinematics',
+                    {'robot_file': asked['robot_file'], 'use_sim_time': True})
+    return _moved(asked, simulated=True, beside=(pose,))
+
+
+def _recording(asked: Mapping[str, Value]) -> Session:
+    return _moved(asked, simulated=asked['simulated'] is True)
+
+
+def _identification(asked: Mapping[str, Value]) -> Session:
+    tool = ToolPart('par4_identification', 'par4_identify', (
+        str(asked['record']), '--robot', str(asked['robot_file']),
+        '--rigid-body', str(asked['rigid_body']), '--output', str(asked['output'])))
+    return _moved(asked, simulated=asked['simulated'] is True, then=tool)
+
+
+FEEDFORWARD_TIMEOUT = 2.0
+"""Seconds that a simulated drive waits for the torque of a motion that begins."""
+
+
+def _moved(asked: Mapping[str, Value], simulated: bool, beside: tuple[NodePart, ...] = (),
+           then: ToolPart | None = None) -> Session:
+    """Return a robot with feedforward, and with a recorder and a motion where they are asked."""
+    common = {'robot_file': asked['robot_file'], 'use_sim_time': simulated}
+    nodes = [NodePart('par4_dynamics', 'par4_feedforward',
+                      {**common, 'model_file': asked['model']}), *beside]
+    if asked['record']:
+        nodes.append(NodePart('par4_identification', 'par4_record',
+                              {'output': asked['record'], 'use_sim_time': simulated}))
+    player = None
+    if asked['motion']:
+        # robot, feedforward and recorder take references: none may miss the beginning
+        player = NodePart('par4_kinematics', 'par4_motion', {
+            **common, 'motion': asked['motion'], 'duration': asked['duration'],
+            'seed': asked['seed'], 'listeners': 3 if asked['record'] else 2})
+        nodes.append(player)
+    if simulated:
+        nodes.insert(0, _simulation(asked, feedforward_timeout=FEEDFORWARD_TIMEOUT)
+                     if player else _simulation(asked))
+    return _session(asked, tuple(nodes), player, then, simulated)
+
+
+COMPOSITIONS = {
+    'simulation': Composition('The simulated robot alone.', ROBOT + SIMULATED, _only_simulation),
+    'cell': Composition(
+        'Simulated robot, feedforward and platform pose; a motion and a recorder where asked.',
+        ROBOT + SIMULATED + FED_FORWARD + OPTIONAL, _cell),
+    'recording': Composition(
+        'A motion is played with feedforward and recorded, on a simulated or a real robot.',
+        ROBOT + OWN_ROBOT + SIMULATED + FED_FORWARD + PLAYED, _recording),
+    'identification': Composition(
+        'A recording, from which par4_identify then identifies a model.',
+        ROBOT + OWN_ROBOT + SIMULATED + FED_FORWARD + PLAYED + IDENTIFIED, _identification),
+}

@@ -1,0 +1,58 @@
+"""par4_cell: the compositions of the launch files, without `ros2 launch`."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+
+import click
+
+from par4_kinematics.errors import InputError
+from par4_sim.cell import COMPOSITIONS, Composition
+from par4_sim.commands.entry import run
+from par4_sim.running_cell import run_session
+
+
+def _described(name: str, composition: Composition) -> str:
+    lines = [f'{name}: {composition.summary}']
+    for argument in composition.arguments:
+        allowed = f' (one of {", ".join(argument.allowed)})' if argument.allowed else ''
+        lines.append(f'  {argument.name}:={argument.written}  {argument.description}{allowed}')
+    return '\b\n' + '\n'.join(lines)
+
+
+@click.command('par4_cell', epilog='\n\n'.join(
+    _described(*item) for item in COMPOSITIONS.items()) + '\n\n\b\nExample:\n'
+    '  par4_cell identification duration:=20 noise:=0.05 output:=identified')
+@click.argument('composition', type=click.Choice(tuple(COMPOSITIONS)))
+@click.argument('arguments', nargs=-1, metavar='[NAME:=VALUE]...')
+@click.option('--log', default=None, type=click.Path(path_type=Path, dir_okay=False),
+              help='file for what the nodes say, instead of this terminal')
+def cell(composition: str, arguments: tuple[str, ...], log: Path | None) -> None:
+    """Run the nodes of a COMPOSITION together, as its launch file does.
+
+    When a part fails, all end. When a motion has been played, all end; Ctrl-C ends them before.
+    """
+    given = {}
+    for argument in arguments:
+        name, sign, value = argument.partition(':=')
+        if not sign:
+            raise InputError(f'argument {argument!r}: give it as NAME:=VALUE')
+        given[name] = value
+    session = COMPOSITIONS[composition].session(given)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        code = run_session(session, log)
+    except KeyboardInterrupt:
+        code = 0 if session.player is None else 130
+    sys.exit(code)
+
+
+def main() -> None:
+    """Run the executable."""
+    run(cell)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,125 @@
+"""Launch descriptions of the compositions of `cell.py`, for `ros2 launch`."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import (
+    DeclareLaunchArgument,
+    EmitEvent,
+    ExecuteProcess,
+    OpaqueFunction,
+    Shutdown,
+)
+from launch.events import matches_action
+from launch.events.process import ProcessExited, SignalProcess
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+from par4_kinematics.robot import read_robot
+from par4_sim.cell import COMPOSITIONS, Argument, NodePart, Session
+from par4_sim.description import complete_description
+from par4_sim.running_cell import executable_path
+
+PICTURES_HZ = 31.0
+"""Of robot_state_publisher: with a shorter period than that of the passive joints in joint_states,
+it takes each message with them whole, and arms and rods are drawn at the same time."""
+VIEW = Argument('rviz', False, 'show the robot in RViz')
+
+
+def launch_description(name: str, view: Path | None = None) -> LaunchDescription:
+    """Return the launch description of a composition.
+
+    Args:
+        name: of the composition.
+        view: file of RViz, with which the argument `rviz` shows the robot.
+    """
+    composition = COMPOSITIONS[name]
+
+    def actions(context: LaunchContext) -> Sequence[Any]:
+        texts = {argument.name: LaunchConfiguration(argument.name).perform(context)
+                 for argument in composition.arguments}
+        session = composition.session(texts)
+        shown = view is not None and VIEW.value(
+            LaunchConfiguration(VIEW.name).perform(context)) is True
+        # first, because its packages may be missing: then nothing has started yet
+        return [*(_rviz(view, texts['robot_file'], session) if shown else ()),
+                *_Launched(session).nodes()]
+
+    return LaunchDescription([
+        *(DeclareLaunchArgument(argument.name, default_value=argument.written,
+                                description=argument.description,
+                                choices=list(argument.allowed) or None)
+          for argument in (*composition.arguments, *(() if view is None else (VIEW,)))),
+        OpaqueFunction(function=actions)])
+
+
+class _Launched:
+    """The nodes of a session as actions, and what happens when one of them ends."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._actions = [self._node(part) for part in session.nodes]
+        self._playing = True
+        self._running = len(self._actions)
+
+    def nodes(self) -> list[Node]:
+        """Return the actions that start the nodes."""
+        return self._actions
+
+    def _node(self, part: NodePart) -> Node:
+        def ended(event: ProcessExited, _context: LaunchContext) -> list[Any]:
+            self._running -= 1
+            if part is self._session.player and event.returncode == 0:
+                return self._played()
+            if self._playing or event.returncode != 0:
+                return [Shutdown(reason=f'{part.executable} has ended with exit code '
+                                        f'{event.returncode}')]
+            return self._afterwards()
+
+        return Node(package=part.package, executable=part.executable, output='screen',
+                    namespace=self._session.namespace or None,
+                    parameters=[{name: value for name, value in part.parameters.items()
+                                 if value != ''}],
+                    remappings=list(self._session.remappings), on_exit=ended)
+
+    def _played(self) -> list[Any]:
+        """Return what ends the other nodes, so that a recorder completes its bag."""
+        self._playing = False
+        if self._session.then is None:
+            return [Shutdown(reason='the motion has been played')]
+        return [EmitEvent(event=SignalProcess(signal_number=signal.SIGINT,
+                                              process_matcher=matches_action(action)))
+                for part, action in zip(self._session.nodes, self._actions, strict=True)
+                if part is not self._session.player]
+
+    def _afterwards(self) -> list[Any]:
+        """Return the tool that follows, once all nodes have ended."""
+        if self._running > 0 or self._session.then is None:
+            return []
+        tool = self._session.then
+        return [ExecuteProcess(cmd=[executable_path(tool), *tool.arguments], output='screen',
+                               on_exit=Shutdown(reason=f'{tool.executable} has ended'))]
+
+
+def _rviz(view: Path | None, robot_file: str, session: Session) -> list[Node]:
+    """Return robot_state_publisher, whose own description goes nowhere, and RViz."""
+    clock = {'use_sim_time': True}
+    place = {'namespace': session.namespace or None, 'remappings': list(session.remappings)}
+    return [
+        Node(package='robot_state_publisher', executable='robot_state_publisher',
+             on_exit=Shutdown(reason='robot_state_publisher has ended'),
+             parameters=[clock, {
+                 'robot_description': ParameterValue(complete_description(
+                     read_robot(robot_file)), value_type=str),
+                 'publish_frequency': PICTURES_HZ}],
+             **{**place, 'remappings': [*place['remappings'],
+                                        ('robot_description', '~/robot_description')]}),
+        Node(package='rviz2', executable='rviz2', arguments=['-d', str(view)],
+             parameters=[clock], **place),
+    ]

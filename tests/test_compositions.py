@@ -1,0 +1,216 @@
+"""Nodes that run together: the table, the launch files made of it, and `par4_cell`."""
+
+from __future__ import annotations
+
+import dataclasses
+import runpy
+import sys
+import time
+from importlib import import_module
+from pathlib import Path
+from types import SimpleNamespace
+
+import launch_stand_in
+import pytest
+
+from node_bench import DEADLINE, MODULES
+from par4_identification.logs.read_log import read_log
+from par4_kinematics import interface
+from par4_kinematics.errors import InputError
+from par4_kinematics.ros.node import Par4Node
+from par4_sim.cell import COMPOSITIONS, NodePart, Session, ToolPart
+from par4_sim.running_cell import command_of, run_session, running_cell
+from robots import REFERENCE
+
+SOURCES = Path(__file__).parents[1] / 'src'
+LAUNCH_FILES = {path.name.partition('.')[0]: path for path in SOURCES.glob('*/launch/*.launch.py')}
+ALL_PARTS = {'motion': 'circle', 'record': 'bag'}
+
+
+def session_of(name: str, **given: str) -> Session:
+    known = {argument.name for argument in COMPOSITIONS[name].arguments}
+    return COMPOSITIONS[name].session({key: text for key, text in (ALL_PARTS | given).items()
+                                       if key in known})
+
+
+def names(session: Session) -> list[str]:
+    return [part.executable for part in session.nodes]
+
+
+@pytest.mark.parametrize('name', COMPOSITIONS)
+def test_every_part_exists_and_takes_its_parameters(name):
+    session = session_of(name)
+    parts = [*session.nodes, *([session.then] if session.then else [])]
+    for part in parts:
+        assert (part.package, part.executable) in {row[:2] for row in interface.EXECUTABLES}
+    for part in session.nodes:
+        module = import_module(MODULES[part.executable])
+        node, = (value for value in vars(module).values() if isinstance(value, type)
+                 and issubclass(value, Par4Node) and value is not Par4Node)
+        known = {field.name: type(field.default) for field in dataclasses.fields(node.PARAMETERS)}
+        known['use_sim_time'] = bool
+        for parameter, value in part.parameters.items():
+            assert type(value) is known[parameter], (part.executable, parameter)
+
+
+def test_a_motion_waits_for_all_that_take_references():
+    for name in ('cell', 'recording', 'identification'):
+        for record in ('bag', ''):
+            session = session_of(name, record=record)
+            takers = {'par4_simulation', 'par4_feedforward', 'par4_record'} & {*names(session)}
+            assert session.player.parameters['listeners'] == len(takers)
+
+
+def test_a_real_robot_takes_the_place_of_the_simulation():
+    session = session_of('recording', simulated='false', namespace='/robot_a')
+    assert 'par4_simulation' not in names(session)
+    assert not any(part.parameters['use_sim_time'] for part in session.nodes)
+    assert session.player.parameters['listeners'] == 3
+    assert session.remappings == ()
+
+
+def test_a_namespace_has_a_clock_of_its_own_and_reaches_every_node():
+    for given, clock in (({'namespace': 'robot_a'}, '/robot_a/clock'),
+                         ({'namespace': 'robot_a', 'clock': '/time'}, '/time')):
+        session = session_of('cell', **given)
+        for part in session.nodes:
+            line = ' '.join(command_of(part, session))
+            assert f'-r __ns:=/robot_a -r /clock:={clock}' in line
+    assert not any('-r' in command_of(part, session_of('cell')) for part in session.nodes)
+
+
+@pytest.mark.parametrize(('given', 'said'), [
+    ({'speed': '1'}, 'argument speed: unknown; known are robot_file'),
+    ({'fidelity': 'perfect'}, "argument fidelity: 'perfect' asked; known are accurate, fast"),
+    ({'window': 'yes'}, "argument window: 'yes' asked; known are true, false"),
+    ({'seed': '1.5'}, "argument seed: expected a whole number, found '1.5'"),
+    ({'noise': 'much'}, "argument noise: expected a number, found 'much'"),
+])
+def test_arguments_that_make_no_sense_are_refused(given, said):
+    with pytest.raises(InputError, match=said):
+        COMPOSITIONS['cell'].session(given)
+
+
+@pytest.fixture
+def launched(monkeypatch):
+    """Return what gives the description of a launch file, with `launch` stood in for."""
+    launch_stand_in.install(monkeypatch)
+    yield lambda name: runpy.run_path(str(LAUNCH_FILES[name]))['generate_launch_description']()
+    sys.modules.pop('par4_sim.ros.launched', None)
+
+
+def test_every_composition_has_a_launch_file_that_is_installed():
+    assert LAUNCH_FILES.keys() == COMPOSITIONS.keys()
+    for path in LAUNCH_FILES.values():
+        assert f'launch/{path.name}' in (path.parents[1] / 'setup.py').read_text()
+
+
+@pytest.mark.parametrize('name', COMPOSITIONS)
+def test_a_launch_file_starts_the_nodes_of_its_composition(launched, name):
+    description = launched(name)
+    declared = {argument.given[0]: argument for argument in description.given[0][:-1]}
+    known = {argument.name: argument for argument in COMPOSITIONS[name].arguments}
+    assert declared.keys() - {'rviz'} == known.keys()
+    for argument in known.values():
+        assert tuple(declared[argument.name].choices or ()) == argument.allowed
+    given = {key: text for key, text in ALL_PARTS.items() if key in known}
+    nodes = launch_stand_in.started(description, **given, namespace='robot_a')
+    session = session_of(name, namespace='robot_a')
+    assert [node.executable for node in nodes] == names(session)
+    for node, part in zip(nodes, session.nodes, strict=True):
+        assert node.namespace == 'robot_a'
+        assert node.remappings == [('/clock', '/robot_a/clock')]
+        assert node.parameters == [{key: value for key, value in part.parameters.items()
+                                    if value != ''}]
+
+
+def test_rviz_comes_first_because_it_may_be_missing(launched):
+    started = launch_stand_in.started(launched('cell'), rviz='true')
+    assert [node.executable for node in started][:3] == [
+        'robot_state_publisher', 'rviz2', 'par4_simulation']
+    assert Path(started[1].arguments[1]).is_file()
+
+
+def ends(node, code: int) -> list:
+    return node.on_exit(SimpleNamespace(returncode=code), None)
+
+
+@pytest.mark.parametrize('name', COMPOSITIONS)
+@pytest.mark.parametrize('code', [0, 2, -9])
+def test_a_part_that_ends_too_early_ends_all(launched, name, code):
+    known = {argument.name for argument in COMPOSITIONS[name].arguments}
+    given = {key: text for key, text in ALL_PARTS.items() if key in known}
+    count = len(session_of(name).nodes)
+    for index in range(count):
+        node = launch_stand_in.started(launched(name), **given)[index]
+        if node.executable != 'par4_motion' or code != 0:
+            assert launch_stand_in.kinds(ends(node, code)) == ['Shutdown']
+
+
+def test_a_played_motion_ends_all_and_then_the_model_is_identified(launched):
+    nodes = {node.executable: node for node in
+             launch_stand_in.started(launched('recording'), record='bag')}
+    assert launch_stand_in.kinds(ends(nodes['par4_motion'], 0)) == ['Shutdown']
+    nodes = {node.executable: node for node in
+             launch_stand_in.started(launched('identification'), record='bag', output='there')}
+    signals = ends(nodes.pop('par4_motion'), 0)
+    told = [event.event.process_matcher.given[0] for event in signals]
+    assert told == list(nodes.values())
+    *others, last = nodes.values()
+    assert [ends(node, 0) for node in others] == [[], []]
+    tool, = ends(last, 0)
+    assert tool.cmd[1:] == ['bag', '--robot', 'reference', '--rigid-body', 'paper', '--output',
+                            'there']
+    assert launch_stand_in.kinds([tool.on_exit]) == ['Shutdown']
+
+
+def test_a_recorder_that_fails_at_the_end_leaves_nothing_to_identify(launched):
+    nodes = launch_stand_in.started(launched('identification'))
+    ends(nodes.pop(), 0)
+    assert launch_stand_in.kinds(ends(nodes[-1], 2)) == ['Shutdown']
+
+
+def test_a_recording_by_processes_and_what_follows_it(bench, monkeypatch, capfd):
+    for name, value in bench.environment.items():
+        monkeypatch.setenv(name, value)
+    session = session_of('recording', namespace='robot_a', fidelity='exact', duration='1.0',
+                         record=str(bench.folder / 'bag'))
+    follows = ToolPart('par4_identification', 'par4_record', (
+        '--repair', str(bench.folder / 'bag'), '--output', str(bench.folder / 'copy')))
+    log = bench.folder / 'nodes.log'
+    assert run_session(dataclasses.replace(session, then=follows), log) == 0, log.read_text()
+    assert f'{bench.folder / "copy"}: ' in capfd.readouterr().out
+    assert 'Traceback' not in log.read_text()
+    recorded = read_log(bench.folder / 'copy', REFERENCE)
+    assert recorded.accounts.namespace == '/robot_a'
+    # the recorder was there before the motion began
+    moved = abs(recorded.q - recorded.q[0])
+    assert moved[:100].max() < 1e-3
+    assert moved.max() > 0.1
+
+
+def test_when_a_part_is_killed_all_end_and_it_is_said_which(bench):
+    session = COMPOSITIONS['cell'].session({'fidelity': 'exact'})
+    log = bench.folder / 'nodes.log'
+    processes = []
+    with (pytest.raises(InputError, match='par4_feedforward has ended with exit code -9'),
+          running_cell(session, log, bench.environment) as cell):
+        processes = [process for _, process in cell.processes]
+        bench.wait(lambda: log.read_text().count('robot reference') == 2, 'two nodes that run')
+        assert not cell.played()
+        processes[1].kill()
+        end = time.monotonic() + DEADLINE
+        while time.monotonic() < end:
+            cell.played()
+            time.sleep(0.05)
+    assert len(processes) == 3
+    assert [process.returncode for process in processes] == [0, -9, 0]
+
+
+def test_nothing_starts_where_an_executable_is_missing(tmp_path):
+    missing = Session((NodePart('par4_sim', 'par4_simulation', {}),
+                       NodePart('par4_sim', 'par4_nowhere', {})))
+    cell = running_cell(missing, tmp_path / 'log')
+    with pytest.raises(InputError, match='par4_nowhere: not found'), cell:
+        pytest.fail('it started')
+    assert not (tmp_path / 'log').exists()

@@ -1,0 +1,224 @@
+"""Trajectories of other planners: the spline through them, and the action that takes them.
+
+control_msgs is not on PyPI: its action type and the action server of rclpy are stood in for here.
+All else is real: the node, its executor, and a simulation that follows.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Iterator
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.action import CancelResponse, GoalResponse
+from rclpy.signals import SignalHandlerOptions
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from node_bench import AWAY_Q, HOME_Q, ROBOT, Simulated, joint_values
+from par4_kinematics.errors import InputError
+from par4_kinematics.ros import goal_server
+from par4_kinematics.ros.convert import SECOND, write_time
+from par4_kinematics.ros.motion_node import MotionNode
+from par4_kinematics.splined import splined_motion
+
+MIDDLE_Q = 0.5 * (HOME_Q + AWAY_Q) + np.array((0.03, -0.02, 0.01, 0.0))
+
+
+def at(motion, time: float) -> int:
+    return int(np.argmin(np.abs(motion.t - time)))
+
+
+def test_positions_alone_become_a_spline_from_rest_to_rest():
+    motion = splined_motion('path', ROBOT, HOME_Q, (0.4, 0.8), (MIDDLE_Q, AWAY_Q))
+    for time, q in ((0.0, HOME_Q), (0.4, MIDDLE_Q), (0.8, AWAY_Q)):
+        np.testing.assert_allclose(motion.q[at(motion, time)], q, atol=1e-9)
+    for ends in (motion.qd, motion.qdd):
+        np.testing.assert_allclose(ends[[0, -1]], 0.0, atol=1e-6)
+    # velocities and accelerations are derivatives, and nothing jumps
+    step = motion.period
+    np.testing.assert_allclose((motion.q[2:] - motion.q[:-2]) / (2 * step), motion.qd[1:-1],
+                               atol=1e-3)
+    np.testing.assert_allclose((motion.qd[2:] - motion.qd[:-2]) / (2 * step), motion.qdd[1:-1],
+                               atol=0.05)
+    assert np.abs(np.diff(motion.qdd, axis=0)).max() < 0.02 * np.abs(motion.qdd).max()
+
+
+def test_two_positions_are_the_quintic_of_least_jerk():
+    motion = splined_motion('path', ROBOT, HOME_Q, (0.5,), (AWAY_Q,))
+    u = motion.t / 0.5
+    share = 10 * u ** 3 - 15 * u ** 4 + 6 * u ** 5
+    np.testing.assert_allclose(motion.q, HOME_Q + np.outer(share, AWAY_Q - HOME_Q), atol=1e-9)
+
+
+def test_velocities_and_accelerations_are_kept_where_they_are_given():
+    speed, push = np.array((0.3, 0.1, -0.1, 0.2)), np.array((0.5, 0.0, 0.2, -0.5))
+    q, qd, qdd = (np.vstack(rows) for rows in (
+        (MIDDLE_Q, AWAY_Q), (speed, np.zeros(4)), (push, np.zeros(4))))
+    for accelerations in (None, qdd):
+        motion = splined_motion('path', ROBOT, HOME_Q, (0.4, 0.8), q, qd, accelerations)
+        np.testing.assert_allclose(motion.qd[at(motion, 0.4)], speed, atol=1e-9)
+    np.testing.assert_allclose(motion.qdd[at(motion, 0.4)], push, atol=1e-6)
+
+
+@pytest.mark.parametrize(('points', 'said'), [
+    (((0.0,), (AWAY_Q,)), 'rad from where the robot stands'),
+    (((0.0,), (HOME_Q,)), 'a single point at 0 s'),
+    (((0.4, 0.4), (MIDDLE_Q, AWAY_Q)), 'must be 0 or more and increase'),
+    (((-1.0, 0.4), (MIDDLE_Q, AWAY_Q)), 'must be 0 or more and increase'),
+    (((0.4,), (AWAY_Q,), np.ones((1, 4))), 'it ends in motion'),
+    (((0.4,), (AWAY_Q,), None, np.zeros((1, 4))), 'accelerations without velocities'),
+    (((0.4,), (np.full(4, 1.7),)), 'z of D'),
+    (((0.02,), (AWAY_Q,)), 'joint speed'),
+])
+def test_what_no_robot_should_follow_is_refused(points, said):
+    with pytest.raises(InputError, match=said):
+        splined_motion('path', ROBOT, HOME_Q, *points)
+
+
+# ------------------------------------------------------------------------------------- the action
+
+
+def point() -> SimpleNamespace:
+    return SimpleNamespace(time_from_start=SimpleNamespace(sec=0, nanosec=0))
+
+
+class Feedback:
+    """As control_msgs has it, as far as the node fills it."""
+
+    def __init__(self) -> None:
+        self.header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0))
+        self.desired, self.actual, self.error = point(), point(), point()
+
+
+class Server:
+    """The callbacks of an action server, called as rclpy calls them."""
+
+    def __init__(self, node: Any, _type: Any, name: str, execute_callback: Any,
+                 goal_callback: Any, cancel_callback: Any) -> None:
+        self.node, self.name = node, name
+        self.judge, self.cancel, self._execute = goal_callback, cancel_callback, execute_callback
+
+    def send(self, goal: Any) -> Handle | None:
+        """Return the handle of a goal that is executed, None if it is rejected."""
+        if self.judge(goal) == GoalResponse.REJECT:
+            return None
+        handle = Handle()
+        handle.task = self.node.executor.create_task(self._execute(handle))
+        return handle
+
+
+class Handle:
+    """Of a goal: what the server told of it."""
+
+    def __init__(self) -> None:
+        self.feedback: list[Feedback] = []
+        self.is_cancel_requested = False
+        self.end = ''
+
+    def publish_feedback(self, feedback: Feedback) -> None:
+        """Keep it."""
+        self.feedback.append(feedback)
+
+    def succeed(self) -> None:
+        """Keep that it did."""
+        self.end = 'succeeded'
+
+    def abort(self) -> None:
+        """Keep that it was aborted."""
+        self.end = 'aborted'
+
+    def canceled(self) -> None:
+        """Keep that it was canceled."""
+        self.end = 'canceled'
+
+
+def goal(*points: np.ndarray, seconds: float = 0.4, path: float = 0.0, last: float = 0.0) -> Any:
+    message = JointTrajectory(joint_names=list(ROBOT.joint_names))
+    for number, q in enumerate(points, 1):
+        item = JointTrajectoryPoint(positions=q.tolist())
+        write_time(item.time_from_start, round(number * seconds * SECOND))
+        message.points.append(item)
+
+    def bounds(size: float) -> list:
+        return [SimpleNamespace(name=name, position=size) for name in ROBOT.joint_names]
+
+    return SimpleNamespace(trajectory=message, path_tolerance=bounds(path),
+                           goal_tolerance=bounds(last),
+                           goal_time_tolerance=SimpleNamespace(sec=0, nanosec=200_000_000))
+
+
+@pytest.fixture
+def server(bench, monkeypatch) -> Iterator[Server]:
+    """Yield the action of a `par4_motion` that runs in this process beside a simulation."""
+    module = ModuleType('control_msgs.action')
+    module.FollowJointTrajectory = SimpleNamespace(
+        Result=lambda **fields: SimpleNamespace(**fields), Feedback=Feedback)
+    monkeypatch.setitem(sys.modules, 'control_msgs', ModuleType('control_msgs'))
+    monkeypatch.setitem(sys.modules, 'control_msgs.action', module)
+    monkeypatch.setattr(goal_server, 'ActionServer', Server)
+    rclpy.init(args=['--ros-args', '-p', 'motion:=action', '-p', 'use_sim_time:=true'],
+               domain_id=bench.domain, signal_handler_options=SignalHandlerOptions.NO)
+    node = MotionNode()
+    thread = threading.Thread(target=node.work)
+    thread.start()
+    try:
+        yield node._goals._server
+    finally:
+        node.end()
+        thread.join(20.0)
+        node.finished = True
+        thread.join(20.0)
+        node.destroy_node()
+        rclpy.try_shutdown()
+        assert not thread.is_alive()
+
+
+def test_goals_are_followed_cancelled_and_held_to_their_tolerances(bench, server):
+    assert server.name == '~/follow_joint_trajectory'
+    assert server.send(goal(AWAY_Q)) is None, 'it is not known where the robot stands'
+    simulated = Simulated(bench)
+    first = bench.wait(lambda: server.send(goal(MIDDLE_Q, AWAY_Q, path=0.3, last=0.02)), 'a robot')
+    assert server.send(goal(AWAY_Q)) is None, 'one at a time'
+    bench.wait(first.task.done, 'the end of the first goal')
+    result = first.task.result()
+    assert (first.end, result.error_code) == ('succeeded', 0), result
+    simulated.wait_until(simulated.now_ns() + SECOND // 5)
+    np.testing.assert_allclose(joint_values(simulated.states[-1], 'position'), AWAY_Q, atol=0.01)
+    assert len(first.feedback) > 3
+    told = np.array([item.error.positions for item in first.feedback])
+    assert 1e-4 < np.abs(told).max() < 0.3, 'the loops alone lag, but follow'
+
+    cancelled = server.send(goal(HOME_Q, seconds=4.0))
+    moved = bench.wait(lambda: len(simulated.states) and np.abs(
+        joint_values(simulated.states[-1], 'position') - AWAY_Q).max() > 0.03, 'a motion')
+    assert moved
+    cancelled.is_cancel_requested = True
+    assert server.cancel(cancelled) == CancelResponse.ACCEPT
+    bench.wait(cancelled.task.done, 'the end of the cancelled goal')
+    assert cancelled.end == 'canceled'
+    simulated.wait_until(simulated.now_ns() + SECOND)
+    rest = joint_values(simulated.states[-1], 'position')
+    assert np.abs(joint_values(simulated.states[-1], 'velocity')).max() < 0.05
+    assert np.abs(rest - HOME_Q).max() > 0.03, 'it was stopped on its way'
+
+    strict = server.send(goal(HOME_Q, seconds=1.0, path=1e-5))
+    bench.wait(strict.task.done, 'the end of the strict goal')
+    result = strict.task.result()
+    assert (strict.end, result.error_code) == ('aborted', -4)
+    assert 'rad from its path' in result.error_string
+
+    unknown = goal(HOME_Q)
+    unknown.trajectory.joint_names = ['a', 'b', 'c', 'd']
+    dated = goal(HOME_Q)
+    write_time(dated.trajectory.header.stamp, SECOND)
+    assert [server.send(item) for item in (unknown, dated, goal(np.full(4, 1.7)))] == [None] * 3
+
+
+def test_without_control_msgs_the_action_is_refused_in_one_line():
+    with pytest.raises(InputError, match='control_msgs is not installed'):
+        goal_server.action_type()

@@ -1,0 +1,136 @@
+"""`par4_bag --inspect`: what a bag holds, and whether its verdicts are what the tools then do."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from contextlib import nullcontext
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_commands import run
+
+from par4_dynamics.model import read_model
+from par4_identification.commands import bag as bag_command
+from par4_identification.fitting.identification import identify
+from par4_identification.logs.read_log import read_log
+from par4_kinematics.errors import InputError
+from par4_kinematics.motion_file import named_motion
+from par4_sim.bag_writer import BagWriter
+from par4_sim.offline import simulate_to_bag
+from par4_sim.simulation import build_simulation
+from robots import REFERENCE
+
+DATE = 1_780_000_000 * 10 ** 9
+
+
+@pytest.fixture(scope='module')
+def bags(tmp_path_factory):
+    """Return a folder with bags of a motion, of rest, of another topic, and cut-off ones."""
+    folder = tmp_path_factory.mktemp('bags')
+    model = read_model('table1', REFERENCE)
+    motion = named_motion('excitation', REFERENCE, 6.0)
+    rest = {name: np.zeros_like(motion.q) for name in ('qd', 'qdd', 'xd', 'xdd')}
+    still = replace(motion, q=np.tile(motion.q[0], (len(motion.t), 1)),
+                    x=np.tile(motion.x[0], (len(motion.t), 1)), **rest)
+    for name, played, storage, date in (('whole', motion, 'mcap', DATE),
+                                        ('still', still, 'mcap', 0),
+                                        ('plain', motion, 'sqlite3', 0)):
+        simulation = build_simulation(REFERENCE, model, 'exact', 4e-3, seed=1, torque_noise=0.05)
+        simulate_to_bag(simulation, played, REFERENCE, folder / name, None, storage,
+                        lambda _: None, date)
+    with BagWriter(folder / 'gripper') as bag:
+        for row in range(200):
+            bag.write_joint_state('/gripper', DATE + row * 10_000_000, ['finger'], [0.01 * row])
+    for name in ('whole', 'plain'):
+        shutil.copytree(folder / name, folder / f'cut_{name}')
+        file, = (path for path in (folder / f'cut_{name}').iterdir() if path.suffix != '.yaml')
+        file.write_bytes(file.read_bytes()[:file.stat().st_size * 3 // 4])
+        (folder / f'cut_{name}' / 'metadata.yaml').unlink()
+    return folder
+
+
+def inspected(bag, *options):
+    told = run(bag_command, '--inspect', bag, '--json', *options)
+    assert (told.code, told.err) == (0, '')
+    found = json.loads(told.out)
+    return found, {item['tool']: item['use'] for item in found['fitness']}
+
+
+def test_topics_rates_gaps_and_joints(bags, tmp_path):
+    found, _ = inspected(bags / 'whole')
+    topics = {topic['name']: topic for topic in found['topics']}
+    assert topics['/joint_states']['rate'] == pytest.approx(250.0)
+    assert topics['/joint_states']['gaps'] == 0
+    assert topics['/reference']['by'] == 'receipt'
+    assert [joint['name'] for joint in found['joints']] == list(REFERENCE.joint_names)
+    motion = named_motion('excitation', REFERENCE, 6.0)
+    for column, joint in enumerate(found['joints']):
+        # the loops alone overshoot by some hundredths
+        assert joint['lowest'] == pytest.approx(motion.q[:, column].min(), abs=0.05)
+        assert joint['highest'] == pytest.approx(motion.q[:, column].max(), abs=0.05)
+        assert found['motion'][column]['peak_speed'] == pytest.approx(
+            np.abs(motion.qd[:, column]).max(), rel=0.25)
+    with BagWriter(tmp_path / 'gaps') as bag:
+        for row in (*range(100), *range(150, 300), *range(340, 400)):
+            bag.write_joint_state('/joint_states', DATE + row * 10_000_000,
+                                  (*REFERENCE.joint_names, 'finger'), np.full(5, 1e-3 * row))
+    found, uses = inspected(tmp_path / 'gaps')
+    topic, = found['topics']
+    assert (topic['messages'], topic['gaps']) == (310, 2)
+    assert topic['longest_gap'] == pytest.approx(0.51)
+    assert 'finger' in {joint['name'] for joint in found['joints']}
+    assert set(uses.values()) == {'no'}
+    assert 'no torque' in found['fitness'][0]['reason']
+
+
+def test_verdicts_are_what_the_tools_do(bags):
+    for name, able in (('whole', True), ('still', False)):
+        _, uses = inspected(bags / name)
+        assert (uses['identify'] == 'yes') == (uses['diagnose'] == 'yes') == able
+        log = read_log(bags / name, REFERENCE)
+        with nullcontext() if able else pytest.raises(InputError):
+            identify([log], REFERENCE)
+    _, uses = inspected(bags / 'whole')
+    assert (uses['validate'], uses['trend'], uses['monitor']) == ('yes', 'yes', 'weakly')
+    assert inspected(bags / 'plain')[1]['trend'] == 'no', 'it has no date'
+
+
+@pytest.mark.parametrize('name', ['cut_whole', 'cut_plain'])
+def test_of_a_bag_that_is_cut_off_it_tells_what_can_be_recovered(bags, name):
+    before = sorted(path.name for path in (bags / name).iterdir())
+    found, uses = inspected(bags / name)
+    assert 'run par4_record --repair' in found['cut_off']
+    assert found['bag'] == str(bags / name)
+    whole, _ = inspected(bags / name.removeprefix('cut_'))
+    assert 2.0 < found['duration'] < whole['duration']
+    assert uses['identify'] != 'no'
+    assert sorted(path.name for path in (bags / name).iterdir()) == before
+
+
+def test_a_bag_without_a_robot_is_shown_and_of_no_use(bags):
+    found, uses = inspected(bags / 'gripper')
+    assert [topic['name'] for topic in found['topics']] == ['/gripper']
+    assert set(uses.values()) == {'no'}
+    assert found['fitness'][0]['reason'].startswith('no joint_states')
+
+
+def test_it_is_told_in_tables_and_a_line_a_tool(bags):
+    told = run(bag_command, '--inspect', bags / 'whole')
+    assert (told.code, told.err) == (0, '')
+    assert max(map(len, told.out.splitlines()[:14])) <= 80 + len(str(bags))
+    for tool in ('identify: yes, ', 'validate: yes, ', 'diagnose: yes, ', 'trend: yes, ',
+                 'monitor: weakly, '):
+        assert sum(line.startswith(tool) for line in told.out.splitlines()) == 1, tool
+
+
+@pytest.mark.parametrize('content', [None, b'', b'schema: par4/robot/1'])
+def test_what_is_no_bag_is_refused_in_one_line(tmp_path, content):
+    path = tmp_path / 'bag.mcap'
+    if content is not None:
+        path.write_bytes(content)
+    told = run(bag_command, '--inspect', path)
+    assert (told.code, told.out) == (2, '')
+    assert told.err.startswith('error: ')
+    assert told.err.count('\n') == 1
