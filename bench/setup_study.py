@@ -58,7 +58,7 @@ MISTAKEN, EACH = 0.125, 8
 """Share of the recordings that mistakes are made to, one at a time, and how many."""
 EVERY_DIAGNOSED, DIAGNOSED = 6, 3
 """One in so many of those with mistakes is diagnosed as well, with so many of them; it has a hidden
-effect."""
+effect, as every second recording has."""
 TIMED = ('time_offset', 'actuator_lag')
 """Effects that are a delay by themselves: not hidden beside one."""
 PLACED = ('encoder_offset', 'geometry_error', 'encoder_eccentricity')
@@ -255,7 +255,7 @@ MISTAKES: dict[str, tuple[Make, tuple[str, ...]]] = {
 """Kind -> how it is made, and the hidden effects that are the same thing."""
 
 
-def outcomes_of(index: int, seed: int, mistaken: bool) -> list[dict]:
+def outcomes_of(index: int, seed: int, mistaken: bool, diagnosed: bool) -> list[dict]:
     """Return what was found in a recording and after each mistake made to it, as plain data."""
     kinds = list(MISTAKES)
     # an odd number of kinds goes round, so that each meets logs with and without a hidden effect
@@ -267,7 +267,6 @@ def outcomes_of(index: int, seed: int, mistaken: bool) -> list[dict]:
                  ) if index % 2 else None
     scenario = draw_scenario(Task('single' if effect else 'clean', seed, effect,
                                   coloured=bool(random.integers(2))))
-    diagnosed = mistaken and index % EVERY_DIAGNOSED == 1
     logs = [_recorded(scenario, number) for number in range(2 if diagnosed else 1)]
     started = time.process_time()
     good = check_setup(logs, scenario.known.robot)
@@ -334,7 +333,7 @@ def _recorded(scenario: Scenario, number: int) -> Log:
         name=('fit', 'held out')[number]).log
 
 
-def attempted(task: tuple[int, int, bool] | Path) -> list[dict]:
+def attempted(task: tuple[int, int, bool, bool] | Path) -> list[dict]:
     """Return the outcomes of a task or of a kept recording, or the error that ended it."""
     try:
         return outcomes_of_kept(task) if isinstance(task, Path) else outcomes_of(*task)
@@ -343,7 +342,7 @@ def attempted(task: tuple[int, int, bool] | Path) -> list[dict]:
         return [{'kind': 'error', 'seed': seed, 'error': traceback.format_exc()}]
 
 
-def run(tasks: Sequence[tuple[int, int, bool] | Path], scheduler: str | None, workers: int,
+def run(tasks: Sequence[tuple[int, int, bool, bool] | Path], scheduler: str | None, workers: int,
         results: Path) -> None:
     """Run tasks on dask and append each outcome to `results` as it comes."""
     os.environ['PYTHONPATH'] = os.pathsep.join(filter(None, (
@@ -429,8 +428,8 @@ either counts.
         diagnosed, lambda item: keeps_effect(item, 'named'))),
     ('errors (tracebacks)', '0', str(len(errors)))])}
 
-The diagnosis takes 3 to 8 s a log, so one recording in {EVERY_DIAGNOSED} of those with
-mistakes is diagnosed, with {DIAGNOSED} of its mistakes; the others are checked alone.
+A diagnosis takes some 10 s a log, so few of the recordings with mistakes are diagnosed, with
+{DIAGNOSED} of their mistakes; the others are checked alone.
 The check takes {np.median(per_log):.2f} s of one core for 30 s of log (median; 95 %
 of them below {np.quantile(per_log, 0.95):.2f} s).
 {'Lost after the mend: ' + ', '.join(f'{kind} {count}' for kind, count in lost.items()) + '.'
@@ -458,6 +457,10 @@ def main() -> None:
     parser.add_argument('--scale', type=float, default=1.0,
                         help='1 = 400 recordings and 400 mistakes')
     parser.add_argument('--first-seed', type=int, default=SCORING_SEED)
+    parser.add_argument('--mistaken', type=float, default=MISTAKEN,
+                        help='share of the recordings that mistakes are made to')
+    parser.add_argument('--every-diagnosed', type=int, default=EVERY_DIAGNOSED,
+                        help='one in so many of these is diagnosed, too')
     parser.add_argument('--scheduler', help='address of a dask scheduler; default: this machine')
     parser.add_argument('--workers', type=int, default=os.cpu_count())
     parser.add_argument('--results', type=Path, default=ROOT / 'setup_study.jsonl')
@@ -469,7 +472,9 @@ def main() -> None:
     header = {'date': datetime.date.today().isoformat(), 'machine': machine_name(),
               'commit': commit(), 'first_seed': arguments.first_seed}
     count = max(1, round(arguments.scale * RECORDINGS))
-    tasks = [(index, arguments.first_seed + index, index < MISTAKEN * count)
+    mistaken = round(arguments.mistaken * count)
+    tasks = [(index, arguments.first_seed + index, index < mistaken,
+              index < mistaken and index % arguments.every_diagnosed == 1)
              for index in range(count)]
     if not arguments.resume:
         arguments.results.write_text('', encoding='utf-8')
