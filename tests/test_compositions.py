@@ -18,7 +18,7 @@ from par4_identification.logs.read_log import read_log
 from par4_kinematics import interface
 from par4_kinematics.errors import InputError
 from par4_kinematics.ros.node import Par4Node
-from par4_sim.cell import COMPOSITIONS, NodePart, Session, ToolPart
+from par4_sim.cell import CLOCK, COMPOSITIONS, NodePart, Session, ToolPart
 from par4_sim.running_cell import command_of, run_session, running_cell
 from robots import REFERENCE
 
@@ -70,6 +70,7 @@ def test_a_real_robot_takes_the_place_of_the_simulation():
 
 
 def test_a_namespace_has_a_clock_of_its_own_and_reaches_every_node():
+    assert interface.CLOCK.name == CLOCK
     for given, clock in (({'namespace': 'robot_a'}, '/robot_a/clock'),
                          ({'namespace': 'robot_a', 'clock': '/time'}, '/time')):
         session = session_of('cell', **given)

@@ -11,8 +11,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from par4_kinematics.errors import InputError
-from par4_kinematics.interface import CLOCK
-from par4_sim.simulation import FIDELITIES
+from par4_sim.choices import FIDELITIES
+
+CLOCK = '/clock'
+"""Topic `par4_kinematics.interface.CLOCK`, whose module loads more than a table needs."""
 
 Value = str | int | float | bool
 
@@ -97,8 +99,8 @@ ROBOT = (
     Argument('namespace', '', 'of all nodes and topics; without one they have none'),
 )
 SIMULATED = (
-    Argument('clock', '', f'topic of the simulated time; without one {CLOCK.name}, in a namespace '
-                          f'NAMESPACE{CLOCK.name}'),
+    Argument('clock', '', f'topic of the simulated time; without one {CLOCK}, in a namespace '
+                          f'NAMESPACE{CLOCK}'),
     Argument('machine', 'table1_full', 'model.yaml of the machine as it truly is'),
     Argument('fidelity', 'fast', 'how exactly the mechanism is simulated', FIDELITIES),
     Argument('noise', 0.0, 'of the recorded torque, N m rms'),
@@ -164,8 +166,8 @@ def _session(asked: Mapping[str, Value], nodes: tuple[NodePart, ...],
              player: NodePart | None = None, then: ToolPart | None = None,
              simulated: bool = True) -> Session:
     space = str(asked['namespace']).strip('/')
-    clock = str(asked['clock']) or (f'/{space}{CLOCK.name}' if space else CLOCK.name)
-    remappings = ((CLOCK.name, clock),) if simulated and clock != CLOCK.name else ()
+    clock = str(asked['clock']) or (f'/{space}{CLOCK}' if space else CLOCK)
+    remappings = ((CLOCK, clock),) if simulated and clock != CLOCK else ()
     return Session(nodes, player, then, space, remappings)
 
 

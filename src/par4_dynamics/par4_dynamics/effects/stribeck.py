@@ -41,10 +41,12 @@ class Stribeck(Effect):
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         fastest = float(np.max(np.abs(state.qd)))
-        tried = SPEEDS if state.geometry is not None else SPEEDS_OF_AXIS * fastest
-        speeds = [float(speed) for speed in tried if speed <= 0.5 * fastest]
-        return (*({'stribeck_velocity': speed} for speed in speeds),
-                *({'stribeck_velocity': speed, 'exponent': TUSTIN} for speed in speeds))
+        arm = state.geometry is not None
+        speeds = [float(speed) for speed in (SPEEDS if arm else SPEEDS_OF_AXIS * fastest)
+                  if speed < 0.5 * fastest]
+        usual = tuple({'stribeck_velocity': speed} for speed in speeds)
+        # on the arms of a Par4 it would hardly be told from a power of the speed
+        return usual if arm else (*usual, *({**shape, 'exponent': TUSTIN} for shape in usual))
 
     def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:
         return tuple({**shape, **moved} for moved in around(

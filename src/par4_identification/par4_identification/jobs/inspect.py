@@ -6,7 +6,6 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-import click
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
@@ -22,7 +21,7 @@ def inspect(bag: Path, robot: str, namespace: str | None, as_json: bool) -> None
     with Console(stderr=True).status('reading the bag'):
         found = inspect_bag(bag, machine, namespace)
     if as_json:
-        click.echo(json.dumps(plain(found.to_json()), indent=2))
+        print(json.dumps(plain(found.to_json()), indent=2))
         return
     _show(found, Console(highlight=False))
 

@@ -117,7 +117,7 @@ def _what_was_found(diagnosis: Diagnosis, machine: Robot | Axis, names: Names) -
 
 
 def _sample_by_sample(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequence[Log],
-                      names: Names) -> Traces:
+                      names: Names) -> Traces | None:
     """Return measured torque and that of the extended model where the old one leaves most."""
     holdout = diagnosis.holdout
     worst = worst_run(holdout.runs, holdout.baseline)

@@ -16,10 +16,11 @@ from par4_sim.report.traces import Trace, Traces, shown_part, traces_of
 
 
 def torque_traces(run: Run, logs: Sequence[Log], model: Model, residual: np.ndarray, names: Names
-                  ) -> Traces:
+                  ) -> Traces | None:
     """Return the torque of a run as it was recorded, unfiltered, and as a model calculates it.
 
-    Of a long run the part is taken in which the residual is largest.
+    Of a long run the part is taken in which the residual is largest. There is none of steady
+    speeds, each of which is one row, and of a run whose log is not at hand.
 
     Args:
         run: of one of the logs.
@@ -28,7 +29,9 @@ def torque_traces(run: Run, logs: Sequence[Log], model: Model, residual: np.ndar
         residual: of the run's rows, (m, J).
         names: labels.
     """
-    log = next(log for log in logs if log.name == run.name)
+    log = next((log for log in logs if log.name == run.name), None)
+    if log is None or run.conditioning.steady:
+        return None
     state = run.state
     size = np.interp(state.t, run.t, np.linalg.norm(np.where(run.valid, residual, 0.0), axis=1))
     part = shown_part(state.t, size, 2 * len(names.joints))
