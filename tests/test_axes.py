@@ -26,6 +26,7 @@ from par4_identification.commands.diagnose import diagnose_bags
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import identify
+from par4_identification.reports.diagnosis_report import report_of_diagnosis
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis, source_of_order
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.plateaus import plateaus_of
@@ -247,8 +248,9 @@ def test_what_holds_an_axis_is_named_with_its_course(held):
     told = model.effects[-1].torque(State(q, q[:, None], still, still))[:, 0]
     truth = np.array([held(place) for place in q])
     assert np.max(np.abs(told - truth)) < 0.05 * np.ptp(truth)
-    sentence = outcome_of_diagnosis(found, axis()).sentence
-    assert 'torque that follows the position' in sentence
+    outcome = outcome_of_diagnosis(found, axis())
+    assert 'torque that follows the position' in outcome.sentence
+    assert 'coefficients' in report_of_diagnosis(found, outcome, axis(), [first, second], {})
 
 
 # --------------------------------------------------------------------------------- steady speeds
@@ -288,8 +290,12 @@ def test_friction_that_rises_towards_standstill_shows_at_steady_speeds(seed, exp
 def test_steady_speeds_of_plain_friction_are_clean(seed):
     def plain(speed):
         return math.copysign(4.7e-3, speed) + 3e-5 * speed
-    found = diagnosed(held_speeds(plain, SPEEDS, 1.5e-4, seed), [], axis())
+    logs = held_speeds(plain, SPEEDS, 1.5e-4, seed)
+    found = diagnosed(logs, [], axis())
     assert found.verdict == 'clean'
+    page = report_of_diagnosis(found, outcome_of_diagnosis(found, axis()), axis(), logs, {})
+    assert 'Mean torque over speed' in page
+    assert 'Sample by sample' not in page
 
 
 def test_one_log_may_hold_several_speeds():

@@ -55,9 +55,10 @@ def parameter_cells(cause: Cause, name: str, machine: Robot | Axis) -> dict[str,
     """
     parameter = cause.parameters[name]
     shape = [item for item in cause.effect.parameters if item.per_order and item.is_shape]
-    if shape and isinstance(cause.parameters[shape[0].name].value, tuple):
-        return _order_cells(parameter, name, machine)
     own = next(item for item in cause.effect.parameters if item.name == name)
+    series = own.per_order and not shape  # its terms are no orders
+    if series or (shape and isinstance(cause.parameters[shape[0].name].value, tuple)):
+        return _order_cells(parameter, name, machine)
     scope, is_size = own.scope, not own.is_shape and name != 'phase'
     values, stds = np.atleast_1d(parameter.value), np.atleast_1d(parameter.std)
     cells = [f'0 ± {number(float(std), 2)}' if is_size and not told else

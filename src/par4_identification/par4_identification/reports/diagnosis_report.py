@@ -34,6 +34,7 @@ from par4_identification.reports.plots import (
 )
 from par4_identification.reports.run_pictures import joined_time, statistics_of_runs
 from par4_identification.reports.sample_traces import torque_traces, worst_run
+from par4_identification.reports.steady_plots import steady_speeds_of, torque_over_speed
 from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
@@ -73,7 +74,8 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
         verdict = verdict_with_changes(verdict, changes)
     title = f'Diagnosis of {machine.name}: {in_words(verdict)}'
     content: dict[str, Any] = {
-        'causes': [], 'motion': '', 'over_time': '', 'traces': None, 'statistics': '',
+        'causes': [], 'motion': '', 'over_time': '', 'over_speed': '', 'traces': None,
+        'statistics': '',
         'per_joint': [], 'swallowed': [], 'bars': '', 'rejected': (), 'unnamed': [],
         'over_motion': '', 'experiment': _experiment_cells(experiment, names),
         'simulation': confrontation_cells(confrontation, names), 'changes': None}
@@ -84,6 +86,10 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
                                   for part in ('speed', 'tau')), names)
     else:
         content.update(_what_was_found(diagnosis, machine, names))
+        if diagnosis.evidence.observations.steady:
+            told = steady_speeds_of(diagnosis, machine)
+            content.update(over_time='', statistics='', over_motion='',
+                           over_speed=torque_over_speed(told, names))
         content['traces'] = _sample_by_sample(diagnosis, machine, logs, names)
         content['changes'] = changes_cells(changes, diagnosis, machine, names)
     return page_of('diagnosis.html', machine, logs, outcome, title, 'Insights', provenance,

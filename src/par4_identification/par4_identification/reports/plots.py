@@ -216,6 +216,11 @@ def signature(abscissa: Sequence[np.ndarray], label: str, before: Sequence[np.nd
             if not len(where):
                 _at_rest(axis)
                 continue
+            if len(where) < ENOUGH:
+                order = np.argsort(where)
+                axis.plot(where, left, 'o', color=BEFORE, markersize=3.6)
+                axis.plot(where[order], own[order], color=CURVE, linewidth=1.3)
+                continue
             low, high = _where_it_acts(where, own)
             inside = np.count_nonzero((where >= low) & (where <= high))
             edges = np.linspace(low, high, int(np.clip(inside // 12, 8, 72)) + 1)

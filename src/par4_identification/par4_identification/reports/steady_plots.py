@@ -1,0 +1,98 @@
+"""Pictures of steady speeds: mean torques over speed, and what models say of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from par4_dynamics.model import Model, build_model
+from par4_identification.diagnosis.verdict.answer import Diagnosis
+from par4_identification.reports.plots import Names
+from par4_identification.signals.rows import Run
+from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.drawing import AFTER, BEFORE, FLOOR, INK, drawn, image, legend
+
+POINTS = 801
+"""At which models are drawn."""
+
+
+@dataclass(frozen=True)
+class SteadySpeeds:
+    """Mean torques at steady speeds, and what models say of them.
+
+    Attributes:
+        speed, torque: of the plateaus, (m,).
+        heldout: which took no part in the fit, (m,).
+        left: torque less that of the extended model, (m,).
+        curve: speeds at which the models are drawn, (n,).
+        before, after: torque of the old and of the extended model there, (n,); the second is None
+            where nothing was found.
+        floor: standard deviation of a mean torque.
+    """
+
+    speed: np.ndarray
+    torque: np.ndarray
+    heldout: np.ndarray
+    left: np.ndarray
+    curve: np.ndarray
+    before: np.ndarray
+    after: np.ndarray | None
+    floor: float
+
+
+def steady_speeds_of(diagnosis: Diagnosis, machine: Robot | Axis) -> SteadySpeeds:
+    """Return the plateaus of a diagnosis with the old model and the extended one."""
+    fitted, held = diagnosis.fit_runs, diagnosis.holdout.runs
+    speed, torque, place = (np.concatenate([_counted(run, name) for run in (*fitted, *held)])
+                            for name in ('speed', 'tau', 'q'))
+    count = sum(int(run.valid.sum()) for run in fitted)
+    found = len(diagnosis.causes)
+    extended = diagnosis.extended_model
+    known = extended.effects[:len(extended.effects) - found]
+    before, after = (build_model(machine, file, diagnosis.effects) for file in (
+        extended.model_copy(update={'effects': known, 'parameters': {
+            **extended.parameters, **diagnosis.base_before}}), extended))
+    state = fitted[0].state
+
+    def torque_of(model: Model, qd: np.ndarray, q: np.ndarray) -> np.ndarray:
+        return model.torque(replace(state, t=np.arange(float(len(qd))), q=q[:, None],
+                                    qd=qd[:, None], qdd=np.zeros((len(qd), 1))))[:, 0]
+
+    curve = np.linspace(speed.min(), speed.max(), POINTS)
+    middle = np.full_like(curve, place.mean())
+    return SteadySpeeds(
+        speed, torque, np.arange(len(speed)) >= count, torque - torque_of(after, speed, place),
+        curve, torque_of(before, curve, middle),
+        torque_of(after, curve, middle) if found else None,
+        float(diagnosis.holdout.noise_floor_rms[0]))
+
+
+def _counted(run: Run, name: str) -> np.ndarray:
+    values: np.ndarray = getattr(run, name)
+    return values[run.valid[:, 0], 0]
+
+
+def torque_over_speed(told: SteadySpeeds, names: Names) -> str:
+    """Return mean torques over speed with the models, and what is left beneath."""
+    models = [(told.before, BEFORE)] + ([] if told.after is None else [(told.after, AFTER)])
+    with drawn(4.4) as figure:
+        above, below = figure.subplots(2, 1, sharex=True,
+                                       gridspec_kw={'height_ratios': (1.8, 1.0)})
+        for values, colour in models:
+            for side in (told.curve < 0.0, told.curve > 0.0):
+                above.plot(told.curve[side], values[side], color=colour, linewidth=1.1)
+        below.axhspan(-2.0 * told.floor, 2.0 * told.floor, color=FLOOR, linewidth=0)
+        for rows, face in ((~told.heldout, INK), (told.heldout, 'none')):
+            for axis, values in ((above, told.torque), (below, told.left)):
+                axis.plot(told.speed[rows], values[rows], 'o', color=INK, markersize=3.8,
+                          markerfacecolor=face)
+        above.set_ylabel(f'{names.torque}, {names.torque_unit}')
+        below.set_ylabel(f'left, {names.torque_unit}')
+        below.set_xlabel(f'speed, {names.speed_unit}')
+        for axis in (above, below):
+            axis.locator_params(axis='y', nbins=5)
+        legend(figure, (('mean torque of a plateau, hollow: held out', INK), ('old model', BEFORE),
+                        *(() if told.after is None else (('extended model', AFTER),)),
+                        ('noise of a mean, ± 2 standard deviations', FLOOR)))
+        return image(figure)
