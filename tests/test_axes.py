@@ -250,7 +250,7 @@ def test_what_holds_an_axis_is_named_with_its_course(held):
     assert np.max(np.abs(told - truth)) < 0.05 * np.ptp(truth)
     outcome = outcome_of_diagnosis(found, axis())
     assert 'torque that follows the position' in outcome.sentence
-    assert 'coefficients' in report_of_diagnosis(found, outcome, axis(), [first, second], {})
+    assert 'coefficients' in report_of_diagnosis(found, outcome, axis(), [], {})
 
 
 # --------------------------------------------------------------------------------- steady speeds
@@ -293,7 +293,7 @@ def test_steady_speeds_of_plain_friction_are_clean(seed):
     logs = held_speeds(plain, SPEEDS, 1.5e-4, seed)
     found = diagnosed(logs, [], axis())
     assert found.verdict == 'clean'
-    page = report_of_diagnosis(found, outcome_of_diagnosis(found, axis()), axis(), logs, {})
+    page = report_of_diagnosis(found, outcome_of_diagnosis(found, axis()), axis(), [], {})
     assert 'Mean torque over speed' in page
     assert 'Sample by sample' not in page
 
