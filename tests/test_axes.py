@@ -333,6 +333,16 @@ def test_steady_speeds_identify_friction_and_leave_the_inertia_out():
                           segments=(slice(0, 5),))], axis(), conditioning=conditioning)
 
 
+def test_one_steady_speed_alone_is_said_to_be_too_little():
+    alone = held_speeds(screw(6e-4), SPEEDS[:1], 3e-4)
+    found = diagnosed(alone, [], axis())
+    assert found.verdict == 'unusable_data'
+    assert 'Mean torque' not in report_of_diagnosis(found, outcome_of_diagnosis(found, axis()),
+                                                    axis(), [], {})
+    with pytest.raises(InputError, match='1 usable rows'):
+        identify(alone, axis(), conditioning=conditioning_for(alone, axis(), Conditioning()))
+
+
 def test_a_few_steady_speeds_are_too_few():
     found = diagnosed(held_speeds(screw(6e-4), SPEEDS[:8], 3e-4), [], axis())
     assert found.verdict == 'unusable_data'

@@ -10,7 +10,7 @@ import numpy as np
 
 from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.observations import observe
-from par4_identification.diagnosis.nominal.gate import unusable
+from par4_identification.diagnosis.nominal.gate import LEAST_PLATEAUS, unusable
 from par4_identification.fitting.identification import Identification, identify, identify_runs
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.identification import (
@@ -68,7 +68,7 @@ class JointMotion:
 def joint_motions(runs: Sequence[Run], joints: Sequence[str]) -> tuple[JointMotion, ...]:
     """Return how each joint moves in the rows of a log."""
     q, speed = (np.concatenate([getattr(run, name) for run in runs]) for name in ('q', 'speed'))
-    seconds = sum(run.valid.sum(axis=0) * float(run.t[1] - run.t[0]) for run in runs)
+    seconds = sum(run.valid.sum(axis=0) * run.row_time for run in runs)
     return tuple(JointMotion(*row) for row in zip(
         joints, np.ptp(q, axis=0).tolist(), np.abs(speed).max(axis=0).tolist(),
         np.asarray(seconds).tolist(), strict=True))
@@ -89,6 +89,10 @@ def fitness_of(check: SetupCheck) -> tuple[tuple[Fitness, ...], tuple[Run, ...]]
         runs = tuple(runs_of_log(log, machine, conditioning_for([log], machine, CONDITIONING)))
     except Par4Error as error:
         return unfit(str(error)), ()
+    if runs[0].conditioning.steady:
+        return unfit(f'it holds {len(runs[0].t)} steady speeds; par4_identify and par4_diagnose '
+                     f'read such bags together: give them all, {LEAST_PLATEAUS} speeds or more in '
+                     f'both directions'), runs
     try:
         identified = _identified(identify([log], machine))
     except Par4Error as error:
@@ -114,7 +118,7 @@ def _identified(identification: Identification) -> Fitness:
 
 
 def _validated(runs: Sequence[Run]) -> Fitness:
-    seconds = sum(run.valid.any(axis=1).sum() * float(run.t[1] - run.t[0]) for run in runs)
+    seconds = sum(run.valid.any(axis=1).sum() * run.row_time for run in runs)
     if seconds < 1.0:
         return Fitness('validate', 'no', 'the joints rest, so that only torques at rest could be '
                                          'compared; record a motion')
@@ -151,7 +155,7 @@ def _monitored(check: SetupCheck, runs: Sequence[Run]) -> Fitness:
         return Fitness('monitor', 'no', 'it watches a Par4, not a single axis')
     windows = 0
     for run in runs:
-        length = round(WINDOW / float(run.t[1] - run.t[0]))
+        length = round(WINDOW / run.row_time)
         count = len(run.valid) // length
         parts = run.valid[:count * length].reshape(count, length, -1)
         windows += int((parts.mean(axis=1) >= MOVING).all(axis=1).sum())

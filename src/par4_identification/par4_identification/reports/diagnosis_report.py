@@ -81,7 +81,7 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
         'simulation': confrontation_cells(confrontation, names), 'changes': None}
     if isinstance(diagnosis, Unusable):
         runs = diagnosis.fit_runs  # none where a log cannot even be filtered
-        content['motion'] = runs and measured_motion(
+        content['motion'] = runs and not runs[0].conditioning.steady and measured_motion(
             joined_time(runs), *(np.concatenate([getattr(run, part) for run in runs])
                                   for part in ('speed', 'tau')), names)
     else:

@@ -17,6 +17,7 @@ from par4_identification.reports.page import names_of, page_of
 from par4_identification.reports.plots import Bar, deviation_bars, torque_over_time
 from par4_identification.reports.run_pictures import series_of_runs, statistics_of_runs
 from par4_identification.reports.sample_traces import loaded, torque_traces, worst_run
+from par4_identification.reports.steady_plots import steady_speeds_with, torque_over_speed
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.words import in_words, listed, number, percent, typeset, with_std
@@ -40,7 +41,7 @@ def report_of_identification(identification: Identification, outcome: Outcome,
         masses: log name -> known payload, kg.
     """
     names, estimate, runs = names_of(machine), identification.estimate, identification.runs
-    worst = worst_run(runs, estimate.residuals)
+    worst, steady = worst_run(runs, estimate.residuals), runs[0].conditioning.steady
     model = loaded(build_model(machine, identification.model_file({})),
                    (masses or {}).get(runs[worst].name, 0.0))
     paper, truth = (any(getattr(row, name) is not None for row in rows)
@@ -52,7 +53,10 @@ def report_of_identification(identification: Identification, outcome: Outcome,
         'Can it be trusted?', provenance,
         rows=[_table_1_cells(row) for row in rows], paper=paper, truth=truth,
         printed=listed(printed) if printed else '', bars=_bars_of_table_1(rows, paper, truth),
-        over_time=torque_over_time(series_of_runs(runs, estimate.residuals), names),
+        over_time='' if steady else torque_over_time(
+            series_of_runs(runs, estimate.residuals), names),
+        over_speed=torque_over_speed(steady_speeds_with(model, runs, float(floor[0])), names)
+        if steady else '',
         traces=torque_traces(runs[worst], logs, model, estimate.residuals[worst], names),
         per_joint=[('residual rms', [number(value) for value in estimate.rms], names.torque_unit),
                    ('noise floor', [number(value) for value in floor], names.torque_unit),

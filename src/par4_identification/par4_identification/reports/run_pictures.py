@@ -36,7 +36,7 @@ def series_of_runs(runs: Sequence[Run], residuals: Sequence[np.ndarray]) -> Seri
 
 def statistics_of_runs(runs: Sequence[Run], residuals: Sequence[np.ndarray], floor: np.ndarray,
                        names: Names) -> str:
-    """Return histogram and autocorrelation of what is left of each joint.
+    """Return histogram and autocorrelation of what is left of each joint; '' of steady speeds.
 
     Args:
         runs: whose valid rows count.
@@ -44,10 +44,12 @@ def statistics_of_runs(runs: Sequence[Run], residuals: Sequence[np.ndarray], flo
         floor: noise floor, (J,).
         names: labels.
     """
+    if runs[0].conditioning.steady:
+        return ''  # too few rows, which do not follow each other
     valid = [run.valid for run in runs]
     left = [np.concatenate([part[mask[:, joint], joint]
                             for part, mask in zip(residuals, valid, strict=True)])
             for joint in range(len(names.joints))]
     return residual_statistics(
         left, floor, autocorrelation(residuals, valid, LAGS + 1),
-        np.array([len(values) for values in left]), float(runs[0].t[1] - runs[0].t[0]), names)
+        np.array([len(values) for values in left]), runs[0].row_time, names)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from par4_dynamics.model import Model, build_model
+from par4_dynamics.state import State
 from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_identification.reports.plots import Names
 from par4_identification.signals.rows import Run
@@ -24,10 +26,10 @@ class SteadySpeeds:
     Attributes:
         speed, torque: of the plateaus, (m,).
         heldout: which took no part in the fit, (m,).
-        left: torque less that of the extended model, (m,).
+        left: torque less that of the extended model, or of the one there is, (m,).
         curve: speeds at which the models are drawn, (n,).
         before, after: torque of the old and of the extended model there, (n,); the second is None
-            where nothing was found.
+            where there is one model only.
         floor: standard deviation of a mean torque.
     """
 
@@ -54,18 +56,32 @@ def steady_speeds_of(diagnosis: Diagnosis, machine: Robot | Axis) -> SteadySpeed
         extended.model_copy(update={'effects': known, 'parameters': {
             **extended.parameters, **diagnosis.base_before}}), extended))
     state = fitted[0].state
-
-    def torque_of(model: Model, qd: np.ndarray, q: np.ndarray) -> np.ndarray:
-        return model.torque(replace(state, t=np.arange(float(len(qd))), q=q[:, None],
-                                    qd=qd[:, None], qdd=np.zeros((len(qd), 1))))[:, 0]
-
     curve = np.linspace(speed.min(), speed.max(), POINTS)
     middle = np.full_like(curve, place.mean())
     return SteadySpeeds(
-        speed, torque, np.arange(len(speed)) >= count, torque - torque_of(after, speed, place),
-        curve, torque_of(before, curve, middle),
-        torque_of(after, curve, middle) if found else None,
+        speed, torque, np.arange(len(speed)) >= count,
+        torque - _torque_of(after, state, speed, place), curve,
+        _torque_of(before, state, curve, middle),
+        _torque_of(after, state, curve, middle) if found else None,
         float(diagnosis.holdout.noise_floor_rms[0]))
+
+
+def steady_speeds_with(model: Model, runs: Sequence[Run], floor: float) -> SteadySpeeds:
+    """Return the plateaus of runs with a model."""
+    speed, torque, place = (np.concatenate([_counted(run, name) for run in runs])
+                            for name in ('speed', 'tau', 'q'))
+    curve = np.linspace(min(speed.min(), 0.0), max(speed.max(), 0.0), POINTS)
+    state = runs[0].state
+    return SteadySpeeds(
+        speed, torque, np.zeros(len(speed), dtype=bool),
+        torque - _torque_of(model, state, speed, place), curve,
+        _torque_of(model, state, curve, np.full_like(curve, place.mean())), None, floor)
+
+
+def _torque_of(model: Model, state: State, qd: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return the torque (n,) of a model at constant speeds qd and positions q, (n,)."""
+    return model.torque(replace(state, t=np.arange(float(len(qd))), q=q[:, None], qd=qd[:, None],
+                                qdd=np.zeros((len(qd), 1))))[:, 0]
 
 
 def _counted(run: Run, name: str) -> np.ndarray:
@@ -92,7 +108,9 @@ def torque_over_speed(told: SteadySpeeds, names: Names) -> str:
         below.set_xlabel(f'speed, {names.speed_unit}')
         for axis in (above, below):
             axis.locator_params(axis='y', nbins=5)
-        legend(figure, (('mean torque of a plateau, hollow: held out', INK), ('old model', BEFORE),
-                        *(() if told.after is None else (('extended model', AFTER),)),
+        legend(figure, (('mean torque of a plateau' + (', hollow: held out' if told.heldout.any()
+                                                       else ''), INK),
+                        *((('model', BEFORE),) if told.after is None else
+                          (('old model', BEFORE), ('extended model', AFTER))),
                         ('noise of a mean, ± 2 standard deviations', FLOOR)))
         return image(figure)

@@ -17,6 +17,7 @@ from par4_identification.reports.page import joint_cells, names_of, page_of
 from par4_identification.reports.plots import torque_over_time
 from par4_identification.reports.run_pictures import series_of_runs, statistics_of_runs
 from par4_identification.reports.sample_traces import torque_traces, worst_run
+from par4_identification.reports.steady_plots import steady_speeds_with, torque_over_speed
 from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
@@ -41,7 +42,8 @@ def report_of_validation(validation: Validation, outcome: Outcome, runs: Sequenc
     ends = np.cumsum([0, *(len(run.t) for run in runs)])
     residual = validation.measured - validation.calculated
     residuals = [residual[first:end] for first, end in pairwise(ends)]
-    worst = worst_run(runs, residuals)
+    worst, model = worst_run(runs, residuals), build_model(machine, model_file)
+    steady = runs[0].conditioning.steady
     table = []
     for title, errors, rows in (
             ('', validation.without_standstill, validation.moving),
@@ -57,8 +59,9 @@ def report_of_validation(validation: Validation, outcome: Outcome, runs: Sequenc
         'validation.html', machine, [log], outcome, f'Cross-validation on {machine.name}',
         'How good is it?', model_file.provenance,
         facts_title='Where the model comes from',
-        over_time=torque_over_time(series_of_runs(runs, residuals), names), per_joint=table,
-        traces=torque_traces(runs[worst], [log], build_model(machine, model_file),
-                             residuals[worst], names),
+        over_time='' if steady else torque_over_time(series_of_runs(runs, residuals), names),
+        over_speed=torque_over_speed(steady_speeds_with(model, runs, float(floor[0])), names)
+        if steady else '', per_joint=table,
+        traces=torque_traces(runs[worst], [log], model, residuals[worst], names),
         statistics=(statistics_of_runs(runs, residuals, floor, names)
                     if validation.moving.any() else ''))

@@ -89,6 +89,11 @@ class Run:
                         rows=slice(self._first, len(columns) - self._first, self._every))
 
     @property
+    def row_time(self) -> float:
+        """Time that a row stands for, s; zero of plateaus, which have times of their own."""
+        return 0.0 if self.conditioning.steady else float(self.t[1] - self.t[0])
+
+    @property
     def q(self) -> np.ndarray:
         """Joint positions at the rows, (m, J)."""
         return self.state.q[self._first:len(self.state.t) - self._first:self._every]

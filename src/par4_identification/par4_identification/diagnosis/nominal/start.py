@@ -59,7 +59,8 @@ def start_of(observations: Observations, rigid_body: RigidBody, rules: Rules) ->
     start = _start(observations, None, rigid_body)
     if not start.reasons or observations.runs[0].state.geometry is not None:
         return start
-    for effect in (None, Cogging(), PositionTorque()):
+    bound = () if observations.steady else (Cogging(), PositionTorque())
+    for effect in (None, *bound):
         target = None if effect is None else _without(effect, observations, rules)
         again = _start(observations, target, rigid_body)
         if again.reasons and _hides_inertia(again):
