@@ -20,6 +20,8 @@ from changed import (
 )
 from hidden.machines import known_machine
 from hidden.physics import Torques
+from planned import evidence_of
+from searches import MODEL, cause, log_with
 
 from par4_dynamics.base_terms import BASE_TERMS
 from par4_dynamics.model import build_model
@@ -28,6 +30,7 @@ from par4_identification.changes.explanation import CHANCE, explained
 from par4_identification.changes.joint_values import (
     JointValues,
     fitted_values,
+    torque_of_causes,
     values_of_model,
 )
 from par4_identification.changes.readings import (
@@ -39,6 +42,7 @@ from par4_identification.changes.readings import (
     applied,
     readings_of,
 )
+from par4_identification.changes.swallowed import swallowed_values
 from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.fitting.identification import identify
@@ -270,3 +274,30 @@ def test_company_of_a_change_is_in_the_machines_that_it_should_be_in():
         assert case.changes == drawn[None].changes
         assert np.array_equal(case.before.gravity, down) == (company in (None, 'new'))
         assert np.array_equal(case.after.gravity, down) == (company is None)
+
+
+@pytest.mark.parametrize(('effect', 'values'), [
+    ('coulomb_asymmetry', {'asymmetry': (0.3, -0.2, 0.25, 0.15)}),
+    ('platform_drag', {'viscous': 6.0, 'quadratic': 0.0})])
+def test_what_an_old_model_swallowed_is_among_what_the_present_data_say(effect, values):
+    """Another motion, one number for all joints: what the motions share is seen in stretches."""
+    seen, held, old = (evidence_of(log_with((effect, values), seed=seed), REFERENCE,
+                                   MODEL).observations for seed in (1, 2, 3))
+    after = fitted_values(seen, [cause(effect)])
+    base, torque = (np.concatenate(part) for part in (old.base, torque_of_causes(
+        after.causes, old)))
+    valid = np.concatenate([run.valid for run in old.runs])
+    truth = np.tile(np.linalg.lstsq(base[valid], torque[valid], rcond=1e-9)[0], 4)
+
+    def left(rows):
+        """Return what combinations of rows (k, J p) leave of the torque of the swallowed part."""
+        columns = np.concatenate(seen.base)
+        spread = np.concatenate([np.einsum('mjp,kjp->mjk', columns, rows.reshape(len(rows), 4, -1)),
+                                 np.einsum('mjp,jp->mj', columns, truth.reshape(4, -1))[..., None]],
+                                axis=2).reshape(-1, len(rows) + 1)
+        rest = spread[:, -1] - spread[:, :-1] @ np.linalg.lstsq(
+            spread[:, :-1], spread[:, -1], rcond=1e-6)[0]
+        return np.linalg.norm(rest) / np.linalg.norm(spread[:, -1])
+
+    assert left(swallowed_values(after, (seen, held), shared=True)) < 0.1
+    assert left(after.bias) > 0.2, 'joint by joint it is as good: the test shows nothing'

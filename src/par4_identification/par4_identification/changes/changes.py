@@ -9,7 +9,7 @@ are both fitted with the causes, so that there is nothing to swallow.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from par4_identification.changes.joint_values import (
     values_of_model,
 )
 from par4_identification.changes.readings import Parameters, applied, readings_of
+from par4_identification.changes.swallowed import swallowed_values
 from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
@@ -104,7 +105,12 @@ def changes_since_model(diagnosis: Diagnosis, machine: Robot | Axis, model_file:
         InputError: data that do not tell the parameters joint by joint.
     """
     model = build_model(machine, model_file)
-    after = fitted_values(diagnosis.evidence.observations, diagnosis.hypotheses)
+    seen = diagnosis.evidence.observations
+    after = fitted_values(seen, diagnosis.hypotheses)
+    heldout = observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model)
+    shared = not any(isinstance(parameter.value, tuple)
+                     for parameter in model_file.parameters.values())
+    after = replace(after, bias=swallowed_values(after, (seen, heldout), shared))
     return _changes(diagnosis, machine, model, values_of_model(model_file, machine), after,
                     swallowed=True, since=name)
 
