@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from hidden.scenario import Task, draw_scenario, record_scenario
 from hidden.study import diagnosis_of
+from searches import log_with
 
 from par4_dynamics.effects.transmission import load_inertia, transmitted_torque
 from par4_dynamics.mechanism import joint_mass_matrix
+from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.diagnosis.evidence.evidence import residuals, solve
 from par4_identification.diagnosis.verdict.rattle import rattle
-from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
+from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
+from robots import REFERENCE
 
 
 @pytest.fixture(scope='module')
@@ -106,3 +109,34 @@ def test_the_load_has_the_inertia_of_the_mechanism_less_that_of_the_motors(loose
             found, whole - 0.5 * np.diag(values['actuator_inertia']), atol=1e-9)
         np.testing.assert_allclose(found, found.T, atol=1e-9)
         assert np.all(np.linalg.eigvalsh(found) > 0.0)
+
+
+def swinging_frame(state):
+    """Return the torque (n, 4) that the drives need where the frame swings along y at 9 Hz.
+
+    What moves pushes the frame, a mass on a spring with 2 % of damping, and its acceleration acts
+    on the platform.
+    """
+    moving, mass, pulse = 1.5, 30.0, 2.0 * np.pi * 9.0
+    step = float(state.t[1] - state.t[0])
+    place = speed = 0.0
+    force = np.zeros((len(state.t), 4))
+    for row, asked in enumerate(state.xdd[:, 1]):
+        acceleration = -pulse ** 2 * place - 0.04 * pulse * speed - moving / mass * asked
+        speed += step * acceleration
+        place += step * speed
+        force[row, 1] = moving * acceleration
+    return state.torque_of_force(force)
+
+
+def test_a_frame_that_swings_is_no_backlash():
+    logs = [log_with(seed=seed, duration=duration, beside=swinging_frame)
+            for seed, duration in ((1, 12.0), (2, 8.0))]
+    diagnosis = diagnose(logs[:1], REFERENCE, holdout_logs=logs[1:])
+    assert (diagnosis.verdict, diagnosis.causes) == ('unknown', ())
+    assert np.all(diagnosis.holdout.baseline_rms > 10.0 * diagnosis.holdout.noise_floor_rms)
+    assert diagnosis.remaining.swing_hz == pytest.approx(9.0, abs=0.5)
+    outcome = outcome_of_diagnosis(diagnosis, REFERENCE)
+    assert 'something that swings at 9.0 Hz' in outcome.sentence
+    assert diagnosis_json(diagnosis, REFERENCE)['remaining']['looks_like'] == (
+        'something that swings at 9.0 Hz')

@@ -64,7 +64,7 @@ from par4_identification.diagnosis.verdict.judgement import (
 )
 from par4_identification.diagnosis.verdict.loose_loads import cause_of, loose_loads
 from par4_identification.diagnosis.verdict.pair import Pair
-from par4_identification.diagnosis.verdict.unrelated import left_of, unrelated
+from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, unrelated
 from par4_identification.fitting.identification import INERTIA
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import parted, seconds_of, spread_over
@@ -264,16 +264,18 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         causes.append(cause)
         hypotheses = (*named, Hypothesis(cause.effect, {}, cause.joints))
         extended = extended.model_copy(update={'effects': (*extended.effects, entry)})
-    alone = unrelated(*(left_of(part.observations, model, base_only, whole)
-                        for part in (evidence, pool.heldout)), floor, rules)
+    rest = [left_of(part.observations, model, base_only, whole)
+            for part in (evidence, pool.heldout)]
+    alone = unrelated(*rest, floor, rules)
     near = None if causes else _nearest(search)
     excess = float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30)))
-    remaining = Remaining(excess, alone, near and near.effect,
-                          evidence.observations.steady and excess > UNEVEN)
+    steady = evidence.observations.steady
+    swing = None if steady or excess < rules.floor_excess or alone.lines else swing_of(rest)
+    remaining = Remaining(excess, alone, near and near.effect, steady and excess > UNEVEN, swing)
     doubts = [doubt_of(search, item, model) for item in unnamed_of(model)] or [
         near and Pair(near, None, (), twins=False)]
     incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest
-                      or remaining.uneven)
+                      or remaining.uneven or swing)
     return Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
         rejected=tuple(search.journal.rejected),

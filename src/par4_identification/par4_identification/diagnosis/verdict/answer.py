@@ -87,12 +87,14 @@ class Remaining:
         nearest: where nothing is named, the effect that explains most without passing as a cause.
         uneven: whether torques at steady speeds miss the model by more than their own noise, though
             no function of the speed fits them all.
+        swing_hz: frequency of something that swings and is most of it, Hz; None where nothing does.
     """
 
     floor_excess: float
     unrelated: Unrelated
     nearest: Effect | None
     uneven: bool = False
+    swing_hz: float | None = None
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from par4_identification.diagnosis.evidence.holdout import Gain
 from par4_identification.diagnosis.search.search import Model, Search, named_of, others_of
 from par4_identification.diagnosis.verdict.answer import Cause
 from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR, Rattle, rattle
-from par4_identification.diagnosis.verdict.unrelated import left_of, lines_of
+from par4_identification.diagnosis.verdict.unrelated import left_of, lines_of, swing_of
 from par4_identification.fitting.identification import INERTIA
 
 SMOOTH = 0.5
@@ -81,8 +81,9 @@ def _hums(search: Search, model: Model) -> bool:
     """Return whether what a model leaves has frequencies of its own, which bounces have not."""
     evidence = search.pool.evidence
     base_only, fit = solve(evidence, ()), solve(evidence, model)
-    return bool(lines_of(*(left_of(part.observations, model, base_only, fit)
-                           for part in (evidence, search.pool.heldout))))
+    left = [left_of(part.observations, model, base_only, fit)
+            for part in (evidence, search.pool.heldout)]
+    return bool(lines_of(*left)) or swing_of(left) is not None
 
 
 def _rings(search: Search, model: Model) -> bool:

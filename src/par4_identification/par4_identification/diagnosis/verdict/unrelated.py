@@ -33,6 +33,17 @@ MEMORY = 60
 """Rows over which the correlation time of wandering noise is read."""
 
 
+SLOWEST_SWING, LOOKED_FROM = 5.0, 3.0
+"""Hz: lowest frequency at which something swings rather than drifts, and from which on power
+counts."""
+SWING_WINDOW = 256
+"""Rows of a spectrum in which a swing shows; it dies down, so that longer ones see no more of it.
+"""
+SWING_BAND, SWINGS = 0.15, 0.6
+"""Share of its frequency by which a swing may be off, and share of the power within that. Frames on
+springs have 0.7 to 0.8, loads that bounce in a gap 0.2 to 0.45."""
+
+
 @dataclass(frozen=True)
 class Line:
     """A periodic disturbance.
@@ -115,6 +126,36 @@ def _correlation_time(runs: Sequence[Left]) -> float:
         times.append(below[0] if len(below) else MEMORY)
     run = runs[0][0]
     return float(np.median(times) * (run.t[1] - run.t[0]))
+
+
+def swing_of(parts: Sequence[Sequence[Left]]) -> float | None:
+    """Return the frequency (Hz) at which most of what is left swings in every part of the data.
+
+    A frame, a table or a tool on a spring answers the motion at its own frequency and dies down:
+    no line of one frequency, and no function of the motion at the same time.
+    """
+    found = [_swing(runs) for runs in parts]
+    return None if None in found else float(np.mean([item for item in found if item is not None]))
+
+
+def _swing(runs: Sequence[Left]) -> float | None:
+    total: np.ndarray | None = None
+    for run, left, _ in runs:
+        kept = np.where(run.valid, left, 0.0)
+        for first in range(0, len(kept) - SWING_WINDOW + 1, SWING_WINDOW // 2):
+            part = kept[first:first + SWING_WINDOW]
+            window = np.hanning(SWING_WINDOW)[:, None]
+            power = np.sum(np.abs(np.fft.rfft(window * (part - part.mean(axis=0)), axis=0)) ** 2,
+                           axis=1)
+            total = power if total is None else total + power
+    if total is None:
+        return None
+    frequency = np.fft.rfftfreq(SWING_WINDOW, runs[0][0].row_time)
+    total = np.where(frequency > LOOKED_FROM, total, 0.0)
+    peak = float(frequency[int(np.argmax(total))])
+    near = np.abs(frequency - peak) <= max(SWING_BAND * peak, 2.5 * frequency[1])
+    swings = peak >= SLOWEST_SWING and total[near].sum() > SWINGS * total.sum()
+    return peak if swings else None
 
 
 def lines_of(fit: Sequence[Left], heldout: Sequence[Left]) -> tuple[Line, ...]:

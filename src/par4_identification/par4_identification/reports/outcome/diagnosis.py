@@ -51,7 +51,8 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
     remarks = _remarks(diagnosis, machine, experiment)
     nearest = diagnosis.remaining.nearest
     beside = (' and '.join([*(item.phrase for item in diagnosis.unnamed),
-                            *_phrases_of_unrelated(diagnosis.remaining.unrelated)])
+                            *_phrases_of_unrelated(diagnosis.remaining.unrelated),
+                            *_phrase_of_swing(diagnosis.remaining.swing_hz)])
               or (nearest and f'{nearest.phrase}, which does not pass as a cause')
               or 'a torque that changes from speed to speed')
     if diagnosis.verdict == 'clean':
@@ -83,6 +84,11 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
         return Outcome(f'{sentence}; {beside} remains without a name.', 'fair', remarks)
     return Outcome(f'{sentence}.', 'good' if all(remark.good for remark in remarks) else 'fair',
                    remarks)
+
+
+def _phrase_of_swing(frequency_hz: float | None) -> list[str]:
+    return [] if frequency_hz is None else [
+        f'something that swings at {number(frequency_hz, 2)} Hz']
 
 
 def _phrases_of_unrelated(found: Unrelated) -> list[str]:
@@ -319,6 +325,11 @@ def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis,
             f'pass as a cause.',
             f'See among the rejected names why. {advice(remaining.nearest.name, experiment)}'
             .strip()))
+    if remaining.swing_hz is not None:
+        remarks.append(Remark(
+            False, f'Most of what is left swings at {number(remaining.swing_hz, 2)} Hz and dies '
+            f'down.', 'Look for what stands or hangs on something soft: the frame, the floor, a '
+            'tool, a hose. Touch it while the robot moves.'))
     for line in found.lines:
         remarks.append(Remark(
             False, f'A disturbance of {number(line.frequency_hz, 3)} Hz with '
@@ -332,7 +343,7 @@ def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis,
             f'{", and more" if len(found.bursts) > 5 else ""}).',
             'Look at what happened then; leave the stretch out or record again.'))
     size = f'What is left is {number(remaining.floor_excess, 2)} times the noise floor'
-    if found.wanders:
+    if found.wanders and remaining.swing_hz is None:
         remarks.append(Remark(
             True, f'{size}: noise that wanders, {number(float(found.wandering_rms.max()), 2)} '
             f'{unit} rms with a correlation time of {number(found.correlation_time, 2)} s. It '
@@ -350,7 +361,7 @@ def diagnosis_json(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
                 'unnamed': [], 'holdout': None, 'remaining': None, 'next_experiment': None,
                 'extended_model': None, 'reasons': list(diagnosis.reasons)}
     holdout, found = diagnosis.holdout, diagnosis.remaining.unrelated
-    unnamed = diagnosis.unnamed
+    unnamed, swing = diagnosis.unnamed, _phrase_of_swing(diagnosis.remaining.swing_hz)
     return plain({
         'schema': 'par4/diagnosis/1', 'verdict': diagnosis.verdict,
         'causes': [{
@@ -369,8 +380,9 @@ def diagnosis_json(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
             'explained_fraction': holdout.explained_fraction,
             'explained_fraction_ci': holdout.interval},
         'remaining': {
-            'significant': bool(unnamed or found.lines or found.bursts),
-            'looks_like': unnamed[0].phrase if unnamed else None,
+            'significant': bool(unnamed or found.lines or found.bursts or swing
+                                or diagnosis.remaining.uneven),
+            'looks_like': next((item.phrase for item in unnamed), swing[0] if swing else None),
             'wandering_rms': found.wandering_rms if found.wanders else None,
             'correlation_time': found.correlation_time if found.wanders else None,
             'lines': [{'frequency_hz': line.frequency_hz, 'amplitude': line.amplitude}
