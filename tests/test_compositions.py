@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import runpy
 import sys
-import time
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,7 +12,7 @@ from types import SimpleNamespace
 import launch_stand_in
 import pytest
 
-from node_bench import DEADLINE, MODULES
+from node_bench import MODULES
 from par4_identification.logs.read_log import read_log
 from par4_kinematics import interface
 from par4_kinematics.errors import InputError
@@ -200,10 +199,7 @@ def test_when_a_part_is_killed_all_end_and_it_is_said_which(bench):
         bench.wait(lambda: log.read_text().count('robot reference') == 2, 'two nodes that run')
         assert not cell.played()
         processes[1].kill()
-        end = time.monotonic() + DEADLINE
-        while time.monotonic() < end:
-            cell.played()
-            time.sleep(0.05)
+        bench.wait(cell.played, 'the end of all')
     assert len(processes) == 3
     assert [process.returncode for process in processes] == [0, -9, 0]
 

@@ -17,6 +17,9 @@ from par4_sim.cell import NodePart, Session, ToolPart, Value
 
 PATIENCE = 20.0
 """Seconds that a part has to end in, before it is killed."""
+LOOK = 0.1
+"""Seconds after which the parts are looked at again: of several processes no call waits for the
+first that ends."""
 
 
 def executable_path(part: NodePart | ToolPart) -> str:
@@ -127,7 +130,7 @@ def running_cell(session: Session, log: Path | None = None,
         cell.end()
 
 
-def run_session(session: Session, log: Path | None = None, period: float = 0.1) -> int:
+def run_session(session: Session, log: Path | None = None) -> int:
     """Run a session to its end; return the exit code of what runs after it, else 0.
 
     Without a motion it ends by an interrupt only.
@@ -138,7 +141,7 @@ def run_session(session: Session, log: Path | None = None, period: float = 0.1) 
     """
     with running_cell(session, log) as cell:
         while not cell.played():
-            time.sleep(period)
+            time.sleep(LOOK)
     if session.then is None:
         return 0
     return subprocess.run([executable_path(session.then), *session.then.arguments],
