@@ -16,10 +16,11 @@ import pytest
 from axes import Motor, held_speeds, recorded
 from click.testing import CliRunner
 
-from par4_dynamics.base_terms import base_columns, base_terms, torque_of_values
+from par4_dynamics.base_terms import BASE_TERMS, base_columns, base_terms, torque_of_values
 from par4_dynamics.effects.presliding import Presliding
 from par4_dynamics.model import build_model
-from par4_dynamics.model_file import ModelFile
+from par4_dynamics.model_file import EffectEntry, ModelFile
+from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import State
 from par4_identification.commands.bag import make_bag
 from par4_identification.commands.diagnose import diagnose_bags
@@ -251,6 +252,19 @@ def test_what_holds_an_axis_is_named_with_its_course(held):
     outcome = outcome_of_diagnosis(found, axis())
     assert 'torque that follows the position' in outcome.sentence
     assert 'coefficients' in report_of_diagnosis(found, outcome, axis(), [], {})
+
+
+@pytest.mark.parametrize(('effect', 'values', 'said'), [
+    ('position_torque', {'coefficients': (0.0, 1.0), 'range': (1.0, 1.0)}, 'the lower one first'),
+    ('position_torque', {'coefficients': (0.0, 1.0), 'range': (1.0, -1.0)}, 'found 1, -1'),
+    ('position_torque', {'coefficients': (0.0, 1.0), 'range': 1.0}, 'expected 2 numbers'),
+    ('stribeck', {'stribeck_torque': 1.0, 'stribeck_velocity': 0.0}, 'more than 0 rad/s')])
+def test_numbers_that_make_no_law_are_refused(effect, values, said):
+    base = {term.name: Parameter(value=1.0) for term in BASE_TERMS if not term.needs_platform}
+    entry = EffectEntry(effect=effect, parameters={
+        name: Parameter(value=value) for name, value in values.items()})
+    with pytest.raises(InputError, match=said):
+        build_model(axis(), ModelFile(schema='par4/model/1', parameters=base, effects=(entry,)))
 
 
 # --------------------------------------------------------------------------------- steady speeds

@@ -259,6 +259,11 @@ def _active_effect(entry: EffectEntry, effect: Effect, joints: int, is_robot: bo
         if name not in values:
             values[name] = (values[parameter.default].copy() if isinstance(parameter.default, str)
                             else np.full(joints, parameter.default))
+    reason = effect.senseless({
+        name: value[list(acting)] if known[name].scope == 'joint' else value
+        for name, value in values.items()})
+    if reason is not None:
+        raise InputError(f'effect {effect.name}, {reason}')
     return ActiveEffect(effect, acting, values, units)
 
 

@@ -243,9 +243,6 @@ def _cable_spring(machine: Machine, active: ActiveEffect) -> Machine:
 
 def _position_torque(machine: Machine, active: ActiveEffect) -> Machine:
     low, high = map(float, active.values['range'])
-    if not low < high:
-        raise InputError(f'effect position_torque, range: expected two positions, the lower one '
-                         f'first; found {low:g}, {high:g}')
     terms = np.reshape(active.values['coefficients'], (LEGS, -1))
     terms = np.where(np.isin(np.arange(LEGS), active.joints)[:, None], terms, 0.0)
 

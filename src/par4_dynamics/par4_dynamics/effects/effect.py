@@ -171,6 +171,13 @@ class Effect(ABC):
         return {parameter.name: np.full_like(coefficients[0], shape[parameter.name])
                 if parameter.is_shape else next(rows) for parameter in self.parameters}
 
+    def senseless(self, values: Values) -> str | None:
+        """Return why these values, of the joints it acts on, make no law at all; None if they do.
+
+        A model file with such values is refused. What no machine has is for `implausible`.
+        """
+        return None
+
     @abstractmethod
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         """Return why no machine can have these values, or None if one may.

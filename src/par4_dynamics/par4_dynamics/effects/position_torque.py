@@ -77,6 +77,11 @@ class PositionTorque(Effect):
         torque = np.einsum('njk,kj->nj', columns, coefficients)
         return np.where(np.isin(np.arange(torque.shape[1]), joints), torque, 0.0)
 
+    def senseless(self, values: Values) -> str | None:
+        low, high = (float(end) for end in values['range'])
+        return None if low < high else (
+            f'range: expected two positions, the lower one first; found {low:g}, {high:g}')
+
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         return None
 

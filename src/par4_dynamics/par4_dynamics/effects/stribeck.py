@@ -66,6 +66,11 @@ class Stribeck(Effect):
         return {name: value for name, value in shape.items()
                 if name != 'exponent' or value != USUAL}
 
+    def senseless(self, values: Values) -> str | None:
+        slowest = float(np.min(values['stribeck_velocity']))
+        return None if slowest > 0.0 else (
+            f'Stribeck velocity: expected more than 0 rad/s, found {slowest:g}')
+
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         torque, level = values['stribeck_torque'], base['coulomb_friction']
         worst = beyond(torque, std['stribeck_torque'], low=0.0)
