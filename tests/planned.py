@@ -9,8 +9,9 @@ import numpy as np
 from par4_dynamics.model import Model
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.diagnosis.diagnosis import CONDITIONING
-from par4_identification.diagnosis.evidence.evidence import Evidence, flat_whitener, gather
+from par4_identification.diagnosis.evidence.evidence import Evidence, gather
 from par4_identification.diagnosis.evidence.observations import observe, with_nominal
+from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.logs.log import Log
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.motion import Motion

@@ -7,7 +7,7 @@ from planned import evidence_of, log_of, state_of_motion
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
-from par4_identification.diagnosis.evidence.evidence import Hypothesis
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.candidates import Candidates

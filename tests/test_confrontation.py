@@ -20,8 +20,11 @@ from par4_identification.confrontation.confrontation import (
 )
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
 from par4_identification.diagnosis.evidence.estimates import effect_parameters
-from par4_identification.diagnosis.evidence.evidence import Hypothesis, flat_whitener, gather, solve
+from par4_identification.diagnosis.evidence.evidence import gather
+from par4_identification.diagnosis.evidence.fit import solve
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import observe, with_nominal
+from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.fitting.realisable import realisable
 from par4_identification.logs.log import Log, Reference
 from par4_identification.logs.read_log import read_log

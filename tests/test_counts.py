@@ -10,8 +10,11 @@ from searches import EVERY, MODEL
 
 from par4_dynamics.base_terms import base_columns
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_identification.diagnosis.evidence.evidence import Evidence, Hypothesis, project, solve
+from par4_identification.diagnosis.evidence.evidence import Evidence
+from par4_identification.diagnosis.evidence.fit import solve
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
+from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.counts import DOUBT, Counts
@@ -100,7 +103,7 @@ def test_least_squares_are_off_by_what_the_moments_say(motion):
     own = evidence.columns(item)
     projection = project(evidence, ())
     rest = projection.rest(own)
-    told = -np.linalg.solve(rest.T @ rest, counts._moment(evidence, item, own))[0]
+    told = -np.linalg.solve(rest.T @ rest, counts.moment(evidence, item, len(moved.draws)))[0]
     assert float(np.mean(drawn) - plain) == pytest.approx(told, rel=0.3)
     assert abs(np.mean(drawn) - plain) < DOUBT * abs(told)
 

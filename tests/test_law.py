@@ -13,8 +13,9 @@ from planned import evidence_of, log_of
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_platform
-from par4_identification.diagnosis.evidence.evidence import Hypothesis, project
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
+from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.law import DRAWS, Dithered, dithered

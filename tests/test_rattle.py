@@ -13,7 +13,7 @@ from searches import log_with
 from par4_dynamics.effects.transmission import load_inertia, transmitted_torque
 from par4_dynamics.mechanism import joint_mass_matrix
 from par4_identification.diagnosis.diagnosis import diagnose
-from par4_identification.diagnosis.evidence.evidence import residuals, solve
+from par4_identification.diagnosis.evidence.fit import residuals, solve
 from par4_identification.diagnosis.verdict.rattle import rattle
 from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
 from robots import REFERENCE

@@ -26,16 +26,13 @@ from searches import (
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_identification.diagnosis.evidence.estimates import effect_parameters, estimated
-from par4_identification.diagnosis.evidence.evidence import (
-    Hypothesis,
-    flat_whitener,
-    gather,
-    residuals,
-    solve,
-)
+from par4_identification.diagnosis.evidence.evidence import gather
+from par4_identification.diagnosis.evidence.fit import left_by, residuals, solve
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
+from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.diagnosis.nominal.gate import WORST_ERROR, unusable
 from par4_identification.diagnosis.search.requirement import requirement_of
 from par4_identification.diagnosis.search.rules import Rules
@@ -89,7 +86,11 @@ def test_the_prior_of_an_unnamed_cause_counts_as_rows_of_zeros():
     stacked = np.vstack((design, prior))
     values, *_ = np.linalg.lstsq(stacked, np.concatenate((evidence.target, np.zeros(width))),
                                  rcond=None)
-    np.testing.assert_allclose(search.pool.fit([hypothesis]).values, values, rtol=1e-4, atol=1e-6)
+    fit = search.pool.solution([hypothesis])
+    found = np.concatenate((fit.base, hypothesis.stacked(fit.coefficients[0])))
+    np.testing.assert_allclose(found, values, rtol=1e-4, atol=1e-6)
+    left = np.sum((np.concatenate((evidence.target, np.zeros(width))) - stacked @ values) ** 2)
+    assert search.pool.fit([hypothesis]).fit_squares == pytest.approx(left, rel=1e-9)
 
 
 # --------------------------------------------------------------------------------- what is found
@@ -273,7 +274,7 @@ def test_what_a_fit_leaves_of_whitened_rows_is_what_it_leaves_whitened(two_runs)
     for seen in (evidence, gather(evidence.observations, coloured)):
         for hypotheses, fit in fits:
             left = residuals(evidence.observations, hypotheses, fit)
-            np.testing.assert_allclose(seen.left(hypotheses, fit), seen.whitened(left), atol=1e-8)
+            np.testing.assert_allclose(left_by(seen, hypotheses, fit), seen.whitened(left), atol=1e-8)
 
 
 def test_in_white_noise_the_whitened_gain_is_the_gain(two_runs):

@@ -13,7 +13,7 @@ from planned import evidence_of, log_of
 from par4_dynamics.effects.transmission import DAMPING_RATIO, MOTOR_SHARE
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
-from par4_identification.diagnosis.evidence.evidence import project
+from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.swing import compliances
 from par4_kinematics.robot import Axis

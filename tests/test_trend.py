@@ -16,7 +16,7 @@ from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
 from par4_dynamics.parameters import Parameter
 from par4_identification.commands import trend
-from par4_identification.diagnosis.evidence.evidence import Hypothesis
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR
 from par4_identification.reports.outcome.trend import outcome_of_life, sentence_of_event
 from par4_identification.trend import tasks

@@ -15,7 +15,7 @@ from par4_identification.diagnosis.evidence.estimates import (
     estimated,
     with_doubt,
 )
-from par4_identification.diagnosis.evidence.evidence import solve
+from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import Rules

@@ -14,15 +14,10 @@ import numpy as np
 
 from par4_dynamics.base_terms import BASE_TERMS, BaseTerm
 from par4_dynamics.model_file import ModelFile
-from par4_identification.diagnosis.evidence.evidence import (
-    Evidence,
-    Hypothesis,
-    flat_whitener,
-    gather,
-    spread,
-    whitener_of_residuals,
-)
+from par4_identification.diagnosis.evidence.evidence import Evidence, gather, spread
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.evidence.whitener import flat_whitener, whitener_of_residuals
 from par4_identification.diagnosis.search.rules import Rules
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot

@@ -17,25 +17,19 @@ from par4_identification.diagnosis.evidence.estimates import (
     with_doubt,
     with_doubt_of_time,
 )
-from par4_identification.diagnosis.evidence.evidence import (
-    Evidence,
-    Fit,
-    Hypothesis,
-    Whitener,
-    gather,
-    project,
-    residuals,
-    solve,
-)
+from par4_identification.diagnosis.evidence.evidence import Evidence, gather
 from par4_identification.diagnosis.evidence.extended import (
     base_parameters,
     baseline_with,
     extended_model,
 )
+from par4_identification.diagnosis.evidence.fit import Fit, left_by, residuals, solve
 from par4_identification.diagnosis.evidence.holdout import Blocks, blocks_of_runs
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
+from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
 from par4_identification.diagnosis.nominal.start import alike, start_of
 from par4_identification.diagnosis.progress import Progress, silent
@@ -295,7 +289,7 @@ def _verdict(named: bool, incomplete: bool) -> Verdict:
 
 def _nearest(search: Search) -> Hypothesis | None:
     """Return the effect that rows to fit and rows held out know best though it is no cause."""
-    found = search.candidates.all_of(project(search.pool.evidence, ()), set())
+    found = search.candidates.all_of(search.beside(()), set())
     best = max(found, key=lambda item: item.gain, default=None)
     if best is None:
         return None
@@ -315,13 +309,13 @@ def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fi
             evidence, hypothesis, whole, model.index(hypothesis), errors))
     if not goes_both_ways(evidence.observations):
         parameters = with_doubt_of_time(parameters, evidence.observations)
-    before, after = (search.pool.heldout.left(part, solve(evidence, part))
+    before, after = (left_by(search.pool.heldout, part, solve(evidence, part))
                      for part in (others_of(model, hypothesis), model))
     return Cause(
         effect=hypothesis.effect, joints=hypothesis.joints,
         parameters=parameters,
         twins=judgement.twins,
-        visible_fraction=project(evidence, []).left_share(
+        visible_fraction=search.beside(()).left_share(
             evidence.columns(hypothesis), hypothesis.stacked(fit.coefficients[index])),
         p_value=judgement.p_value, margin=judgement.margin, rival=judgement.rival,
         gain=blocks.whitened_gain(before, after))

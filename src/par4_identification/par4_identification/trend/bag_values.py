@@ -20,7 +20,8 @@ from par4_identification.changes.joint_values import (
 )
 from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.estimates import effect_parameters
-from par4_identification.diagnosis.evidence.evidence import Hypothesis, solve
+from par4_identification.diagnosis.evidence.fit import solve
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.verdict.rattle import gaps
 from par4_identification.fitting.validation import LARGEST_ERROR

@@ -9,7 +9,9 @@ import numpy as np
 
 from par4_dynamics.effects.effect import Shape, Values
 from par4_dynamics.parameters import Number, Parameter
-from par4_identification.diagnosis.evidence.evidence import Evidence, Fit, Hypothesis, prior_weights
+from par4_identification.diagnosis.evidence.evidence import Evidence
+from par4_identification.diagnosis.evidence.fit import Fit, prior_weights
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
 
 LASTING = 4.0

@@ -10,7 +10,9 @@ from par4_dynamics.base_terms import BASE_TERMS, BaseTerm
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.estimates import effect_parameters
-from par4_identification.diagnosis.evidence.evidence import Evidence, Fit, Hypothesis
+from par4_identification.diagnosis.evidence.evidence import Evidence
+from par4_identification.diagnosis.evidence.fit import Fit
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 
 
 def base_parameters(evidence: Evidence, fit: Fit) -> dict[str, Parameter]:

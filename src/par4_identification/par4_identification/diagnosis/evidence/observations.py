@@ -57,15 +57,17 @@ class Observations:
                        terms=tuple(self.terms[index] for index in kept))
 
     def effect_rows(self, effect: Effect | Kind, shape: Shape) -> tuple[np.ndarray, ...]:
-        """Return the filtered columns (m, J, K) of an effect in each run; computed once."""
+        """Return the filtered columns (m, J, K) of an effect in each run.
+
+        Those of its parts are computed once.
+        """
+        parts = effect.parts(shape)
+        if len(parts) > 1:  # any choice of parts may be asked for: it is not kept
+            rows = [self.effect_rows(effect, part) for part in parts]
+            return tuple(np.concatenate(part, axis=2) for part in zip(*rows))
         key = (effect, tuple(sorted(shape.items())))
         if key not in self._kept:
-            parts = effect.parts(shape)
-            if len(parts) > 1:
-                rows = [self.effect_rows(effect, part) for part in parts]
-                self._kept[key] = tuple(np.concatenate(part, axis=2) for part in zip(*rows))
-            else:
-                self.keep(effect, (shape,))
+            self.keep(effect, (shape,))
         return self._kept[key]
 
     def keep(self, effect: Effect | Kind, shapes: Sequence[Shape]) -> None:

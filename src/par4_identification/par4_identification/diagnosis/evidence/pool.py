@@ -13,24 +13,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 
 from par4_dynamics.effects.effect import Effect, Shape
-from par4_identification.diagnosis.evidence.evidence import (
-    Block,
-    Evidence,
-    Fit,
-    Hypothesis,
-    fit_of,
-    prior_weights,
-)
+from par4_identification.diagnosis.evidence.evidence import Block, Evidence
+from par4_identification.diagnosis.evidence.fit import ROUNDING, Fit, fit_of, prior_weights
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.unnamed import Kind
 
+DISTINCT = 1e-7
+"""Least square of a pivot of the scaled normal equations that needs no look at their directions."""
 _Layout = tuple[list[np.ndarray], list[np.ndarray], int]
 """Of each joint, which columns of the pool a model has and where their coefficients are; how many
 coefficients it has."""
-
-ROUNDING = 1e-11
-"""Eigenvalues of the scaled normal equations below which a direction is not told by the data."""
 
 
 @dataclass(frozen=True)
@@ -38,12 +33,10 @@ class Fitted:
     """A model fitted to the rows to fit.
 
     Attributes:
-        values: base parameters, then the coefficients of each hypothesis, (c,).
         fit_squares: whitened squares that it leaves of the rows to fit, with those of its prior.
         heldout_squares: whitened squares that it leaves of the rows held out.
     """
 
-    values: np.ndarray
     fit_squares: float
     heldout_squares: float
 
@@ -61,7 +54,7 @@ class _Products:
         self._target = evidence.target - evidence.base @ origin
         self._rows = [slice(first, last) for first, last in zip(evidence.ends, evidence.ends[1:])]
         self._count = 0
-        self._columns = [np.empty((rows.stop - rows.start, 64)) for rows in self._rows]
+        self._columns = [np.empty((rows.stop - rows.start, 64), order='F') for rows in self._rows]
         self.gram = [np.zeros((64, 64)) for _ in self._rows]
         self.moment = [np.zeros(64) for _ in self._rows]
         self.square = float(self._target @ self._target)
@@ -86,7 +79,7 @@ class _Products:
         if width <= old.shape[1]:
             return
         size = 2 * width
-        self._columns[joint] = np.empty((len(old), size))
+        self._columns[joint] = np.empty((len(old), size), order='F')
         self._columns[joint][:, :self._count] = old[:, :self._count]
         gram, moment = self.gram[joint], self.moment[joint]
         self.gram[joint] = np.zeros((size, size))
@@ -109,21 +102,19 @@ class Pool:
     def __init__(self, evidence: Evidence, heldout: Evidence) -> None:
         self.evidence, self.heldout = evidence, heldout
         # products of small numbers: what the base terms alone explain is taken out beforehand
-        origin = np.linalg.lstsq(evidence.base, evidence.target, rcond=None)[0]
-        self._origin = origin
-        self._parts = (_Products(evidence, origin), _Products(heldout, origin))
+        self._parts = (_Products(evidence, evidence.origin), _Products(heldout, evidence.origin))
         self.torque_squares = tuple(
             float(np.sum(part.whitened([run.tau for run in part.observations.runs]) ** 2))
             for part in (evidence, heldout))
         self._joints = evidence.observations.joints
         self._base = evidence.base.shape[1]
         self._places: dict[Any, slice] = {}
+        self._columns: dict[Any, np.ndarray] = {}
         self._fits: dict[Any, Fitted] = {}
 
     def fit(self, model: Sequence[Hypothesis]) -> Fitted:
         """Return base terms and hypotheses fitted together; computed once for a set of them."""
-        model = sorted(model, key=lambda item: (item.effect.name, str(item.key[1:])))
-        key = tuple(item.key for item in model)
+        key = frozenset(item.key for item in model)
         if key not in self._fits:
             self._fits[key] = self._fit(model)
         return self._fits[key]
@@ -134,19 +125,16 @@ class Pool:
         values, vectors = _directions(gram)
         inverse = (vectors / values) @ vectors.T
         found = inverse @ moment / scale
-        found[:self._base] += self._origin
+        found[:self._base] += self.evidence.origin
         return fit_of(self.evidence, model, found, inverse / np.outer(scale, scale))
 
     def _fit(self, model: Sequence[Hypothesis]) -> Fitted:
         gram, moment, scale, layout = self._system(model)
-        values, vectors = _directions(gram)
-        values = vectors @ ((vectors.T @ moment) / values) / scale
+        values = _solved(gram, moment) / scale
         seen, told = self._assembled(self._parts[1], layout)
-        absolute = values.copy()
-        absolute[:self._base] += self._origin
         fit, heldout = self._parts
         return Fitted(
-            absolute, fit.square - float(moment * scale @ values),
+            fit.square - float(moment * scale @ values),
             heldout.square - 2.0 * float(told @ values) + float(values @ seen @ values))
 
     def _system(self, model: Sequence[Hypothesis]
@@ -188,14 +176,16 @@ class Pool:
 
     def columns_of(self, item: Hypothesis) -> np.ndarray:
         """Return which columns of the pool are those of a hypothesis. Missing ones are added."""
-        places = [self._place(item.effect, shape) for shape in item.effect.parts(item.shape)]
-        columns = np.concatenate([np.arange(place.start, place.stop) for place in places])
-        return columns[item.columns]
+        if item.key not in self._columns:
+            places = [self._place(item.effect, shape) for shape in item.effect.parts(item.shape)]
+            columns = np.concatenate([np.arange(place.start, place.stop) for place in places])
+            self._columns[item.key] = columns[item.columns]
+        return self._columns[item.key]
 
     def _place(self, effect: Effect | Kind, shape: Shape) -> slice:
         key = (effect, tuple(sorted(shape.items())))
         if key not in self._places:
-            blocks: list[Block] = [part.evidence.block(effect, shape) for part in self._parts]
+            blocks: list[Block] = [part.evidence.blocks(effect, shape)[0] for part in self._parts]
             places = [part.add(block.columns) for part, block in zip(self._parts, blocks)]
             self._places[key] = places[0]
         return self._places[key]
@@ -203,6 +193,18 @@ class Pool:
     def width(self, item: Hypothesis) -> int:
         """Return the number of coefficients of a hypothesis."""
         return len(self.columns_of(item)) * (1 if item.effect.shared else len(item.joints))
+
+
+def _solved(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    """Return the solution (c,) of scaled normal equations, rounding left out."""
+    try:
+        lower = np.linalg.cholesky(gram)
+    except np.linalg.LinAlgError:
+        lower = None
+    if lower is not None and lower.diagonal().min() ** 2 > DISTINCT:
+        return scipy.linalg.cho_solve((lower, True), moment, check_finite=False)
+    values, vectors = _directions(gram)
+    return vectors @ ((vectors.T @ moment) / values)
 
 
 def _directions(gram: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -21,16 +21,12 @@ from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.state import State
-from par4_identification.diagnosis.evidence.evidence import (
-    Evidence,
-    Hypothesis,
-    Whitener,
-    gather,
-    project,
-    quadratic,
-    solve,
-)
+from par4_identification.diagnosis.evidence.evidence import Evidence, gather
+from par4_identification.diagnosis.evidence.fit import solve
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import observe, with_nominal
+from par4_identification.diagnosis.evidence.projection import project, quadratic
+from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.experiment.motion_library import joined, motion_library
 from par4_identification.diagnosis.search.shapes import best_shape, self_consistent, shapes_of
 from par4_identification.diagnosis.verdict.answer import Diagnosis

@@ -11,15 +11,13 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile
-from par4_identification.diagnosis.evidence.evidence import (
-    Hypothesis,
-    flat_whitener,
-    gather,
-    project,
-    solve,
-)
+from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.extended import extended_model
+from par4_identification.diagnosis.evidence.fit import solve
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations, with_nominal
+from par4_identification.diagnosis.evidence.projection import project
+from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.diagnosis.search.shapes import EXPANSIONS
 from par4_kinematics.robot import Axis, Robot
 
@@ -41,8 +39,7 @@ def beside_retimed(base_model: Model, observations: Observations, machine: Robot
     everywhere = tuple(range(observations.joints))
     whitener = flat_whitener(observations, sigma)
     best = base_model
-    before = project(gather(observations, whitener), []).residual
-    least = RETIMED * float(before @ before)
+    least = RETIMED * project(gather(observations, whitener), []).squares
     for effect in library.values():
         if not effect.retimes:
             continue
@@ -58,7 +55,7 @@ def beside_retimed(base_model: Model, observations: Observations, machine: Robot
             fit = solve(evidence, [hypothesis])
             model = build_model(machine, extended_model(
                 baseline, rigid_body, evidence, [hypothesis], fit), {**CATALOGUE, **library})
-        left = project(evidence, [hypothesis]).residual
-        if left @ left < least:
-            best, least = model, left @ left
+        left = project(evidence, [hypothesis]).squares
+        if left < least:
+            best, least = model, left
     return best

@@ -16,14 +16,11 @@ from par4_dynamics.effects.cogging import Cogging
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.position_torque import PositionTorque
 from par4_dynamics.model_file import RigidBody
-from par4_identification.diagnosis.evidence.evidence import (
-    flat_whitener,
-    gather,
-    project,
-    residuals,
-    solve,
-)
+from par4_identification.diagnosis.evidence.evidence import gather
+from par4_identification.diagnosis.evidence.fit import residuals, solve
 from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.evidence.projection import project
+from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.diagnosis.nominal.gate import WORST_STD, too_few, unusable
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import Rules

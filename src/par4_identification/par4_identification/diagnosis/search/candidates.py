@@ -11,8 +11,10 @@ import numpy as np
 
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
-from par4_identification.diagnosis.evidence.evidence import Evidence, Hypothesis, Projection
+from par4_identification.diagnosis.evidence.evidence import Evidence
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.diagnosis.search.orders import best_orders
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import (

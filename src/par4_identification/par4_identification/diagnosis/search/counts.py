@@ -9,22 +9,23 @@ Stribeck friction, presliding or gaps in this way (errors in variables, attenuat
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from par4_dynamics.base_terms import base_columns
 from par4_dynamics.state import State
-from par4_identification.diagnosis.evidence.evidence import (
-    Evidence,
-    Hypothesis,
-    Projection,
-    spread,
-)
+from par4_identification.diagnosis.evidence.evidence import BASE, Evidence, Key, key_of
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.diagnosis.search.law import Dithered, delivered
 
 DOUBT = 2.0
 """How many times what the counts are computed to do they may do."""
+NEGLIGIBLE = 1.0
+"""Log-likelihood that counts may give without being looked at closely."""
 TINY = 1e-9
 """Of the size of a column: what is left of it that the design follows."""
 
@@ -38,62 +39,65 @@ class Counts:
     """
 
     dithered: Dithered
-    _moments: dict[tuple[object, ...], np.ndarray] = field(default_factory=dict)
+    _moments: dict[tuple[object, int], np.ndarray] = field(default_factory=dict)
+    _products: dict[tuple[Key, int], np.ndarray] = field(default_factory=dict)
     _torque: list[np.ndarray] | None = None
 
     def imitate(self, projection: Projection, hypothesis: Hypothesis) -> float:
         """Return how much of the log-likelihood of a cause, on fitted rows, counts could give.
 
-        Their effect is allowed to be anything up to `DOUBT` times what is computed.
+        Their effect is allowed to be anything up to `DOUBT` times what is computed. Where one draw
+        says that they could give next to nothing, the others are not computed.
         """
-        if not self.dithered.draws:
+        draws = len(self.dithered.draws)
+        if not draws:
             return 0.0
-        evidence = projection.evidence
-        own = evidence.columns(hypothesis)
-        rest = projection.rest(own)
-        gram, moment = rest.T @ rest, rest.T @ projection.residual
-        scale = np.sqrt(np.maximum(np.einsum('nk,nk->k', own, own), 1e-30))
+        size, gram, moment = projection.beside(hypothesis)
+        scale = np.sqrt(np.maximum(size, 1e-30))
         values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
         kept = values > TINY
-        root = vectors[:, kept] / np.sqrt(values[kept])
-        found, added = (root.T @ (part / scale)
-                        for part in (moment, self._moment(evidence, hypothesis, own)))
+        root = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
+        found = root.T @ moment
+        added = root.T @ self.moment(projection.evidence, hypothesis, 1)
+        if DOUBT * np.linalg.norm(found) * np.linalg.norm(added) > NEGLIGIBLE:
+            added = root.T @ self.moment(projection.evidence, hypothesis, draws)
         share = float(np.clip(-found @ added / max(added @ added, 1e-30), 0.0, DOUBT))
         without = found + share * added
         return 0.5 * float(found @ found - without @ without)
 
-    def _moment(self, evidence: Evidence, hypothesis: Hypothesis, own: np.ndarray) -> np.ndarray:
-        """Return what brings the moment (k,) of a hypothesis's columns back to the machine's."""
-        key = hypothesis.key
-        if key not in self._moments:
-            of_cause, of_base = self._products(evidence, hypothesis)
-            base = evidence.base
-            fitted = np.linalg.lstsq(base.T @ base, of_base, rcond=1e-12)[0]
-            self._moments[key] = of_cause - own.T @ (base @ fitted)
-        return self._moments[key]
+    def moment(self, evidence: Evidence, hypothesis: Hypothesis, draws: int) -> np.ndarray:
+        """Return what brings the moment (k,) of a hypothesis's columns back to the machine's.
 
-    def _products(self, evidence: Evidence, hypothesis: Hypothesis
-                  ) -> tuple[np.ndarray, np.ndarray]:
-        """Return E^T e (k,) of a cause's columns and N^T e (p,) of the base columns."""
-        effect, shape = hypothesis.effect, hypothesis.shape
-        everywhere = tuple(range(evidence.observations.joints))
-        acting = everywhere if effect.shared else hypothesis.joints
+        It is the mean of so many draws.
+        """
+        if (hypothesis.key, draws) not in self._moments:
+            effect = hypothesis.effect
+            of_base = np.mean([self._of_draw(evidence, BASE, base_columns, draw).sum(axis=0)
+                               for draw in range(draws)], axis=0)
+            fitted = np.linalg.lstsq(sum(evidence.products(BASE, BASE)), of_base, rcond=1e-12)[0]
+            parts = []
+            for shape in effect.parts(hypothesis.shape):
+                key, columns = key_of(effect, shape), partial(effect.columns, shape=shape)
+                own = np.mean([self._of_draw(evidence, key, columns, draw)
+                               for draw in range(draws)], axis=0)
+                parts.append(own - np.stack([products @ fitted for products in
+                                             evidence.products(key, BASE)]))
+            moment = np.concatenate(parts, axis=1)[:, hypothesis.columns]
+            self._moments[hypothesis.key, draws] = (
+                moment.sum(axis=0) if effect.shared else moment[list(hypothesis.joints)].ravel())
+        return self._moments[hypothesis.key, draws]
 
-        def columns(state: State) -> np.ndarray:
-            return np.concatenate((effect.columns(state, shape), base_columns(state)), axis=2)
-
-        if self._torque is None:
-            self._torque = self.dithered.noise(evidence, delivered)
-        runs = evidence.observations.runs
-        told = [columns(run.state) for run in runs]
-        width = told[0].shape[2] - evidence.base.shape[1]
-        of_cause, of_base = [], []  # of each draw
-        for draw, torque in zip(self.dithered.draws, self._torque):
+    def _of_draw(self, evidence: Evidence, key: Key, columns: Callable[[State], np.ndarray],
+                 draw: int) -> np.ndarray:
+        """Return E^T e (J, k) of columns, joint by joint, in one draw; computed once for a key."""
+        if (key, draw) not in self._products:
+            if self._torque is None:
+                self._torque = self.dithered.noise(evidence, delivered)
+            torque, ends = self._torque[draw][:, 0], evidence.ends
             noise = evidence.whitener.whiten([
-                run.rows(columns(moved.state) - part)
-                for run, moved, part in zip(runs, draw.runs, told)])
-            of_cause.append(spread([rows[:, :width][:, hypothesis.columns] for rows in noise],
-                                   acting, effect.shared).T @ torque[:, 0])
-            of_base.append(spread([rows[:, width:] for rows in noise], everywhere,
-                                  shared=True).T @ torque[:, 0])
-        return np.mean(of_cause, axis=0), np.mean(of_base, axis=0)
+                run.rows(columns(moved.state) - columns(run.state))
+                for run, moved in zip(evidence.observations.runs,
+                                      self.dithered.draws[draw].runs)])
+            self._products[key, draw] = np.stack([
+                rows.T @ torque[first:last] for rows, first, last in zip(noise, ends, ends[1:])])
+        return self._products[key, draw]

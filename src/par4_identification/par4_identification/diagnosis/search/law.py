@@ -14,8 +14,10 @@ import numpy as np
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.model import Model
 from par4_dynamics.state import State, state_of_joints
-from par4_identification.diagnosis.evidence.evidence import Evidence, Hypothesis, Projection, spread
+from par4_identification.diagnosis.evidence.evidence import Evidence, spread
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations, with_nominal
+from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot

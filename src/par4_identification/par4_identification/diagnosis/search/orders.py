@@ -8,7 +8,8 @@ import numba
 import numpy as np
 
 from par4_dynamics.effects.effect import Effect, Shape, single
-from par4_identification.diagnosis.evidence.evidence import Hypothesis, Projection, project
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.projection import Projection, project
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import best_shape, order_name
 
@@ -39,19 +40,16 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
         raise TypeError(f'{effect.name} has no orders')
     evidence, joints = projection.evidence, range(projection.evidence.observations.joints)
     orders = np.array([single(shape[name]) for shape in shapes])
-    first, gain = _strongest(effect, name, orders, projection)
-    found = [first]
     apart = 0.999 * _resolution(projection)
-    before = float(np.sum(project(evidence, ()).residual ** 2))
+    first, gain = _strongest(effect, name, orders, projection, (), apart)
+    found = [first]
+    before = project(evidence, ()).squares
     while len(found) < MOST:
         hypothesis = Hypothesis(effect, _shape(name, found), tuple(joints))
         beside = project(evidence, (*projection.hypotheses, hypothesis))
-        left = orders[np.min(np.abs(orders[:, None] - found), axis=1) >= apart]
-        if not len(left):
-            break
-        order, more = _strongest(effect, name, left, beside)
+        order, more = _strongest(effect, name, orders, beside, found, apart)
         coefficients = 2 * (1 if effect.shared else len(joints))
-        named = max(before - float(np.sum(beside.residual ** 2)), 0.0)
+        named = max(before - beside.squares, 0.0)
         needed = (rules.evidence + 0.5 * coefficients * np.log(max(evidence.rows, 2))
                   + np.log(len(orders)) + 0.5 * rules.named_error ** 2 * named)
         if 0.5 * more < needed:
@@ -72,14 +70,23 @@ def _resolution(projection: Projection) -> float:
     return 2.0 * np.pi / max(span, 1e-9)
 
 
-def _strongest(effect: Effect, name: str, orders: np.ndarray, projection: Projection
-               ) -> tuple[float, float]:
-    """Return the order that gains most and twice its gain."""
+def _strongest(effect: Effect, name: str, orders: np.ndarray, projection: Projection,
+               found: Sequence[float], apart: float) -> tuple[float, float]:
+    """Return the order that gains most and twice its gain, -inf where none is left.
+
+    Orders that are not `apart` from those that were found before gain nothing.
+    """
+    def is_new(some: np.ndarray) -> np.ndarray:
+        return np.min(np.abs(some[:, None] - [*found, np.inf]), axis=1) >= apart
+
+    def worth(some: Sequence[Shape]) -> np.ndarray:
+        new = is_new(np.array([single(shape[name]) for shape in some]))
+        return np.where(new, projection.gains(effect, some), -np.inf)
+
     if len(orders) > ALL_TRIED:
-        power = line_powers(projection, orders)
+        power = np.where(is_new(orders), line_powers(projection, orders), -1.0)
         orders = np.sort(orders[np.argsort(-power)[:STRONGEST]])
-    shape, gain = best_shape(effect, [{name: float(order)} for order in orders],
-                             lambda some: projection.gains(effect, some))
+    shape, gain = best_shape(effect, [{name: float(order)} for order in orders], worth)
     return single(shape[name]), gain
 
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from par4_dynamics.effects.effect import single
 from par4_identification.diagnosis.evidence.estimates import shape_knobs, shape_slopes, turned
-from par4_identification.diagnosis.evidence.evidence import Hypothesis
+from par4_identification.diagnosis.evidence.fit import left_by
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.search import Model, Search, others_of
@@ -52,7 +53,7 @@ def _with_best_shape(pool: Pool, model: Model, item: Hypothesis) -> Model:
         inside = design.T @ slope
         curvature = slope.T @ slope - inside.T @ (fit.covariance @ inside)
         inverse = np.linalg.pinv(curvature, rcond=1e-9, hermitian=True)
-        left = pool.evidence.left((*others, item), fit)
+        left = left_by(pool.evidence, (*others, item), fit)
         step = inverse @ (slope.T @ left - inside.T @ (fit.covariance @ (design.T @ left)))
         if np.all(np.abs(step) < SMALL * np.sqrt(np.maximum(np.diag(inverse), 0.0))):
             break

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_identification.diagnosis.evidence.evidence import Hypothesis
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.rules import Rules

@@ -10,13 +10,10 @@ import numpy as np
 
 from par4_dynamics.effects.effect import CERTAIN
 from par4_identification.diagnosis.evidence.estimates import estimated
-from par4_identification.diagnosis.evidence.evidence import (
-    Fit,
-    Hypothesis,
-    project,
-    residuals,
-)
+from par4_identification.diagnosis.evidence.fit import Fit, residuals
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Fitted, Pool
+from par4_identification.diagnosis.evidence.projection import Projection, project
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
 from par4_identification.diagnosis.search.candidates import Candidate, Candidates, price_of_shapes
 from par4_identification.diagnosis.search.counts import Counts
@@ -27,6 +24,8 @@ from par4_identification.diagnosis.search.shapes import order_name
 
 Model = tuple[Hypothesis, ...]
 """Causes, named and unnamed, that stand beside the base terms."""
+KEPT = 16
+"""Projections that are kept; each holds a design."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +86,7 @@ class Search:
         self._joints = tuple(range(pool.evidence.observations.joints))
         self._all_kinds = kinds
         self._kinds: tuple[Kind, ...] = ()
+        self._projections: dict[frozenset[tuple[object, ...]], Projection] = {}
 
     def run(self, start: Model = ()) -> Model:
         """Return the causes; the search begins with those of an earlier one."""
@@ -120,7 +120,7 @@ class Search:
 
     def _with_a_name(self, model: Model, refused: set[str]) -> Model | None:
         """Return the model with the most likely name that can be confirmed."""
-        projection = project(self.pool.evidence, model)
+        projection = self.beside(model)
         found = [item for item in self.candidates.all_of(projection, {*names_of(model), *refused})
                  if item.gain > self.rules.evidence]
         trimmed: dict[str, tuple[float, Hypothesis]] = {}
@@ -209,7 +209,7 @@ class Search:
         most = min(fit.heldout_squares for fit in fits) + 2.0 * self.rules.margin * doubt
         losses = [0.5 * fit.fit_squares + price * self.pool.width(trial)
                   if fit.heldout_squares <= most else np.inf for trial, fit in zip(trials, fits)]
-        return trials[int(np.argmin(losses))]
+        return trials[int(np.argmin(np.round(losses, 6)))]  # of equals the first
 
     def _choices(self, hypothesis: Hypothesis) -> Iterator[Hypothesis]:
         """Yield a hypothesis on each set of joints, or with each choice of its separable sets.
@@ -265,6 +265,15 @@ class Search:
         """Return what a cause must gain in a model."""
         return requirement_of(self.pool, model, self.rules, cause)
 
+    def beside(self, model: Sequence[Hypothesis]) -> Projection:
+        """Return what a model leaves of the rows to fit; the last few are kept."""
+        key = frozenset(item.key for item in model)
+        if key not in self._projections:
+            if len(self._projections) >= KEPT:
+                del self._projections[next(iter(self._projections))]
+            self._projections[key] = project(self.pool.evidence, model)
+        return self._projections[key]
+
     def gains(self, hypothesis: Hypothesis, others: Model) -> tuple[float, float]:
         """Return the gain in log-likelihood beside others on rows to fit and on rows held out."""
         without, together = self.pool.fit(others), self.pool.fit((*others, hypothesis))
@@ -274,7 +283,7 @@ class Search:
     def sound_gains(self, hypothesis: Hypothesis, others: Model) -> tuple[float, float]:
         """Return `gains` less what encoder counts may have contributed."""
         fit_gain, gain = self.gains(hypothesis, others)
-        imitated = self._counts.imitate(project(self.pool.evidence, others), hypothesis)
+        imitated = self._counts.imitate(self.beside(others), hypothesis)
         return (fit_gain - imitated,
                 gain - imitated * self.pool.heldout.rows / max(self.pool.evidence.rows, 1))
 
@@ -314,7 +323,7 @@ class Search:
         effect = hypothesis.effect
         if isinstance(effect, Kind):
             return hypothesis
-        candidate = self.candidates.best(effect, project(self.pool.evidence, others))
+        candidate = self.candidates.best(effect, self.beside(others))
         return hypothesis if candidate is None else self.with_needed_joints(
             candidate.hypothesis, others)
 
@@ -336,7 +345,7 @@ class Search:
         What the other causes get wrong counts as noise. Where no law passes so, what its own
         torque gets wrong counts, too: some law it must have.
         """
-        projection = project(self.pool.evidence, others)
+        projection = self.beside(others)
 
         def obeys(item: Hypothesis, known: Model) -> bool:
             time = float(self.pool.solution([*others, item]).coefficients[-1][0, 0])
@@ -443,7 +452,7 @@ class Search:
     def rivals(self, cause: Hypothesis, others: Model) -> list[Rival]:
         """Return what could explain the data in the place of a cause, the strongest first."""
         own = self.pool.fit((*others, cause))
-        projection = project(self.pool.evidence, others)
+        projection = self.beside(others)
         names = names_of((*others, cause))
         named = [self.with_needed_joints(item.hypothesis, others)
                  for item in self.candidates.all_of(projection, set(names))

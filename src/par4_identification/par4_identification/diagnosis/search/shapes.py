@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from par4_dynamics.effects.effect import Effect, Shape, single
-from par4_identification.diagnosis.evidence.evidence import Projection
 from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.evidence.projection import Projection
 
 EXPANSIONS = 4
 """Times that a series is expanded around what came of it."""

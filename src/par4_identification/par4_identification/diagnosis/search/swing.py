@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from par4_dynamics.effects.elastic_transmission import STIFFNESSES, ElasticTransmission
 from par4_dynamics.effects.transmission import DAMPING_RATIO, Springs
-from par4_identification.diagnosis.evidence.evidence import Projection
+from par4_identification.diagnosis.evidence.projection import Projection
 
 GRID = np.geomspace(1e-5, 1e-2, 19)
 """rad/(N m): a resonance apart at the coarse damping."""

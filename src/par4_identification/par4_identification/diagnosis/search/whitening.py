@@ -8,19 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from par4_dynamics.effects.effect import Effect
-from par4_identification.diagnosis.evidence.evidence import (
-    Fit,
-    Hypothesis,
+from par4_identification.diagnosis.evidence.evidence import gather
+from par4_identification.diagnosis.evidence.fit import Fit, residuals, solve
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.evidence.projection import project
+from par4_identification.diagnosis.evidence.unnamed import PRIOR_ROWS, Kinds
+from par4_identification.diagnosis.evidence.whitener import (
     Whitener,
     flat_whitener,
-    gather,
-    project,
-    residuals,
-    solve,
     whitener_of_residuals,
 )
-from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.diagnosis.evidence.unnamed import PRIOR_ROWS, Kinds
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.signals.plateaus import scatter

@@ -12,8 +12,9 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.parameters import Parameter
-from par4_identification.diagnosis.evidence.evidence import Evidence, Hypothesis
+from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.holdout import Gain
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.search import Rejected
 from par4_identification.diagnosis.verdict.judgement import UnnamedCause
 from par4_identification.diagnosis.verdict.pair import Pair

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from par4_identification.diagnosis.evidence.evidence import Hypothesis, project, solve
+from par4_identification.diagnosis.evidence.fit import solve
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.search import Model, Search, others_of
 from par4_identification.diagnosis.verdict.pair import Pair, name_of
@@ -80,7 +81,7 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
 def doubt_of(search: Search, cause: Hypothesis, model: Model) -> Pair | None:
     """Return an unnamed cause and the name that comes nearest to it; None without any name."""
     others = others_of(model, cause)
-    found = search.candidates.all_of(project(search.pool.evidence, others),
+    found = search.candidates.all_of(search.beside(others),
                                      {item.effect.name for item in others})
     best = max(found, key=lambda item: item.gain, default=None)
     return None if best is None else Pair(cause, best.hypothesis, others, twins=False)

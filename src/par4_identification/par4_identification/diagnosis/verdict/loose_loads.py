@@ -7,7 +7,7 @@ from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.model_file import EffectEntry
 from par4_dynamics.parameters import Parameter
-from par4_identification.diagnosis.evidence.evidence import project, residuals, solve
+from par4_identification.diagnosis.evidence.fit import residuals, solve
 from par4_identification.diagnosis.evidence.holdout import Gain
 from par4_identification.diagnosis.search.search import Model, Search, named_of, others_of
 from par4_identification.diagnosis.verdict.answer import Cause
@@ -89,7 +89,6 @@ def _hums(search: Search, model: Model) -> bool:
 def _rings(search: Search, model: Model) -> bool:
     """Return whether transmissions that twist, no cause though, explain much of what is left."""
     effect = search.candidates.library.get(ElasticTransmission.name)
-    projection = project(search.pool.evidence, model)
+    projection = search.beside(model)
     candidate = None if effect is None else search.candidates.best(effect, projection)
-    return candidate is not None and 2.0 * candidate.gain > RINGING * float(
-        projection.residual @ projection.residual)
+    return candidate is not None and 2.0 * candidate.gain > RINGING * projection.squares

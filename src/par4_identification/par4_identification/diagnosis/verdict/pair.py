@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from par4_identification.diagnosis.evidence.evidence import Hypothesis
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.unnamed import Kind
 
 NOTHING = 'no cause at all'

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from par4_identification.diagnosis.evidence.evidence import Fit, Hypothesis, residuals
+from par4_identification.diagnosis.evidence.fit import Fit, residuals
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.signals.noise import fit_noise

@@ -1,0 +1,114 @@
+"""Generalised least squares of base terms and hypotheses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from par4_identification.diagnosis.evidence.evidence import Evidence
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.evidence.unnamed import PRIOR_ROWS, Kind
+
+ROUNDING = 1e-11
+"""Eigenvalues of scaled normal equations below which a direction is not told by the data."""
+
+
+def prior_weights(evidence: Evidence, hypotheses: Sequence[Hypothesis], coefficients: int
+                  ) -> np.ndarray:
+    """Return the weight (c,) of the prior, zero, of each coefficient: squares of a row of its own.
+
+    Only unnamed causes have one. It is that of `PRIOR_ROWS` rows in which a column has its usual
+    size, or that of the cause's columns on the average where it is larger: a column that the
+    motion hardly visits must not be free to be anything where other motions go.
+    """
+    weights = np.zeros(coefficients)
+    last = coefficients
+    for item in reversed(hypotheses):
+        acting = 1 if item.effect.shared else len(item.joints)
+        first = last - acting * item.width(evidence.width(item.effect, item.shape))
+        if isinstance(item.effect, Kind):
+            block, = evidence.blocks(item.effect, item.shape)
+            squares = np.einsum('jkk->jk', block.gram)
+            own = (squares.sum(axis=0) if item.effect.shared
+                   else squares[list(item.joints)].ravel())
+            rows = evidence.rows if item.effect.shared else evidence.rows / len(squares)
+            weights[first:last] = PRIOR_ROWS / max(rows, 1.0) * np.maximum(own, own.mean())
+        last = first
+    return weights
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Generalised least squares of base terms and hypotheses.
+
+    Unnamed causes have a prior; their part of the covariance is that of the posterior.
+
+    Attributes:
+        base: values (p,).
+        coefficients: (K, J) of each hypothesis, zero on joints it does not act on.
+        covariance: of everything, in the order of the design, (c, c).
+        slices: where the coefficients of each hypothesis are in it.
+        hypotheses: that were fitted.
+    """
+
+    base: np.ndarray
+    coefficients: tuple[np.ndarray, ...]
+    covariance: np.ndarray
+    slices: tuple[slice, ...]
+    hypotheses: tuple[Hypothesis, ...]
+
+
+def solve(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Fit:
+    """Return the fit of base terms and hypotheses with its covariance."""
+    design = evidence.design(hypotheses)
+    scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
+    prior = np.diag(prior_weights(evidence, hypotheses, design.shape[1]) / scale ** 2)
+    inverse = np.linalg.pinv((design / scale).T @ (design / scale) + prior, rcond=1e-12,
+                             hermitian=True)
+    values = inverse @ ((design / scale).T @ evidence.target) / scale
+    return fit_of(evidence, hypotheses, values, inverse / np.outer(scale, scale))
+
+
+def fit_of(evidence: Evidence, hypotheses: Sequence[Hypothesis], values: np.ndarray,
+           covariance: np.ndarray) -> Fit:
+    """Return the fit whose values are (c,), in the order of the design."""
+    parameters = evidence.base.shape[1]
+    joints = evidence.observations.joints
+    coefficients, slices, first = [], [], parameters
+    for hypothesis in hypotheses:
+        width = evidence.width(hypothesis.effect, hypothesis.shape)
+        full = np.zeros((width, joints))
+        if hypothesis.effect.shared:
+            span = slice(first, first + len(full[hypothesis.columns]))
+            full[hypothesis.columns] = values[span, None]
+        else:
+            span = slice(first, first + width * len(hypothesis.joints))
+            full[:, list(hypothesis.joints)] = values[span].reshape(-1, width).T
+        coefficients.append(full)
+        slices.append(span)
+        first = span.stop
+    return Fit(values[:parameters], tuple(coefficients), covariance, tuple(slices),
+               tuple(hypotheses))
+
+
+def left_by(evidence: Evidence, hypotheses: Sequence[Hypothesis], fit: Fit) -> np.ndarray:
+    """Return the target minus a fit, (N,). The fit may have been made on other rows."""
+    values = [fit.base, *(item.stacked(coefficients) for item, coefficients in zip(
+        hypotheses, fit.coefficients))]
+    return evidence.target - evidence.design(hypotheses) @ np.concatenate(values)
+
+
+def residuals(observations: Observations, hypotheses: Sequence[Hypothesis], fit: Fit
+              ) -> tuple[np.ndarray, ...]:
+    """Return measured minus fitted torque (m, J) of each run of `observations`."""
+    results = []
+    for index, (target, base) in enumerate(zip(observations.target, observations.base)):
+        left = target - base @ fit.base
+        for hypothesis, coefficients in zip(hypotheses, fit.coefficients):
+            rows = observations.effect_rows(hypothesis.effect, hypothesis.shape)[index]
+            left = left - np.einsum('mjk,kj->mj', rows, coefficients)
+        results.append(left)
+    return tuple(results)

@@ -1,0 +1,237 @@
+"""What a design leaves of the target, and what more columns explain beside it.
+
+All of it follows from products of columns that the evidence keeps, by small linear systems. Nothing
+but `rest` and `residual` looks at rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from par4_dynamics.effects.effect import Effect, Shape
+from par4_identification.diagnosis.evidence.evidence import (
+    BASE,
+    Evidence,
+    Key,
+    key_of,
+    stack_key,
+)
+from par4_identification.diagnosis.evidence.fit import ROUNDING, prior_weights
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.unnamed import Kind
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Columns of a design.
+
+    Attributes:
+        key: of the columns that they are chosen from.
+        columns: which of them.
+        places: where their coefficients are in the design, by the joint on which they act.
+    """
+
+    key: Key
+    columns: np.ndarray
+    places: dict[int, slice]
+
+
+@dataclass(frozen=True)
+class Projection:
+    """What a design leaves of the target. Each part is computed when it is asked for.
+
+    The prior of unnamed causes counts as rows of its own, which no other column has.
+
+    Attributes:
+        evidence: whose target.
+        hypotheses: in the design, beside the base columns.
+    """
+
+    evidence: Evidence
+    hypotheses: tuple[Hypothesis, ...]
+
+    @cached_property
+    def _parts(self) -> list[_Part]:
+        """The base columns and those of the hypotheses, in the order of the design."""
+        size = self.evidence.base.shape[1]
+        joints = range(self.evidence.observations.joints)
+        parts = [_Part(BASE, np.arange(size), {joint: slice(0, size) for joint in joints})]
+        for item in self.hypotheses:
+            shared = item.effect.shared
+            acting = list(joints if shared else item.joints)
+            widths = [block.gram.shape[-1]
+                      for block in self.evidence.blocks(item.effect, item.shape)]
+            chosen = np.arange(sum(widths))[item.columns]
+            first = 0  # of the part's columns among those of the effect
+            for shape, width in zip(item.effect.parts(item.shape), widths):
+                own = (chosen >= first) & (chosen < first + width)
+                before, count = int(np.sum(chosen < first)), int(own.sum())
+                starts = [size + before + (0 if shared else number * len(chosen))
+                          for number in range(len(acting))]
+                parts.append(_Part(key_of(item.effect, shape), chosen[own] - first, {
+                    joint: slice(start, start + count) for joint, start in zip(acting, starts)}))
+                first += width
+            size += len(chosen) * (1 if shared else len(acting))
+        return parts
+
+    @cached_property
+    def _directions(self) -> np.ndarray:
+        """Combinations W (c, r) of the columns D of the design that are orthonormal: with the
+        prior's squares P, W^T (D^T D + P) W = 1. Directions that are only rounding are left out."""
+        size = max(place.stop for part in self._parts for place in part.places.values())
+        gram = np.zeros((size, size))
+        for row, part in enumerate(self._parts):
+            for other in self._parts[:row + 1]:
+                products = self.evidence.products(part.key, other.key)
+                for joint in part.places.keys() & other.places.keys():
+                    block = products[joint][part.columns][:, other.columns]
+                    gram[part.places[joint], other.places[joint]] += block
+                    if other is not part:
+                        gram[other.places[joint], part.places[joint]] += block.T
+        gram[np.diag_indices(size)] += prior_weights(self.evidence, self.hypotheses, size)
+        scale = np.sqrt(np.maximum(gram.diagonal(), 1e-30))
+        values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+        kept = values > ROUNDING * values[-1]
+        return vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
+
+    @cached_property
+    def _target_moment(self) -> np.ndarray:
+        """Products (c,) of the design with what base terms alone leave of the target."""
+        moment = np.zeros(len(self._directions))
+        for part in self._parts:
+            products = self.evidence.moments(part.key)
+            for joint, place in part.places.items():
+                moment[place] += products[joint][part.columns]
+        return moment
+
+    @cached_property
+    def _values(self) -> np.ndarray:
+        """Coefficients (c,) of the design, fitted to what base terms alone leave."""
+        return self._directions @ (self._directions.T @ self._target_moment)
+
+    @cached_property
+    def squares(self) -> float:
+        """Whitened squares that the fit leaves of the target, with those of its prior."""
+        left = self.evidence.target_left
+        return float(left @ left - self._target_moment @ self._values)
+
+    @cached_property
+    def design(self) -> np.ndarray:
+        """The columns, (N, c)."""
+        return self.evidence.design(self.hypotheses)
+
+    @cached_property
+    def residual(self) -> np.ndarray:
+        """What is left of the target, (N,)."""
+        return self.evidence.target_left - self.design @ self._values
+
+    def gains(self, effect: Effect | Kind, shapes: Sequence[Shape]) -> np.ndarray:
+        """Return twice the gain in log-likelihood by an effect on all joints at each shape, (s,).
+
+        Linear algebra of small matrices, joint by joint: what a joint's columns do to the others
+        goes through the design alone.
+        """
+        size, gram, moment = self._normal_equations(effect, shapes)
+        return quadratic(gram, moment, size)
+
+    def gain(self, effect: Effect | Kind, shape: Shape) -> float:
+        """Return twice the gain in log-likelihood by adding an effect on all joints."""
+        return float(self.gains(effect, (shape,))[0])
+
+    def estimate(self, effect: Effect | Kind, shape: Shape) -> np.ndarray:
+        """Return the coefficients of an added effect, in the order of its stacked columns."""
+        _, gram, moment = self._normal_equations(effect, (shape,))
+        return np.linalg.lstsq(gram[0], moment[0], rcond=1e-9)[0]
+
+    def beside(self, hypothesis: Hypothesis) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the normal equations of a hypothesis beside the design.
+
+        Returns:
+            Squares (k,) of its columns, products (k, k) of what the design leaves of them, and the
+            products (k,) of these with the residual.
+        """
+        effect = hypothesis.effect
+        size, gram, moment = (part[0] for part in self._normal_equations(
+            effect, (hypothesis.shape,)))
+        width = len(size) if effect.shared else len(size) // self.evidence.observations.joints
+        first = (0,) if effect.shared else tuple(joint * width for joint in hypothesis.joints)
+        own = np.concatenate([start + np.arange(width)[hypothesis.columns] for start in first])
+        return size[own], gram[np.ix_(own, own)], moment[own]
+
+    def _normal_equations(self, effect: Effect | Kind, shapes: Sequence[Shape]
+                          ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the squares (s, k) of columns, the products (s, k, k) of what the design leaves
+        of them, and their products (s, k) with the residual.
+
+        The columns are those of each shape, stacked over the joints where they share none.
+        """
+        keys, grams = self._columns(effect, shapes)
+        count, joints, width = grams.shape[:3]
+        inside, moment = [], []
+        for joint in range(joints):
+            acting = [part for part in self._parts if joint in part.places]
+            told = np.concatenate([self.evidence.moments(key)[joint] for key in keys])
+            products = np.concatenate([np.concatenate(
+                [self.evidence.products(part.key, key)[joint][part.columns] for key in keys],
+                axis=1) for part in acting])
+            rows = np.concatenate([np.arange(part.places[joint].start, part.places[joint].stop)
+                                   for part in acting])
+            inside.append((self._directions[rows].T @ products).reshape(
+                -1, count, width).transpose(1, 0, 2))
+            moment.append((told - products.T @ self._values[rows]).reshape(count, width))
+        if effect.shared:
+            gram, along, left = grams.sum(axis=1), np.sum(inside, axis=0), np.sum(moment, axis=0)
+        else:
+            gram = np.zeros((count, joints * width, joints * width))
+            for joint in range(joints):
+                own = slice(joint * width, (joint + 1) * width)
+                gram[:, own, own] = grams[:, joint]
+            along, left = np.concatenate(inside, axis=2), np.concatenate(moment, axis=1)
+        return (np.einsum('skk->sk', gram).copy(), gram - along.transpose(0, 2, 1) @ along, left)
+
+    def _columns(self, effect: Effect | Kind, shapes: Sequence[Shape]
+                 ) -> tuple[list[Key], np.ndarray]:
+        """Return the keys of the columns at some shapes, and their products (s, J, k, k)."""
+        if len(shapes) > 1:
+            return [stack_key(effect, shapes)], self.evidence.stack(effect, shapes).gram
+        keys = [key_of(effect, part) for part in effect.parts(shapes[0])]
+        blocks = self.evidence.blocks(effect, shapes[0])
+        if len(keys) == 1:
+            return keys, blocks[0].gram[None]
+        grams = [np.block([[self.evidence.products(row, column)[joint] for column in keys]
+                           for row in keys]) for joint in range(len(blocks[0].gram))]
+        return keys, np.stack(grams)[None]
+
+    def rest(self, columns: np.ndarray) -> np.ndarray:
+        """Return the part of columns (N, ...) that is orthogonal to the design."""
+        inside = self._directions.T @ (self.design.T @ columns)
+        return columns - self.design @ (self._directions @ inside)
+
+    def left_share(self, columns: np.ndarray, coefficients: np.ndarray) -> float:
+        """Return the share (rms) of columns @ coefficients that the design cannot imitate."""
+        signal = columns @ coefficients
+        return float(np.linalg.norm(self.rest(signal)) / max(np.linalg.norm(signal), 1e-30))
+
+
+def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Return moment^T gram^-1 moment. Directions of gram that are only rounding are left out.
+
+    Args:
+        gram: (..., k, k).
+        moment: (..., k).
+        size: what the diagonal was before anything was taken out, (..., k).
+    """
+    scale = np.sqrt(np.maximum(size, 1e-30))
+    values, vectors = np.linalg.eigh(gram / (scale[..., :, None] * scale[..., None, :]))
+    along = np.einsum('...kl,...k->...l', vectors, moment / scale)
+    kept = values > 1e-7
+    return np.sum(np.where(kept, along ** 2, 0.0) / np.where(kept, values, 1.0), axis=-1)
+
+
+def project(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Projection:
+    """Return the projection of the target out of base columns and hypotheses."""
+    return Projection(evidence, tuple(hypotheses))
