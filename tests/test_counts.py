@@ -17,10 +17,11 @@ from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.candidates import Candidates
+from par4_identification.diagnosis.search.causes import named_of
 from par4_identification.diagnosis.search.counts import DOUBT, Counts
 from par4_identification.diagnosis.search.law import Dithered, dithered
 from par4_identification.diagnosis.search.rules import Rules
-from par4_identification.diagnosis.search.search import Search, named_of
+from par4_identification.diagnosis.search.search import Search
 from par4_kinematics.motion import Motion
 from robots import REFERENCE, model_with
 

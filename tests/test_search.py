@@ -31,12 +31,13 @@ from par4_identification.diagnosis.evidence.fit import left_by, residuals, solve
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import observe
+from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
 from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.diagnosis.nominal.gate import WORST_ERROR, unusable
+from par4_identification.diagnosis.search.causes import named_of
 from par4_identification.diagnosis.search.requirement import requirement_of
 from par4_identification.diagnosis.search.rules import Rules
-from par4_identification.diagnosis.search.search import named_of
 from par4_identification.diagnosis.verdict.judgement import judge, unnamed_cause
 from par4_identification.fitting.identification import identify_runs
 from par4_identification.signals.noise import ArNoise
@@ -58,16 +59,42 @@ def bump(state):
 def test_a_pool_fits_what_least_squares_fit():
     search = search_of(('torque_offset', {'offset': OFFSET}), LOADED)
     model = (cause('torque_offset', (0, 2)), cause('load_dependent_friction'))
-    for pool, part in ((search.pool, search.pool.evidence),):
-        fitted = pool.fit(model)
-        design = part.design(sorted(model, key=lambda item: item.effect.name))
-        values, *_ = np.linalg.lstsq(design, part.target, rcond=None)
-        np.testing.assert_allclose(fitted.values, values, rtol=1e-6, atol=1e-9)
-        left = part.target - design @ values
-        assert fitted.fit_squares == pytest.approx(left @ left, rel=1e-9)
-        told = pool.heldout.design(sorted(model, key=lambda item: item.effect.name)) @ values
-        missed = pool.heldout.target - told
-        assert fitted.heldout_squares == pytest.approx(missed @ missed, rel=1e-9)
+    pool, part = search.pool, search.pool.evidence
+    fitted, solution = pool.fit(model), pool.solution(model)
+    design = part.design(model)
+    values, *_ = np.linalg.lstsq(design, part.target, rcond=None)
+    found = [item.stacked(own) for item, own in zip(model, solution.coefficients)]
+    np.testing.assert_allclose(np.concatenate((solution.base, *found)), values, rtol=1e-6,
+                               atol=1e-9)
+    left = part.target - design @ values
+    assert fitted.fit_squares == pytest.approx(left @ left, rel=1e-9)
+    missed = pool.heldout.target - pool.heldout.design(model) @ values
+    assert fitted.heldout_squares == pytest.approx(missed @ missed, rel=1e-9)
+
+
+def test_what_columns_explain_beside_a_design_is_what_rows_say():
+    """Products kept for many columns give what a fit of the rows gives, order by order."""
+    search = search_of(('torque_offset', {'offset': OFFSET}), LOADED)
+    evidence = search.pool.evidence
+    wave = Hypothesis(CATALOGUE['cogging'], {'periods': (11.0, 46.0, 76.0)}, (1, 3))
+    model = (cause('torque_offset', (0, 2)), wave)
+    projection = project(evidence, model)
+
+    def squares(more: tuple[Hypothesis, ...]) -> float:
+        design = evidence.design((*model, *more))
+        values, *_ = np.linalg.lstsq(design, evidence.target, rcond=None)
+        return float(np.sum((evidence.target - design @ values) ** 2))
+
+    before = squares(())
+    assert projection.squares == pytest.approx(before, rel=1e-9)
+    assert projection.residual @ projection.residual == pytest.approx(before, rel=1e-9)
+    for name, shapes in (('load_dependent_friction', [{}]), ('distributed_rods', [{}]),
+                         ('stribeck', [{'stribeck_velocity': 0.05}, {'stribeck_velocity': 0.4}]),
+                         ('cogging', [{'periods': (5.0, 12.0)}])):
+        effect = CATALOGUE[name]
+        for shape, gain in zip(shapes, projection.gains(effect, shapes)):
+            assert gain == pytest.approx(before - squares((Hypothesis(effect, shape, EVERY),)),
+                                         rel=1e-6, abs=1e-6 * before)
 
 
 def test_the_prior_of_an_unnamed_cause_counts_as_rows_of_zeros():
@@ -250,7 +277,7 @@ def test_presliding_is_as_large_as_the_friction_found_beside_it(nominal, size, a
     evidence = evidence_of(replace(log, tau=log.tau + size * change), REFERENCE,
                            replace(MODEL, values=friction))
     hypothesis = Hypothesis(CATALOGUE['presliding'], {'distance': 4e-3}, EVERY)
-    reason = search_on(evidence, evidence).unbelievable(hypothesis, ())
+    reason = search_on(evidence, evidence).belief.objection(hypothesis, ())
     assert (reason is None) == accepted, reason
 
 
@@ -274,7 +301,8 @@ def test_what_a_fit_leaves_of_whitened_rows_is_what_it_leaves_whitened(two_runs)
     for seen in (evidence, gather(evidence.observations, coloured)):
         for hypotheses, fit in fits:
             left = residuals(evidence.observations, hypotheses, fit)
-            np.testing.assert_allclose(left_by(seen, hypotheses, fit), seen.whitened(left), atol=1e-8)
+            np.testing.assert_allclose(left_by(seen, hypotheses, fit), seen.whitened(left),
+                                       atol=1e-8)
 
 
 def test_in_white_noise_the_whitened_gain_is_the_gain(two_runs):

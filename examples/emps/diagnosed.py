@@ -15,8 +15,8 @@ from par4_dynamics.model import build_model
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.diagnosis.diagnosis import Diagnosis
-from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.holdout import Gain
+from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.estimators.estimate import Estimate
 from par4_identification.estimators.ordinary import ordinary
 from published_recipe import COLUMNS, problem_of_columns, recipe_columns, recipe_motion

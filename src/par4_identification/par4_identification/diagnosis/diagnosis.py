@@ -34,11 +34,12 @@ from par4_identification.diagnosis.nominal.retimed import beside_retimed
 from par4_identification.diagnosis.nominal.start import alike, start_of
 from par4_identification.diagnosis.progress import Progress, silent
 from par4_identification.diagnosis.search.candidates import Candidates, goes_both_ways
+from par4_identification.diagnosis.search.causes import Model, named_of, names_of, others_of
 from par4_identification.diagnosis.search.law import Dithered, dithered
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import Rules
-from par4_identification.diagnosis.search.search import Model, Search, named_of, names_of, others_of
+from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.whitening import quieter, whitener_of
 from par4_identification.diagnosis.verdict.answer import (
     Cause,
@@ -94,10 +95,11 @@ def manageable(fit_logs: Sequence[Log], holdout_logs: Sequence[Log]
     if not holdout_logs:
         fit_logs, holdout_logs = ((fit_logs[:-1], fit_logs[-1:]) if len(fit_logs) > 1 else
                                   ([part] for part in parted(fit_logs[0], 2.0 / 3.0)))
-    thin = [spread_over(part, seconds_of(part) * MOST * share / sum(log.tau.size for log in part))
-            for part, share in ((fit_logs, 1.0), (holdout_logs, 0.5))]
-    used = sum(log.tau.size for part in thin for log in part)
-    return *thin, used / sum(log.tau.size for log in logs)
+    fitted, held = (
+        spread_over(part, seconds_of(part) * MOST * share / sum(log.tau.size for log in part))
+        for part, share in ((fit_logs, 1.0), (holdout_logs, 0.5)))
+    used = sum(log.tau.size for log in (*fitted, *held))
+    return fitted, held, used / sum(log.tau.size for log in logs)
 
 
 def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Robot | Axis,
@@ -168,7 +170,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         holdout_runs = list(heldout.runs)
     if not any(run.valid.any() for run in holdout_runs):
         reasons.append('no joint moves in the held-out data; give a bag of another motion')
-    if reasons:
+    if reasons or identification is None:  # without one there is a reason
         return Unusable(tuple(reasons), tuple(fit_runs))
 
     searched = LIBRARY if library is None else library
@@ -258,16 +260,17 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         causes.append(cause)
         hypotheses = (*named, Hypothesis(cause.effect, {}, cause.joints))
         extended = extended.model_copy(update={'effects': (*extended.effects, entry)})
-    rest = [left_of(part.observations, model, base_only, whole)
-            for part in (evidence, pool.heldout)]
-    alone = unrelated(*rest, floor, rules)
+    rest = tuple(left_of(part.observations, model, base_only, whole)
+                 for part in (evidence, pool.heldout))
+    alone = unrelated(rest[0], rest[1], floor, rules)
     near = None if causes else _nearest(search)
     excess = float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30)))
     steady = evidence.observations.steady
     swing = None if steady or excess < rules.floor_excess or alone.lines else swing_of(rest)
-    remaining = Remaining(excess, alone, near and near.effect, steady and excess > UNEVEN, swing)
+    remaining = Remaining(excess, alone, None if near is None else near.named,
+                          steady and excess > UNEVEN, swing)
     doubts = [doubt_of(search, item, model) for item in unnamed_of(model)] or [
-        near and Pair(near, None, (), twins=False)]
+        None if near is None else Pair(near, None, (), twins=False)]
     incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest
                       or remaining.uneven or swing)
     return Diagnosis(
@@ -312,7 +315,7 @@ def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fi
     before, after = (left_by(search.pool.heldout, part, solve(evidence, part))
                      for part in (others_of(model, hypothesis), model))
     return Cause(
-        effect=hypothesis.effect, joints=hypothesis.joints,
+        effect=hypothesis.named, joints=hypothesis.joints,
         parameters=parameters,
         twins=judgement.twins,
         visible_fraction=search.beside(()).left_share(

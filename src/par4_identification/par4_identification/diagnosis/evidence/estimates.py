@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from par4_dynamics.effects.effect import Shape, Values
-from par4_dynamics.parameters import Number, Parameter
+from par4_dynamics.parameters import Number, Parameter, PerJoint
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import Fit, prior_weights
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
@@ -29,7 +30,7 @@ def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, inde
     """
     values, stds = estimated(evidence, hypothesis, fit, index, errors=errors)
     result = {}
-    for parameter in hypothesis.effect.parameters:
+    for parameter in hypothesis.named.parameters:
         value, std = values[parameter.name], stds[parameter.name]
         if hypothesis.effect.shared and parameter.scope == 'joint':
             value, std = value[list(hypothesis.joints)], std[list(hypothesis.joints)]
@@ -62,7 +63,7 @@ def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
         Two of the shapes that `Effect.values` gives for the joints of the hypothesis, for all
         joints where they share the coefficients.
     """
-    effect, shape = hypothesis.effect, hypothesis.shape
+    effect, shape = hypothesis.named, hypothesis.shape
     acting = list(range(evidence.observations.joints) if effect.shared else hypothesis.joints)
     coefficients = fit.coefficients[index][:, acting]
     knobs = shape_knobs(hypothesis)
@@ -98,11 +99,11 @@ def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter]
     """
     result = {}
     for name, parameter in parameters.items():
-        apart = np.subtract(other[name].value, parameter.value)
+        apart = np.asarray(other[name].value) - np.asarray(parameter.value)
         if name == 'phase':
             apart = np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi
         result[name] = parameter.model_copy(update={
-            'std': _nested(np.hypot(parameter.std, apart).tolist())})
+            'std': _nested(np.hypot(np.asarray(parameter.std, dtype=float), apart).tolist())})
     return result
 
 
@@ -120,13 +121,14 @@ def with_doubt_of_time(parameters: dict[str, Parameter], observations: Observati
     late = float(run.state.t[1] - run.state.t[0]) / np.sqrt(3.0)
     speed = float(np.median(np.abs(run.speed[run.valid])))
     phase = parameters['phase']
+    std = np.asarray(phase.std, dtype=float)
     orders = np.asarray(parameters['periods'].value, dtype=float)
-    turned = np.reshape(orders * speed * late, (-1,) + (1,) * (np.ndim(phase.std) - 1))
+    turned = np.reshape(orders * speed * late, (-1,) + (1,) * (std.ndim - 1))
     return {**parameters, 'phase': phase.model_copy(update={
-        'std': _nested(np.hypot(phase.std, turned).tolist())})}
+        'std': _nested(np.hypot(std, turned).tolist())})}
 
 
-def _nested(values: float | list) -> Number:
+def _nested(values: Any) -> Any:
     """Return lists of lists as tuples of tuples."""
     return tuple(map(_nested, values)) if isinstance(values, list) else values
 
@@ -134,7 +136,11 @@ def _nested(values: float | list) -> Number:
 def _numbers(value: np.ndarray, per_order: bool, single: bool) -> Number:
     """Return values (J,), or (J, K) of K orders, as a parameter has them."""
     if per_order and value.ndim == 2:
-        return tuple(_numbers(part, False, single or len(part) == 1) for part in value.T)
+        return tuple(_of_joints(part, single or len(part) == 1) for part in value.T)
+    return _of_joints(value, single)
+
+
+def _of_joints(value: np.ndarray, single: bool) -> PerJoint:
     return float(value[0]) if single else tuple(map(float, value))
 
 
@@ -145,7 +151,7 @@ Knob = tuple[str, int | None]
 def shape_knobs(hypothesis: Hypothesis) -> list[Knob]:
     """Return the numbers of a shape."""
     knobs: list[Knob] = []
-    for item in hypothesis.effect.parameters:
+    for item in hypothesis.named.parameters:
         value = hypothesis.shape.get(item.name)
         if isinstance(value, tuple):
             knobs += [(item.name, index) for index in range(len(value))]
@@ -158,9 +164,10 @@ def turned(shape: Shape, knob: Knob, step: float) -> Shape:
     """Return a shape of which one number is larger by a step."""
     name, index = knob
     value = shape[name]
-    if index is None:
+    if not isinstance(value, tuple):
         return {**shape, name: value + step}
-    return {**shape, name: (*value[:index], value[index] + step, *value[index + 1:])}
+    return {**shape, name: tuple(own + step * (number == index)
+                                 for number, own in enumerate(value))}
 
 
 def _covariance(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
@@ -217,8 +224,8 @@ def shape_slopes(evidence: Evidence, hypothesis: Hypothesis, coefficients: np.nd
     flat, slopes = hypothesis.stacked(coefficients), []
     for knob in knobs:
         name, number = knob
-        value = hypothesis.shape[name]
-        step = SLOPE * max(abs(value if number is None else value[number]), 1e-6)
+        value = np.atleast_1d(hypothesis.shape[name])[number or 0]
+        step = SLOPE * max(abs(float(value)), 1e-6)
         moved = replace(hypothesis, shape=turned(hypothesis.shape, knob, step))
         slopes.append((evidence.columns(moved) - evidence.columns(hypothesis)) @ flat / step)
     return np.stack(slopes, axis=1)

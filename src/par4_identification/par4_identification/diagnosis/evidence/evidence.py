@@ -167,7 +167,7 @@ class Evidence:
         columns = self.base if key == BASE else self.target_left[:, None]
         return tuple(columns[first:last] for first, last in zip(self.ends, self.ends[1:]))
 
-    def torque(self, key: tuple, torque: Callable[[State], np.ndarray]) -> np.ndarray:
+    def torque(self, key: Key, torque: Callable[[State], np.ndarray]) -> np.ndarray:
         """Return the whitened, stacked rows (N,) of a torque; computed once for a key.
 
         Args:

@@ -36,7 +36,8 @@ class Hypothesis:
 
     def width(self, of_effect: int) -> int:
         """Return how many columns it has on a joint, of so many that its effect has."""
-        return of_effect if self.sets is None else len(self.columns)
+        return len(range(of_effect)[self.columns] if isinstance(self.columns, slice)
+                   else self.columns)
 
     @property
     def named(self) -> Effect:

@@ -214,7 +214,8 @@ class Projection:
     def left_share(self, columns: np.ndarray, coefficients: np.ndarray) -> float:
         """Return the share (rms) of columns @ coefficients that the design cannot imitate."""
         signal = columns @ coefficients
-        return float(np.linalg.norm(self.rest(signal)) / max(np.linalg.norm(signal), 1e-30))
+        return float(np.linalg.norm(self.rest(signal))) / max(
+            float(np.linalg.norm(signal)), 1e-30)
 
 
 def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> np.ndarray:
@@ -230,6 +231,27 @@ def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> np.ndar
     along = np.einsum('...kl,...k->...l', vectors, moment / scale)
     kept = values > 1e-7
     return np.sum(np.where(kept, along ** 2, 0.0) / np.where(kept, values, 1.0), axis=-1)
+
+
+KEPT = 16
+"""Projections that are kept; each may hold a design."""
+
+
+class Projections:
+    """The projections of the target of one evidence; the last few are kept."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        self._evidence = evidence
+        self._kept: dict[frozenset[tuple[object, ...]], Projection] = {}
+
+    def beside(self, hypotheses: Sequence[Hypothesis]) -> Projection:
+        """Return what base columns and hypotheses leave of the target."""
+        key = frozenset(item.key for item in hypotheses)
+        if key not in self._kept:
+            if len(self._kept) >= KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[key] = project(self._evidence, hypotheses)
+        return self._kept[key]
 
 
 def project(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Projection:

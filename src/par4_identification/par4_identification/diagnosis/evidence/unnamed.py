@@ -32,6 +32,24 @@ READING_DEGREE = 3
 """Of the polynomial of a joint's position by which its reading may be wrong."""
 
 
+Periods = tuple[tuple[int, ...], ...]
+"""Periods a turn, of each joint."""
+
+
+@dataclass(frozen=True)
+class PlatformRanges:
+    """Scales of the platform's motion in the fitted data: pose, speed, acceleration, (4,) each."""
+
+    x: tuple[np.ndarray, np.ndarray]
+    xd: np.ndarray
+    xdd: np.ndarray
+
+    def place(self, x: np.ndarray) -> np.ndarray:
+        """Return poses (n, 4) in -1 .. 1 of the fitted ones."""
+        low, high = self.x
+        return 2.0 * (x - low) / np.maximum(high - low, 1e-12) - 1.0
+
+
 @dataclass(frozen=True)
 class Ranges:
     """Scales and periods of the fitted data, which make a kind the same function on others."""
@@ -40,10 +58,19 @@ class Ranges:
     qd: np.ndarray
     qdd: np.ndarray
     end: float
-    x: tuple[np.ndarray, np.ndarray] | None
-    xd: np.ndarray | None
-    xdd: np.ndarray | None
-    periods: tuple[tuple[int, ...], ...] = ()
+    platform: PlatformRanges | None
+    periods: Periods = ()
+
+    @property
+    def of_platform(self) -> PlatformRanges:
+        """The scales of the platform.
+
+        Raises:
+            TypeError: the machine has none.
+        """
+        if self.platform is None:
+            raise TypeError('an axis has no platform')
+        return self.platform
 
 
 def splines(values: np.ndarray, low: np.ndarray, high: np.ndarray, count: int) -> np.ndarray:
@@ -84,9 +111,9 @@ def _acceleration(state: State, ranges: Ranges) -> np.ndarray:
 
 
 def _platform(state: State, ranges: Ranges) -> np.ndarray:
-    low, high = ranges.x
-    place = 2.0 * (state.x - low) / np.maximum(high - low, 1e-12) - 1.0
-    speed, acceleration = state.xd / ranges.xd, state.xdd / ranges.xdd
+    motion, scales = state.platform, ranges.of_platform
+    place, speed, acceleration = (
+        scales.place(motion.x), motion.xd / scales.xd, motion.xdd / scales.xdd)
     parts = [place, speed, acceleration]
     parts += [acceleration * place[:, [axis]] for axis in range(4)]
     parts += [speed * speed[:, [axis]] for axis in range(4)]
@@ -94,7 +121,7 @@ def _platform(state: State, ranges: Ranges) -> np.ndarray:
     return np.broadcast_to(features[:, None, :], (*state.q.shape, features.shape[1]))
 
 
-def _waves(state: State, periods: tuple[tuple[int, ...], ...]) -> np.ndarray:
+def _waves(state: State, periods: Periods) -> np.ndarray:
     angle = np.array(periods, dtype=float) * state.q[..., None]  # (n, J, k)
     return np.concatenate((np.sin(angle), np.cos(angle)), axis=-1)
 
@@ -104,12 +131,12 @@ def _periodic(state: State, ranges: Ranges) -> np.ndarray:
 
 
 def _torque(state: State, ranges: Ranges) -> np.ndarray:
-    return state.nominal.delivered[..., None] * _waves(state, ranges.periods)
+    return state.known.delivered[..., None] * _waves(state, ranges.periods)
 
 
 def _rate(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
     # The second rate would do, too, but the noise of encoder counts in it is that of the torque.
-    return time_rate(state, state.nominal.delivered)[..., None]
+    return time_rate(state, state.known.delivered)[..., None]
 
 
 def _reading(state: State, ranges: Ranges) -> np.ndarray:
@@ -121,14 +148,13 @@ def _reading(state: State, ranges: Ranges) -> np.ndarray:
 
 
 def _load(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
-    delivered = state.nominal.delivered
+    delivered = state.known.delivered
     return np.stack((delivered, np.abs(delivered) * np.sign(state.qd)), axis=-1)
 
 
 def _wrench(state: State, ranges: Ranges) -> np.ndarray:
-    low, high = ranges.x
-    place = 2.0 * (state.x - low) / np.maximum(high - low, 1e-12) - 1.0
-    speed = state.xd / ranges.xd
+    motion, scales = state.platform, ranges.of_platform
+    place, speed = scales.place(motion.x), motion.xd / scales.xd
     forces = np.stack((np.ones_like(place), place, np.sign(speed), speed, np.abs(speed) * speed))
     return np.stack([state.torque_of_force(axis * force)
                      for axis in np.eye(4) for force in forces], axis=-1)
@@ -163,6 +189,10 @@ def _drift(state: State, ranges: Ranges) -> np.ndarray:
     return _time(state, ranges) * np.sign(state.qd)[..., None]
 
 
+Function = Callable[[State, Ranges], np.ndarray]
+"""Columns (n, J, k) of a motion at these scales."""
+
+
 @dataclass(frozen=True, eq=False)
 class Kind:
     """A kind of unnamed cause: a sum of columns with free coefficients.
@@ -185,10 +215,10 @@ class Kind:
 
     name: str
     phrase: str
-    function: Callable[[State, Ranges], np.ndarray]
+    function: Function
     ranges: Ranges | None = None
     shared: bool = False
-    separable: ClassVar[tuple[tuple[int, ...], ...]] = ()
+    separable: ClassVar[Periods] = ()
     needs_platform: bool = False
     needs_nominal: bool = False
     left_by_filters: bool = False
@@ -199,7 +229,13 @@ class Kind:
         return (shape,)
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:  # noqa: ARG002
-        """Return its columns (n, J, k)."""
+        """Return its columns (n, J, k).
+
+        Raises:
+            TypeError: it has not been scaled to a motion.
+        """
+        if self.ranges is None:
+            raise TypeError(f'the kind {self.name} has not been scaled to a motion')
         return np.ascontiguousarray(self.function(state, self.ranges))
 
 
@@ -236,7 +272,7 @@ class Kinds:
 
     def __init__(self, observations: Observations) -> None:
         self._ranges = ranges_of(observations)
-        self._made: dict[tuple, Kind] = {}
+        self._made: dict[tuple[str, Periods], Kind] = {}
 
     def beside(self, observations: Observations, left: Sequence[np.ndarray]) -> tuple[Kind, ...]:
         """Return the kinds beside causes that are known.
@@ -247,15 +283,16 @@ class Kinds:
                 periods are those of the periodic kinds.
         """
         low, high = self._ranges.q
-        load = [run.rows(run.state.nominal.delivered) * part
+        load = [run.rows(run.state.known.delivered) * part
                 for run, part in zip(observations.runs, left)]
-        periods = {_periodic: _strongest_periods(observations, left, high - low),
-                   _torque: _strongest_periods(observations, load, high - low)}
+        periods: dict[Function, Periods] = {
+            _periodic: _strongest_periods(observations, left, high - low),
+            _torque: _strongest_periods(observations, load, high - low)}
         return tuple(self._kind(kind, periods.get(kind.function, ())) for kind in KINDS
-                     if (self._ranges.x is not None or not kind.needs_platform)
+                     if (self._ranges.platform is not None or not kind.needs_platform)
                      and (kind.told_by_speeds or not observations.steady))
 
-    def _kind(self, kind: Kind, periods: tuple[tuple[int, ...], ...]) -> Kind:
+    def _kind(self, kind: Kind, periods: Periods) -> Kind:
         key = kind.name, periods
         if key not in self._made:
             self._made[key] = replace(kind, ranges=replace(self._ranges, periods=periods))
@@ -266,23 +303,22 @@ def ranges_of(observations: Observations) -> Ranges:
     """Return the scales of fit data, without periods."""
     states = [run.state for run in observations.runs]
 
-    def largest(name):
+    def largest(name: str) -> np.ndarray:
         return np.maximum(np.max([np.abs(getattr(state, name)).max(axis=0) for state in states],
                                  axis=0), 1e-9)
 
-    def span(name):
+    def span(name: str) -> tuple[np.ndarray, np.ndarray]:
         return (np.min([getattr(state, name).min(axis=0) for state in states], axis=0),
                 np.max([getattr(state, name).max(axis=0) for state in states], axis=0))
 
     platform = states[0].x is not None
     return Ranges(
         span('q'), largest('qd'), largest('qdd'), float(max(state.t[-1] for state in states)),
-        span('x') if platform else None, largest('xd') if platform else None,
-        largest('xdd') if platform else None)
+        PlatformRanges(span('x'), largest('xd'), largest('xdd')) if platform else None)
 
 
 def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], span: np.ndarray
-                       ) -> tuple[tuple[int, ...], ...]:
+                       ) -> Periods:
     chosen = []
     for joint in range(observations.joints):
         q = np.concatenate([run.q[:, joint] for run in observations.runs])

@@ -13,7 +13,8 @@ from par4_identification.diagnosis.evidence.fit import left_by
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind
-from par4_identification.diagnosis.search.search import Model, Search, others_of
+from par4_identification.diagnosis.search.causes import Model, others_of
+from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.shapes import order_name
 
 STEPS = 4
@@ -39,7 +40,7 @@ def polished(search: Search, model: Sequence[Hypothesis]) -> Model:
         moved = _with_best_shape(pool, model, item)
         gain = 0.5 * (pool.fit(model).fit_squares - pool.fit(moved).fit_squares)
         if (gain > (search.rules.price if _is_usual(item) else 0.0)
-                and search.unbelievable(moved[place], others_of(moved, moved[place])) is None):
+                and search.belief.objection(moved[place], others_of(moved, moved[place])) is None):
             model = moved
     return model
 

@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import combinations
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from par4_dynamics.effects.effect import CERTAIN
-from par4_identification.diagnosis.evidence.estimates import estimated
-from par4_identification.diagnosis.evidence.fit import Fit, residuals
+from par4_identification.diagnosis.evidence.fit import residuals
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Fitted, Pool
-from par4_identification.diagnosis.evidence.projection import Projection, project
+from par4_identification.diagnosis.evidence.projection import Projection, Projections
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
+from par4_identification.diagnosis.search.belief import Belief
 from par4_identification.diagnosis.search.candidates import Candidate, Candidates, price_of_shapes
+from par4_identification.diagnosis.search.causes import Model, named_of, names_of, others_of
 from par4_identification.diagnosis.search.counts import Counts
+from par4_identification.diagnosis.search.joints import with_acting_joints, with_needed_joints
 from par4_identification.diagnosis.search.law import Dithered
 from par4_identification.diagnosis.search.requirement import Requirement, requirement_of
 from par4_identification.diagnosis.search.rules import Rules
-from par4_identification.diagnosis.search.shapes import order_name
-
-Model = tuple[Hypothesis, ...]
-"""Causes, named and unnamed, that stand beside the base terms."""
-KEPT = 16
-"""Projections that are kept; each holds a design."""
 
 
 @dataclass(frozen=True)
@@ -81,12 +75,12 @@ class Search:
         self.pool = pool
         self.rules = rules
         self.journal = Journal()
-        self._dithered = dithered
+        self._projections = Projections(pool.evidence)
+        self.belief = Belief(candidates, pool, self._projections, rules, dithered)
         self._counts = Counts(dithered)
         self._joints = tuple(range(pool.evidence.observations.joints))
         self._all_kinds = kinds
         self._kinds: tuple[Kind, ...] = ()
-        self._projections: dict[frozenset[tuple[object, ...]], Projection] = {}
 
     def run(self, start: Model = ()) -> Model:
         """Return the causes; the search begins with those of an earlier one."""
@@ -95,14 +89,14 @@ class Search:
         refused: set[str] = set()
         while True:
             grown = self._with_a_name(model, refused) or self._with_unnamed(model, refused)
-            swapped = None if grown else self._with_a_swap(model, visited)
-            if not (grown or swapped):
+            step = grown or self._with_a_swap(model, visited)
+            if step is None:
                 return model
-            trial = self.tested(grown or swapped)
+            trial = self.tested(step)
             known = names_of(trial) in visited
             visited.add(names_of(trial))
-            if swapped:  # noted even if it comes to nothing, or it would be tried for ever
-                visited.add(names_of(swapped))
+            if not grown:  # a swap is noted even if it comes to nothing, or it is tried for ever
+                visited.add(names_of(step))
             if known or not self._does_as_well(trial, model):
                 refused |= names_of(grown or ()) - names_of(model)
                 continue
@@ -151,7 +145,7 @@ class Search:
 
         So many coefficients, and the best of so many shapes, gain something by chance.
         """
-        hypothesis = self.with_needed_joints(candidate.hypothesis, model)
+        hypothesis = self._with_needed_joints(candidate.hypothesis, model)
         coefficients = len(hypothesis.shape) + self.pool.width(hypothesis)
         chance = 0.5 * coefficients * float(np.log(self.pool.evidence.rows))
         return (self.gains(hypothesis, model)[0] - chance - price_of_shapes(candidate), hypothesis)
@@ -177,77 +171,15 @@ class Search:
         gain = self.sound_gains(hypothesis, model)[1]
         if gain <= self.requirement((*model, hypothesis)).heldout + self.rules.margin:
             return None
-        return (*model, self._with_acting_joints(hypothesis, model))
+        return (*model, with_acting_joints(self.pool, self.rules, hypothesis, model))
 
-    def _with_acting_joints(self, hypothesis: Hypothesis, model: Model) -> Hypothesis:
-        """Return an unnamed cause without the joints that rows held out do not ask for."""
-        if hypothesis.effect.shared:
-            return hypothesis
-        best = self.pool.fit((*model, hypothesis)).heldout_squares
-        for count in range(1, len(self._joints)):
-            trials = [replace(hypothesis, joints=joints)
-                      for joints in combinations(self._joints, count)]
-            squares = [self.pool.fit((*model, trial)).heldout_squares for trial in trials]
-            if min(squares) <= best + 2.0 * self.rules.margin:
-                return trials[int(np.argmin(squares))]
-        return hypothesis
-
-    def with_needed_joints(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
-        """Return the hypothesis with only those joints and parts that are worth their price.
-
-        Joints share the base parameters, so that an effect on one leaves a trace on all, and what
-        all have in common belongs to the base: every set of joints is tried. So is, of a shared
-        effect, every choice of its separable sets: one dimension that is wrong looks like several.
-        What rows held out miss is needed, whatever its price.
-        """
-        hypothesis = self._with_confirmed_orders(hypothesis, others)
-        # what the causes get wrong may look like one more joint, though not all of it
-        doubt = np.sqrt(self.requirement((*others, hypothesis)).inflation)
-        price = self.rules.price * doubt
-        trials = list(self._choices(hypothesis)) or [hypothesis]
-        fits = [self.pool.fit((*others, trial)) for trial in trials]
-        most = min(fit.heldout_squares for fit in fits) + 2.0 * self.rules.margin * doubt
-        losses = [0.5 * fit.fit_squares + price * self.pool.width(trial)
-                  if fit.heldout_squares <= most else np.inf for trial, fit in zip(trials, fits)]
-        return trials[int(np.argmin(np.round(losses, 6)))]  # of equals the first
-
-    def _choices(self, hypothesis: Hypothesis) -> Iterator[Hypothesis]:
-        """Yield a hypothesis on each set of joints, or with each choice of its separable sets.
-
-        Those with few come first.
-        """
-        effect = hypothesis.effect
-        if len(self._joints) == 1:
-            return
-        numbers = range(len(effect.separable)) if effect.shared else self._joints
-        of_joints = all(parameter.scope == 'joint' for parameter in effect.parameters)
-        for count in range(1, len(numbers) + 1):
-            for chosen in combinations(numbers, count):
-                if not effect.shared:
-                    yield replace(hypothesis, joints=chosen)
-                else:
-                    yield replace(hypothesis, sets=chosen,
-                                  joints=chosen if of_joints else hypothesis.joints)
-
-    def _with_confirmed_orders(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
-        """Return a periodic torque without the orders that rows held out do not ask for."""
-        name = order_name(hypothesis.effect)
-        while name is not None and isinstance(hypothesis.shape[name], tuple):
-            orders = hypothesis.shape[name]
-            fewer = [orders[:index] + orders[index + 1:] for index in range(len(orders))]
-            trials = [replace(hypothesis, shape={
-                name: kept if len(kept) > 1 else kept[0]}) for kept in fewer]
-            squares = [self.pool.fit((*others, trial)).heldout_squares for trial in trials]
-            most = self.pool.fit((*others, hypothesis)).heldout_squares + 2.0 * self.rules.margin
-            if min(squares) > most:
-                break
-            hypothesis = trials[int(np.argmin(squares))]
-        return hypothesis
+    def _with_needed_joints(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
+        return with_needed_joints(self.pool, self.rules, hypothesis, others)
 
     def _is_confirmed(self, hypothesis: Hypothesis, others: Model) -> bool:
         """Return whether a candidate could be real and is confirmed by rows held out."""
         together = (*others, hypothesis)
-        reason = self.unbelievable(hypothesis, others)
+        reason = self.belief.objection(hypothesis, others)
         if reason is None:
             needed = self.requirement(together, hypothesis)
             fit_gain, gain = self.sound_gains(hypothesis, others)
@@ -266,13 +198,8 @@ class Search:
         return requirement_of(self.pool, model, self.rules, cause)
 
     def beside(self, model: Sequence[Hypothesis]) -> Projection:
-        """Return what a model leaves of the rows to fit; the last few are kept."""
-        key = frozenset(item.key for item in model)
-        if key not in self._projections:
-            if len(self._projections) >= KEPT:
-                del self._projections[next(iter(self._projections))]
-            self._projections[key] = project(self.pool.evidence, model)
-        return self._projections[key]
+        """Return what a model leaves of the rows to fit."""
+        return self._projections.beside(model)
 
     def gains(self, hypothesis: Hypothesis, others: Model) -> tuple[float, float]:
         """Return the gain in log-likelihood beside others on rows to fit and on rows held out."""
@@ -297,18 +224,21 @@ class Search:
             model = tuple(self._adjusted(item, others_of(model, item)) for item in model)
             worst, item = min(((self._standing(item, model), item) for item in model),
                               key=lambda pair: pair[0])
-            reason = None if worst <= 1.0 else next(
-                ((other, why) for other in model
-                 if (why := self.unbelievable(other, others_of(model, other))) is not None), None)
-            if worst <= 1.0:
-                self.journal.reject(item, 'explains nothing of its own beside the other causes')
-            elif reason is not None:
-                item, why = reason
-                self.journal.reject(item, why)
-            else:
+            refused = self._unbelievable(model) if worst > 1.0 else (
+                item, 'explains nothing of its own beside the other causes')
+            if refused is None:
                 return model
-            model = others_of(model, item)
+            self.journal.reject(*refused)
+            model = others_of(model, refused[0])
         return model
+
+    def _unbelievable(self, model: Model) -> tuple[Hypothesis, str] | None:
+        """Return the first cause of a model that cannot be real beside the others, and why."""
+        for item in model:
+            reason = self.belief.objection(item, others_of(model, item))
+            if reason is not None:
+                return item, reason
+        return None
 
     def _standing(self, cause: Hypothesis, model: Model) -> float:
         """Return what a cause gains over what it must gain, on the worse part of the data."""
@@ -324,87 +254,8 @@ class Search:
         if isinstance(effect, Kind):
             return hypothesis
         candidate = self.candidates.best(effect, self.beside(others))
-        return hypothesis if candidate is None else self.with_needed_joints(
+        return hypothesis if candidate is None else self._with_needed_joints(
             candidate.hypothesis, others)
-
-    def unbelievable(self, hypothesis: Hypothesis, others: Model) -> str | None:
-        """Return why a cause cannot be real beside others, or None."""
-        effect = hypothesis.effect
-        if isinstance(effect, Kind):
-            return None
-        fit = self.pool.solution([*others, hypothesis])
-        reason = self._implausible(hypothesis, others, fit)
-        if reason is None and effect.retimes and not self._follows_its_law(hypothesis, others):
-            reason = ('the torque is read at another time, but in second order of that time it '
-                      'does not follow this law')
-        return reason
-
-    def _follows_its_law(self, hypothesis: Hypothesis, others: Model) -> bool:
-        """Return whether a torque read at another time has the second order of its law.
-
-        What the other causes get wrong counts as noise. Where no law passes so, what its own
-        torque gets wrong counts, too: some law it must have.
-        """
-        projection = self.beside(others)
-
-        def obeys(item: Hypothesis, known: Model) -> bool:
-            time = float(self.pool.solution([*others, item]).coefficients[-1][0, 0])
-            return self._dithered.obeys(projection, item, time, self.requirement(known).inflation)
-
-        if obeys(hypothesis, others):
-            return True
-        laws = [self.candidates.best(effect, projection)
-                for effect in self.candidates.library.values()
-                if effect.retimes and effect is not hypothesis.effect]
-        return obeys(hypothesis, (*others, hypothesis)) and not any(
-            law is not None and obeys(law.hypothesis, others) for law in laws)
-
-    def _implausible(self, hypothesis: Hypothesis, others: Model, fit: Fit) -> str | None:
-        """Return why the values of a hypothesis, the last of a fit, are not those of a machine."""
-        effect = hypothesis.effect
-        acting = list(self._joints if effect.shared else hypothesis.joints)
-        evidence = self.pool.evidence
-        coefficients = fit.coefficients[-1][:, acting]
-        level = {term.name: np.full(len(acting), value)
-                 for term, value in zip(evidence.observations.terms, fit.base)}
-        if effect.fixed_coefficients:
-            # their columns have the nominal friction; what they must reach is the refitted one
-            nominal = evidence.observations.runs[0].state.nominal
-            found = coefficients * nominal.values['coulomb_friction'][acting] / (
-                level['coulomb_friction'])
-            low, high = effect.fixed_range
-            if found.min() < low or found.max() > high:
-                return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '
-                        f'it must be')
-        inflation = self.requirement((*others, hypothesis)).inflation
-        values, std = estimated(evidence, hypothesis, fit, len(others), inflation)
-        reason = effect.implausible(values, std, level)
-        if reason is None and order_name(effect) is None:
-            reason = self._driven_beside(others, fit, inflation)
-        return reason
-
-    def _driven_beside(self, others: Model, fit: Fit, inflation: float) -> str | None:
-        """Return why the friction of an axis beside a cause, the last of a fit, is none, or None.
-
-        At a speed that hardly changes, a constant torque and friction stand for each other. A
-        torque that comes and goes along a turn cannot stand for friction and is not asked.
-        """
-        observations = self.pool.evidence.observations
-        if observations.runs[0].state.geometry is not None:
-            return None
-        speed = float(np.quantile(np.abs(np.concatenate(
-            [run.speed for run in observations.runs])), 0.95))
-        size = len(observations.terms)
-        before = self.pool.solution(others).base
-        for own in (0.0, speed):
-            weight = np.array([{'coulomb_friction': 1.0, 'viscous_friction': own}.get(
-                term.name, 0.0) for term in observations.terms])
-            level = float(weight @ fit.base)
-            std = float(np.sqrt(inflation * weight @ fit.covariance[:size, :size] @ weight))
-            if level < -CERTAIN * std and level < weight @ before:
-                return (f'beside it friction comes out as {level:.3g} N m at {own:.3g} rad/s, '
-                        f'which drives')
-        return None
 
     def _with_a_swap(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
         """Return a model in which a cause gave way to what explains decidedly more in its place."""
@@ -439,10 +290,10 @@ class Search:
             instead = Hypothesis(kind, {}, self._joints)
             trial = (*model, instead)
             while names := named_of(trial):
-                worst = min(names, key=lambda item, trial=trial: self._standing(item, trial))
-                if self._standing(worst, trial) > 1.0:
+                standings = [self._standing(item, trial) for item in names]
+                if min(standings) > 1.0:
                     break
-                trial = others_of(trial, worst)
+                trial = others_of(trial, names[int(np.argmin(standings))])
             several = len(model) + 1 - len(trial) > 1
             squares = self.pool.fit(trial).heldout_squares
             if squares < (here if several else decidedly) and names_of(trial) not in visited:
@@ -454,14 +305,14 @@ class Search:
         own = self.pool.fit((*others, cause))
         projection = self.beside(others)
         names = names_of((*others, cause))
-        named = [self.with_needed_joints(item.hypothesis, others)
+        named = [self._with_needed_joints(item.hypothesis, others)
                  for item in self.candidates.all_of(projection, set(names))
                  if item.gain > 0.5 * self.gains(cause, others)[0]]
         unnamed = [Hypothesis(kind, {}, self._joints) for kind in self._kinds
                    if kind.name not in names]
         found = [self._rival(None, self.pool.fit(others), own, True)]
         found += [self._rival(item, self.pool.fit((*others, item)), own,
-                              self.unbelievable(item, others) is None)
+                              self.belief.objection(item, others) is None)
                   for item in (*named, *unnamed)]
         return sorted(found, key=lambda rival: rival.margin)
 
@@ -470,18 +321,3 @@ class Search:
                ) -> Rival:
         return Rival(hypothesis, 0.5 * (there.heldout_squares - own.heldout_squares),
                      0.5 * (there.fit_squares - own.fit_squares), believable)
-
-
-def names_of(model: Sequence[Hypothesis]) -> frozenset[str]:
-    """Return the names of effects and the kinds of unnamed causes in a model."""
-    return frozenset(item.effect.name for item in model)
-
-
-def named_of(model: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Return the causes with a name."""
-    return [item for item in model if not isinstance(item.effect, Kind)]
-
-
-def others_of(model: Model, cause: Hypothesis) -> Model:
-    """Return a model without one of its causes."""
-    return tuple(item for item in model if item is not cause)

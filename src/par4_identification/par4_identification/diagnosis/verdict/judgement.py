@@ -11,7 +11,8 @@ import scipy
 from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.unnamed import Kind
-from par4_identification.diagnosis.search.search import Model, Search, others_of
+from par4_identification.diagnosis.search.causes import Model, others_of
+from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.verdict.pair import Pair, name_of
 
 

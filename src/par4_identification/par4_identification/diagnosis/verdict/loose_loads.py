@@ -9,7 +9,8 @@ from par4_dynamics.model_file import EffectEntry
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.fit import residuals, solve
 from par4_identification.diagnosis.evidence.holdout import Gain
-from par4_identification.diagnosis.search.search import Model, Search, named_of, others_of
+from par4_identification.diagnosis.search.causes import Model, named_of, others_of
+from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.verdict.answer import Cause
 from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.verdict.unrelated import left_of, lines_of, swing_of

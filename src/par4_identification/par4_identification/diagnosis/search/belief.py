@@ -1,0 +1,122 @@
+"""Whether a machine can have a cause: its values, its law, and what it does to friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from par4_dynamics.effects.effect import CERTAIN
+from par4_identification.diagnosis.evidence.estimates import estimated
+from par4_identification.diagnosis.evidence.fit import Fit
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.pool import Pool
+from par4_identification.diagnosis.evidence.projection import Projections
+from par4_identification.diagnosis.evidence.unnamed import Kind
+from par4_identification.diagnosis.search.candidates import Candidates
+from par4_identification.diagnosis.search.causes import Model
+from par4_identification.diagnosis.search.law import Dithered
+from par4_identification.diagnosis.search.requirement import requirement_of
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.shapes import order_name
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Says why a cause cannot be real.
+
+    Attributes:
+        candidates: the library.
+        pool: fits.
+        projections: of the same rows.
+        rules: what the torques of a model may get wrong.
+        dithered: what encoder counts may have made of the motion.
+    """
+
+    candidates: Candidates
+    pool: Pool
+    projections: Projections
+    rules: Rules
+    dithered: Dithered
+
+    def objection(self, hypothesis: Hypothesis, others: Model) -> str | None:
+        """Return why a cause cannot be real beside others, or None."""
+        if isinstance(hypothesis.effect, Kind):
+            return None
+        fit = self.pool.solution([*others, hypothesis])
+        reason = self._implausible(hypothesis, others, fit)
+        if (reason is None and hypothesis.effect.retimes
+                and not self._follows_its_law(hypothesis, others)):
+            reason = ('the torque is read at another time, but in second order of that time it '
+                      'does not follow this law')
+        return reason
+
+    def _inflation(self, model: Model) -> float:
+        return requirement_of(self.pool, model, self.rules).inflation
+
+    def _follows_its_law(self, hypothesis: Hypothesis, others: Model) -> bool:
+        """Return whether a torque read at another time has the second order of its law.
+
+        What the other causes get wrong counts as noise. Where no law passes so, what its own
+        torque gets wrong counts, too: some law it must have.
+        """
+        projection = self.projections.beside(others)
+
+        def obeys(item: Hypothesis, known: Model) -> bool:
+            time = float(self.pool.solution([*others, item]).coefficients[-1][0, 0])
+            return self.dithered.obeys(projection, item, time, self._inflation(known))
+
+        if obeys(hypothesis, others):
+            return True
+        laws = [self.candidates.best(effect, projection)
+                for effect in self.candidates.library.values()
+                if effect.retimes and effect is not hypothesis.effect]
+        return obeys(hypothesis, (*others, hypothesis)) and not any(
+            law is not None and obeys(law.hypothesis, others) for law in laws)
+
+    def _implausible(self, hypothesis: Hypothesis, others: Model, fit: Fit) -> str | None:
+        """Return why the values of a hypothesis, the last of a fit, are not those of a machine."""
+        effect, evidence = hypothesis.named, self.pool.evidence
+        acting = list(range(evidence.observations.joints) if effect.shared
+                      else hypothesis.joints)
+        coefficients = fit.coefficients[-1][:, acting]
+        level = {term.name: np.full(len(acting), value)
+                 for term, value in zip(evidence.observations.terms, fit.base)}
+        if effect.fixed_coefficients:
+            # their columns have the nominal friction; what they must reach is the refitted one
+            nominal = evidence.observations.runs[0].state.known
+            found = coefficients * nominal.values['coulomb_friction'][acting] / (
+                level['coulomb_friction'])
+            low, high = effect.fixed_range
+            if found.min() < low or found.max() > high:
+                return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '
+                        f'it must be')
+        inflation = self._inflation((*others, hypothesis))
+        values, std = estimated(evidence, hypothesis, fit, len(others), inflation)
+        reason = effect.implausible(values, std, level)
+        if reason is None and order_name(effect) is None:
+            reason = self._driven_beside(others, fit, inflation)
+        return reason
+
+    def _driven_beside(self, others: Model, fit: Fit, inflation: float) -> str | None:
+        """Return why the friction of an axis beside a cause, the last of a fit, is none, or None.
+
+        At a speed that hardly changes, a constant torque and friction stand for each other. A
+        torque that comes and goes along a turn cannot stand for friction and is not asked.
+        """
+        observations = self.pool.evidence.observations
+        if observations.runs[0].state.geometry is not None:
+            return None
+        speed = float(np.quantile(np.abs(np.concatenate(
+            [run.speed for run in observations.runs])), 0.95))
+        size = len(observations.terms)
+        before = self.pool.solution(others).base
+        for own in (0.0, speed):
+            weight = np.array([{'coulomb_friction': 1.0, 'viscous_friction': own}.get(
+                term.name, 0.0) for term in observations.terms])
+            level = float(weight @ fit.base)
+            std = float(np.sqrt(inflation * weight @ fit.covariance[:size, :size] @ weight))
+            if level < -CERTAIN * std and level < weight @ before:
+                return (f'beside it friction comes out as {level:.3g} N m at {own:.3g} rad/s, '
+                        f'which drives')
+        return None

@@ -1,0 +1,98 @@
+"""The joints and the parts of an effect that a hypothesis needs, chosen among all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.pool import Pool
+from par4_identification.diagnosis.evidence.unnamed import Kind
+from par4_identification.diagnosis.search.causes import Model
+from par4_identification.diagnosis.search.requirement import requirement_of
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.shapes import order_name
+
+
+def with_needed_joints(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Model
+                       ) -> Hypothesis:
+    """Return a name with only those joints and parts that are worth their price.
+
+    Joints share the base parameters, so that an effect on one leaves a trace on all, and what all
+    have in common belongs to the base: every set of joints is tried. So is, of a shared effect,
+    every choice of its separable sets: one dimension that is wrong looks like several. What rows
+    held out miss is needed, whatever its price.
+
+    Args:
+        pool: fits.
+        rules: the price of a coefficient, and what rows held out must gain.
+        hypothesis: an effect on all joints.
+        others: the causes beside it.
+    """
+    hypothesis = _with_confirmed_orders(pool, rules, hypothesis, others)
+    # what the causes get wrong may look like one more joint, though not all of it
+    doubt = np.sqrt(requirement_of(pool, (*others, hypothesis), rules).inflation)
+    price = rules.price * doubt
+    everywhere = tuple(range(pool.evidence.observations.joints))
+    trials = list(choices(hypothesis, everywhere)) or [hypothesis]
+    fits = [pool.fit((*others, trial)) for trial in trials]
+    most = min(fit.heldout_squares for fit in fits) + 2.0 * rules.margin * doubt
+    losses = [0.5 * fit.fit_squares + price * pool.width(trial)
+              if fit.heldout_squares <= most else np.inf for trial, fit in zip(trials, fits)]
+    return trials[int(np.argmin(np.round(losses, 6)))]  # of equals the first
+
+
+def with_acting_joints(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Model
+                       ) -> Hypothesis:
+    """Return an unnamed cause without the joints that rows held out do not ask for."""
+    if hypothesis.effect.shared:
+        return hypothesis
+    everywhere = tuple(range(pool.evidence.observations.joints))
+    best = pool.fit((*others, hypothesis)).heldout_squares
+    for count in range(1, len(everywhere)):
+        trials = [replace(hypothesis, joints=joints)
+                  for joints in combinations(everywhere, count)]
+        squares = [pool.fit((*others, trial)).heldout_squares for trial in trials]
+        if min(squares) <= best + 2.0 * rules.margin:
+            return trials[int(np.argmin(squares))]
+    return hypothesis
+
+
+def choices(hypothesis: Hypothesis, everywhere: tuple[int, ...]) -> Iterator[Hypothesis]:
+    """Yield a name on each set of joints, or with each choice of its separable sets.
+
+    Those with few come first. A machine with one joint leaves no choice.
+    """
+    effect = hypothesis.named
+    if len(everywhere) == 1:
+        return
+    numbers = tuple(range(len(effect.separable))) if effect.shared else everywhere
+    of_joints = all(parameter.scope == 'joint' for parameter in effect.parameters)
+    for count in range(1, len(numbers) + 1):
+        for chosen in combinations(numbers, count):
+            if not effect.shared:
+                yield replace(hypothesis, joints=chosen)
+            else:
+                yield replace(hypothesis, sets=chosen,
+                              joints=chosen if of_joints else hypothesis.joints)
+
+
+def _with_confirmed_orders(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Model
+                           ) -> Hypothesis:
+    """Return a periodic torque without the orders that rows held out do not ask for."""
+    if isinstance(hypothesis.effect, Kind):
+        return hypothesis
+    name = order_name(hypothesis.effect)
+    while name is not None and isinstance(orders := hypothesis.shape[name], tuple):
+        fewer = [orders[:index] + orders[index + 1:] for index in range(len(orders))]
+        trials = [replace(hypothesis, shape={name: kept if len(kept) > 1 else kept[0]})
+                  for kept in fewer]
+        squares = [pool.fit((*others, trial)).heldout_squares for trial in trials]
+        most = pool.fit((*others, hypothesis)).heldout_squares + 2.0 * rules.margin
+        if min(squares) > most:
+            break
+        hypothesis = trials[int(np.argmin(squares))]
+    return hypothesis
