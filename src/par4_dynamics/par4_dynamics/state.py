@@ -10,7 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from par4_kinematics.acceleration import JointMotion, joint_motion, platform_motion
+from par4_kinematics.acceleration import (
+    JointMotion,
+    joint_motion,
+    platform_motion,
+    platform_motion_at,
+)
 from par4_kinematics.arrays import as_matching_rows
 from par4_kinematics.geometry import Geometry
 from par4_kinematics.robot import Hanging
@@ -152,7 +157,13 @@ class State:
         """Return the bodies' torque (n, J), N m, with q, qd or qdd changed by (J,)."""
         motion = {part: getattr(self, part) for part in ('q', 'qd', 'qdd')}
         motion[name] = motion[name] + change
-        return self.known.rigid_torque(state_of_joints(self.geometry, self.t, **motion))
+        if name == 'q' or self.geometry is None:
+            nearby = state_of_joints(self.geometry, self.t, **motion)
+        else:  # the pose is known
+            moved = platform_motion_at(self.geometry, self.platform.x, motion['qd'],
+                                       motion['qdd'])
+            nearby = replace(self, nominal=None, **motion, xd=moved.xd, xdd=moved.xdd)
+        return self.known.rigid_torque(nearby)
 
     def part(self, rows: slice) -> State:
         """Return the motion of some of the samples, without its nominal torque."""

@@ -185,12 +185,17 @@ def platform_motion(geometry: Geometry, q: ArrayLike, qd: ArrayLike, qdd: ArrayL
         InputError: shapes that do not match or values that are not finite.
     """
     (q_rows, qd_rows, qdd_rows), leading = as_matching_rows({'q': q, 'qd': qd, 'qdd': qdd})
-    x = forward_kinematics(geometry, q_rows)
-    xd, xdd = np.empty_like(x), np.empty_like(x)
-    turns = turns_of(x)
-    _platform_rate_rows(geometry.packed, x, turns, qd_rows, qdd_rows, xd, xdd)
     shape = (*leading, LEGS)
-    return PlatformMotion(x.reshape(shape), xd.reshape(shape), xdd.reshape(shape))
+    rows = platform_motion_at(geometry, forward_kinematics(geometry, q_rows), qd_rows, qdd_rows)
+    return PlatformMotion(rows.x.reshape(shape), rows.xd.reshape(shape), rows.xdd.reshape(shape))
+
+
+def platform_motion_at(geometry: Geometry, x: np.ndarray, qd: np.ndarray, qdd: np.ndarray
+                       ) -> PlatformMotion:
+    """Return the platform motion at known poses x (n, 4) for joint rates (n, 4)."""
+    xd, xdd = np.empty_like(x), np.empty_like(x)
+    _platform_rate_rows(geometry.packed, x, turns_of(x), qd, qdd, xd, xdd)
+    return PlatformMotion(x, xd, xdd)
 
 
 def half_plate_accelerations(geometry: Geometry, x: np.ndarray, xd: np.ndarray, xdd: np.ndarray

@@ -12,7 +12,7 @@ import numpy as np
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.observations import Observations, lasting
+from par4_identification.diagnosis.evidence.observations import AT_ONCE, Observations, lasting
 from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.evidence.whitener import Whitener
 
@@ -167,17 +167,22 @@ class Evidence:
         columns = self.base if key == BASE else self.target_left[:, None]
         return tuple(columns[first:last] for first, last in zip(self.ends, self.ends[1:]))
 
-    def torque(self, key: Key, torque: Callable[[State], np.ndarray]) -> np.ndarray:
-        """Return the whitened, stacked rows (N,) of a torque; computed once for a key.
+    def torques(self, keys: Sequence[Key], torque: Callable[[State, Key], np.ndarray]
+                ) -> np.ndarray:
+        """Return the whitened, stacked rows (N, k) of torques; each computed once for its key.
 
         Args:
-            key: an effect's name and whatever tells its torques apart.
-            torque: of a motion, (n, J), N m.
+            keys: an effect and whatever tells its torques apart, k of them.
+            torque: of a motion and a key, (n, J), N m.
         """
-        if key not in self._kept:
-            self._kept[key] = self.whitened([run.rows(torque(run.state))
-                                             for run in self.observations.runs])
-        return self._kept[key]
+        missing = [key for key in keys if key not in self._kept]
+        for first in range(0, len(missing), AT_ONCE):
+            some = missing[first:first + AT_ONCE]
+            rows = [run.rows(np.stack([torque(run.state, key) for key in some], axis=-1))
+                    for run in self.observations.runs]
+            white = np.concatenate(self.whitener.whiten(rows))
+            self._kept.update(zip(some, np.ascontiguousarray(white.T)))
+        return np.stack([self._kept[key] for key in keys], axis=1)
 
     def columns(self, hypothesis: Hypothesis) -> np.ndarray:
         """Return the whitened, stacked columns of a hypothesis."""

@@ -10,6 +10,8 @@ from scipy.optimize import least_squares
 
 from par4_dynamics.effects.elastic_transmission import STIFFNESSES, ElasticTransmission
 from par4_dynamics.effects.transmission import DAMPING_RATIO, Springs
+from par4_dynamics.state import State
+from par4_identification.diagnosis.evidence.evidence import Key
 from par4_identification.diagnosis.evidence.projection import Projection
 
 GRID = np.geomspace(1e-5, 1e-2, 19)
@@ -42,19 +44,22 @@ def compliances(projection: Projection, least: float) -> tuple[np.ndarray, float
     evidence, target = projection.evidence, projection.residual
     springs = {id(run.state): Springs(run.state) for run in evidence.observations.runs}
 
-    def torque(compliance: np.ndarray, damping: float) -> np.ndarray:
-        return evidence.torque(
-            (ElasticTransmission, (damping, *np.round(np.log(compliance + TINY), 9))),
-            lambda state: springs[id(state)].torque(
-                compliance, damping, COARSE_STEP if damping == COARSE_DAMPING else 1)[1])
+    def torque(state: State, key: Key) -> np.ndarray:
+        damping, *compliance = key[1]
+        every = COARSE_STEP if damping == COARSE_DAMPING else 1
+        return springs[id(state)].torque(np.array(compliance), damping, every)[1]
 
-    def left(damping: float, log_compliance: np.ndarray) -> np.ndarray:
-        return target - projection.rest(torque(np.exp(log_compliance), damping))
+    def torques(trials: np.ndarray, damping: float) -> np.ndarray:
+        known = np.exp(np.round(np.log(trials + TINY), 9)) * (trials > 0.0)
+        return evidence.torques([(ElasticTransmission, (damping, *row)) for row in known], torque)
+
+    def left(damping: float, trials: np.ndarray) -> np.ndarray:
+        return target[:, None] - projection.rest(torques(np.exp(trials), damping))
 
     joints = evidence.observations.joints
-    alone = [torque(compliance * unit, COARSE_DAMPING)
-             for unit in np.eye(joints) for compliance in GRID]
-    found, worth = _first_look(projection.rest(np.stack(alone, axis=1)), target, joints)
+    alone = torques(np.concatenate([GRID[:, None] * unit for unit in np.eye(joints)]),
+                    COARSE_DAMPING)
+    found, worth = _first_look(projection.rest(alone), target, joints)
     if worth <= least:
         return None
     for damping in (COARSE_DAMPING, DAMPING_RATIO):
@@ -94,18 +99,21 @@ def _descended(left: Callable[[np.ndarray], np.ndarray], start: np.ndarray
                ) -> tuple[np.ndarray, float]:
     """Return the minimum of |left(x)|^2 near `start` (J,), within what is believed, and its value.
 
+    `left` (n, k) is that of k trials (k, J).
+
     The box of the first step is `WIDEST`, so that the search stays in the basin where it begins.
     """
     lowest, highest = np.log(2.0 * STIFFEST), np.log(SOFTEST)
     start = np.clip(start, lowest, highest)
 
     def slopes(change: np.ndarray) -> np.ndarray:
-        here = left(start + change)
-        return np.stack([(left(start + change + CHANGE * unit) - here) / CHANGE
-                         for unit in np.eye(len(start))], axis=1)
+        steps = CHANGE * np.concatenate((np.zeros((1, len(start))), np.eye(len(start))))
+        here, *moved = left(start + change + steps).T
+        return np.stack([(there - here) / CHANGE for there in moved], axis=1)
 
     found = least_squares(
-        lambda change: left(start + change), np.zeros_like(start), slopes, method='dogbox',
+        lambda change: left((start + change)[None])[:, 0], np.zeros_like(start), slopes,
+        method='dogbox',
         bounds=(lowest - start, highest - start), x_scale=WIDEST, ftol=SETTLED, max_nfev=TRIALS)
     return start + found.x, 2.0 * float(found.cost)
 
