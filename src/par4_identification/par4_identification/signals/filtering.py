@@ -57,30 +57,30 @@ def _butterworth(cutoff: float, order: int) -> np.ndarray:
 
 @numba.njit(cache=True, error_model='numpy')
 def _forward_backward(lines, sections):
-    """Filter columns (n, k) in place, forward and then backward, all sections in each sweep.
+    """Filter columns (n, k) in place, forward and then backward."""
+    for section in sections:
+        _sweep(lines, section, 0, len(lines), 1)
+    for section in sections:
+        _sweep(lines, section, len(lines) - 1, -1, -1)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _sweep(lines, section, start, stop, step):
+    """Run one section over the rows from `start` on, in place.
 
     Direct form II transposed, at rest on the first row. A row waits for the row before it, a column
-    for no other: columns are the inner loop.
+    for no other: columns are the inner loop, which the compiler turns into vector instructions.
     """
-    count, width = len(sections), lines.shape[1]
-    near, far = np.empty((count, width)), np.empty((count, width))
-    for direction in (1, -1):
-        start = 0 if direction == 1 else len(lines) - 1
-        for section in range(count):
-            gain, _, a2 = sections[section]
-            for column in range(width):
-                near[section, column] = (1.0 - gain) * lines[start, column]
-                far[section, column] = (gain - a2) * lines[start, column]
-        for step in range(len(lines)):
-            row = start + direction * step
-            for section in range(count):
-                gain, a1, a2 = sections[section]
-                for column in range(width):
-                    value = gain * lines[row, column]
-                    out = value + near[section, column]
-                    near[section, column] = (2.0 * value + far[section, column]) - a1 * out
-                    far[section, column] = value - a2 * out
-                    lines[row, column] = out
+    gain, a1, a2 = section
+    near, far = (1.0 - gain) * lines[start], (gain - a2) * lines[start]
+    for row in range(start, stop, step):
+        line = lines[row]
+        for column in range(len(line)):
+            value = gain * line[column]
+            out = value + near[column]
+            near[column] = (2.0 * value + far[column]) - a1 * out
+            far[column] = value - a2 * out
+            line[column] = out
 
 
 def central_difference(values: np.ndarray, period: float) -> np.ndarray:
