@@ -104,14 +104,15 @@ class Springs:
         """
         if self._still or not np.any(compliance > 0.0):
             return self._rigid, np.zeros_like(self._rigid)
-        soft = np.maximum(compliance, 0.0)
-        own = np.einsum('njj->j', self._inertia) / len(self._inertia)
-        lag = 2.0 * damping_ratio * np.sqrt(soft * own)  # c d of each joint, s
+        soft = np.flatnonzero(compliance > 0.0)
+        twisting = compliance[soft]
+        own = np.mean(self._inertia[:, soft, soft], axis=0)
+        lag = 2.0 * damping_ratio * np.sqrt(twisting * own)  # c d of each joint, s
         steps = slice(None, None, every)
         load = np.ascontiguousarray(self._load[steps])
         spring, change = np.empty_like(load), np.empty_like(load)
-        _swing(load, self._place[steps], self._inertia, soft, lag, self._more[steps],
-               every * self._period, spring, change)
+        _swing(load, self._place[steps], np.ascontiguousarray(self._inertia[:, :, soft]), soft,
+               twisting, lag, self._more[steps], every * self._period, spring, change)
         if every == 1:
             return spring[self._before:], change[self._before:]
         told = every * np.arange(len(load))
@@ -122,34 +123,47 @@ class Springs:
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _swing(load, place, inertia, compliance, lag, more, h, spring, change):
-    """Integrate c M sdd + c d sd + s = c T_0 by the trapezoidal rule, stable however stiff."""
-    joints = load.shape[1]
-    twist, speed, rate = compliance * load[0], np.zeros(joints), np.zeros(joints)
-    here = np.empty((joints, joints))
-    matrix, right = np.empty((joints, joints)), np.empty((joints, 1))
+def _swing(load, place, inertia, soft, compliance, lag, more, h, spring, change):
+    """Integrate c M sdd + c d sd + s = c T_0 by the trapezoidal rule, stable however stiff.
+
+    Only the `soft` joints (k,) twist. The inertia (nodes, J, k) is what it takes to accelerate each
+    of them, `compliance` and `lag` (k,) are theirs.
+    """
+    joints, count = inertia.shape[1:]
+    twist, speed, rate = np.empty(count), np.zeros(count), np.zeros(count)
+    for k in range(count):
+        twist[k] = compliance[k] * load[0, soft[k]]
+    here = np.empty((joints, count))
+    matrix, right = np.empty((count, count)), np.empty((count, 1))
     for row in range(len(load)):
         node = min(int(place[row]), len(inertia) - 2)
         share = place[row] - node
-        twist += h * speed + 0.25 * h * h * rate
-        speed += 0.5 * h * rate
         for i in range(joints):
-            slow = more[row] * lag[i]
-            right[i, 0] = compliance[i] * load[row, i] - slow * speed[i] - twist[i]
-            for j in range(joints):
-                here[i, j] = (1.0 - share) * inertia[node, i, j] + share * inertia[node + 1, i, j]
-                matrix[i, j] = compliance[i] * here[i, j]
-            matrix[i, i] += 0.5 * h * slow + 0.25 * h * h
-        solve_in_place(matrix, right)
-        rate = right[:, 0].copy()
-        twist += 0.25 * h * h * rate
-        speed += 0.5 * h * rate
+            for k in range(count):
+                here[i, k] = (1.0 - share) * inertia[node, i, k] + share * inertia[node + 1, i, k]
+        for k in range(count):
+            twist[k] += h * speed[k] + 0.25 * h * h * rate[k]
+            speed[k] += 0.5 * h * rate[k]
+            slow = more[row] * lag[k]
+            right[k, 0] = compliance[k] * load[row, soft[k]] - slow * speed[k] - twist[k]
+            for other in range(count):
+                matrix[k, other] = compliance[k] * here[soft[k], other]
+            matrix[k, k] += 0.5 * h * slow + 0.25 * h * h
+        if count == 1:
+            right[0, 0] /= matrix[0, 0]
+        else:
+            solve_in_place(matrix, right)
+        for k in range(count):
+            rate[k] = right[k, 0]
+            twist[k] += 0.25 * h * h * rate[k]
+            speed[k] += 0.5 * h * rate[k]
         for i in range(joints):
             change[row, i] = 0.0
-            for j in range(joints):
-                change[row, i] -= here[i, j] * rate[j]
-            spring[row, i] = (twist[i] / compliance[i] if compliance[i] > 0.0
-                              else load[row, i] + change[row, i])
+            for k in range(count):
+                change[row, i] -= here[i, k] * rate[k]
+            spring[row, i] = load[row, i] + change[row, i]
+        for k in range(count):
+            spring[row, soft[k]] = twist[k] / compliance[k]
 
 
 def one_a_joint(values: np.ndarray) -> np.ndarray:
