@@ -38,11 +38,18 @@ Periods = tuple[tuple[int, ...], ...]
 
 @dataclass(frozen=True)
 class PlatformRanges:
-    """Scales of the platform's motion in the fitted data: pose, speed, acceleration, (4,) each."""
+    """Scales of the platform's motion in the fitted data, (4,) each.
+
+    Attributes:
+        x: lowest and highest pose.
+        xd, xdd: largest speed and acceleration.
+        force: forces, N, and moment, N m, each of which takes joint torques of 1 N m (rms).
+    """
 
     x: tuple[np.ndarray, np.ndarray]
     xd: np.ndarray
     xdd: np.ndarray
+    force: np.ndarray
 
     def place(self, x: np.ndarray) -> np.ndarray:
         """Return poses (n, 4) in -1 .. 1 of the fitted ones."""
@@ -155,7 +162,8 @@ def _load(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
 def _wrench(state: State, ranges: Ranges) -> np.ndarray:
     motion, scales = state.platform, ranges.of_platform
     place, speed = scales.place(motion.x), motion.xd / scales.xd
-    forces = np.stack((np.ones_like(place), place, np.sign(speed), speed, np.abs(speed) * speed))
+    forces = scales.force * np.stack(
+        (np.ones_like(place), place, np.sign(speed), speed, np.abs(speed) * speed))
     return np.stack([state.torque_of_force(axis * force)
                      for axis in np.eye(4) for force in forces], axis=-1)
 
@@ -314,7 +322,15 @@ def ranges_of(observations: Observations) -> Ranges:
     platform = states[0].x is not None
     return Ranges(
         span('q'), largest('qd'), largest('qdd'), float(max(state.t[-1] for state in states)),
-        PlatformRanges(span('x'), largest('xd'), largest('xdd')) if platform else None)
+        PlatformRanges(span('x'), largest('xd'), largest('xdd'), _equal_forces(states))
+        if platform else None)
+
+
+def _equal_forces(states: Sequence[State]) -> np.ndarray:
+    """Return the size (4,) of forces and of a moment that take joint torques of 1 N m (rms)."""
+    torques = np.concatenate([np.stack([state.torque_of_force(axis) for axis in np.eye(4)])
+                              for state in states], axis=1)
+    return 1.0 / np.maximum(np.sqrt(np.mean(torques ** 2, axis=(1, 2))), 1e-9)
 
 
 def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], span: np.ndarray
