@@ -78,7 +78,7 @@ def _hysteresis(_known: Known, values: Values, step: float) -> Act:
 
 
 BOUC_WEN = Outside(
-    'bouc_wen', ('speed', 'position', 'drift'),
+    'bouc_wen', ('memory', 'speed', 'position', 'drift'),
     lambda random, known, joints: {
         'torque': on(joints, random.uniform(0.15, 0.5, len(joints)) * coulomb(known)[joints]),
         'distance': random.uniform(0.05, 0.2), 'order': random.uniform(1.5, 3.0),
@@ -100,7 +100,7 @@ def _home(known: Known) -> np.ndarray:
 
 
 TIGHT_SPOT = Outside(
-    'tight_spot', ('position', 'speed', 'periodic', 'platform'),
+    'tight_spot', ('place', 'position', 'speed', 'periodic', 'platform'),
     lambda random, known, joints: {
         'torque': _some(random, joints, 0.3, 1.2),
         'place': _home(known) + random.uniform(-0.2, 0.2, LEGS),
@@ -118,7 +118,7 @@ def _uneven(_known: Known, values: Values, _step: float) -> Act:
 
 
 FRICTION_WAVE = Outside(
-    'friction_wave', ('periodic', 'position', 'speed'),
+    'friction_wave', ('place', 'periodic', 'position', 'speed'),
     lambda random, known, joints: {
         'torque': on(joints, random.uniform(0.15, 0.5, len(joints)) * coulomb(known)[joints]),
         'periods': float(random.integers(6, 25)), 'phase': random.uniform(-3.1, 3.1, LEGS)},
@@ -137,7 +137,7 @@ def _high(known: Known, values: Values, _step: float) -> Act:
 
 
 HEIGHT_FRICTION = Outside(
-    'height_friction', ('speed', 'platform', 'position', 'drift'),
+    'height_friction', ('pose', 'place', 'speed', 'platform', 'position', 'drift'),
     lambda random, known, joints: {
         'torque': on(joints, random.uniform(0.3, 0.8, len(joints)) * coulomb(known)[joints])},
     starts=_high)
@@ -177,7 +177,7 @@ def _hose(_known: Known, values: Values, step: float) -> Act:
 
 
 CREEP_HOSE = Outside(
-    'creep', ('position', 'time', 'drift', 'speed', 'platform', 'wrench'),
+    'creep', ('creep', 'position', 'time', 'drift', 'speed', 'platform', 'wrench'),
     lambda random, _known, joints: {'stiffness': _some(random, joints, 1.5, 5.0),
                                     'time': random.uniform(0.3, 3.0)},
     starts=_hose)
@@ -241,7 +241,7 @@ def _sagging(_known: Known, values: Values, step: float) -> Act:
 
 
 SUPPLY_SAG = Outside(
-    'supply_sag', ('torque', 'load', 'speed', 'acceleration', 'rate', 'platform'),
+    'supply_sag', ('gain', 'torque', 'load', 'speed', 'acceleration', 'rate', 'platform'),
     lambda random, _known, _joints: {
         'sag': random.uniform(0.05, 0.2), 'power': 100.0, 'loss': 0.05,
         'time': random.uniform(0.005, 0.05)},
@@ -261,7 +261,7 @@ def _warming(_known: Known, values: Values, step: float) -> Act:
 
 
 GAIN_DRIFT = Outside(
-    'gain_drift', ('torque', 'time', 'drift', 'load', 'acceleration', 'platform'),
+    'gain_drift', ('gain', 'torque', 'time', 'drift', 'load', 'acceleration', 'platform'),
     lambda random, _known, joints: {'loss': _some(random, joints, 0.03, 0.1),
                                     'time': random.uniform(3.0, 15.0)},
     starts=_warming)
@@ -276,7 +276,7 @@ def _dead_band(_known: Known, values: Values, _step: float) -> Act:
 
 
 DEAD_BAND = Outside(
-    'dead_band', ('torque', 'load', 'speed', 'acceleration', 'platform'),
+    'dead_band', ('gain', 'torque', 'load', 'speed', 'acceleration', 'platform'),
     lambda random, _known, joints: {'width': _some(random, joints, 0.2, 0.8)},
     starts=_dead_band)
 
@@ -310,7 +310,7 @@ def _cross_talk(values: Values, _t, torque: np.ndarray, _random) -> np.ndarray:
 
 
 CROSS_TALK = Outside(
-    'cross_talk', ('torque', 'load', 'platform', 'acceleration', 'wrench', 'position'),
+    'cross_talk', ('coupling', 'torque', 'load', 'platform', 'acceleration', 'wrench', 'position'),
     lambda random, _known, joints: {'share': on(
         joints, signs(random, joints) * random.uniform(0.02, 0.08, len(joints)))},
     tells=_cross_talk)

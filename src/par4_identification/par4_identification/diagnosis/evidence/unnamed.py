@@ -28,6 +28,8 @@ PRIOR_ROWS = 3.0
 PERIODS = np.arange(LOWEST_PERIODS, HIGHEST_PERIODS + 1)
 SLIPS = np.geomspace(1e-3, 0.5, 9)
 """rad: deflections at which the springs of friction with a memory slip."""
+RELAXATIONS = (0.1, 0.4, 1.6, 6.4)
+"""s: times in which the force of a spring that creeps dies away."""
 READING_DEGREE = 3
 """Of the polynomial of a joint's position by which its reading may be wrong."""
 
@@ -193,6 +195,39 @@ def elastic_slip(q, slips):
     return share
 
 
+def _pose(state: State, ranges: Ranges) -> np.ndarray:
+    place = ranges.of_platform.place(state.platform.x)
+    features = np.concatenate((np.ones_like(place[:, :1]), place, place ** 2), axis=1)
+    return features[:, None, :] * np.sign(state.qd)[..., None]
+
+
+def _creep(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    """Springs whose force dies away with `RELAXATIONS`, and one whose force stays."""
+    start = state.q[0]
+    period = (state.t[-1] - state.t[0]) / max(len(state.t) - 1, 1)
+    columns = [state.q - start]
+    for time in RELAXATIONS:
+        kept = np.exp(-period / time)
+        crept = scipy.signal.lfilter([1.0 - kept], [1.0, -kept], state.q - start, axis=0)
+        columns.append(state.q - start - crept)
+    return np.stack(columns, axis=-1)
+
+
+def _gain(state: State, ranges: Ranges) -> np.ndarray:
+    torque = state.known.delivered
+    level = np.sqrt(np.mean(torque ** 2, axis=0)) + 1e-9
+    drifts = _time(state, ranges) * torque[..., None]
+    bent = [np.tanh(torque / (share * level)) for share in (0.03, 0.1, 0.3)]
+    bent += [torque * np.abs(torque) / level, torque * np.abs(state.qd) / ranges.qd]
+    return np.concatenate((drifts, np.stack(bent, axis=-1)), axis=-1)
+
+
+def _coupling(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    torque, joints = state.known.delivered, state.joints
+    others = [np.delete(np.arange(joints), joint) for joint in range(joints)]
+    return np.stack([torque[:, chosen] for chosen in others], axis=1)
+
+
 def _drift(state: State, ranges: Ranges) -> np.ndarray:
     return _time(state, ranges) * np.sign(state.qd)[..., None]
 
@@ -264,6 +299,13 @@ KINDS = (
     Kind('load', 'a share of the torque itself', _load, needs_nominal=True),
     Kind('wrench', 'a force on the platform that follows its position and speed', _wrench,
          shared=True, needs_platform=True),
+    Kind('gain', 'a share of the torque itself that changes with time, speed or torque', _gain,
+         needs_nominal=True),
+    Kind('coupling', 'a share of the torque of other joints', _coupling, needs_platform=True,
+         needs_nominal=True),
+    Kind('pose', 'friction that changes with the pose of the platform', _pose,
+         needs_platform=True),
+    Kind('creep', 'a spring that creeps', _creep),
     Kind('drift', 'friction that changes with time', _drift),
     Kind('place', 'friction that changes with joint position', _place),
     Kind('memory', 'friction that remembers the way the joint came', _memory))
