@@ -193,7 +193,7 @@ def _peaks(time: np.ndarray, left: np.ndarray, valid: np.ndarray, chance: float
     power = np.abs(np.fft.rfft(kept)) ** 2
     frequency = np.fft.rfftfreq(len(kept), float(time[1] - time[0]))
     # the median of the squares of noise is ln 2 of their mean
-    level = scipy.ndimage.median_filter(power, BACKGROUND, mode='nearest') / np.log(2.0)
+    level = scipy.ndimage.median_filter(power, BACKGROUND, mode='mirror') / np.log(2.0)
     limit = -np.log(chance / len(power))
     window = np.hanning(len(left))[valid].sum()
     found = []

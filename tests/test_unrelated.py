@@ -1,0 +1,69 @@
+"""What follows nothing in the motion: lines of steady frequencies, and noise that is none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from measured import excitation
+from planned import log_of
+
+from par4_identification.diagnosis.verdict.unrelated import lines_of
+from par4_identification.signals.filtering import low_pass
+from par4_identification.signals.rows import runs_of_log
+from robots import REFERENCE
+
+LINE = 12.3
+"""Hz."""
+
+
+@pytest.fixture(scope='module')
+def parts():
+    """Return runs to fit and held out, with gaps such as the standstills of slow motions leave."""
+    made = []
+    for seed, duration in ((70, 12.0), (80, 8.0)):
+        motion = excitation('reference', duration, seed)
+        run, = runs_of_log(log_of(REFERENCE, motion.t, motion.q, np.zeros_like(motion.q), 1),
+                           REFERENCE)
+        moving = np.random.default_rng(seed).random((len(run.t) // 20 + 1, 4)) > 0.3
+        made.append([replace(run, valid=run.valid & np.repeat(moving, 20, axis=0)[:len(run.t)])])
+    return made
+
+
+def left(runs, random: np.random.Generator, frequency: float = LINE, amplitude: float = 0.0):
+    """Return residuals: white noise, noise that wanders, and a line on joint 2."""
+    found = []
+    for run in runs:
+        t = run.state.t
+        noise = random.normal(0.0, 0.05, run.state.q.shape)
+        noise += low_pass(random.normal(0.0, 1.0, noise.shape), 10.0, float(t[1] - t[0]))
+        noise[:, 2] += amplitude * np.sin(2.0 * np.pi * frequency * t + random.uniform(0.0, 6.0))
+        rows = run.rows(noise)
+        found.append((run, rows, np.zeros_like(rows)))
+    return found
+
+
+def test_noise_makes_no_line(parts):
+    told = [lines_of(*(left(part, np.random.default_rng((seed, number)))
+                       for number, part in enumerate(parts))) for seed in range(20)]
+    assert sum(map(bool, told)) == 0, told
+
+
+def test_the_end_of_the_spectrum_makes_no_line(parts):
+    """The last value of a spectrum may be near zero, which says nothing of those before it."""
+    told = []
+    for seed in range(500):
+        random = np.random.default_rng(seed)
+        told += lines_of(*([(run, random.normal(size=(len(run.t), 4)), np.zeros((len(run.t), 4)))
+                            for run in part] for part in parts))
+    assert told == []
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_a_line_is_told_with_its_frequency_and_its_joint(parts, seed):
+    random = np.random.default_rng(seed)
+    line, = lines_of(*(left(part, random, LINE, 0.3) for part in parts))
+    assert line.frequency_hz == pytest.approx(LINE, abs=0.1)
+    assert np.flatnonzero(line.amplitude).tolist() == [2]
+    assert line.amplitude[2] == pytest.approx(0.3, rel=0.3)
