@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from browser import check_in_browser
 from ruamel.yaml import YAML
 from test_commands import checked_page, run
 
@@ -334,6 +335,7 @@ def test_the_command_says_what_it_found(done):
 
 def test_the_report_stands_alone(done):
     page = checked_page(done.folder / 'report.html', 2)
+    check_in_browser(done.folder / 'report.html', 2)
     sentence = done.out.splitlines()[0]
     assert page.text.index(sentence) < page.text.index('What it rests on')
     for words in ('rods of 40 g', 'diagonal', '± 45.0°', 'share of the whole', 'noise'):
