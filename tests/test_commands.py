@@ -39,6 +39,7 @@ from par4_identification.fitting.identification import identify as fit_parameter
 from par4_identification.logs.bag_hash import bag_sha256
 from par4_identification.logs.read_log import read_log
 from par4_identification.reports.cause_cells import parameter_cells
+from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.diagnosis import (
     diagnosis_json,
     outcome_of_diagnosis,
@@ -49,13 +50,12 @@ from par4_identification.reports.outcome.identification import (
     memory,
     outcome_of_identification,
 )
-from par4_identification.reports.plots import (
-    Names,
+from par4_identification.reports.residual_plots import (
     residual_over_motion,
-    residual_over_time,
     residual_statistics,
     signature,
 )
+from par4_identification.reports.time_plots import residual_over_time
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
 from par4_sim.bag_writer import BagWriter

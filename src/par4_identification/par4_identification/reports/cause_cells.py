@@ -12,8 +12,9 @@ import numpy as np
 from par4_dynamics.model import build_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis
+from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.diagnosis import phrase_of_cause, told_from_zero
-from par4_identification.reports.plots import Names, signature
+from par4_identification.reports.residual_plots import signature
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.words import (
     in_words,

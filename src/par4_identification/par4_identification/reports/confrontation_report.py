@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from par4_identification.confrontation.confrontation import Confrontation, Errors, Unsimulated
+from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.confrontation import MILLI, confrontation_in_words
 from par4_identification.reports.outcome.outcome import over_joints
-from par4_identification.reports.plots import Names, measured_and_simulated
+from par4_identification.reports.time_plots import measured_and_simulated
 from par4_sim.report.words import number
 
 Rows = list[tuple[str, list[str], str]]

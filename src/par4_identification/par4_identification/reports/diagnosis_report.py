@@ -19,22 +19,21 @@ from par4_identification.logs.log import Log
 from par4_identification.reports.cause_cells import cause_cells
 from par4_identification.reports.changes_report import changes_cells
 from par4_identification.reports.confrontation_report import confrontation_cells
+from par4_identification.reports.deviation_plots import Bar, deviation_bars
+from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.changes import verdict_with_changes
 from par4_identification.reports.outcome.next_experiment import advice
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.page import joint_cells, names_of, page_of
-from par4_identification.reports.plots import (
-    Bar,
-    Names,
-    deviation_bars,
-    measured_motion,
-    proposed_motion,
-    residual_over_motion,
-    residual_over_time,
-)
+from par4_identification.reports.residual_plots import residual_over_motion
 from par4_identification.reports.run_pictures import joined_time, statistics_of_runs
 from par4_identification.reports.sample_traces import torque_traces, worst_run
 from par4_identification.reports.steady_plots import steady_speeds_of, torque_over_speed
+from par4_identification.reports.time_plots import (
+    measured_motion,
+    proposed_motion,
+    residual_over_time,
+)
 from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome

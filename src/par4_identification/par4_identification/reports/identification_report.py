@@ -11,13 +11,14 @@ import numpy as np
 from par4_dynamics.model import build_model
 from par4_identification.fitting.identification import Identification
 from par4_identification.logs.log import Log
+from par4_identification.reports.deviation_plots import Bar, deviation_bars
 from par4_identification.reports.outcome.estimator import estimator_in_words
 from par4_identification.reports.outcome.identification import ParameterRow
 from par4_identification.reports.page import names_of, page_of
-from par4_identification.reports.plots import Bar, deviation_bars, torque_over_time
 from par4_identification.reports.run_pictures import series_of_runs, statistics_of_runs
 from par4_identification.reports.sample_traces import loaded, torque_traces, worst_run
 from par4_identification.reports.steady_plots import steady_speeds_with, torque_over_speed
+from par4_identification.reports.time_plots import torque_over_time
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.words import in_words, listed, number, percent, typeset, with_std

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from par4_identification.logs.log import Log
-from par4_identification.reports.plots import Names
+from par4_identification.reports.names import Names
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.page import rendered
