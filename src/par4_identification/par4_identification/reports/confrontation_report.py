@@ -30,7 +30,7 @@ def confrontation_cells(confrontation: Confrontation | Unsimulated | None, names
         confrontation.t, confrontation.measured, None if same else confrontation.baseline,
         confrontation.extended, confrontation.valid, names), 'motion': ''}
     rows = _rows('torque', confrontation.torque, names.torque_unit, same)
-    if confrontation.motion is not None:
+    if confrontation.motion is not None and confrontation.deviations is not None:
         measured, before, after = (MILLI * values for values in confrontation.deviations)
         t = np.linspace(confrontation.start, confrontation.end, len(measured))
         pictures['motion'] = measured_and_simulated(

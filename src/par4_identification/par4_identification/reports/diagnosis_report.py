@@ -68,9 +68,9 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
         changes: since a model or between groups of bags.
     """
     names = names_of(machine)
-    verdict = diagnosis.verdict
-    if changes is not None:
-        verdict = verdict_with_changes(verdict, changes)
+    verdict: str = diagnosis.verdict
+    if changes is not None and not isinstance(diagnosis, Unusable):
+        verdict = verdict_with_changes(diagnosis.verdict, changes)
     title = f'Diagnosis of {machine.name}: {in_words(verdict)}'
     content: dict[str, Any] = {
         'causes': [], 'motion': '', 'over_time': '', 'over_speed': '', 'traces': None,
@@ -81,8 +81,8 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
     if isinstance(diagnosis, Unusable):
         runs = diagnosis.fit_runs  # none where a log cannot even be filtered
         content['motion'] = runs and not runs[0].conditioning.steady and measured_motion(
-            joined_time(runs), *(np.concatenate([getattr(run, part) for run in runs])
-                                  for part in ('speed', 'tau')), names)
+            joined_time(runs), np.concatenate([run.speed for run in runs]),
+            np.concatenate([run.tau for run in runs]), names)
     else:
         content.update(_what_was_found(diagnosis, machine, names))
         if diagnosis.evidence.observations.steady:
@@ -161,9 +161,10 @@ def _experiment_cells(experiment: NextExperiment | None, names: Names) -> dict[s
 
 def _swallowed_cells(name: str, diagnosis: Diagnosis, machine: Robot | Axis) -> dict[str, str]:
     before, after = diagnosis.base_before[name], diagnosis.base_after[name]
-    value, std = with_std(after.value, after.std)
-    change = (before.value - after.value) / after.value if after.value else math.inf
-    return {'name': in_words(name), 'before': with_std(before.value, after.std)[0], 'after': value,
+    value, std = with_std(after.number, after.deviation)
+    change = (before.number - after.number) / after.number if after.number else math.inf
+    return {'name': in_words(name), 'before': with_std(before.number, after.deviation)[0],
+            'after': value,
             'std': std, 'unit': typeset(unit_on(machine, after.unit)),
             'change': f'{100.0 * change:+.2f} %' if math.isfinite(change) else 'n/a'}
 
@@ -171,9 +172,9 @@ def _swallowed_cells(name: str, diagnosis: Diagnosis, machine: Robot | Axis) -> 
 def _bars_of_swallowed(diagnosis: Diagnosis) -> str:
     bars = []
     for name, after in diagnosis.base_after.items():
-        before, scale = diagnosis.base_before[name], abs(after.value) or 1.0
-        bars.append(Bar(in_words(name), (0.0, (before.value - after.value) / scale),
-                        (after.std / scale, before.std / scale)))
+        before, scale = diagnosis.base_before[name], abs(after.number) or 1.0
+        bars.append(Bar(in_words(name), (0.0, (before.number - after.number) / scale),
+                        (after.deviation / scale, before.deviation / scale)))
     return deviation_bars(bars, ('with the causes', 'without'),
                           'deviation from the value with the causes, %')
 
