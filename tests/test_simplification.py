@@ -28,10 +28,10 @@ from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.motion import Motion
 from par4_kinematics.position import forward_kinematics
 from par4_sim.bullet import BulletPlant
+from par4_sim.chains import engine_bodies
 from par4_sim.friction import Friction
 from par4_sim.imposed import imposed_run
 from par4_sim.machine import Machine
-from par4_sim.urdf import engine_bodies
 from robots import OTHER, REFERENCE
 
 TABLE_1 = read_model_file('table1')
@@ -193,8 +193,8 @@ def test_the_single_bodies_of_the_robot_show_the_same(study, motion, monkeypatch
     The plant's own bodies are heavier, with the same lumped and distributed masses; these here
     only need far more sweeps.
     """
-    monkeypatch.setattr('par4_sim.urdf.ROD_SHARE', 0.0)
-    monkeypatch.setattr('par4_sim.urdf.BAR_SHARE', 0.0)
+    monkeypatch.setattr('par4_sim.chains.ROD_SHARE', 0.0)
+    monkeypatch.setattr('par4_sim.chains.BAR_SHARE', 0.0)
     monkeypatch.setattr('par4_sim.bullet.IMPOSED_ITERATIONS', 2000)
     single = engine_bodies(REFERENCE.geometry, WHOLE.lumped_bodies())
     assert (single.rod_mass, single.bar_mass) == (0.04, 0.03)

@@ -49,7 +49,7 @@ from par4_sim.friction import (
 from par4_sim.machine import LoadTorque, Machine
 from par4_sim.plant import STEP
 from par4_sim.platform_forces import add_pivot_force, platform_force_sample
-from par4_sim.urdf import tree_joint_positions
+from par4_sim.robot_tree import tree_joint_positions
 
 X, XD, Q, QD, MODE, BENDING = range(6)
 """Rows of the state (6, 4); bending: that of the contacts with presliding."""
