@@ -108,7 +108,7 @@ class ControlLoop:
         self._currents = np.zeros((2, LEGS))
 
     @property
-    def kernel_state(self) -> tuple:
+    def kernel_state(self) -> tuple[object, ...]:
         """What `control_step` takes from here, in its order; the lead last."""
         return (self._encoders, self._law, self._amplifier, self._lag, self.controller.state,
                 self._currents, self.controller.counts, self._history, self._lead)

@@ -7,10 +7,13 @@ of a simulation.
 
 from __future__ import annotations
 
+from typing import TypeGuard
+
 import numba
 
 from par4_sim.control_loop import TORQUE, ControlLoop, control_step
 from par4_sim.exact import QD, ExactPlant, Q, advance
+from par4_sim.plant import Plant
 from par4_sim.reference import ReferenceQueue
 
 
@@ -40,7 +43,7 @@ def _driven_steps(times, points, loop, plant, start, plant_step, first, count, d
     return count, -1
 
 
-def can_be_driven(plant: object, loop: ControlLoop) -> bool:
+def can_be_driven(plant: Plant, loop: ControlLoop) -> TypeGuard[ExactPlant]:
     """Return whether all that acts in a step is compiled: no loads, no drives that look ahead."""
     return type(plant) is ExactPlant and not plant.loads and not loop.controller.stride
 

@@ -104,7 +104,7 @@ class Simulation:
         self._loop = ControlLoop(
             robot.drives, controller or DriveLoops(robot.drives, torque_limit, plant.dt), amplifier,
             sensors, plant)
-        self._driven = can_be_driven(plant, self._loop)
+        self._driven = plant if can_be_driven(plant, self._loop) else None
         self._ahead = max(self._substeps, self._loop.steps_ahead)
         self._pose = home_pose(robot) if pose is None else pose
         plant.reset(self._pose)
@@ -218,10 +218,11 @@ class Simulation:
         plant, since = self._plant, self._steps % self._substeps
         due = since == 0
         q, qd = plant.q, plant.qd
-        pose = plant.x if due else None
-        if self._driven:
+        pose = plant.x if due else np.empty(0)
+        if self._driven is not None:
             count = min(needed - self._steps, self._substeps - since)
-            drive_plant(plant, self._loop, self._reference, self.sample_period, self._steps, count)
+            drive_plant(self._driven, self._loop, self._reference, self.sample_period,
+                        self._steps, count)
             self._steps += count
             if due:
                 self._readings.append((q, qd, pose))
@@ -254,7 +255,7 @@ def build_plant(machine: Machine, fidelity: str, dt: float = STEP) -> Plant:
     if fidelity == 'exact':
         return ExactPlant(machine, dt)
     from par4_sim.bullet import BulletPlant  # pybullet is slow to load and not always needed
-    return BulletPlant(machine, fidelity, dt)
+    return BulletPlant(machine, 'accurate' if fidelity == 'accurate' else 'fast', dt)
 
 
 def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: float = 1e-3,
