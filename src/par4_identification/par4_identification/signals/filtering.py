@@ -33,13 +33,11 @@ def low_pass(values: np.ndarray, cutoff_hz: float, period: float, order: int = 4
         raise InputError(f'low-pass: {len(values)} samples are too few, {3 * order} needed')
     padding = int(min(3 * len(values) // 4, 3.0 / (cutoff_hz * period)))
     columns = np.asarray(values, dtype=float).reshape(len(values), -1)
-    lines = np.empty((len(columns) + 2 * padding, columns.shape[1]))
-    inner = lines[padding:padding + len(columns)]
-    inner[:] = columns
-    lines[:padding] = 2.0 * columns[0] - columns[padding:0:-1]
-    lines[len(lines) - padding:] = 2.0 * columns[-1] - columns[-2:-2 - padding:-1]
-    _forward_backward(lines, _butterworth(cutoff_hz * period, order))
-    return inner[rows].reshape(-1, *values.shape[1:]).copy()
+    wanted = range(len(columns))[rows]
+    result = np.empty((len(wanted), columns.shape[1]))
+    _forward_backward(columns, padding, _butterworth(cutoff_hz * period, order), wanted.start,
+                      wanted.step, result)
+    return result.reshape(-1, *values.shape[1:])
 
 
 def _butterworth(cutoff: float, order: int) -> np.ndarray:
@@ -56,31 +54,55 @@ def _butterworth(cutoff: float, order: int) -> np.ndarray:
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _forward_backward(lines, sections):
-    """Filter columns (n, k) in place, forward and then backward, all sections in each sweep.
+def _forward_backward(columns, padding, sections, start, every, result):
+    """Write rows start, start + every, ... of filtered columns (n, k) into result (m, k).
 
-    Direct form II transposed, at rest on the first row. A row waits for the row before it, a column
-    for no other: columns are the inner loop.
+    Four columns at a time are copied with what continues them, filtered forward and then backward
+    by one section after the other, at rest on the first row of either way, and written.
     """
-    count, width = len(sections), lines.shape[1]
-    near, far = np.empty((count, width)), np.empty((count, width))
-    for direction in (1, -1):
-        start = 0 if direction == 1 else len(lines) - 1
-        for section in range(count):
-            gain, _, a2 = sections[section]
-            for column in range(width):
-                near[section, column] = (1.0 - gain) * lines[start, column]
-                far[section, column] = (gain - a2) * lines[start, column]
-        for step in range(len(lines)):
-            row = start + direction * step
-            for section in range(count):
-                gain, a1, a2 = sections[section]
-                for column in range(width):
-                    value = gain * lines[row, column]
-                    out = value + near[section, column]
-                    near[section, column] = (2.0 * value + far[section, column]) - a1 * out
-                    far[section, column] = value - a2 * out
-                    lines[row, column] = out
+    count, width = columns.shape
+    lines, ends = np.zeros((count + 2 * padding, 4)), np.empty(4)
+    for first in range(0, width, 4):
+        lanes = min(4, width - first)
+        for row in range(padding):
+            for lane in range(lanes):
+                column = first + lane
+                lines[row, lane] = 2.0 * columns[0, column] - columns[padding - row, column]
+                lines[padding + count + row, lane] = (
+                    2.0 * columns[count - 1, column] - columns[count - 2 - row, column])
+        lines[padding:padding + count, :lanes] = columns[:, first:first + lanes]
+        for direction in (1, -1):
+            ends[:] = lines[0 if direction == 1 else len(lines) - 1]
+            for section in range(len(sections)):
+                _sweep(lines, sections[section], ends, direction)
+        for row in range(len(result)):
+            for lane in range(lanes):
+                result[row, first + lane] = lines[padding + start + row * every, lane]
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _sweep(lines, section, rest, direction):
+    """Filter lines (n, 4) in place by one section, forward or backward, at rest at rest (4,).
+
+    Direct form II transposed. A row waits for the row before it; so what is carried from row to
+    row is in scalars, which stay in registers.
+    """
+    gain, a1, a2 = section
+    row = 0 if direction == 1 else len(lines) - 1
+    near_0, near_1, near_2, near_3 = ((1.0 - gain) * rest[0], (1.0 - gain) * rest[1],
+                                      (1.0 - gain) * rest[2], (1.0 - gain) * rest[3])
+    far_0, far_1, far_2, far_3 = ((gain - a2) * rest[0], (gain - a2) * rest[1],
+                                  (gain - a2) * rest[2], (gain - a2) * rest[3])
+    for _ in range(len(lines)):
+        line = lines[row]
+        in_0, in_1, in_2, in_3 = gain * line[0], gain * line[1], gain * line[2], gain * line[3]
+        out_0, out_1, out_2, out_3 = in_0 + near_0, in_1 + near_1, in_2 + near_2, in_3 + near_3
+        near_0, near_1 = (2.0 * in_0 + far_0) - a1 * out_0, (2.0 * in_1 + far_1) - a1 * out_1
+        near_2, near_3 = (2.0 * in_2 + far_2) - a1 * out_2, (2.0 * in_3 + far_3) - a1 * out_3
+        far_0, far_1 = in_0 - a2 * out_0, in_1 - a2 * out_1
+        far_2, far_3 = in_2 - a2 * out_2, in_3 - a2 * out_3
+        line[0], line[1], line[2], line[3] = out_0, out_1, out_2, out_3
+        row += direction
 
 
 def central_difference(values: np.ndarray, period: float) -> np.ndarray:
