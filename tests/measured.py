@@ -29,13 +29,18 @@ def excitation(robot_name: str, duration: float, seed: int) -> Motion:
     return excitation_motion(ROBOTS[robot_name], duration=duration, seed=seed)
 
 
+def holding_torque(robot: Robot, model: Model) -> np.ndarray:
+    """Return the torque (4,), N m, that holds the machine at home."""
+    still = np.zeros((1, 4))
+    return model.torque(state_of_platform(robot.geometry, np.zeros(1), home_pose(robot)[None],
+                                          still, still))[0]
+
+
 def simulation_of(robot: Robot, machine: Machine, model: Model, seed: int, noise: float,
                   noise_time: float = 0.0) -> Simulation:
     """Return a simulation of `machine`, whose drives rest with the torque of `model`."""
-    still = np.zeros((1, 4))
-    rest = state_of_platform(robot.geometry, np.zeros(1), home_pose(robot)[None], still, still)
     return Simulation(robot, build_plant(machine, 'exact'), 1e-3, robot.drives.torque_limit,
-                      model.torque(rest)[0], machine.amplifier, machine.sensors,
+                      holding_torque(robot, model), machine.amplifier, machine.sensors,
                       Noise(torque_noise=noise, correlation_time=noise_time), seed)
 
 

@@ -1,86 +1,29 @@
-"""Reports in a headless Chromium: no error, no request, every picture and trace drawn."""
+"""What the browser tests of reports would notice, and the traces that a page carries."""
 
 from __future__ import annotations
 
 import base64
-import html
 import json
-import re
-import shutil
-import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
-from test_commands import run, simulated
+from browser import BROWSER, told_by_browser
 
-from par4_dynamics.model import read_model
-from par4_identification.commands import identify
 from par4_sim.report.traces import MOST_VALUES, Trace, shown_part, traces_of
-from robots import REFERENCE
 
-BROWSER = next(filter(None, map(shutil.which, (
-    'chromium', 'chromium-browser', 'google-chrome'))), None)
-WATCH = """<script>
-window.seen = [];
-window.addEventListener('error', event => window.seen.push(String(event.message)), true);
-for (const kind of ['error', 'warn'])
-  console[kind] = (...words) => window.seen.push(words.join(' '));
-</script>"""
-TELL = """<script>
-window.addEventListener('load', () => setTimeout(() => {
-  const inked = canvas => canvas.getContext('2d').getImageData(
-    0, 0, canvas.width, canvas.height).data.some(value => value > 0);
-  document.documentElement.dataset.told = JSON.stringify({
-    errors: window.seen,
-    requests: performance.getEntriesByType('resource').map(entry => entry.name)
-      .filter(name => !name.startsWith('data:')),
-    pictures: [...document.images].map(image => image.complete && image.naturalWidth > 0),
-    traces: [...document.querySelectorAll('canvas')].map(inked),
-    wider: document.documentElement.scrollWidth - window.innerWidth});
-}, 300));
-</script>"""
+PAGE = '<!DOCTYPE html><html><head></head><body>{}</body></html>'
 
 
-@pytest.fixture(scope='module')
-def page(tmp_path_factory) -> str:
-    folder = tmp_path_factory.mktemp('page')
-    bag = simulated(folder, '<b>bag<!--', read_model('table1', REFERENCE), 5, 4.0)
-    assert run(identify, bag, '--robot', 'reference', '--output', folder / 'out').code == 0
-    return (folder / 'out' / 'report.html').read_text(encoding='utf-8')
-
-
-def told_by_browser(page: str, folder: Path, width: int, *options: str) -> dict:
-    """Return what the page tells of itself once it is shown."""
-    watched = page.replace('<head>', f'<head>{WATCH}', 1).replace('</body>', f'{TELL}</body>', 1)
-    (folder / 'watched.html').write_text(watched, encoding='utf-8')
-    shown = subprocess.run(
-        [BROWSER, '--headless', '--no-sandbox', '--disable-gpu', f'--window-size={width},900',
-         f'--user-data-dir={folder / "profile"}', '--virtual-time-budget=5000', *options,
-         '--dump-dom', (folder / 'watched.html').as_uri()],
-        capture_output=True, text=True, check=True, timeout=120)
-    found = re.search(r'<html[^>]* data-told="([^"]*)"', shown.stdout)
-    assert found, shown.stderr
-    return json.loads(html.unescape(found[1]))
-
-
-@pytest.mark.skipif(BROWSER is None, reason='no Chromium is installed')
-@pytest.mark.parametrize(('width', 'options'), [(1200, ()), (500, ('--force-dark-mode',))])
-def test_a_report_draws_everything_and_asks_for_nothing(page, tmp_path, width, options):
-    told = told_by_browser(page, tmp_path, width, *options)
-    assert told['errors'] == told['requests'] == []
-    assert len(told['pictures']) >= 3
-    assert all(told['pictures'])
-    assert told['traces'] == [True] * len(REFERENCE.joint_names)
-    assert told['wider'] <= 0
-
-
-@pytest.mark.skipif(BROWSER is None, reason='no Chromium is installed')
-def test_an_error_in_a_page_would_be_seen(page, tmp_path):
-    broken = page.replace('</body>', '<script>nowhere.at.all()</script><img src="data:,"></body>')
-    told = told_by_browser(broken, tmp_path, 1200)
+@pytest.mark.skipif(BROWSER is None, reason='no Chromium is installed; no report was opened in it')
+def test_an_error_a_request_and_what_is_not_drawn_would_be_seen():
+    told = told_by_browser(PAGE.format(
+        '<script>nowhere.at.all()</script><img src="data:,"><canvas></canvas>'
+        '<p style="width: 3000px">wide</p><link rel="stylesheet" href="http://127.0.0.1:9/missing.css">'))
     assert 'nowhere' in told['errors'][0]
-    assert not all(told['pictures'])
+    assert len(told['requests']) == 1
+    assert told['requests'][0].endswith('missing.css')
+    assert told['pictures'] == told['traces'] == [False]
+    assert told['wider'] > 1000
 
 
 def test_traces_come_back_from_the_page_to_a_pixel():

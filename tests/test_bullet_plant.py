@@ -16,11 +16,12 @@ from par4_kinematics.leg import plate_joint
 from par4_kinematics.position import forward_kinematics, inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.velocity import joint_velocity
-from par4_sim.bullet import BulletPlant, View, render
+from par4_sim.bullet import BulletPlant
 from par4_sim.exact import ExactPlant
 from par4_sim.friction import Friction
 from par4_sim.machine import Machine
-from par4_sim.urdf import tree_joint_positions
+from par4_sim.robot_tree import tree_joint_positions
+from par4_sim.view import View, render
 from par4_sim.window import Window, follow
 from robots import OTHER, REFERENCE, other_model, random_poses
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
+from browser import check_in_browser
 from test_commands import checked_page, run
 
 from par4_dynamics.model import build_model
@@ -82,6 +83,7 @@ def test_a_payload_is_named_and_not_clean(bags, tmp_path):
     assert len(rows) == 3
     assert 'a payload of 0.61 kg at half plate 1' in done.out
     page = checked_page(tmp_path / 'out' / 'report.html', 4)
+    check_in_browser(tmp_path / 'out' / 'report.html', 4, traces=4)
     assert 'model as it stands' in page.text
     assert 'a payload of 0.61 kg at half plate 1' in page.text
 

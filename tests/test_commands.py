@@ -20,6 +20,7 @@ from xml.etree import ElementTree
 import click
 import numpy as np
 import pytest
+from browser import PHONE, WIDE, check_in_browser
 from measured import log_of_model
 
 from par4_dynamics.effects.catalogue import CATALOGUE
@@ -38,6 +39,7 @@ from par4_identification.fitting.identification import identify as fit_parameter
 from par4_identification.logs.bag_hash import bag_sha256
 from par4_identification.logs.read_log import read_log
 from par4_identification.reports.cause_cells import parameter_cells
+from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.diagnosis import (
     diagnosis_json,
     outcome_of_diagnosis,
@@ -48,13 +50,12 @@ from par4_identification.reports.outcome.identification import (
     memory,
     outcome_of_identification,
 )
-from par4_identification.reports.plots import (
-    Names,
+from par4_identification.reports.residual_plots import (
     residual_over_motion,
-    residual_over_time,
     residual_statistics,
     signature,
 )
+from par4_identification.reports.time_plots import residual_over_time
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
 from par4_sim.bag_writer import BagWriter
@@ -229,6 +230,8 @@ def test_terminal_shows_table_1_within_80_columns(identified):
 
 def test_identification_report_stands_alone(identified):
     page = checked_page(identified.folder / 'report.html', 3)
+    for window in (WIDE, PHONE):
+        check_in_browser(identified.folder / 'report.html', 3, 4, window)
     assert 'the model can be trusted' in page.text
     assert identified.out.splitlines()[-2] in page.text
     assert '0.8043' in page.text
@@ -359,6 +362,7 @@ def test_validation_of_a_good_model_on_another_bag(identified, bags, tmp_path):
         assert total['relative_error'] ** 2 >= 1.0 - total['r2'] - 1e-2
     assert content['without_standstill']['overall']['relative_error'] < 0.01
     page = checked_page(tmp_path / 'report.html', 2)
+    check_in_browser(tmp_path / 'report.html', 2, traces=4)
     assert 'The model holds.' in page.text
 
 
@@ -419,6 +423,7 @@ def test_extended_model_is_a_model_with_the_cause(diagnosed):
 
 def test_diagnosis_report_says_it_in_one_sentence(diagnosed):
     page = checked_page(diagnosed.folder / 'report.html', 7)
+    check_in_browser(diagnosed.folder / 'report.html', 7, traces=4)
     headings = ('Measured against simulated', 'Evidence', 'What could not be told apart',
                 'What the base parameters had swallowed', 'What remains')
     places = [page.text.index(f' {heading}') for heading in headings]

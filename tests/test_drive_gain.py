@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from browser import check_in_browser
 from measured import log_of_model
 from test_commands import run
 
@@ -187,6 +188,7 @@ def test_the_command_writes_gains_and_report(pushed, tmp_path):
     assert content['schema'] == 'par4/drive_gain/1'
     np.testing.assert_allclose(content['drive_gain']['value'], true_gains(robot), rtol=0.005)
     page = (tmp_path / 'report.html').read_text(encoding='utf-8')
+    check_in_browser(tmp_path / 'report.html', 0)
     assert 'All joints slid both ways' in page
     assert 'Write the gains into drives.gain' in page
     for arguments, message in (((bag,), 'expected BAG=FORCE.csv'),

@@ -17,7 +17,7 @@ from par4_sim.exact import ExactPlant
 from par4_sim.friction import Friction
 from par4_sim.machine import Machine
 from par4_sim.machine_effects import machine_of_model
-from par4_sim.urdf import tree_joint_positions
+from par4_sim.robot_tree import tree_joint_positions
 from robots import OTHER, REFERENCE, growing_waves, model_with, other_model
 
 HOME = np.array((0.0, 0.0, -0.78, 0.0))

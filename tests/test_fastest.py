@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from browser import check_in_browser
 from click.testing import CliRunner
 
 from par4_dynamics.model import read_model
@@ -226,4 +227,5 @@ def test_the_command_writes_bound_and_runs(tmp_path):
     assert all(run['peak'] <= 0.5e-3 for run in content['runs'])
     page = (tmp_path / 'out' / 'report.html').read_text()
     assert page.count('<img src="data:image/svg+xml;base64,') == 1
+    check_in_browser(tmp_path / 'out' / 'report.html', 1)
     assert 'nothing is faster than' in done.output

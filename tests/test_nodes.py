@@ -63,9 +63,9 @@ from par4_kinematics.ros.convert import (
 )
 from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.workspace import home_pose
+from par4_sim.robot_tree import tree_joint_positions
 from par4_sim.tracking.metrics import tracking_of
 from par4_sim.tracking.run import record_run
-from par4_sim.urdf import tree_joint_positions
 from robots import random_poses
 
 

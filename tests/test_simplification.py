@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from browser import check_in_browser
 from ruamel.yaml import YAML
 from test_commands import checked_page, run
 
@@ -27,10 +28,10 @@ from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.motion import Motion
 from par4_kinematics.position import forward_kinematics
 from par4_sim.bullet import BulletPlant
+from par4_sim.chains import engine_bodies
 from par4_sim.friction import Friction
 from par4_sim.imposed import imposed_run
 from par4_sim.machine import Machine
-from par4_sim.urdf import engine_bodies
 from robots import OTHER, REFERENCE
 
 TABLE_1 = read_model_file('table1')
@@ -192,8 +193,8 @@ def test_the_single_bodies_of_the_robot_show_the_same(study, motion, monkeypatch
     The plant's own bodies are heavier, with the same lumped and distributed masses; these here
     only need far more sweeps.
     """
-    monkeypatch.setattr('par4_sim.urdf.ROD_SHARE', 0.0)
-    monkeypatch.setattr('par4_sim.urdf.BAR_SHARE', 0.0)
+    monkeypatch.setattr('par4_sim.chains.ROD_SHARE', 0.0)
+    monkeypatch.setattr('par4_sim.chains.BAR_SHARE', 0.0)
     monkeypatch.setattr('par4_sim.bullet.IMPOSED_ITERATIONS', 2000)
     single = engine_bodies(REFERENCE.geometry, WHOLE.lumped_bodies())
     assert (single.rod_mass, single.bar_mass) == (0.04, 0.03)
@@ -334,6 +335,7 @@ def test_the_command_says_what_it_found(done):
 
 def test_the_report_stands_alone(done):
     page = checked_page(done.folder / 'report.html', 2)
+    check_in_browser(done.folder / 'report.html', 2)
     sentence = done.out.splitlines()[0]
     assert page.text.index(sentence) < page.text.index('What it rests on')
     for words in ('rods of 40 g', 'diagonal', '± 45.0°', 'share of the whole', 'noise'):

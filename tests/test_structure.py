@@ -16,8 +16,8 @@ ROOT = Path(__file__).parents[1]
 CHAIN = ('par4_kinematics', 'par4_dynamics', 'par4_sim', 'par4_identification')
 HOMES = {
     'rosbags': ('par4_sim/bag_writer.py', 'par4_identification/logs/bag.py'),
-    'matplotlib': ('par4_sim/report/drawing.py', 'par4_identification/reports/plots.py'),
-    'pybullet': ('par4_sim/bullet.py',),
+    'matplotlib': ('par4_sim/report/drawing.py',),
+    'pybullet': ('par4_sim/engine.py',),
     'jinja2': ('par4_sim/report/page.py',),
 }
 MESSAGES = ('rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'rosgraph_msgs',

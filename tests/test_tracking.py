@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from browser import check_in_browser
 from click.testing import CliRunner
 
 from par4_dynamics.model import read_model
@@ -180,6 +181,7 @@ def test_the_command_writes_the_contract(tmp_path):
     assert content['motion'] == {'name': 'adept', 'duration': 0.5, 'cycles': 2}
     page = (tmp_path / 'out' / 'report.html').read_text()
     assert page.count('<img src="data:image/svg+xml;base64,') == 2
+    check_in_browser(tmp_path / 'out' / 'report.html', 2)
     assert 'http' not in page.replace('http-equiv', '')
     assert 'loops alone' in done.output
 

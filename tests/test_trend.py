@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from browser import check_in_browser
 from test_commands import checked_page, run
 from year import NAMES, YEAR, drawn_year
 
@@ -211,6 +212,7 @@ def test_a_payload_is_dated_and_bad_bags_are_said_one_by_one(bags, tmp_path, mon
     assert 'a payload of 0.50 kg at half plate 1' in event['sentence']
     assert result['sentence'].startswith('On 25 March a payload of 0.50 kg')
     checked_page(output / 'report.html', 1)
+    check_in_browser(output / 'report.html', 1)
     # what was seen is not computed again
     monkeypatch.setattr('par4_identification.jobs.trend.results_of', lambda _, left, __: iter(
         [(bag, {'error': 'computed again'}) for bag in left]))

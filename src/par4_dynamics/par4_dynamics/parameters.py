@@ -32,9 +32,44 @@ class Parameter(FileModel):
                 raise ValueError(f'std must not be negative, found {self.std}')
         return self
 
+    @property
+    def number(self) -> float:
+        """The value of a parameter that has one for the whole machine.
+
+        Raises:
+            TypeError: it has several.
+        """
+        return _one(self.value)
+
+    @property
+    def deviation(self) -> float:
+        """The standard deviation of a parameter that has one for the whole machine.
+
+        Raises:
+            TypeError: it has several, or none.
+        """
+        return _one(self.std)
+
     def per_joint(self, joints: int) -> np.ndarray:
         """Return the value for each of `joints` joints, (joints,)."""
         return np.broadcast_to(np.asarray(self.value, dtype=float), (joints,))
+
+
+def parts_of_orders(number: Number | None) -> tuple[PerJoint, ...]:
+    """Return what is told of each order of a periodic torque.
+
+    Raises:
+        TypeError: one number for all of them, or none.
+    """
+    if not isinstance(number, tuple):
+        raise TypeError(f'a value an order expected, found {number}')
+    return number
+
+
+def _one(number: Number | None) -> float:
+    if number is None or isinstance(number, tuple):
+        raise TypeError(f'one number expected, found {number}')
+    return number
 
 
 def _fits(std: Number, value: Number) -> bool:

@@ -1,4 +1,4 @@
-"""Par4 simulated by pybullet's rigid-body engine; the only file that knows pybullet.
+"""Par4 simulated by pybullet's rigid-body engine.
 
 The engine integrates by symplectic Euler: the velocity read at t_k belongs to t_k - dt/2, the
 torque of step k acts as at t_k. Loops are closed by point-to-point constraints, dry friction is a
@@ -7,41 +7,13 @@ motor that holds each joint still with limited torque: real sticking.
 
 from __future__ import annotations
 
-import contextlib
-import math
-import os
-import sys
-import tempfile
-import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
-
-import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
 from par4_kinematics.arrays import as_rows
-from par4_kinematics.errors import InputError, UnreachableError
+from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import LEGS
-from par4_kinematics.robot import Robot
-from par4_sim.friction import (
-    BACK_COULOMB,
-    DRY_DROP,
-    FORWARD_COULOMB,
-    LOAD_COEFFICIENT,
-    PRESLIDING_DISTANCE,
-    STRIBECK_TORQUE,
-    behind_load_friction,
-    bending_torque,
-    bent,
-    dry_friction,
-    flowing_friction,
-    friction_at,
-)
-from par4_sim.machine import Machine
-from par4_sim.plant import STEP
-from par4_sim.urdf import (
+from par4_sim.chains import (
     PLATE_CHAINS,
     PLATE_SLIDES,
     Fidelity,
@@ -49,26 +21,12 @@ from par4_sim.urdf import (
     chains,
     leg_chain,
     link_positions,
-    passive_joint_positions,
-    robot_description,
-    tree_joint_positions,
 )
-
-
-@contextlib.contextmanager
-def _silent_stderr() -> Iterator[None]:
-    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
-
-
-with _silent_stderr():  # its import announces from C when it was built
-    import pybullet
+from par4_sim.engine import load_body, pybullet
+from par4_sim.engine_friction import JointFriction
+from par4_sim.machine import Machine
+from par4_sim.plant import STEP
+from par4_sim.robot_tree import passive_joint_positions
 
 ITERATIONS = {'accurate': 200, 'fast': 80}
 """Sweeps of the constraint solver in a step. They alternate in direction; only even numbers end on
@@ -80,8 +38,6 @@ CLOSING_RATE = 0.8
 """Share of a loop's opening that a step closes."""
 UNLIMITED = 1e7
 """Force of a constraint, N, and speed of a joint, rad/s, that no motion reaches."""
-STANDSTILL = 1e-12
-"""Speed of a joint, rad/s, that the solver's rounding leaves to one that is held."""
 FIRST_LINK = -1
 """The engine's index of the first link of a chain."""
 
@@ -92,7 +48,7 @@ class BulletPlant:
     Args:
         machine: what it is.
         fidelity: 'accurate' has every rod and bar and free half plates, 'fast' one rod a forearm
-            and half plates that slide; see `par4_sim.urdf.chains`.
+            and half plates that slide; see `par4_sim.chains.chains`.
         dt: physics step, s.
 
     Raises:
@@ -105,7 +61,7 @@ class BulletPlant:
         self.torque_offset = 0.0
         self._machine = machine
         self._fidelity = fidelity
-        self._friction = _JointFriction(machine)
+        self._friction = JointFriction(machine)
         self._is_pushed = not machine.platform.is_none
         mechanism = chains(machine.geometry, machine.bodies, fidelity)
 
@@ -115,9 +71,9 @@ class BulletPlant:
             fixedTimeStep=dt, numSubSteps=0, numSolverIterations=ITERATIONS[fidelity],
             solverResidualThreshold=0.0, erp=CLOSING_RATE, enableFileCaching=0,
             physicsClientId=self._client)
-        self._bodies = {name: _load(urdf, self._client, fixed=True)
+        self._bodies = {name: load_body(urdf, self._client, fixed=True)
                         for name, urdf in mechanism.fixed.items()}
-        self._bodies |= {name: _load(urdf, self._client, fixed=False)
+        self._bodies |= {name: load_body(urdf, self._client, fixed=False)
                          for name, urdf in mechanism.floating.items()}
         self._links = {(name, link): (body, index) for name, body in self._bodies.items()
                        for link, index in self._freed_links(body).items()}
@@ -362,198 +318,3 @@ class BulletPlant:
     def close(self) -> None:
         """Release the engine; the plant cannot be used afterwards."""
         pybullet.disconnect(physicsClientId=self._client)
-
-
-@numba.njit(cache=True, error_model='numpy')
-def _smooth_friction(laws, time, velocity, moved, bending):
-    """Return the friction (4,), N m, that is not dry; `bending` (4,) goes on by `moved`, rad."""
-    laws, torque = friction_at(laws, time), np.empty(4)
-    for joint in range(4):
-        torque[joint] = flowing_friction(laws, joint, velocity[joint])
-        if laws[joint, PRESLIDING_DISTANCE] > 0.0:
-            bending[joint] = bent(laws, joint, bending[joint], moved[joint])
-            torque[joint] += bending_torque(laws, joint, bending[joint])
-        else:  # dry levels that differ between the directions: a symmetric one and this
-            torque[joint] += 0.5 * (laws[joint, FORWARD_COULOMB] - laws[joint, BACK_COULOMB])
-    return torque
-
-
-class _JointFriction:
-    """Friction of a machine's joints as an engine takes it: dry levels apart from a torque.
-
-    Attributes:
-        varies: whether the dry levels do.
-        bears_load: whether they depend on the torque that goes on behind the friction.
-        load: that torque in the last step (4,), N m; None where it is not known.
-    """
-
-    def __init__(self, machine: Machine) -> None:
-        self._laws = machine.friction.packed
-        self.bears_load = bool(np.any(self._laws[:, LOAD_COEFFICIENT]))
-        self.varies = self.bears_load or bool(np.any(self._laws[:, (STRIBECK_TORQUE, DRY_DROP)]))
-        self.restart(np.zeros(LEGS))
-
-    def restart(self, q: np.ndarray) -> None:
-        """Begin at joint positions q (4,) with unbent contacts."""
-        self._q = q
-        self._bending = np.zeros(LEGS)
-        self.load: np.ndarray | None = None
-
-    @property
-    def at_rest(self) -> np.ndarray:
-        """Dry friction of resting, unloaded joints (4,), N m."""
-        return self.dry(0.0, np.zeros(LEGS), np.zeros(LEGS))
-
-    def torque(self, time: float, q: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """Return the friction (4,), N m, that is not dry; contacts bend on to q (4,)."""
-        moved, self._q = q - self._q, q
-        return _smooth_friction(self._laws, time, velocity, moved, self._bending)
-
-    def dry(self, time: float, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        """Return the torque (4,), N m, up to which a joint is held, `torque` (4,) driving it."""
-        laws, result = friction_at(self._laws, time), np.empty(LEGS)
-        for joint in range(LEGS):
-            speed = abs(velocity[joint])
-            level = 0.5 * sum(dry_friction(laws, joint, side, speed) for side in (-1.0, 1.0))
-            if speed > STANDSTILL:
-                direction = math.copysign(1.0, velocity[joint])
-                load = behind_load_friction(laws, joint, direction,
-                                            torque[joint] - direction * level)
-            else:  # what holds a joint tells which part of its torque goes on
-                load = torque[joint] if self.load is None else self.load[joint]
-            result[joint] = level + laws[joint, LOAD_COEFFICIENT] * abs(load)
-        return result
-
-
-def _load(urdf: str, client: int, fixed: bool) -> int:
-    """Return the body of a URDF text; the engine reads files only."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / 'body.urdf'
-        path.write_text(urdf, encoding='utf-8')
-        return pybullet.loadURDF(str(path), useFixedBase=fixed,
-                                 flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
-                                 physicsClientId=client)
-
-
-@dataclass(frozen=True)
-class Camera:
-    """A view of the whole robot; angles in degrees, elevation negative to look down.
-
-    Attributes:
-        yaw_deg: direction of view about z.
-        elevation_deg: direction of view against the horizontal.
-        zoom: above 1 comes nearer.
-    """
-
-    yaw_deg: float = 27.0
-    elevation_deg: float = -22.0
-    zoom: float = 1.0
-
-
-FRONT = Camera()
-FIELD_OF_VIEW_DEG = 45.0
-WINDOW_CLOSER = 0.65
-"""Distance of the camera of a window, whose field of view is wider, over that of a picture."""
-SUPERSAMPLING = 2
-"""Pixels drawn for one of the picture, each way: smooth edges."""
-
-
-class View:
-    """The robot, drawn from `robot_description` in an engine of its own: for any plant or log.
-
-    Args:
-        robot: what is drawn.
-        window: on the screen instead of offscreen.
-
-    Raises:
-        InputError: a window without a screen.
-    """
-
-    def __init__(self, robot: Robot, window: bool = False) -> None:
-        self._geometry = robot.geometry
-        self._reach = robot.geometry.arm_length + robot.geometry.forearm_length
-        if window:
-            require_screen()
-        self._client = pybullet.connect(pybullet.GUI if window else pybullet.DIRECT)
-        self._body = _load(_weightless(robot_description(robot)), self._client, fixed=True)
-        self._joints = {
-            pybullet.getJointInfo(self._body, index, physicsClientId=self._client)[1].decode():
-            index for index in range(pybullet.getNumJoints(
-                self._body, physicsClientId=self._client))}
-        if window:
-            pybullet.configureDebugVisualizer(pybullet.COV_ENABLE_GUI, 0,
-                                              physicsClientId=self._client)
-            pybullet.resetDebugVisualizerCamera(
-                WINDOW_CLOSER * self._distance(FRONT), FRONT.yaw_deg, FRONT.elevation_deg,
-                self._centre, physicsClientId=self._client)
-
-    @property
-    def _centre(self) -> tuple[float, float, float]:
-        return 0.0, 0.0, -0.36 * self._reach
-
-    def _distance(self, camera: Camera) -> float:
-        return 1.4 * self._reach / camera.zoom
-
-    @property
-    def open(self) -> bool:
-        """Whether it can be drawn in: a window may have been closed by its user."""
-        return bool(pybullet.isConnected(self._client))
-
-    def show(self, x: ArrayLike) -> None:
-        """Draw the robot at pose x (4,), m and rad; raises UnreachableError."""
-        positions = tree_joint_positions(self._geometry, x)
-        for name, index in self._joints.items():
-            pybullet.resetJointState(self._body, index, positions[name],
-                                     physicsClientId=self._client)
-
-    def picture(self, width: int, height: int, camera: Camera = FRONT) -> np.ndarray:
-        """Return a picture (height, width, 3), uint8, of what is shown."""
-        view = pybullet.computeViewMatrixFromYawPitchRoll(
-            self._centre, self._distance(camera), camera.yaw_deg, camera.elevation_deg, 0.0, 2)
-        projection = pybullet.computeProjectionMatrixFOV(
-            FIELD_OF_VIEW_DEG, width / height, 0.05 * self._reach, 10.0 * self._reach)
-        pixels = pybullet.getCameraImage(
-            SUPERSAMPLING * width, SUPERSAMPLING * height, view, projection,
-            lightDirection=(0.6, -0.9, 1.6), renderer=pybullet.ER_TINY_RENDERER,
-            physicsClientId=self._client)[2]
-        fine = np.reshape(pixels, (height, SUPERSAMPLING, width, SUPERSAMPLING, 4))[..., :3]
-        return fine.mean(axis=(1, 3)).round().astype(np.uint8)
-
-    def close(self) -> None:
-        """Release the engine; the view cannot be used afterwards."""
-        if self.open:
-            pybullet.disconnect(physicsClientId=self._client)
-
-
-def render(robot: Robot, x: ArrayLike, width: int = 640, height: int = 480,
-           camera: Camera = FRONT) -> np.ndarray:
-    """Return a picture (height, width, 3), uint8, of the robot at pose x (4,).
-
-    Raises:
-        UnreachableError: a pose that a leg cannot reach.
-    """
-    view = View(robot)
-    try:
-        view.show(x)
-        return view.picture(width, height, camera)
-    finally:
-        view.close()
-
-
-def require_screen() -> None:
-    """Raise InputError where there is no screen: the engine would end the process."""
-    if sys.platform.startswith('linux') and not os.environ.get('DISPLAY'):
-        raise InputError('window asked, found no screen (DISPLAY is not set); start it on a '
-                         'desktop or leave out window:=true')
-
-
-def _weightless(urdf: str) -> str:
-    """Return a URDF with zero mass where it says none; the engine would warn and take 1 kg."""
-    tree = ElementTree.fromstring(urdf)
-    for link in tree.iter('link'):
-        if link.find('inertial') is None:
-            inertial = ElementTree.SubElement(link, 'inertial')
-            ElementTree.SubElement(inertial, 'mass', value='0')
-            ElementTree.SubElement(inertial, 'inertia', dict.fromkeys(
-                ('ixx', 'iyy', 'izz', 'ixy', 'ixz', 'iyz'), '0'))
-    return ElementTree.tostring(tree, encoding='unicode')

@@ -107,6 +107,12 @@ class ControlLoop:
         self._history = np.zeros((2, rows, LEGS))
         self._currents = np.zeros((2, LEGS))
 
+    @property
+    def kernel_state(self) -> tuple[object, ...]:
+        """What `control_step` takes from here, in its order; the lead last."""
+        return (self._encoders, self._law, self._amplifier, self._lag, self.controller.state,
+                self._currents, self.controller.counts, self._history, self._lead)
+
     def restart(self, q: np.ndarray, holding: np.ndarray) -> None:
         """Begin settled at positions q (4,) with the commands `holding` (4,), N m."""
         self.controller.restart(holding)

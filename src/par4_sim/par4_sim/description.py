@@ -1,6 +1,6 @@
 """The robot as `robot_description` tells it to planners and viewers: shapes, limits, masses.
 
-`urdf.py` draws the robot as a tree. Here it gets what planners and controllers ask of a
+`robot_tree.py` draws the robot as a tree. Here it gets what planners and controllers ask of a
 description: limits of the arms from `robot.yaml`, shapes to collide, masses and inertias where the
 bodies are known, and a `ros2_control` tag with the interfaces of the four drives.
 """
@@ -13,16 +13,10 @@ import xml.etree.ElementTree as ElementTree
 from par4_dynamics.mechanism import LumpedBodies, physical_bodies
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import JOINT_NAMES, Robot
-from par4_sim.urdf import (
-    PLATFORM_SLIDES,
-    SIDES,
-    add_inertial,
-    arm_inertial,
-    bar_inertial,
-    plate_inertial,
-    robot_description,
-    rod_inertial,
-)
+from par4_sim.chains import arm_inertial, bar_inertial, plate_inertial, rod_inertial
+from par4_sim.leg_axes import SIDES
+from par4_sim.robot_tree import PLATFORM_SLIDES, robot_description
+from par4_sim.urdf import add_inertial
 
 HARDWARE = 'mock_components/GenericSystem'
 """Plugin of the `ros2_control` tag: every installation has it; a driver puts its own there."""
@@ -32,7 +26,7 @@ INTERFACES = ('position', 'velocity', 'effort')
 def complete_description(robot: Robot, bodies: LumpedBodies | None = None) -> str:
     """Return the URDF of the robot with limits, shapes to collide and a `ros2_control` tag.
 
-    The loops are cut, as in `urdf.robot_description`. Arms turn within `joint_position`, with
+    The loops are cut, as in `robot_tree.robot_description`. Arms turn within `joint_position`, with
     `joint_speed` and the torque limit of the drives; the platform slides within the workspace.
 
     Args:

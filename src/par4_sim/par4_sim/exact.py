@@ -46,10 +46,10 @@ from par4_sim.friction import (
     flowing_friction,
     friction_at,
 )
-from par4_sim.machine import Machine
+from par4_sim.machine import LoadTorque, Machine
 from par4_sim.plant import STEP
 from par4_sim.platform_forces import add_pivot_force, platform_force_sample
-from par4_sim.urdf import tree_joint_positions
+from par4_sim.robot_tree import tree_joint_positions
 
 X, XD, Q, QD, MODE, BENDING = range(6)
 """Rows of the state (6, 4); bending: that of the contacts with presliding."""
@@ -316,6 +316,21 @@ class ExactPlant:
         self._steps = 0
 
     @property
+    def kernel_state(self) -> tuple[np.ndarray, ...]:
+        """Constants, friction, harmonics, state and work as `advance` takes them."""
+        return self._constants, self._friction, self._harmonics, self._state, self._work
+
+    @property
+    def loads(self) -> tuple[LoadTorque, ...]:
+        """Torques on the joints that are not compiled."""
+        return self._machine.loads
+
+    @property
+    def steps(self) -> int:
+        """Physics steps since the last reset."""
+        return self._steps
+
+    @property
     def time(self) -> float:
         """Seconds since the last reset."""
         return self._steps * self.dt
@@ -360,12 +375,24 @@ class ExactPlant:
             torque = torque - load(self.time + 0.5 * self.dt, q + 0.5 * self.dt * qd, qd.copy())
         leg = advance(self._constants, self._friction, self._harmonics, self._state, self._work,
                       self.time, torque, self.dt)
+        self.count_steps(int(leg < 0), leg)
+
+    def count_steps(self, done: int, leg: int) -> None:
+        """Count physics steps that `advance` did, and say what ended them early.
+
+        Args:
+            done: steps.
+            leg: what `advance` returned last.
+
+        Raises:
+            UnreachableError: the platform was driven out of reach.
+        """
+        self._steps += done
         if leg >= 0:
             at = f'leg {leg} was driven out of reach' if leg < LEGS else 'the motion is not finite'
             raise UnreachableError(
                 f'after {self.time:.4f} s {at} at pose {np.round(self._state[X], 4).tolist()}; '
                 f'check the torques and the motion')
-        self._steps += 1
 
     def passive_joints(self) -> dict[str, float]:
         """Return name -> position, rad or m, of the joints of `robot_description` without a motor.

@@ -14,11 +14,12 @@ from par4_dynamics.mechanism import LumpedBodies
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS, Geometry
 from par4_kinematics.motion import Motion
+from par4_sim.chains import Fidelity
 from par4_sim.friction import Friction
 from par4_sim.machine import Machine
 from par4_sim.plant import STEP
-from par4_sim.reference import COLUMNS, TARGET, interpolate
-from par4_sim.urdf import Fidelity
+from par4_sim.reference import TARGET, interpolate
+from par4_sim.reference_curve import COLUMNS
 
 AT_REST = 1e-3
 """rad/s; beginning at speed means a blow whose echo takes the engine some steps to close."""

@@ -32,7 +32,7 @@ SECOND = 1_000_000_000
 
 def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: str | Path,
                     feedforward: Model | None = None, storage: str = 'mcap',
-                    progress: Callable[[float], None] | None = None, began: int = 0
+                    progress: Callable[[float], object] | None = None, began: int = 0
                     ) -> dict[str, int]:
     """Write the bag of a motion and return the simulation's counts.
 

@@ -22,13 +22,15 @@ class Plant(Protocol):
         dt: physics step, s.
         velocity_offset, torque_offset: s; 0 and dt/2 for an engine that integrates a held torque
             exactly, -dt/2 and 0 for symplectic Euler.
-        time: of the reading, s since the last reset.
     """
 
     dt: float
     velocity_offset: float
     torque_offset: float
-    time: float
+
+    @property
+    def time(self) -> float:
+        """Time of the reading, s since the last reset."""
 
     @property
     def q(self) -> np.ndarray:

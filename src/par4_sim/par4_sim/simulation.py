@@ -19,6 +19,7 @@ from par4_sim.choices import FIDELITIES
 from par4_sim.control_loop import ControlLoop
 from par4_sim.controller import Controller
 from par4_sim.drive import DriveLoops
+from par4_sim.driven import can_be_driven, drive_plant
 from par4_sim.elastic import ElasticPlant, split_machine
 from par4_sim.exact import ExactPlant
 from par4_sim.laws import controller_named
@@ -103,6 +104,7 @@ class Simulation:
         self._loop = ControlLoop(
             robot.drives, controller or DriveLoops(robot.drives, torque_limit, plant.dt), amplifier,
             sensors, plant)
+        self._driven = plant if can_be_driven(plant, self._loop) else None
         self._ahead = max(self._substeps, self._loop.steps_ahead)
         self._pose = home_pose(robot) if pose is None else pose
         plant.reset(self._pose)
@@ -190,7 +192,7 @@ class Simulation:
         needed = self._needed()
         self._reference.foresee(self._reached(needed))
         while self._steps < needed:
-            self._advance()
+            self._advance(needed)
         self._reference.use_until(self._reached(needed))
         self._source.advance()
         q, qd, pose = self._readings.popleft()
@@ -208,12 +210,23 @@ class Simulation:
         """Return the time, s, that so many physics steps reach."""
         return self.sample_period + steps * self._plant.dt
 
-    def _advance(self) -> None:
-        """Do one physics step; keep the true readings where a sample is due."""
-        plant = self._plant
+    def _advance(self, needed: int) -> None:
+        """Do one physics step, or all in one call up to `needed` or to where a sample is due.
+
+        The true readings are kept where one is.
+        """
+        plant, since = self._plant, self._steps % self._substeps
+        due = since == 0
         q, qd = plant.q, plant.qd
-        due = self._steps % self._substeps == 0
-        pose = plant.x if due else None
+        pose = plant.x if due else np.empty(0)
+        if self._driven is not None:
+            count = min(needed - self._steps, self._substeps - since)
+            drive_plant(self._driven, self._loop, self._reference, self.sample_period,
+                        self._steps, count)
+            self._steps += count
+            if due:
+                self._readings.append((q, qd, pose))
+            return
         plant.step(self._loop.torque(self._reference, self._reached(self._steps), self._steps, q,
                                      qd))
         self._steps += 1
@@ -242,7 +255,7 @@ def build_plant(machine: Machine, fidelity: str, dt: float = STEP) -> Plant:
     if fidelity == 'exact':
         return ExactPlant(machine, dt)
     from par4_sim.bullet import BulletPlant  # pybullet is slow to load and not always needed
-    return BulletPlant(machine, fidelity, dt)
+    return BulletPlant(machine, 'accurate' if fidelity == 'accurate' else 'fast', dt)
 
 
 def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: float = 1e-3,

@@ -79,7 +79,7 @@ def simulate_push(robot: Robot, model: Model, bag: str | Path, readings: str | P
                   force: float = 250.0, fidelity: str = 'exact', seed: int = 0,
                   torque_noise: float = 0.0, force_noise: float = 0.0,
                   poses: np.ndarray | None = None, pushes: int = 2,
-                  progress: Callable[[float], None] | None = None) -> None:
+                  progress: Callable[[float], object] | None = None) -> None:
     """Write the bag of static pushes on a force plate, and its readings as CSV.
 
     Args:

@@ -22,7 +22,7 @@ from par4_kinematics.errors import UnreachableError
 from par4_kinematics.robot import Robot
 
 if TYPE_CHECKING:
-    from par4_sim.bullet import View
+    from par4_sim.view import View
 
 FRAME_PERIOD = 1.0 / 30.0
 """Seconds between pictures."""
@@ -40,7 +40,7 @@ class Window:
     """
 
     def __init__(self, robot: Robot, x: ArrayLike) -> None:
-        from par4_sim.bullet import require_screen  # slow to load and only needed here
+        from par4_sim.view import require_screen  # slow to load and only needed here
         require_screen()
         context = multiprocessing.get_context('spawn')
         self._pose = context.RawArray('d', np.asarray(x, dtype=float).tolist())
@@ -63,7 +63,7 @@ class Window:
 
 
 def _run(robot: Robot, pose: MutableSequence[float]) -> None:
-    from par4_sim.bullet import View
+    from par4_sim.view import View
     with open(os.devnull, 'w', encoding='utf-8') as nowhere:  # the engine talks on stdout
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the simulation, which closes this

@@ -17,6 +17,7 @@ from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.evidence.evidence import Evidence, gather, spread
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.evidence.whitener import flat_whitener, whitener_of_residuals
 from par4_identification.diagnosis.search.rules import Rules
 from par4_kinematics.errors import InputError
@@ -96,7 +97,8 @@ def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = (),
         InputError: data that do not tell the parameters joint by joint.
     """
     rules = rules or Rules()
-    causes = [cause for cause in causes if not cause.effect.against_the_others]
+    causes = [cause for cause in causes
+              if isinstance(cause.effect, Kind) or not cause.effect.against_the_others]
     evidence = whitened(observations, causes)
     causes = _worth(evidence, causes, rules)
     design = _design(evidence, causes)

@@ -151,7 +151,8 @@ def readings_of(terms: Sequence[BaseTerm], joints: int) -> tuple[Reading, ...]:
     return tuple(found)
 
 
-def applied(readings: Sequence[Reading], sizes: Sequence[float], now: Parameters) -> np.ndarray:
+def applied(readings: Sequence[Reading], sizes: Sequence[float] | np.ndarray, now: Parameters
+            ) -> np.ndarray:
     """Return the values (J, p) after several changes; gains act on all that the others make."""
     ordered = sorted(zip(readings, sizes, strict=True),
                      key=lambda item: isinstance(item[0], GainFactor))

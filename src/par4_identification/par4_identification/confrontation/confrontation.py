@@ -211,19 +211,24 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
              np.hypot(torque_noise([measured]), torque_noise(runs[1:])))
     deviations = motion = None
     if not why:
-        deviations = tuple(q[settled] - wanted[settled] for q in (part.q, old[0], new[0]))
+        measured_q, old_q, new_q = (q[settled] - wanted[settled]
+                                    for q in (part.q, old[0], new[0]))
+        deviations = measured_q, old_q, new_q
         counts = robot.drives.encoder_counts
         # both positions are rounded to counts, each with a variance of step^2 / 12
         rounding = np.full(LEGS, 2.0 * np.pi / counts / np.sqrt(6.0) if counts else 0.0)
-        motion = Errors(*(_rms(q - deviations[0]) for q in deviations[1:]), rounding)
+        motion = Errors(_rms(old_q - measured_q), _rms(new_q - measured_q), rounding)
+    followed = None
+    if not same:
+        with_old, with_new = tracking(robot, after, (before, after), path, part.t, progress)
+        followed = with_old, with_new
     return Confrontation(
         log=log.name, start=float(part.t[0]) + SETTLING, end=float(part.t[-1]), fidelity=fidelity,
         followed='measured motion' if why else 'reference', why=why, same=same,
         t=measured.t[rows], valid=valid, measured=torques[0], baseline=torques[1],
-        extended=torques[2], torque=Errors(*(_rms(values - torques[0], valid)
-                                             for values in torques[1:]), noise),
-        deviations=deviations, motion=motion,
-        tracking=None if same else tracking(robot, after, (before, after), path, part.t, progress))
+        extended=torques[2], torque=Errors(_rms(torques[1] - torques[0], valid),
+                                           _rms(torques[2] - torques[0], valid), noise),
+        deviations=deviations, motion=motion, tracking=followed)
 
 
 def tracking(robot: Robot, machine: Model, feedforward: Sequence[Model], path: Reference,

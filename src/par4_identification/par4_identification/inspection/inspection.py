@@ -110,7 +110,7 @@ def _inspected(shown: Path, path: Path, machine: Robot | Axis, namespace: str | 
     check = check_setup([log], machine)
     fitness, runs = fitness_of(check)
     return Inspection(
-        str(shown), cut_off, machine.name, log.accounts.duration, topics, joints,
+        str(shown), cut_off, machine.name, log.bag_accounts.duration, topics, joints,
         joint_motions(runs, machine.joint_names) if runs else (),
-        (*log.accounts.findings(),
+        (*log.bag_accounts.findings(),
          *(f'{finding.evidence}; {finding.mend}' for finding in check.findings)), fitness)

@@ -40,7 +40,7 @@ class Log:
         tau: (n, J) N m.
         segments: contiguous stretches, in order, covering all n samples; filter none across them.
         reference: the motion asked for, if the bag holds one.
-        accounts: what was read, repaired and dropped.
+        accounts: what was read, repaired and dropped; None of samples that come from no bag.
         doubtful: samples at which the torque of a joint must not be compared with a model, because
             position or torque there are filled in or wrong, (n, J); None where there is none.
     """
@@ -54,5 +54,16 @@ class Log:
     tau: np.ndarray
     segments: tuple[slice, ...]
     reference: Reference | None
-    accounts: Accounts
+    accounts: Accounts | None
     doubtful: np.ndarray | None = None
+
+    @property
+    def bag_accounts(self) -> Accounts:
+        """What was read, repaired and dropped.
+
+        Raises:
+            TypeError: the samples come from no bag.
+        """
+        if self.accounts is None:
+            raise TypeError(f'{self.name}: comes from no bag')
+        return self.accounts

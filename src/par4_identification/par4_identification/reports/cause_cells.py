@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from par4_dynamics.model import build_model
-from par4_dynamics.parameters import Parameter
+from par4_dynamics.parameters import Parameter, parts_of_orders
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis
+from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.diagnosis import phrase_of_cause, told_from_zero
-from par4_identification.reports.plots import Names, signature
+from par4_identification.reports.residual_plots import signature
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.words import (
     in_words,
@@ -60,7 +61,8 @@ def parameter_cells(cause: Cause, name: str, machine: Robot | Axis) -> dict[str,
     if series or (shape and isinstance(cause.parameters[shape[0].name].value, tuple)):
         return _order_cells(parameter, name, machine)
     scope, is_size = own.scope, not own.is_shape and name != 'phase'
-    values, stds = np.atleast_1d(parameter.value), np.atleast_1d(parameter.std)
+    values, stds = (np.atleast_1d(np.asarray(part, dtype=float))
+                    for part in (parameter.value, parameter.std))
     cells = [f'0 ± {number(float(std), 2)}' if is_size and not told else
              ' ± '.join(with_std(float(value), float(std)))
              for value, std, told in zip(values, stds, told_from_zero(values, stds), strict=True)]
@@ -80,7 +82,8 @@ def _order_cells(parameter: Parameter, name: str, machine: Robot | Axis) -> dict
     """Return a line of values of several orders, each with those of its joints."""
     orders = [' / '.join(' ± '.join(with_std(float(value), float(std))) for value, std in zip(
         np.atleast_1d(own), np.atleast_1d(error), strict=True))
-        for own, error in zip(parameter.value, parameter.std, strict=True)]
+        for own, error in zip(parts_of_orders(parameter.value), parts_of_orders(parameter.std),
+                              strict=True)]
     return {'name': in_words(name), 'cells': [', '.join(orders)], 'common': True,
             'unit': typeset(unit_on(machine, parameter.unit))}
 
@@ -105,7 +108,8 @@ def _signature_of_cause(diagnosis: Diagnosis, index: int, machine: Robot | Axis,
     if period:
         places = [np.mod(place, period) for place in places]
         label = f'{quantity} within one of {2.0 * np.pi / period:.0f} periods a turn, {unit}'
-    drawn = {name: [] for name in ('place', 'before', 'alone', 'own')}
+    drawn: dict[str, list[np.ndarray]] = {
+        name: [] for name in ('place', 'before', 'alone', 'own')}
     for joint in cause.joints:
         masks = [run.valid[:, joint] for run in holdout.runs]
         for name, parts in (('place', places), ('before', holdout.baseline), ('own', own),

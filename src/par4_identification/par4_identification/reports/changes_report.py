@@ -6,9 +6,10 @@ from typing import Any
 
 from par4_identification.changes.changes import Changes
 from par4_identification.diagnosis.verdict.answer import Diagnosis
+from par4_identification.reports.deviation_plots import Bar, deviation_bars
+from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.changes import changes_json, error_rows
 from par4_identification.reports.outcome.outcome import over_joints
-from par4_identification.reports.plots import Bar, Names, deviation_bars
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.words import in_words, number, typeset, unit_on, with_std
 

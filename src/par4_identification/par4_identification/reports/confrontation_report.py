@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from par4_identification.confrontation.confrontation import Confrontation, Errors, Unsimulated
+from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.confrontation import MILLI, confrontation_in_words
 from par4_identification.reports.outcome.outcome import over_joints
-from par4_identification.reports.plots import Names, measured_and_simulated
+from par4_identification.reports.time_plots import measured_and_simulated
 from par4_sim.report.words import number
 
 Rows = list[tuple[str, list[str], str]]
@@ -29,7 +30,7 @@ def confrontation_cells(confrontation: Confrontation | Unsimulated | None, names
         confrontation.t, confrontation.measured, None if same else confrontation.baseline,
         confrontation.extended, confrontation.valid, names), 'motion': ''}
     rows = _rows('torque', confrontation.torque, names.torque_unit, same)
-    if confrontation.motion is not None:
+    if confrontation.motion is not None and confrontation.deviations is not None:
         measured, before, after = (MILLI * values for values in confrontation.deviations)
         t = np.linspace(confrontation.start, confrontation.end, len(measured))
         pictures['motion'] = measured_and_simulated(

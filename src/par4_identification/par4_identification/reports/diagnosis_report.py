@@ -19,22 +19,21 @@ from par4_identification.logs.log import Log
 from par4_identification.reports.cause_cells import cause_cells
 from par4_identification.reports.changes_report import changes_cells
 from par4_identification.reports.confrontation_report import confrontation_cells
+from par4_identification.reports.deviation_plots import Bar, deviation_bars
+from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.changes import verdict_with_changes
 from par4_identification.reports.outcome.next_experiment import advice
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.page import joint_cells, names_of, page_of
-from par4_identification.reports.plots import (
-    Bar,
-    Names,
-    deviation_bars,
-    measured_motion,
-    proposed_motion,
-    residual_over_motion,
-    residual_over_time,
-)
+from par4_identification.reports.residual_plots import residual_over_motion
 from par4_identification.reports.run_pictures import joined_time, statistics_of_runs
 from par4_identification.reports.sample_traces import torque_traces, worst_run
 from par4_identification.reports.steady_plots import steady_speeds_of, torque_over_speed
+from par4_identification.reports.time_plots import (
+    measured_motion,
+    proposed_motion,
+    residual_over_time,
+)
 from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
@@ -69,9 +68,9 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
         changes: since a model or between groups of bags.
     """
     names = names_of(machine)
-    verdict = diagnosis.verdict
-    if changes is not None:
-        verdict = verdict_with_changes(verdict, changes)
+    verdict: str = diagnosis.verdict
+    if changes is not None and not isinstance(diagnosis, Unusable):
+        verdict = verdict_with_changes(diagnosis.verdict, changes)
     title = f'Diagnosis of {machine.name}: {in_words(verdict)}'
     content: dict[str, Any] = {
         'causes': [], 'motion': '', 'over_time': '', 'over_speed': '', 'traces': None,
@@ -82,8 +81,8 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
     if isinstance(diagnosis, Unusable):
         runs = diagnosis.fit_runs  # none where a log cannot even be filtered
         content['motion'] = runs and not runs[0].conditioning.steady and measured_motion(
-            joined_time(runs), *(np.concatenate([getattr(run, part) for run in runs])
-                                  for part in ('speed', 'tau')), names)
+            joined_time(runs), np.concatenate([run.speed for run in runs]),
+            np.concatenate([run.tau for run in runs]), names)
     else:
         content.update(_what_was_found(diagnosis, machine, names))
         if diagnosis.evidence.observations.steady:
@@ -162,9 +161,10 @@ def _experiment_cells(experiment: NextExperiment | None, names: Names) -> dict[s
 
 def _swallowed_cells(name: str, diagnosis: Diagnosis, machine: Robot | Axis) -> dict[str, str]:
     before, after = diagnosis.base_before[name], diagnosis.base_after[name]
-    value, std = with_std(after.value, after.std)
-    change = (before.value - after.value) / after.value if after.value else math.inf
-    return {'name': in_words(name), 'before': with_std(before.value, after.std)[0], 'after': value,
+    value, std = with_std(after.number, after.deviation)
+    change = (before.number - after.number) / after.number if after.number else math.inf
+    return {'name': in_words(name), 'before': with_std(before.number, after.deviation)[0],
+            'after': value,
             'std': std, 'unit': typeset(unit_on(machine, after.unit)),
             'change': f'{100.0 * change:+.2f} %' if math.isfinite(change) else 'n/a'}
 
@@ -172,9 +172,9 @@ def _swallowed_cells(name: str, diagnosis: Diagnosis, machine: Robot | Axis) -> 
 def _bars_of_swallowed(diagnosis: Diagnosis) -> str:
     bars = []
     for name, after in diagnosis.base_after.items():
-        before, scale = diagnosis.base_before[name], abs(after.value) or 1.0
-        bars.append(Bar(in_words(name), (0.0, (before.value - after.value) / scale),
-                        (after.std / scale, before.std / scale)))
+        before, scale = diagnosis.base_before[name], abs(after.number) or 1.0
+        bars.append(Bar(in_words(name), (0.0, (before.number - after.number) / scale),
+                        (after.deviation / scale, before.deviation / scale)))
     return deviation_bars(bars, ('with the causes', 'without'),
                           'deviation from the value with the causes, %')
 

@@ -11,13 +11,14 @@ import numpy as np
 from par4_dynamics.model import build_model
 from par4_identification.fitting.identification import Identification
 from par4_identification.logs.log import Log
+from par4_identification.reports.deviation_plots import Bar, deviation_bars
 from par4_identification.reports.outcome.estimator import estimator_in_words
 from par4_identification.reports.outcome.identification import ParameterRow
 from par4_identification.reports.page import names_of, page_of
-from par4_identification.reports.plots import Bar, deviation_bars, torque_over_time
 from par4_identification.reports.run_pictures import series_of_runs, statistics_of_runs
 from par4_identification.reports.sample_traces import loaded, torque_traces, worst_run
 from par4_identification.reports.steady_plots import steady_speeds_with, torque_over_speed
+from par4_identification.reports.time_plots import torque_over_time
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.words import in_words, listed, number, percent, typeset, with_std
@@ -69,13 +70,14 @@ def report_of_identification(identification: Identification, outcome: Outcome,
         statistics=statistics_of_runs(runs, estimate.residuals, floor, names))
 
 
-def _table_1_cells(row: ParameterRow) -> dict[str, str]:
+def _table_1_cells(row: ParameterRow) -> dict[str, Any]:
     value, std = with_std(row.value, row.std)
     return {
         'name': in_words(row.name), 'symbol': row.symbol, 'unit': typeset(row.unit),
         'value': value, 'std': std, 'relative_std': percent(row.relative_std),
         'paper': '' if row.paper is None else f'{row.paper:g}', 'printed': bool(row.printed),
-        'paper_relative_std': '' if row.paper is None else percent(row.paper_relative_std, 3),
+        'paper_relative_std': '' if row.paper_relative_std is None else percent(
+            row.paper_relative_std, 3),
         'true': '' if row.true is None else f'{row.true:.5g}',
         'error': '' if row.true is None else percent(
             (row.value - row.true) / row.true if row.true else math.inf)}
@@ -88,10 +90,10 @@ def _bars_of_table_1(rows: Sequence[ParameterRow], paper: bool, truth: bool) -> 
         if not zero:
             continue  # an offset of the paper's machine, or a value at its limit: no deviation
         values, stds = [(row.value - zero) / zero], [row.std / abs(zero)]
-        if paper:
+        if paper and row.paper_relative_std is not None:
             values.append(0.0)
             stds.append(row.paper_relative_std)
-        if truth:
+        if truth and row.true is not None:
             values.append((row.true - zero) / zero)
             stds.append(0.0)
         bars.append(Bar(in_words(row.name), tuple(values), tuple(stds)))

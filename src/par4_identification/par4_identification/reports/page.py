@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from par4_identification.logs.log import Log
-from par4_identification.reports.plots import Names
+from par4_identification.reports.names import Names
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.page import rendered
@@ -48,7 +48,7 @@ def names_of(machine: Robot | Axis) -> Names:
 
 
 def _bag_cells(log: Log) -> dict[str, Any]:
-    accounts = log.accounts
+    accounts = log.bag_accounts
     return {'name': Path(log.name).name, 'duration': number(accounts.duration),
             'samples': accounts.samples, 'rate': number(1.0 / accounts.period, 4),
             'segments': accounts.segments, 'source': in_words(accounts.torque_source),

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.identification import autocorrelation
-from par4_identification.reports.plots import Names, Series, residual_statistics
+from par4_identification.reports.residual_plots import residual_statistics
+from par4_identification.reports.time_plots import Series
 from par4_identification.signals.rows import Run
 
 LAGS = 50

@@ -11,7 +11,7 @@ from par4_identification.fitting.simplification_cost import ALL, NOTHING, PARTS,
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.outcome.simplification import share_in_words
 from par4_identification.reports.page import joint_cells, names_of, page_of
-from par4_identification.reports.plots import differences_over_time, torque_of_mechanism
+from par4_identification.reports.time_plots import differences_over_time, torque_of_mechanism
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 from par4_sim.report.outcome import Outcome

@@ -14,10 +14,10 @@ from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.outcome.validation import errors_by_joint, total_errors
 from par4_identification.reports.page import joint_cells, names_of, page_of
-from par4_identification.reports.plots import torque_over_time
 from par4_identification.reports.run_pictures import series_of_runs, statistics_of_runs
 from par4_identification.reports.sample_traces import torque_traces, worst_run
 from par4_identification.reports.steady_plots import steady_speeds_with, torque_over_speed
+from par4_identification.reports.time_plots import torque_over_time
 from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome

@@ -113,7 +113,8 @@ def calibration_of(stretches: Sequence[Stretch], geometry: Geometry) -> Calibrat
     here = placement_at(stretches, geometry, nowhere)
     found, least = (None, np.inf) if here is None else _explained(here)
     if here is None or here.odd > ODD_POSES:
-        least *= BETTER_START if found is None or here.odd < FEW_LEFT else np.inf
+        few = here is not None and here.odd < FEW_LEFT
+        least *= BETTER_START if found is None or few else np.inf
         for start in possible_starts(stretches, geometry)[:STARTS]:
             there = placement_at(stretches, geometry, start)
             trial, left = (None, np.inf) if there is None else _begun(there, start)

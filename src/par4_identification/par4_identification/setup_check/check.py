@@ -119,7 +119,7 @@ def rewired(log: Log, wiring: Wiring) -> Log:
     q = np.asarray(turns) * log.q[:, list(places)]
     tau = np.asarray(signs) * log.tau[:, list(order)]
     doubtful = None if log.doubtful is None else np.repeat(
-        log.doubtful.any(axis=1)[:, None], q.shape[1], axis=1)
+        log.doubtful.any(axis=1, keepdims=True), q.shape[1], axis=1)
     return replace(log, q=q, tau=tau, doubtful=doubtful)
 
 

@@ -65,9 +65,9 @@ class Stretch:
 
     def rewired(self, order: Sequence[int], signs: Sequence[float]) -> Stretch:
         """Return the stretch in which joint i is what was read as joint order[i], times a sign."""
-        order, signs = list(order), np.asarray(signs)
-        return replace(self, q=signs * self.q[:, order], qd=signs * self.qd[:, order],
-                       qdd=signs * self.qdd[:, order])
+        places, turns = list(order), np.asarray(signs)
+        return replace(self, q=turns * self.q[:, places], qd=turns * self.qd[:, places],
+                       qdd=turns * self.qdd[:, places])
 
     def thinned(self, every: int) -> Stretch:
         """Return every so manieth sample."""
@@ -98,11 +98,10 @@ def stretches_of(logs: Sequence[Log]) -> list[Stretch]:
             if log.doubtful is not None:
                 known = ~_dilated(log.doubtful[segment], reach)
             known[:reach] = known[len(known) - reach:] = False  # filters know nothing beyond
-            parts = (log.t[segment], q, central_difference(q, log.period),
-                     second_difference(q, log.period),
-                     low_pass(log.tau[segment], 2.0 * scale * TORQUE_HZ, log.period), known)
-            found.append(Stretch(number, every * log.period, *(part[::every] for part in parts),
-                                 scale * TORQUE_HZ))
+            tau = low_pass(log.tau[segment], 2.0 * scale * TORQUE_HZ, log.period)
+            found.append(Stretch(
+                number, log.period, log.t[segment], q, central_difference(q, log.period),
+                second_difference(q, log.period), tau, known, scale * TORQUE_HZ).thinned(every))
     return found
 
 

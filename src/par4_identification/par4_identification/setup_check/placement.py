@@ -297,10 +297,11 @@ def _loads(state: State) -> np.ndarray:
     along three axes, friction about theta."""
     units = np.eye(LEGS)
     forces = [state.torque_of_force(unit) for unit in units]
-    away = state.x[:, :3] - state.x[:, :3].mean(axis=0)
-    rate = state.xd[:, 3:]
+    platform = state.platform
+    away = platform.x[:, :3] - platform.x[:, :3].mean(axis=0)
+    rate = platform.xd[:, 3:]
     springs = [forces[axis] * away[:, [axis]] for axis in range(3)]
-    drags = [forces[axis] * state.xd[:, [axis]] for axis in range(3)]
+    drags = [forces[axis] * platform.xd[:, [axis]] for axis in range(3)]
     turning = [forces[3] * rate, forces[3] * np.sign(rate)]
     return np.stack(forces + springs + drags + turning, axis=-1)
 

@@ -52,7 +52,7 @@ def scale_findings(check: SetupCheck, model: Model | None) -> SetupCheck:
         return check
     values = _plain_values(rows)
     if model is not None:
-        return _against_model(check, values, model, rows)
+        return _against_model(check, machine, values, model, rows)
     check = replace(check, remarks=(*check.remarks, UNSEEN))
     gain = float(np.exp(np.mean(np.log(machine.drives.gain))))
     largest = max(float(np.quantile(np.abs(log.tau), 0.9995)) for log in check.logs)
@@ -101,8 +101,8 @@ def _plain_values(rows: Equations) -> np.ndarray:
     return np.linalg.lstsq(columns, target, rcond=1e-10)[0]
 
 
-def _against_model(check: SetupCheck, values: np.ndarray, model: Model, rows: Equations
-                   ) -> SetupCheck:
+def _against_model(check: SetupCheck, robot: Robot, values: np.ndarray, model: Model,
+                   rows: Equations) -> SetupCheck:
     """Return the check with the factor by which all parameters differ from those of a model."""
     known = np.array([float(np.mean(model.values[term.name])) for term in BASE_TERMS])
     speed = float(np.median(np.abs(rows.columns[..., 5][rows.valid])))
@@ -116,7 +116,7 @@ def _against_model(check: SetupCheck, values: np.ndarray, model: Model, rows: Eq
             or abs(ratio[2] - factor) > max(ALIKE, FRICTION_ALIKE * abs(factor))):
         return check
     joints = tuple(range(rows.tau.shape[1]))
-    gains = np.asarray(check.machine.drives.gain, dtype=float)
+    gains = np.asarray(robot.drives.gain, dtype=float)
     gain = float(np.mean(np.log(gains)))
     factors = listed([number(float(np.exp(part)), 3) for part in ratio])
     told = f'inertia, masses and friction come out {factors} times those of the model'

@@ -75,16 +75,17 @@ def _of_machine(mended: Sequence[Amount], cause: Cause | None) -> Amount:
     parameters = {}
     for name in mended[0].parameters:
         own = [amount.parameters[name] for amount in mended]
-        value = float(np.mean([parameter.value for parameter in own]))
-        std = float(np.sqrt(np.sum([parameter.std ** 2 for parameter in own]))) / len(own)
+        value = float(np.mean([parameter.number for parameter in own]))
+        std = float(np.sqrt(np.sum([parameter.deviation ** 2 for parameter in own]))) / len(own)
         parameters[name] = Parameter(value=value, std=std, unit=own[0].unit)
     if cause is not None:
         for name, rest in cause.parameters.items():
-            value, std = float(np.mean(rest.value)), rest.std
-            before = parameters.get(name)
+            before, told = parameters.get(name), rest.std
+            value = float(np.mean(rest.value))
             if before is not None:
-                value += before.value
-                std = before.std if std is None else std
-            parameters[name] = Parameter(value=value, std=None if std is None else float(
-                np.mean(std)), unit=rest.unit if before is None else before.unit)
+                value += before.number
+                told = before.std if told is None else told
+            parameters[name] = Parameter(
+                value=value, std=None if told is None else float(np.mean(told)),
+                unit=rest.unit if before is None else before.unit)
     return Amount(mended[0].effect, (), parameters)

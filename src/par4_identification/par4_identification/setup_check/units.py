@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +25,9 @@ THOUSAND = 1e3
 QUICKER = 3.0
 """Most by which a joint may exceed the speed limit of the robot file."""
 
+Mend = tuple[Finding, Callable[[Log], Log]]
+"""A finding and what mends a log of it."""
+
 
 def in_si(check: SetupCheck) -> SetupCheck:
     """Return the check with positions in radians and times in seconds."""
@@ -31,9 +35,9 @@ def in_si(check: SetupCheck) -> SetupCheck:
         return check
     for number_of_log, log in enumerate(check.logs):
         mended = log
-        for finding, mend in (_milliseconds(mended, check.machine),
-                              _degrees(mended, check.machine)):
-            if finding is not None:
+        for found in (_milliseconds(mended, check.machine), _degrees(mended, check.machine)):
+            if found is not None:
+                finding, mend = found
                 mended = mend(mended)
                 logs = list(check.logs)
                 logs[number_of_log] = mended
@@ -43,12 +47,12 @@ def in_si(check: SetupCheck) -> SetupCheck:
     return check
 
 
-def _degrees(log: Log, robot: Robot):
+def _degrees(log: Log, robot: Robot) -> Mend | None:
     """Return the finding that positions are in degrees, and how to mend it; or None."""
     probes = log.q[::max(1, len(log.q) // PROBES)]
     largest = float(np.quantile(np.abs(probes), 0.95))
     if largest < TURN or np.mean(closes(robot.geometry, np.radians(probes))) < LEAST_CLOSED:
-        return None, None
+        return None
     joints = tuple(range(log.q.shape[1]))
     return Finding(
         'wrong_unit', joints, None,
@@ -59,16 +63,16 @@ def _degrees(log: Log, robot: Robot):
     ), lambda log: replace(log, q=np.radians(log.q))
 
 
-def _milliseconds(log: Log, robot: Robot):
+def _milliseconds(log: Log, robot: Robot) -> Mend | None:
     """Return the finding that stamps count another unit, and how to mend it; or None."""
     if FASTEST < log.period < SLOWEST:
-        return None, None
+        return None
     factor = 1.0 / THOUSAND if log.period >= SLOWEST else THOUSAND
     period = factor * log.period
     speed = np.abs(np.diff(log.q, axis=0)) / period
     fastest = float(np.quantile(speed, 0.99)) if len(speed) else 0.0
     if not (FASTEST < period < SLOWEST and 0.0 < fastest < QUICKER * robot.limits.joint_speed):
-        return None, None
+        return None
     joints = tuple(range(log.q.shape[1]))
     unit = 'milliseconds' if factor < 1.0 else 'thousands of seconds'
     return Finding(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from par4_dynamics.effects.backlash import Backlash
+from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.changes.joint_values import (
@@ -135,9 +136,9 @@ def values_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None 
     except np.linalg.LinAlgError as error:
         raise InputError(f'{bag}: no parameter can be told from it; record a longer motion of all '
                          f'joints') from error
-    error = _relative_error(observations, found)
-    if error > LARGEST_ERROR:
-        raise InputError(f'{bag}: {percent(error)} of its torque is left by the model of '
+    left = _relative_error(observations, found)
+    if left > LARGEST_ERROR:
+        raise InputError(f'{bag}: {percent(left)} of its torque is left by the model of '
                          f'{machine.name}; it seems to be of another robot')
     return BagValues(
         bag, log.start_stamp, float(log.t[-1]), tuple(term.name for term in found.terms),
@@ -198,13 +199,14 @@ def _gaps(loose: Sequence[int], observations: Observations, found: JointValues
     if not loose:
         return []
     told = gaps(observations, left_by(observations, found))
-    return [EffectSize(f'{Backlash.name}.gap[{joint}]', *told[joint], 'rad')
-            for joint in loose if told[joint] is not None]
+    return [EffectSize(f'{Backlash.name}.gap[{joint}]', *gap, unit='rad')
+            for joint, gap in enumerate(told) if joint in loose and gap is not None]
 
 
 def sizes_of_effect(item: Hypothesis, parameters: Mapping[str, Any], joints: int
                     ) -> list[EffectSize]:
     """Return the sizes of an effect on a machine of so many joints, those that are fitted."""
+    assert isinstance(item.effect, Effect)
     found = []
     for parameter in item.effect.parameters:
         told = parameters[parameter.name]

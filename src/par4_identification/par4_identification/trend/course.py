@@ -159,9 +159,9 @@ def _breaks(series: _Series, chance: float) -> list[Break]:
     """
     each = chance / len(KINDS)
     lasting = _grown(series, [], each, LASTING)
-    return sorted(min(
-        (_grown(series, start, each, KINDS) for start in (lasting, [])),
-        key=lambda breaks: _cost(series, breaks, each)), key=lambda item: item.index)
+    found = [_grown(series, start, each, KINDS) for start in (lasting, [])]
+    costs = [_cost(series, breaks, each) for breaks in found]
+    return sorted(found[costs.index(min(costs))], key=lambda item: item.index)
 
 
 def _cost(series: _Series, breaks: list[Break], each: float) -> float:
@@ -289,10 +289,9 @@ def _course(series: _Series, breaks: list[Break], scatter: float) -> Course:
         first = own.stop
         if item.kind != 'odd':
             fitted = fitted + block @ values
-        step, slope = {'step': (0, None), 'odd': (0, None), 'slope': (None, 0),
-                       'both': (0, 1)}[item.kind]
-        sized.append(replace(
-            item, step=0.0 if step is None else float(values[step]),
-            slope=0.0 if slope is None else float(values[slope]),
-            std=tuple(0.0 if place is None else float(std[place]) for place in (step, slope))))
+        places = {'step': (0, None), 'odd': (0, None), 'slope': (None, 0), 'both': (0, 1)}
+        (step, step_std), (slope, slope_std) = (
+            (0.0, 0.0) if place is None else (float(values[place]), float(std[place]))
+            for place in places[item.kind])
+        sized.append(replace(item, step=step, slope=slope, std=(step_std, slope_std)))
     return Course(tuple(sized), fitted, wave, scatter)

@@ -12,8 +12,9 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes as Axes  # also for those who draw with what is here
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator as MaxNLocator
 
 MEASURED, CALCULATED = '#c8102e', '#1a56a8'
 BEFORE, AFTER, CURVE, FAINT = '#d9822b', '#1a56a8', '#1b1b1b', '#f3d9bd'
@@ -34,10 +35,10 @@ STYLE = {
 
 
 @contextmanager
-def drawn(height: float) -> Iterator[Figure]:
-    """Yield a figure as wide as a report and `height` inches high, in the style of all."""
+def drawn(height: float, width: float = WIDTH) -> Iterator[Figure]:
+    """Yield a figure of `height` and `width` inches, as wide as a report, in the style of all."""
     with rc_context(STYLE):
-        yield Figure((WIDTH, height), layout='constrained')
+        yield Figure((width, height), layout='constrained')
 
 
 def line(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, width: float) -> None:

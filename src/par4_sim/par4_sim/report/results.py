@@ -58,7 +58,8 @@ def refuse_unwritable(folder: Path) -> None:
                          f'--output') from error
 
 
-def write_results(folder: Path, results: Mapping[str, str | dict | ModelFile | None]) -> None:
+def write_results(folder: Path,
+                  results: Mapping[str, str | dict[str, Any] | ModelFile | None]) -> None:
     """Write text, JSON or a model under each name; all are whole before the first is replaced.
 
     None removes what an earlier run left under that name. Other files in the folder stay.

@@ -31,8 +31,8 @@ from par4_kinematics.ros.convert import write_joint_state, write_pose, write_tim
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.qos import message_type
 from par4_kinematics.workspace import home_pose
+from par4_sim.robot_tree import tree_joint_positions
 from par4_sim.simulation import Sample
-from par4_sim.urdf import tree_joint_positions
 
 CLOCK_PERIOD_NS = 10_000_000
 PASSIVE_PERIOD_NS = 33_000_000

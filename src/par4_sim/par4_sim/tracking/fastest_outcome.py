@@ -80,7 +80,7 @@ def _label(item: Reached | Unreached) -> str:
 def rows_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest
                     ) -> list[tuple[tuple[str, ...], list[str]]]:
     """Return the cells of `NAMES` and of `HEADINGS` for each."""
-    rows = []
+    rows: list[tuple[tuple[str, ...], list[str]]] = []
     for item in found:
         cells = ['never', *[''] * (len(HEADINGS) - 1)]
         if isinstance(item, Reached):

@@ -94,4 +94,6 @@ def record_run(robot: Robot, machine: Model, motion: Motion, feedforward: np.nda
         simulation.close()
     if feedforward is None:
         counts.pop('missing_effort')
-    return Run(motion, STEP * np.arange(first, first + count), *told, feedforward, counts)
+    pose, q, qd, command, torque = told
+    return Run(motion, STEP * np.arange(first, first + count), pose, q, qd, command, torque,
+               feedforward, counts)

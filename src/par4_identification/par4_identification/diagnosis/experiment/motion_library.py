@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -111,36 +112,36 @@ def _makers(robot: Robot, limits: MotionLimits, seed: int
     """Yield the name of each motion and what makes it."""
     for axis in AXES:
         yield (f'strokes along {axis} at many speeds',
-               lambda axis=axis: _strokes(robot, limits, axis, SPEEDS))
+               partial(_strokes, robot, limits, axis, SPEEDS))
     for axis in ('z', 'theta'):
         yield (f'slow strokes along {axis}',
-               lambda axis=axis: _strokes(robot, limits, axis, SPEEDS[:4]))
+               partial(_strokes, robot, limits, axis, SPEEDS[:4]))
         yield (f'fast strokes along {axis}',
-               lambda axis=axis: _strokes(robot, limits, axis, SPEEDS[4:]))
+               partial(_strokes, robot, limits, axis, SPEEDS[4:]))
     for speed in (0.15, 0.6):
         yield (f'corners of the workspace at {speed:g} m/s',
-               lambda speed=speed: _corners(robot, limits, speed))
+               partial(_corners, robot, limits, speed))
     for axis in ('x', 'z'):
         yield (f'small reversals along {axis}',
-               lambda axis=axis: _vibrations(robot, axis, [
+               partial(_vibrations, robot, axis, [
                    (amplitude * robot.geometry.arm_length, frequency)
                    for amplitude, frequency in REVERSALS]))
     for axis in AXES:
         yield (f'vibration along {axis} of increasing frequency',
-               lambda axis=axis: _vibrations(robot, axis, _widest(robot, limits, axis)))
+               partial(_widest_vibrations, robot, limits, axis))
     for acceleration in (5.0, 20.0, 60.0):
         for azimuth in (0.0, 0.25 * math.pi):
             yield (f'Adept cycles at {acceleration:g} m/s2 along {math.degrees(azimuth):.0f} deg',
-                   lambda acceleration=acceleration, azimuth=azimuth: adept_motion(
-                       robot, acceleration=acceleration, speed=3.0, round_trip=None,
-                       theta_swing=limits.extent[2], azimuth=azimuth, cycles=4))
+                   partial(adept_motion, robot, acceleration=acceleration, speed=3.0,
+                           round_trip=None, theta_swing=limits.extent[2], azimuth=azimuth,
+                           cycles=4))
     for name, slow_fraction, share in (
             ('mostly slow excitation', 0.85, 1.0), ('excitation', 0.4, 1.0),
             ('gentle excitation', 0.4, 0.3), ('fast excitation', 0.1, 1.0)):
-        yield (name, lambda slow_fraction=slow_fraction, share=share: excitation_motion(
-            robot, EXCITATION, seed, slow_fraction=slow_fraction,
-            acceleration=share * limits.acceleration, joint_speed=share ** 0.5
-            * limits.joint_speed))
+        yield (name, partial(
+            excitation_motion, robot, EXCITATION, seed, slow_fraction=slow_fraction,
+            acceleration=share * limits.acceleration,
+            joint_speed=share ** 0.5 * limits.joint_speed))
 
 
 def _extent(limits: MotionLimits, axis: str) -> float:
@@ -184,6 +185,11 @@ def _corners(robot: Robot, limits: MotionLimits, speed: float) -> Motion:
     poses.append(limits.middle)
     return waypoints_motion(robot, poses, speed=speed, acceleration=4.0 * speed,
                             theta_speed=6.0 * speed, theta_acceleration=24.0 * speed)
+
+
+def _widest_vibrations(robot: Robot, limits: MotionLimits, axis: str) -> Motion:
+    """Return the widest vibrations along an axis that the limits allow."""
+    return _vibrations(robot, axis, _widest(robot, limits, axis))
 
 
 def _widest(robot: Robot, limits: MotionLimits, axis: str) -> list[tuple[float, float]]:

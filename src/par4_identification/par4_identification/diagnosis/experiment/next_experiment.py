@@ -227,7 +227,7 @@ class Trial:
 
     prospect: Prospect
     pair: Pair
-    _kept: dict = field(default_factory=dict)
+    _kept: dict[tuple[object, ...], np.ndarray] = field(default_factory=dict)
 
     def bound(self, motions: Programme, times: int = 1) -> float:
         """Return an upper bound of `exact`, with the rival at the shape of the old data."""
@@ -247,6 +247,12 @@ class Trial:
     def _sides(self) -> tuple[Hypothesis, Hypothesis | None]:
         return self.pair.first, self.pair.second
 
+    def _truth(self, number: int) -> Hypothesis:
+        """Return an explanation that may be true; nothing at all is none."""
+        side = self._sides[number]
+        assert side is not None
+        return side
+
     def _shape(self, number: int) -> Shape:
         side = self._sides[number]
         return {} if side is None else side.shape
@@ -255,10 +261,11 @@ class Trial:
         rival = self._sides[1 - number]
         if rival is None:
             return 0.5 * self._rest(number, {}, motions, times)
+        effect = _name(rival)
         # a series holds around the size that the data give, elsewhere it would be another law
-        shapes = (rival.shape,) if rival.effect.expanded else (
-            rival.shape, *shapes_of(self.prospect.evidence.observations, rival.effect))
-        _, worth = best_shape(rival.effect, shapes, lambda some: -np.array(
+        shapes = (rival.shape,) if effect.expanded else (
+            rival.shape, *shapes_of(self.prospect.evidence.observations, effect))
+        _, worth = best_shape(effect, shapes, lambda some: -np.array(
             [self._rest(number, shape, motions, times) for shape in some]))
         return -0.5 * worth
 
@@ -273,9 +280,9 @@ class Trial:
         if key not in self._kept:
             evidence = (self.prospect.evidence if motion is None
                         else self.prospect.of_motion(motion))
-            truth, rival = self._sides[number], self._sides[1 - number]
+            truth, rival = self._truth(number), self._sides[1 - number]
             design = evidence.design([*self.pair.others, *(
-                [] if rival is None else [_everywhere(evidence, rival.effect, shape)])])
+                [] if rival is None else [_everywhere(evidence, _name(rival), shape)])])
             self._kept[key] = moments(design, evidence.columns(truth) @ self._fitted[number])
         return self._kept[key]
 
@@ -287,10 +294,16 @@ class Trial:
         """
         evidence, found = self.prospect.evidence, []
         for number in self._truths:
-            hypothesis = self._sides[number]
+            hypothesis = self._truth(number)
             fit = solve(evidence, [*self.pair.others, hypothesis])
             found.append(hypothesis.stacked(fit.coefficients[-1]))
         return tuple(found)
+
+
+def _name(rival: Hypothesis) -> Effect:
+    """Return the effect of a rival, which always has a name."""
+    assert isinstance(rival.effect, Effect)
+    return rival.effect
 
 
 Worth = tuple[int, float]

@@ -47,6 +47,7 @@ def phrase_of_reading(reading: Reading, size: float, machine: Robot | Axis) -> s
         name = SEVERAL if len(reading.kinds) > 1 else in_words(reading.kinds[0])
         weather = '' if reading.joint is not None else ' (cold)' if up else ' (warm)'
         return f'{name} {_share(amount)} {"higher" if up else "lower"} on {where}{weather}'
+    assert isinstance(reading, Added)
     return _phrase_of_added(reading, amount, up, where, machine)
 
 
@@ -157,6 +158,7 @@ def name_of_reading(reading: Reading, machine: Robot | Axis) -> str:
     if isinstance(reading, FrictionFactor):
         kinds = SEVERAL if reading.kinds == FRICTION else in_words(reading.kinds[0])
         return f'{kinds} of {where}'
+    assert isinstance(reading, Added)
     if reading.parameter in PLATFORM:
         return f'a payload at half plate {PLATFORM.index(reading.parameter) + 1}'
     return f'{in_words(reading.parameter)} of {where}'

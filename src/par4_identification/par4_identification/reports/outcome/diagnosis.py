@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from par4_dynamics.parameters import Parameter
+from par4_dynamics.parameters import Parameter, parts_of_orders
 from par4_identification.diagnosis.experiment.next_experiment import NextExperiment
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis, Unusable
 from par4_identification.diagnosis.verdict.unrelated import Unrelated
@@ -137,7 +137,7 @@ def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
     amount = sizes[first.name]
     if first.unit in ('', '1'):
         amount = _size(cause.parameters[first.name], machine, 100.0) + ' %'
-    shape = [_phrase_of_periods(float(cause.parameters[item.name].value), machine)
+    shape = [_phrase_of_periods(cause.parameters[item.name].number, machine)
              if item.unit == '1/turn' else
              f'{in_words(item.name.removeprefix(f"{effect.name}_"))} {sizes[item.name]}'
              for item in others if item.name != 'phase' and item.name in shown]
@@ -152,8 +152,8 @@ def _phrase_of_orders(cause: Cause, machine: Robot | Axis) -> str:
     relative = first.unit in ('', '1')
     unit = unit_on(machine, first.unit)
     orders = []
-    for order, size in zip(cause.parameters[periods].value, cause.parameters[first.name].value,
-                           strict=True):
+    for order, size in zip(np.ravel(cause.parameters[periods].value),
+                           parts_of_orders(cause.parameters[first.name].value), strict=True):
         sizes = np.atleast_1d(np.asarray(size, dtype=float))
         mean = float(np.mean(sizes))
         text = f'{number(100.0 * mean, 2)} %' if relative else f'{number(mean, 2)} {unit}'

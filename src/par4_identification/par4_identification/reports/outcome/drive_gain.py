@@ -11,8 +11,8 @@ from par4_identification.gains.known_payload import DriveGains
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.outcome import data_remark
 from par4_identification.reports.outcome.results import data_of_logs
-from par4_kinematics.robot import Robot
-from par4_sim.report.outcome import Outcome, Remark
+from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.outcome import Outcome, Remark, Standing
 from par4_sim.report.results import plain
 from par4_sim.report.words import joint_labels, listed, number, percent, with_std
 
@@ -39,7 +39,7 @@ def wrong_gains(gains: DriveGains) -> np.ndarray:
             & (off > MATTERS * gains.nominal))
 
 
-def gains_remarks(gains: DriveGains, machine: Robot, source: str) -> tuple[Remark, ...]:
+def gains_remarks(gains: DriveGains, machine: Robot | Axis, source: str) -> tuple[Remark, ...]:
     """Return what the gains say of those of the robot file.
 
     Args:
@@ -85,7 +85,7 @@ def outcome_of_gains(gains: DriveGains, machine: Robot, logs: Sequence[Log],
     relative = float(((gains.std + gains.bound) / gains.values).max())
     sentence = (f'The drive gains are {gains_in_words(gains)}, known to {percent(relative)} or '
                 f'better from {pushes} static pushes.')
-    standing = 'good' if relative < 0.01 else 'fair' if relative < 0.05 else 'bad'
+    standing: Standing = 'good' if relative < 0.01 else 'fair' if relative < 0.05 else 'bad'
     return Outcome(sentence, standing, remarks)
 
 

@@ -112,8 +112,9 @@ def table_of_parameters(identification: Identification, machine: Robot | Axis,
         rows.append(ParameterRow(
             name if len(machine.joint_names) == 1 else str(label),
             symbols.get(name, ''), unit_on(machine, label.unit), float(value), float(std),
-            _relative(Parameter(value=value, std=std)), theirs and theirs.value,
-            theirs and _relative(theirs), printed[name].value if odd else None, true))
+            _relative(Parameter(value=value, std=std)), None if theirs is None else theirs.number,
+            None if theirs is None else _relative(theirs),
+            printed[name].number if odd else None, true))
     return tuple(rows)
 
 

@@ -34,8 +34,8 @@ def advice(cause: str, experiment: NextExperiment | None) -> str:
     sentences = []
     decided = [f'{in_words(item.names[1])} by {number(item.expected, 2)}'
                for item in mine if item.separated]
-    if decided:
-        motion = experiment.motion
+    motion = experiment and experiment.motion
+    if decided and motion:
         sentences.append(
             f'Play {MOTION_FILE} ({motion.name}, {motion.duration:.0f} s) and give its bag beside '
             f'the old ones, one of them as --holdout: it is expected to tell {in_words(cause)} '

@@ -16,7 +16,7 @@ FLOOR_EXCESS = Rules().floor_excess
 
 def data_remark(logs: Sequence[Log]) -> Remark:
     """Return whether the data needed repair."""
-    repairs = sum(len(log.accounts.findings()) for log in logs)
+    repairs = sum(len(log.bag_accounts.findings()) for log in logs)
     if not repairs:
         return Remark(True, 'The data needed no repair.')
     return Remark(False, f'The data needed {repairs} repair{"s" if repairs > 1 else ""}, listed '
@@ -25,7 +25,7 @@ def data_remark(logs: Sequence[Log]) -> Remark:
 
 def duration(logs: Sequence[Log]) -> float:
     """Return the measured time of all logs, s."""
-    return sum(log.accounts.duration for log in logs)
+    return sum(log.bag_accounts.duration for log in logs)
 
 
 def over_joints(rms: np.ndarray) -> float:

@@ -17,7 +17,7 @@ from par4_sim.report.words import unit_on
 
 def data_of_logs(logs: Sequence[Log]) -> list[dict[str, Any]]:
     """Return what was read, repaired and dropped, a bag each."""
-    return [{**log.accounts.to_json(), 'findings': log.accounts.findings()} for log in logs]
+    return [{**log.bag_accounts.to_json(), 'findings': log.bag_accounts.findings()} for log in logs]
 
 
 def provenance(tool: str, machine: Robot | Axis, bags: Sequence[str | Path],

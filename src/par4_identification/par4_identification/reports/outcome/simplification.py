@@ -17,7 +17,7 @@ from par4_identification.fitting.simplification_cost import (
 )
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
-from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.outcome import Outcome, Remark, Standing
 from par4_sim.report.results import plain
 from par4_sim.report.words import listed, number, percent
 
@@ -58,7 +58,7 @@ def outcome_of_simplification(study: Simplification, motion: Motion) -> Outcome:
                      f'{number(study.position_error, 2)} rad; the loops open by '
                      f'{number(study.opening, 2)} m.'),
         Remark(True, 'Friction and effects take no part: they would be the same on both sides.'))
-    standing = 'good' if all(remark.good for remark in remarks) else (
+    standing: Standing = 'good' if all(remark.good for remark in remarks) else (
         'fair' if factor > 1.0 else 'bad')
     return Outcome(sentence, standing, remarks)
 
