@@ -8,7 +8,6 @@ import struct
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,6 +21,7 @@ from fuzzing import bent, damaged, odd, refused_in_a_line
 from hypothesis import given
 from hypothesis import strategies as st
 
+from executables import TOOLS
 from node_bench import MODULES, ROBOT, quintic_motion
 from par4_dynamics.model import read_model
 from par4_identification.gains.static_push import read_force
@@ -310,17 +310,8 @@ def test_serialised_references(content):
 # ------------------------------------------------------------------------------------ command lines
 
 
-def command_lines() -> dict[str, click.Command]:
-    found = {}
-    for script in entry_points(group='console_scripts'):
-        if script.name.startswith('par4_') and '.commands.' in script.value:
-            module = import_module(script.value.partition(':')[0])
-            found[script.name] = next(item for item in vars(module).values()
-                                      if isinstance(item, click.Command))
-    return found
-
-
-COMMANDS = command_lines()
+COMMANDS = {name: next(item for item in vars(import_module(module)).values()
+                       if isinstance(item, click.Command)) for name, module in TOOLS.items()}
 
 
 @pytest.mark.parametrize('name', sorted(COMMANDS))

@@ -56,6 +56,20 @@ def _written(value: Value) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
+@contextmanager
+def _signals_held_back() -> Iterator[None]:
+    """Hold SIGINT and SIGTERM back in this block, for this process and those that it starts.
+
+    So none is started without being ended, and a new Python is not interrupted before the lines
+    that answer signals (`par4_start`), which take them.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 class RunningCell:
     """The nodes of a session that runs.
 
@@ -75,7 +89,8 @@ class RunningCell:
             InputError: an executable is missing; then none has been started.
         """
         lines = [command_of(part, self._session) for part in self._session.nodes]
-        with nullcontext() if self._log is None else self._log.open('ab') as output:
+        with (nullcontext() if self._log is None else self._log.open('ab') as output,
+              _signals_held_back()):
             for part, line in zip(self._session.nodes, lines, strict=True):
                 self.processes.append((part, subprocess.Popen(
                     line, stdout=output, stderr=output, env=dict(environment))))
@@ -144,5 +159,11 @@ def run_session(session: Session, log: Path | None = None) -> int:
             time.sleep(LOOK)
     if session.then is None:
         return 0
-    return subprocess.run([executable_path(session.then), *session.then.arguments],
-                          check=False).returncode
+    with _signals_held_back():
+        process = subprocess.Popen([executable_path(session.then), *session.then.arguments])
+    with process:
+        try:
+            return process.wait()
+        except KeyboardInterrupt:
+            process.terminate()
+            raise
