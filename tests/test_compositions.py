@@ -18,6 +18,8 @@ from par4_kinematics import interface
 from par4_kinematics.errors import InputError
 from par4_kinematics.ros.node import Par4Node
 from par4_sim.cell import CLOCK, COMPOSITIONS, NodePart, Session, ToolPart
+from par4_sim.choices import POSITION_LAWS
+from par4_sim.ros.simulation_parameters import SimulationParameters
 from par4_sim.running_cell import command_of, run_session, running_cell
 from robots import REFERENCE
 
@@ -50,6 +52,24 @@ def test_every_part_exists_and_takes_its_parameters(name):
         known['use_sim_time'] = bool
         for parameter, value in part.parameters.items():
             assert type(value) is known[parameter], (part.executable, parameter)
+
+
+@pytest.mark.parametrize('controller', POSITION_LAWS)
+def test_a_controller_is_told_what_it_needs(controller):
+    parts = {part.executable: part.parameters
+             for part in session_of('cell', controller=controller, model='mine').nodes}
+    drives = SimulationParameters(**{key: value
+                                     for key, value in parts['par4_simulation'].items()
+                                     if key in ('controller', 'controller_model')})
+    assert (drives.law, drives.controller_model) == (controller, 'mine')
+    looks_ahead = parts['par4_feedforward']['torque_factor'] > 1.0
+    assert looks_ahead == (controller == 'predictive')
+
+
+def test_a_controller_of_positions_in_torque_mode_is_refused():
+    assert SimulationParameters(drive_mode='torque').law == 'torque'
+    with pytest.raises(InputError, match="'predictive' asked with drive_mode torque"):
+        _ = SimulationParameters(drive_mode='torque', controller='predictive').law
 
 
 def test_a_motion_waits_for_all_that_take_references():
