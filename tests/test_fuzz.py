@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import multiprocessing
+import resource
 import shutil
 import struct
 import sys
@@ -169,8 +171,22 @@ def test_archives_of_loggers(folder, content):
     refused_in_a_line(lambda: measured(path, 'time=t:s position=q:rad torque=tau:Nm'))
 
 
+def matlab_archive(compressed: bool) -> bytes:
+    stream = io.BytesIO()
+    scipy.io.savemat(stream, COLUMNS, do_compression=compressed)
+    return stream.getvalue()
+
+
+@given(content=st.one_of(damaged(matlab_archive(False)), damaged(matlab_archive(True))))
+def test_matlab_files(folder, content):
+    path = written(folder, 'log.mat', content)
+    fork = multiprocessing.get_context('fork')  # what is loaded need not be loaded again
+    with mock.patch.object(multiprocessing, 'get_context', return_value=fork):
+        refused_in_a_line(lambda: measured(path, 'time=t:s position=q:rad torque=tau:Nm'))
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < 2**21  # kB
+
+
 def test_a_matlab_file_that_crashes_its_reader_is_refused_in_a_line(folder):
-    """Too slow to be drawn by the thousand: each is read in a process of its own."""
     path = folder / 'log.mat'
     scipy.io.savemat(path, COLUMNS)
     content = bytearray(path.read_bytes())

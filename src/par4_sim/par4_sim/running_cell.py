@@ -13,10 +13,13 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from par4_kinematics.errors import InputError
+from par4_kinematics.held_signals import held_back
 from par4_sim.cell import NodePart, Session, ToolPart, Value
 
 PATIENCE = 20.0
 """Seconds that a part has to end in, before it is killed."""
+ENDING = (signal.SIGINT, signal.SIGTERM)
+"""Held back while parts start: none may go on without being known here."""
 LOOK = 0.1
 """Seconds after which the parts are looked at again: of several processes no call waits for the
 first that ends."""
@@ -56,20 +59,6 @@ def _written(value: Value) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-@contextmanager
-def _signals_held_back() -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back in this block, for this process and those that it starts.
-
-    So none is started without being ended, and a new Python is not interrupted before the lines
-    that answer signals (`par4_start`), which take them.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 class RunningCell:
     """The nodes of a session that runs.
 
@@ -90,7 +79,7 @@ class RunningCell:
         """
         lines = [command_of(part, self._session) for part in self._session.nodes]
         with (nullcontext() if self._log is None else self._log.open('ab') as output,
-              _signals_held_back()):
+              held_back(*ENDING)):
             for part, line in zip(self._session.nodes, lines, strict=True):
                 self.processes.append((part, subprocess.Popen(
                     line, stdout=output, stderr=output, env=dict(environment))))
@@ -159,7 +148,7 @@ def run_session(session: Session, log: Path | None = None) -> int:
             time.sleep(LOOK)
     if session.then is None:
         return 0
-    with _signals_held_back():
+    with held_back(*ENDING):
         process = subprocess.Popen([executable_path(session.then), *session.then.arguments])
     with process:
         try:
