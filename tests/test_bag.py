@@ -676,6 +676,19 @@ def test_full_disk_is_said_in_one_line(tmp_path, storage):
     assert assert_prefix(tmp_path / 'mended', 10, 490)
 
 
+def test_a_full_disk_names_the_bag_that_was_asked_for(tmp_path, monkeypatch):
+    def refuse(*_: object) -> None:
+        raise OSError(28, 'No space left on device')
+
+    path = small_bag(tmp_path / 'bag')
+    monkeypatch.setattr('rosbags.rosbag2.Writer.write', refuse)
+    with pytest.raises(InputError) as refusal:
+        repair_bag(path, tmp_path / 'mended')
+    assert str(refusal.value).startswith(f'{tmp_path / "mended"}: cannot be written (')
+    assert '--repair' not in str(refusal.value)
+    assert sorted(item.name for item in tmp_path.iterdir()) == ['bag']
+
+
 def test_metadata_that_tell_of_more_than_there_is_are_noticed(tmp_path):
     with BagWriter(tmp_path / 'bag', 'sqlite3') as writer:
         fill(writer, 0, 20)

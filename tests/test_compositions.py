@@ -8,6 +8,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
 import launch_stand_in
 import pytest
@@ -20,7 +21,7 @@ from par4_kinematics.ros.node import Par4Node
 from par4_sim.cell import CLOCK, COMPOSITIONS, NodePart, Session, ToolPart
 from par4_sim.choices import POSITION_LAWS
 from par4_sim.ros.simulation_parameters import SimulationParameters
-from par4_sim.running_cell import command_of, run_session, running_cell
+from par4_sim.running_cell import RunningCell, command_of, run_session, running_cell
 from robots import REFERENCE
 
 SOURCES = Path(__file__).parents[1] / 'src'
@@ -222,6 +223,20 @@ def test_when_a_part_is_killed_all_end_and_it_is_said_which(bench):
         bench.wait(cell.played, 'the end of all')
     assert len(processes) == 3
     assert [process.returncode for process in processes] == [0, -9, 0]
+
+
+def test_the_motion_ends_before_the_robot_that_it_brakes(tmp_path):
+    session = COMPOSITIONS['cell'].session({'motion': 'adept'})
+    cell, told = RunningCell(session, tmp_path / 'log'), []
+    for part in session.nodes:
+        process = mock.Mock(poll=mock.Mock(return_value=None))
+        process.send_signal.side_effect = lambda _, name=part.executable: told.append(name)
+        process.wait.side_effect = lambda name=part.executable, **_: told.append(f'{name} ended')
+        cell.processes.append((part, process))
+    cell.end()
+    assert told[:2] == ['par4_motion', 'par4_motion ended']
+    assert sorted(told[2:5]) == ['par4_feedforward', 'par4_kinematics', 'par4_simulation']
+    assert len(told) == 8
 
 
 def test_nothing_starts_where_an_executable_is_missing(tmp_path):

@@ -100,16 +100,22 @@ class RunningCell:
         return bool(ended)
 
     def end(self) -> None:
-        """End all nodes as a terminal would, all at a time; kill what does not end."""
-        for _, process in self.processes:
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-        for _, process in self.processes:
-            try:
-                process.wait(timeout=PATIENCE)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        """End the motion, which brakes while the robot still runs, then all others at a time.
+
+        What does not end is killed.
+        """
+        player = [process for part, process in self.processes if part is self._session.player]
+        others = [process for _, process in self.processes if process not in player]
+        for group in (player, others):
+            for process in group:
+                if process.poll() is None:
+                    process.send_signal(signal.SIGINT)
+            for process in group:
+                try:
+                    process.wait(timeout=PATIENCE)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
 
 
 @contextmanager
