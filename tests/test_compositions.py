@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import runpy
+import signal
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -230,10 +232,12 @@ def test_the_motion_ends_before_the_robot_that_it_brakes(tmp_path):
     cell, told = RunningCell(session, tmp_path / 'log'), []
     for part in session.nodes:
         process = mock.Mock(poll=mock.Mock(return_value=None))
-        process.send_signal.side_effect = lambda _, name=part.executable: told.append(name)
+        process.send_signal.side_effect = lambda _, name=part.executable: (
+            told.append(name), os.kill(os.getpid(), signal.SIGINT))  # another Ctrl-C
         process.wait.side_effect = lambda name=part.executable, **_: told.append(f'{name} ended')
         cell.processes.append((part, process))
-    cell.end()
+    with pytest.raises(KeyboardInterrupt):
+        cell.end()
     assert told[:2] == ['par4_motion', 'par4_motion ended']
     assert sorted(told[2:5]) == ['par4_feedforward', 'par4_kinematics', 'par4_simulation']
     assert len(told) == 8

@@ -71,8 +71,8 @@ class RunningCell:
         self._log = log
         self.processes: list[tuple[NodePart, subprocess.Popen[bytes]]] = []
 
-    def start(self, environment: Mapping[str, str]) -> None:
-        """Start all nodes.
+    def start(self, environment: Mapping[str, str], group: int | None = None) -> None:
+        """Start all nodes; `group` 0 gives each a process group of its own, None that of this one.
 
         Raises:
             InputError: an executable is missing; then none has been started.
@@ -82,7 +82,8 @@ class RunningCell:
               held_back(*ENDING)):
             for part, line in zip(self._session.nodes, lines, strict=True):
                 self.processes.append((part, subprocess.Popen(
-                    line, stdout=output, stderr=output, env=dict(environment))))
+                    line, stdout=output, stderr=output, env=dict(environment),
+                    process_group=group)))
 
     def played(self) -> bool:
         """Return whether the motion has been played to its end.
@@ -102,8 +103,12 @@ class RunningCell:
     def end(self) -> None:
         """End the motion, which brakes while the robot still runs, then all others at a time.
 
-        What does not end is killed.
+        What does not end is killed. Another Ctrl-C waits until then: none may be left behind.
         """
+        with held_back(*ENDING, signal.SIGHUP):
+            self._end()
+
+    def _end(self) -> None:
         player = [process for part, process in self.processes if part is self._session.player]
         others = [process for _, process in self.processes if process not in player]
         for group in (player, others):
@@ -120,7 +125,8 @@ class RunningCell:
 
 @contextmanager
 def running_cell(session: Session, log: Path | None = None,
-                 environment: Mapping[str, str] | None = None) -> Iterator[RunningCell]:
+                 environment: Mapping[str, str] | None = None, group: int | None = None
+                 ) -> Iterator[RunningCell]:
     """Run the nodes of a session for as long as the block lasts; then end them all.
 
     Args:
@@ -128,13 +134,14 @@ def running_cell(session: Session, log: Path | None = None,
         log: file to which the output of the nodes is added; without one they write to this
             terminal.
         environment: of the nodes; without one that of this process.
+        group: see `RunningCell.start`.
 
     Raises:
         InputError: an executable is missing.
     """
     cell = RunningCell(session, log)
     try:
-        cell.start(os.environ if environment is None else environment)
+        cell.start(os.environ if environment is None else environment, group)
         yield cell
     finally:
         cell.end()
@@ -143,13 +150,14 @@ def running_cell(session: Session, log: Path | None = None,
 def run_session(session: Session, log: Path | None = None) -> int:
     """Run a session to its end; return the exit code of what runs after it, else 0.
 
-    Without a motion it ends by an interrupt only.
+    Without a motion it ends by an interrupt only. A terminal's Ctrl-C reaches this process alone,
+    so that the motion brakes before the robot ends.
 
     Raises:
         InputError: a node is missing, has failed, or has ended too early.
         KeyboardInterrupt: it was interrupted; all nodes have ended.
     """
-    with running_cell(session, log) as cell:
+    with running_cell(session, log, group=0) as cell:
         while not cell.played():
             time.sleep(LOOK)
     if session.then is None:

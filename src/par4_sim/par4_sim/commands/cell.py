@@ -44,6 +44,8 @@ def cell(composition: str, arguments: tuple[str, ...], log: Path | None) -> None
     session = COMPOSITIONS[composition].session(given)
     tool_is_interrupted()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # the terminal was closed
+        signal.signal(signal.SIGHUP, signal.default_int_handler)
     try:
         code = run_session(session, log)
     except KeyboardInterrupt:
