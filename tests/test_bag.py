@@ -539,6 +539,16 @@ def test_a_header_of_sqlite3_alone_is_refused_in_one_line(tmp_path):
             repair_bag(cut(path, tmp_path / f'cut_{size}', size), tmp_path / 'mended')
 
 
+def test_a_schema_of_sqlite3_that_is_no_text_is_refused_in_one_line(tmp_path):
+    path = small_bag(tmp_path / 'bag', 'sqlite3', 200)
+    file = storage_file(path)
+    content = file.read_bytes()
+    file.write_bytes(content.replace(b'CREATE TABLE topics', b'CREATE TABLE\x80topics'))
+    assert file.read_bytes() != content
+    with pytest.raises(InputError, match='no message can be recovered'):
+        repair_bag(path, tmp_path / 'mended')
+
+
 def test_rows_of_sqlite3_with_values_of_other_types_are_left_out(tmp_path):
     path = small_bag(tmp_path / 'bag', 'sqlite3', 200)
     with sqlite3.connect(storage_file(path)) as database:

@@ -114,7 +114,7 @@ class _Salvage:
                     'SELECT topic_id, timestamp, data FROM messages ORDER BY id'):
                 if key in topics and isinstance(received, int) and isinstance(data, bytes):
                     yield _FoundMessage(*topics[key], received, data)
-        except sqlite3.DatabaseError:
+        except (sqlite3.Error, UnicodeDecodeError):  # the latter of words in its own complaints
             damaged = True
         finally:
             connection.close()
