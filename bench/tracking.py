@@ -3,7 +3,8 @@
 Each machine hides something. Its model is identified from one simulated log with noise of 0.05 N m,
 diagnosed with two, and the extended model comes from the diagnosis, by the commands that a user
 has. Then the machine follows the jerk-limited 15 G cycle under the drives' loops with each
-feedforward. Prints a table in Markdown. `python bench/tracking.py [--output DIR] [NAME...]`.
+feedforward, with points a millisecond apart and with one at every step of the drives. Prints a
+table in Markdown. `python bench/tracking.py [--output DIR] [NAME...]`.
 """
 
 from __future__ import annotations
@@ -21,11 +22,14 @@ from par4_dynamics.model_file import read_model_file
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.files import write_yaml
 from par4_kinematics.robot import read_robot
+from par4_sim.plant import STEP
 from par4_sim.tracking.case import Plan, compared
 
 ROBOT = read_robot('reference')
 JERK = 30_000.0
 """m/s3: 15 G are reached within 5 ms."""
+PERIODS = (1e-3, STEP)
+"""Seconds between the points of the reference: as usual over topics, and as drives step."""
 NOISE = 0.05
 """N m rms on the recorded torque."""
 FIRST_SEED = 7_600
@@ -122,10 +126,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('machines', nargs='*', metavar='NAME', help=', '.join(MACHINES))
     parser.add_argument('--output', type=Path, help='folder to keep bags, models and table.json in')
+    parser.add_argument('--first-seed', type=int, default=FIRST_SEED, help='of the logs')
     asked = parser.parse_args()
-    motion = adept_motion(ROBOT, jerk=JERK)
-    print('| machine | diagnosis | TABLE 1 | identified | extended | exact | identified / exact '
-          '| extended / exact | identified / extended |\n|---|---|---|---|---|---|---|---|---|')
+    print('| machine | diagnosis | points every | TABLE 1 | identified | extended | exact '
+          '| identified / exact | extended / exact | identified / extended |\n' + 10 * '|---' + '|')
     table = {}
     with tempfile.TemporaryDirectory() as scratch:
         for row, (name, hidden) in enumerate(MACHINES.items()):
@@ -133,17 +137,20 @@ def main() -> None:
                 continue
             folder = (asked.output or Path(scratch)) / name.replace(' ', '_')
             folder.mkdir(parents=True, exist_ok=True)
-            paths = models_of(hidden, folder, FIRST_SEED + 10 * row)
-            plan = Plan(ROBOT, read_model(paths['exact'], ROBOT), motion)
-            cases = compared(plan, ('loops',), {key: read_model(path, ROBOT)
-                                                for key, path in paths.items()})
-            rms = {case.feedforward: 1e3 * case.tracking.rms for case in cases}
-            ratios = (rms['identified'] / rms['exact'], rms['extended'] / rms['exact'],
-                      rms['identified'] / rms['extended'])
-            print(f'| {name} | {causes_of(folder, bool(hidden.later))} | '
-                  + ' | '.join(f'{value:.3f}' for value in rms.values()) + ' | '
-                  + ' | '.join(f'{value:.2f}' for value in ratios) + ' |', flush=True)
-            table[name] = rms
+            paths = models_of(hidden, folder, asked.first_seed + 10 * row)
+            told = causes_of(folder, bool(hidden.later))
+            models = {key: read_model(path, ROBOT) for key, path in paths.items()}
+            table[name] = {}
+            for period in PERIODS:
+                plan = Plan(ROBOT, models['exact'], adept_motion(ROBOT, jerk=JERK, period=period))
+                rms = {case.feedforward: 1e3 * case.tracking.rms
+                       for case in compared(plan, ('loops',), models)}
+                ratios = (rms['identified'] / rms['exact'], rms['extended'] / rms['exact'],
+                          rms['identified'] / rms['extended'])
+                print(f'| {name} | {told} | {1e3 * period:g} ms | '
+                      + ' | '.join(f'{value:.4f}' for value in rms.values()) + ' | '
+                      + ' | '.join(f'{value:.2f}' for value in ratios) + ' |', flush=True)
+                table[name][f'{1e3 * period:g} ms'] = rms
     if asked.output:
         (asked.output / 'table.json').write_text(json.dumps(table, indent=2))
 

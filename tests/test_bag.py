@@ -532,6 +532,36 @@ def test_sqlite3_cut_short_gives_back_what_is_in_front(tmp_path, part):
     assert digests(broken) == before
 
 
+def test_a_header_of_sqlite3_alone_is_refused_in_one_line(tmp_path):
+    path = small_bag(tmp_path / 'bag', 'sqlite3', 200)
+    for size in (16, 40, 99):
+        with pytest.raises(InputError, match='no message can be recovered'):
+            repair_bag(cut(path, tmp_path / f'cut_{size}', size), tmp_path / 'mended')
+
+
+def test_a_schema_of_sqlite3_that_is_no_text_is_refused_in_one_line(tmp_path):
+    path = small_bag(tmp_path / 'bag', 'sqlite3', 200)
+    file = storage_file(path)
+    content = file.read_bytes()
+    file.write_bytes(content.replace(b'CREATE TABLE topics', b'CREATE TABLE\x80topics'))
+    assert file.read_bytes() != content
+    with pytest.raises(InputError, match='no message can be recovered'):
+        repair_bag(path, tmp_path / 'mended')
+
+
+def test_rows_of_sqlite3_with_values_of_other_types_are_left_out(tmp_path):
+    path = small_bag(tmp_path / 'bag', 'sqlite3', 200)
+    with sqlite3.connect(storage_file(path)) as database:
+        database.execute("UPDATE messages SET data = 'text' WHERE id = 3")
+        database.execute("UPDATE messages SET timestamp = 'now' WHERE id = 4")
+        database.execute("INSERT INTO topics (id, name, type, serialization_format, "
+                         "offered_qos_profiles, type_description_hash) "
+                         "VALUES (77, x'00ff', 3, 'cdr', '', '')")
+        database.execute("UPDATE messages SET topic_id = 77 WHERE id = 5")
+    database.close()
+    assert sum(repair_bag(path, tmp_path / 'mended').messages.values()) == 197
+
+
 def test_a_damaged_chunk_costs_only_itself(tmp_path):
     path = foreign_bag(tmp_path / 'bag', StoragePlugin.MCAP, CompressionMode.STORAGE, count=12000)
     file = storage_file(path)
@@ -654,6 +684,19 @@ def test_full_disk_is_said_in_one_line(tmp_path, storage):
         read_bag(tmp_path / 'bag')
     repair_bag(tmp_path / 'bag', tmp_path / 'mended')
     assert assert_prefix(tmp_path / 'mended', 10, 490)
+
+
+def test_a_full_disk_names_the_bag_that_was_asked_for(tmp_path, monkeypatch):
+    def refuse(*_: object) -> None:
+        raise OSError(28, 'No space left on device')
+
+    path = small_bag(tmp_path / 'bag')
+    monkeypatch.setattr('rosbags.rosbag2.Writer.write', refuse)
+    with pytest.raises(InputError) as refusal:
+        repair_bag(path, tmp_path / 'mended')
+    assert str(refusal.value).startswith(f'{tmp_path / "mended"}: cannot be written (')
+    assert '--repair' not in str(refusal.value)
+    assert sorted(item.name for item in tmp_path.iterdir()) == ['bag']
 
 
 def test_metadata_that_tell_of_more_than_there_is_are_noticed(tmp_path):

@@ -367,7 +367,7 @@ import sys
 import par4_kinematics.ros.start as start
 load = start.import_module
 start.import_module = lambda name: (print('loading', flush=True), load(name))[1]
-from {package}.ros import {node}
+from {package}_start import {node}
 sys.exit({node}())
 """
     for seconds in (0.0, 0.4, 1.5):  # whatever it is doing then

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import runpy
+import signal
 import sys
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
 import launch_stand_in
 import pytest
@@ -18,7 +21,9 @@ from par4_kinematics import interface
 from par4_kinematics.errors import InputError
 from par4_kinematics.ros.node import Par4Node
 from par4_sim.cell import CLOCK, COMPOSITIONS, NodePart, Session, ToolPart
-from par4_sim.running_cell import command_of, run_session, running_cell
+from par4_sim.choices import POSITION_LAWS
+from par4_sim.ros.simulation_parameters import SimulationParameters
+from par4_sim.running_cell import RunningCell, command_of, run_session, running_cell
 from robots import REFERENCE
 
 SOURCES = Path(__file__).parents[1] / 'src'
@@ -50,6 +55,24 @@ def test_every_part_exists_and_takes_its_parameters(name):
         known['use_sim_time'] = bool
         for parameter, value in part.parameters.items():
             assert type(value) is known[parameter], (part.executable, parameter)
+
+
+@pytest.mark.parametrize('controller', POSITION_LAWS)
+def test_a_controller_is_told_what_it_needs(controller):
+    parts = {part.executable: part.parameters
+             for part in session_of('cell', controller=controller, model='mine').nodes}
+    drives = SimulationParameters(**{key: value
+                                     for key, value in parts['par4_simulation'].items()
+                                     if key in ('controller', 'controller_model')})
+    assert (drives.law, drives.controller_model) == (controller, 'mine')
+    looks_ahead = parts['par4_feedforward']['torque_factor'] > 1.0
+    assert looks_ahead == (controller == 'predictive')
+
+
+def test_a_controller_of_positions_in_torque_mode_is_refused():
+    assert SimulationParameters(drive_mode='torque').law == 'torque'
+    with pytest.raises(InputError, match="'predictive' asked with drive_mode torque"):
+        _ = SimulationParameters(drive_mode='torque', controller='predictive').law
 
 
 def test_a_motion_waits_for_all_that_take_references():
@@ -202,6 +225,22 @@ def test_when_a_part_is_killed_all_end_and_it_is_said_which(bench):
         bench.wait(cell.played, 'the end of all')
     assert len(processes) == 3
     assert [process.returncode for process in processes] == [0, -9, 0]
+
+
+def test_the_motion_ends_before_the_robot_that_it_brakes(tmp_path):
+    session = COMPOSITIONS['cell'].session({'motion': 'adept'})
+    cell, told = RunningCell(session, tmp_path / 'log'), []
+    for part in session.nodes:
+        process = mock.Mock(poll=mock.Mock(return_value=None))
+        process.send_signal.side_effect = lambda _, name=part.executable: (
+            told.append(name), os.kill(os.getpid(), signal.SIGINT))  # another Ctrl-C
+        process.wait.side_effect = lambda name=part.executable, **_: told.append(f'{name} ended')
+        cell.processes.append((part, process))
+    with pytest.raises(KeyboardInterrupt):
+        cell.end()
+    assert told[:2] == ['par4_motion', 'par4_motion ended']
+    assert sorted(told[2:5]) == ['par4_feedforward', 'par4_kinematics', 'par4_simulation']
+    assert len(told) == 8
 
 
 def test_nothing_starts_where_an_executable_is_missing(tmp_path):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
+import multiprocessing
+import resource
 import shutil
 import struct
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,6 +23,7 @@ from fuzzing import bent, damaged, odd, refused_in_a_line
 from hypothesis import given
 from hypothesis import strategies as st
 
+from executables import TOOLS
 from node_bench import MODULES, ROBOT, quintic_motion
 from par4_dynamics.model import read_model
 from par4_identification.gains.static_push import read_force
@@ -169,8 +171,22 @@ def test_archives_of_loggers(folder, content):
     refused_in_a_line(lambda: measured(path, 'time=t:s position=q:rad torque=tau:Nm'))
 
 
+def matlab_archive(compressed: bool) -> bytes:
+    stream = io.BytesIO()
+    scipy.io.savemat(stream, COLUMNS, do_compression=compressed)
+    return stream.getvalue()
+
+
+@given(content=st.one_of(damaged(matlab_archive(False)), damaged(matlab_archive(True))))
+def test_matlab_files(folder, content):
+    path = written(folder, 'log.mat', content)
+    fork = multiprocessing.get_context('fork')  # what is loaded need not be loaded again
+    with mock.patch.object(multiprocessing, 'get_context', return_value=fork):
+        refused_in_a_line(lambda: measured(path, 'time=t:s position=q:rad torque=tau:Nm'))
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < 2**21  # kB
+
+
 def test_a_matlab_file_that_crashes_its_reader_is_refused_in_a_line(folder):
-    """Too slow to be drawn by the thousand: each is read in a process of its own."""
     path = folder / 'log.mat'
     scipy.io.savemat(path, COLUMNS)
     content = bytearray(path.read_bytes())
@@ -310,17 +326,8 @@ def test_serialised_references(content):
 # ------------------------------------------------------------------------------------ command lines
 
 
-def command_lines() -> dict[str, click.Command]:
-    found = {}
-    for script in entry_points(group='console_scripts'):
-        if script.name.startswith('par4_') and '.commands.' in script.value:
-            module = import_module(script.value.partition(':')[0])
-            found[script.name] = next(item for item in vars(module).values()
-                                      if isinstance(item, click.Command))
-    return found
-
-
-COMMANDS = command_lines()
+COMMANDS = {name: next(item for item in vars(import_module(module)).values()
+                       if isinstance(item, click.Command)) for name, module in TOOLS.items()}
 
 
 @pytest.mark.parametrize('name', sorted(COMMANDS))

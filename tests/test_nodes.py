@@ -65,7 +65,7 @@ from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.workspace import home_pose
 from par4_sim.robot_tree import tree_joint_positions
 from par4_sim.tracking.metrics import tracking_of
-from par4_sim.tracking.run import record_run
+from par4_sim.tracking.run import feedforward_of, record_run
 from robots import random_poses
 
 
@@ -439,8 +439,11 @@ def test_the_papers_run_over_topics_in_pybullet_is_that_without_ros(bench):
     assert alone.rms == pytest.approx(exact.rms, rel=0.02)  # two engines that share nothing
 
 
-def test_in_torque_mode_lost_torque_is_counted_and_the_loops_take_over(bench):
-    simulated = Simulated(bench, drive_mode='torque')
+@pytest.mark.parametrize('drives', [
+    {'drive_mode': 'torque'}, {'controller': 'predictive'}],
+    ids=lambda drives: next(iter(drives.values())))
+def test_lost_torque_is_counted_and_the_loop_takes_over(bench, drives):
+    simulated = Simulated(bench, **drives)
     voltages = bench.listen(AMPLIFIER_VOLTAGE)
     references, efforts = bench.publisher(REFERENCE), bench.publisher(FEEDFORWARD_TORQUE)
     motion = quintic_motion(AWAY_Q)
@@ -465,6 +468,43 @@ def test_in_torque_mode_lost_torque_is_counted_and_the_loops_take_over(bench):
     reached = joint_values(simulated.states[-1], 'position')
     assert np.abs(reached - motion.q[-1]).max() < 0.05
     assert np.abs(reached - HOME_Q).max() > 0.1
+
+
+def test_predictive_control_over_topics_is_that_without_ros(bench):
+    """With 90 of the 140 N m that the motion takes: the feedforward tells what will be missing."""
+    weak = ROBOT.model_copy(update={'drives': ROBOT.drives.model_copy(
+        update={'torque_limit': 90.0})})
+    write_yaml(bench.folder / 'weak.yaml', weak.model_dump(mode='json', by_alias=True))
+    bench.start('par4_feedforward', robot_file='weak.yaml', model_file='table1_full',
+                torque_factor=2.0, **SIMULATED)
+    # ten times slower than real time: the torque comes before it is needed, however busy it is
+    simulated = Simulated(bench, robot_file='weak.yaml', controller='predictive',
+                          controller_model='table1_full', feedforward_timeout=DEADLINE)
+    references = bench.publisher(REFERENCE)
+    bench.wait(lambda: references.get_subscription_count() == 2, 'both subscribers')
+    motion = adept_motion(ROBOT, period=1e-3, jerk=30_000.0)
+    approach = quintic_motion(motion.q[0], motion.period)
+    first_ns = (simulated.now_ns() // SECOND + 1) * SECOND
+    # looks ahead come every 2 ms of the simulation, which begins at 1 ms
+    start_ns = first_ns + SECOND + MILLISECOND
+    references.publish(reference_message(approach, first_ns))
+    references.publish(reference_message(motion, start_ns))
+    end_ns = start_ns + round(motion.duration * SECOND)
+    simulated.wait_until(end_ns + SECOND // 10)
+    positions = simulated.positions()
+    stamps = [start_ns + round(t * SECOND) for t in motion.t]
+    heard = np.array([stamp in positions for stamp in stamps])
+    assert heard.mean() > 0.9
+    q = np.array([positions[stamp] for stamp, there in zip(stamps, heard) if there])
+    lag = forward_kinematics(ROBOT.geometry, q)[:, :3] - motion.x[heard, :3]
+    peak = np.linalg.norm(lag, axis=1).max()
+    machine = read_model('table1_full', weak)
+    torque = feedforward_of(weak, machine, motion)
+    alone, blind = (tracking_of(record_run(weak, machine, motion, torque, law=law, known=machine))
+                    for law in ('predictive', 'computed_torque'))
+    assert peak == pytest.approx(alone.peak, rel=0.05)
+    assert peak < 0.6 * blind.peak
+    assert simulated.fresh_counts().get('missing_effort', 0) == 0
 
 
 def test_motion_feedforward_and_simulation_play_a_motion_together(bench):

@@ -7,13 +7,13 @@ import shlex
 import subprocess
 import sys
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 
 import click
 import numpy as np
 import pytest
 
+from executables import NODES, TOOLS
 from par4_dynamics import build_model, read_model_file
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.guide import GUIDES
@@ -25,10 +25,6 @@ from robots import REFERENCE
 DOCS = Path(__file__).parents[1] / 'docs'
 TUTORIALS = ('first_ten_minutes', 'your_own_robot', 'fault_step_by_step', 'effect_of_your_own',
              'cluster')
-COMMANDS = {entry.name: entry for entry in entry_points(group='console_scripts')
-            if '.commands.' in entry.value}
-NODES = sorted(entry.name for entry in entry_points(group='console_scripts')
-               if entry.name.startswith('par4_') and '.ros:' in entry.value)
 
 
 def blocks(page: str, language: str) -> list[str]:
@@ -48,7 +44,7 @@ def told_by(page: str, capsys: pytest.CaptureFixture[str]) -> tuple[dict, list[s
 
 def command_of(name: str) -> click.Command:
     """Return the command line of an executable."""
-    module = import_module(COMMANDS[name].value.partition(':')[0])
+    module = import_module(TOOLS[name])
     return next(item for item in vars(module).values() if isinstance(item, click.Command))
 
 
@@ -94,7 +90,7 @@ def test_commands_of_a_tutorial_are_there_with_these_options(page):
         expect_known_options(line)
 
 
-@pytest.mark.parametrize('name', sorted(COMMANDS))
+@pytest.mark.parametrize('name', sorted(TOOLS))
 def test_the_example_in_help_has_options_that_exist(name):
     example = (command_of(name).epilog or '').partition('Example:\n')[2].replace('\\\n', ' ')
     assert example.split()[0] == name
@@ -116,9 +112,9 @@ for place in sys.argv[1:]:
     heavy = {'dask', 'jinja2', 'matplotlib', 'numba', 'pybullet', 'pydantic', 'rosbags', 'scipy',
              'toppra'} & set(sys.modules)
     assert not heavy, (place, heavy)
-""", *(entry.module for entry in COMMANDS.values())], capture_output=True, text=True, check=False)
+""", *TOOLS.values()], capture_output=True, text=True, check=False)
     assert told.returncode == 0, told.stderr
-    assert told.stdout.count('Example:') == len(COMMANDS)
+    assert told.stdout.count('Example:') == len(TOOLS)
 
 
 def test_nodes_tell_help_and_version_without_ros():
@@ -130,7 +126,7 @@ for name in sys.argv[1:]:
     for option in ('--version', '--help'):
         sys.argv = [f'/somewhere/{name}', option]
         assert entry.load()() == 0
-    package = entry.value.partition('.')[0]
+    package = entry.module.removesuffix('_start')
     print(f'expected: {name}, version {version(package)}')
     heavy = {'rclpy', 'numba', 'scipy', 'pybullet', 'rosbags'} & set(sys.modules)
     assert not heavy, (name, heavy)

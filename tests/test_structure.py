@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -103,6 +104,27 @@ def test_a_command_line_is_read_before_its_work_is_loaded(path):
     names = {item.module if isinstance(item, ast.ImportFrom) else item.names[0].name
              for item in top.body}
     assert not [name for name in names if '.jobs.' in name], 'import the job where it is called'
+    loads = [item for item in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
+             if isinstance(item, ast.With) and ast.unparse(item.items[0]) == 'loading()']
+    loaded = [inside for load in loads for inside in load.body]
+    for item in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        if isinstance(item, ast.ImportFrom) and '.jobs' in item.module:
+            assert ast.dump(item) in map(ast.dump, loaded), 'load the job in a block `loading()`'
+
+
+@pytest.mark.parametrize('package', CHAIN)
+def test_an_executable_answers_signals_before_it_loads_anything(package):
+    folder = ROOT / 'src' / package
+    setup = (folder / 'setup.py').read_text(encoding='utf-8')
+    functions = set(re.findall(r"'par4_\w+ = (\S+)'", setup))
+    start = ast.parse((folder / f'{package}_start.py').read_text(encoding='utf-8'))
+    imports = [item for item in start.body if isinstance(item, ast.Import | ast.ImportFrom)]
+    assert [item.module for item in imports] == ['par4_start']
+    written = [item for item in start.body if isinstance(item, ast.FunctionDef)]
+    assert {f'{package}_start:{item.name}' for item in written} == functions
+    for item in written:
+        assert ast.unparse(item.body[1]).startswith(('node_starts()', 'with Tool():'))
+    assert imported(folder.parent / CHAIN[0] / 'par4_start.py') == {'os', 'signal', 'types'}
 
 
 @pytest.mark.parametrize('library', sorted(HOMES))
@@ -160,6 +182,8 @@ def test_the_manifest_declares_every_library(package):
     used = {name.split('.')[0] for path in [*folder.rglob('*.py')] if path.name != 'setup.py'
             for name in imported(path)} - set(sys.stdlib_module_names) - {
                 package, 'llvmlite'}  # which numba is made on
+    if 'par4_start' in used:  # which stands beside the first package
+        used = used - {'par4_start'} | {CHAIN[0]} - {package}
     for library in used:
         if library in (*CHAIN, *MESSAGES, 'control_msgs', 'launch', 'launch_ros'):
             assert library in declared, library

@@ -227,6 +227,17 @@ def test_bad_input_is_one_line_and_leaves_nothing(options, words, tool, tmp_path
     assert os.listdir(tmp_path) == ['log.csv']
 
 
+def test_a_time_that_no_stamp_holds_is_refused(tool, tmp_path):
+    """As a flipped bit makes it of one sample."""
+    late = T.copy()
+    late[-1] = 1e300
+    path = csv(tmp_path / 'log.csv', t=late, q=Q, qd=QD, tau=TAU)
+    told = tool(path, '--columns', COLUMNS, '--joints', 'a', '--output', tmp_path / 'bag')
+    assert told.code == 2
+    assert 'the time goes from 0 to 1e+300 s, beyond what a stamp holds' in told.err
+    assert not (tmp_path / 'bag').exists()
+
+
 def test_files_must_follow_each_other_and_a_bag_is_never_replaced(tool, tmp_path):
     path = csv(tmp_path / 'log.csv', t=T, q=Q, qd=QD, tau=TAU)
     told = tool(path, path, '--columns', COLUMNS, '--joints', 'a', '--output', tmp_path / 'bag')

@@ -17,6 +17,7 @@ from par4_kinematics.circle import circle_motion
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion import Motion
 from par4_sim.commands.track import track
+from par4_sim.jobs.motion import motion_asked
 from par4_sim.tracking.metrics import errors_of, tracking_of
 from par4_sim.tracking.run import Run, feedforward_of, record_run
 from robots import REFERENCE, model_with
@@ -151,6 +152,16 @@ def test_errors_are_taken_at_equal_times():
     error = errors_of(late)[50:400]
     np.testing.assert_allclose(error[:, 0], -0.01 * 0.3 / 0.4, rtol=1e-6)
     np.testing.assert_array_equal(error[:, 1:], 0.0)
+
+
+def test_what_the_exact_model_leaves_is_the_sampling_of_its_torque():
+    """Between the points, torque is interpolated linearly."""
+    rms = []
+    for period in (1e-3, 2.5e-4):
+        motion = motion_asked('adept', REFERENCE, None, 0, period, jerk=30_000.0)
+        assert motion.period == pytest.approx(period)
+        rms.append(tracking_of(recorded(motion, MACHINE)).rms)
+    assert rms[1] < 0.25 * rms[0] < 5e-6
 
 
 def test_what_is_limited_shows():

@@ -9,6 +9,7 @@ setup(
     license='Apache-2.0',
     author='Par4 maintainers',
     packages=find_packages(),
+    py_modules=['par4_dynamics_start'],
     package_data={'par4_dynamics': ['builtin/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
@@ -19,7 +20,7 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'par4_feedforward = par4_dynamics.ros:feedforward',
+            'par4_feedforward = par4_dynamics_start:feedforward',
         ],
     },
 )

@@ -9,6 +9,7 @@ setup(
     license='Apache-2.0',
     author='Par4 maintainers',
     packages=find_packages(),
+    py_modules=['par4_start', 'par4_kinematics_start'],
     package_data={'par4_kinematics': ['builtin/*.yaml']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
@@ -21,8 +22,8 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'par4_kinematics = par4_kinematics.ros:kinematics',
-            'par4_motion = par4_kinematics.ros:motion',
+            'par4_kinematics = par4_kinematics_start:kinematics',
+            'par4_motion = par4_kinematics_start:motion',
         ],
     },
 )

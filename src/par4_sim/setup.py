@@ -9,6 +9,7 @@ setup(
     license='Apache-2.0',
     author='Par4 maintainers',
     packages=find_packages(),
+    py_modules=['par4_sim_start'],
     package_data={'par4_sim': ['report/templates/*', 'report/uplot/*', 'tracking/templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
@@ -26,12 +27,12 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'par4_simulation = par4_sim.ros:simulation',
-            'par4_cell = par4_sim.commands.cell:main',
-            'par4_simulate = par4_sim.commands.simulate:main',
-            'par4_fastest = par4_sim.commands.fastest:main',
-            'par4_track = par4_sim.commands.track:main',
-            'par4_push = par4_sim.commands.push:main',
+            'par4_simulation = par4_sim_start:simulation',
+            'par4_cell = par4_sim_start:cell',
+            'par4_simulate = par4_sim_start:simulate',
+            'par4_fastest = par4_sim_start:fastest',
+            'par4_track = par4_sim_start:track',
+            'par4_push = par4_sim_start:push',
         ],
     },
 )

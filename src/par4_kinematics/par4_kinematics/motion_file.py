@@ -262,7 +262,7 @@ def _rms(columns: np.ndarray) -> np.ndarray:
 
 
 def named_motion(name_or_path: str | Path, robot: Robot, duration: float | None = None,
-                 seed: int = 0) -> Motion:
+                 seed: int = 0, period: float = 1e-3) -> Motion:
     """Return the motion adept, excitation or circle, or that of a file, within robot's limits.
 
     Args:
@@ -271,6 +271,7 @@ def named_motion(name_or_path: str | Path, robot: Robot, duration: float | None 
         duration: of a named motion, s; adept and circle repeat as often as fits, at least once.
             None for the motion's own.
         seed: of the excitation.
+        period: seconds between the samples of a named motion; a file has its own.
 
     Raises:
         InputError: neither a name nor a file, a bad file, or limits of the robot not kept.
@@ -279,13 +280,13 @@ def named_motion(name_or_path: str | Path, robot: Robot, duration: float | None 
     name = str(name_or_path)
     if name == 'excitation':
         own = {} if duration is None else {'duration': duration}
-        motion = excitation_motion(robot, seed=seed, **own)
+        motion = excitation_motion(robot, seed=seed, period=period, **own)
     elif name == 'adept':
-        motion = (adept_motion(robot) if duration is None else
-                  _repeated(lambda count: adept_motion(robot, cycles=count), duration))
+        motion = (adept_motion(robot, period=period) if duration is None else _repeated(
+            lambda count: adept_motion(robot, cycles=count, period=period), duration))
     elif name == 'circle':
-        motion = (circle_motion(robot) if duration is None else
-                  _repeated(lambda count: circle_motion(robot, turns=count), duration))
+        motion = (circle_motion(robot, period=period) if duration is None else _repeated(
+            lambda count: circle_motion(robot, turns=count, period=period), duration))
     elif Path(name).is_file():
         motion = read_motion(name, robot)
     else:

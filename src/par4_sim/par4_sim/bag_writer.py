@@ -60,14 +60,18 @@ class BagWriter:
             a metadata.yaml that would tell of more than it holds.
     """
 
-    def __init__(self, path: str | Path, storage: str = 'mcap') -> None:
+    def __init__(self, path: str | Path, storage: str = 'mcap',
+                 later: str | Path | None = None) -> None:
         """Create the folder `path`; `storage` is 'mcap' or 'sqlite3'.
+
+        `later` is where a complete bag will be put; one that is not complete is then thrown away.
 
         Raises:
             InputError: the path exists or cannot be created, or the storage is unknown.
         """
         self.path = Path(path)
         self.failed = False
+        self._later = later
         if storage not in STORAGES:
             raise InputError(f'storage {storage!r}: unknown; give one of {", ".join(STORAGES)}')
         self._typestore = get_typestore(Stores.ROS2_JAZZY)
@@ -217,6 +221,8 @@ class BagWriter:
         self.failed = True
         with suppress(OSError, sqlite3.Error):
             self._writer.abort()
+        if self._later is not None:
+            return InputError(f'{self._later}: cannot be written ({error}); free space')
         return InputError(f'{self.path}: cannot be written ({error}); free space and run '
                           f'par4_record --repair {self.path}')
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from par4_kinematics.errors import InputError
-from par4_sim.choices import FIDELITIES
+from par4_sim.choices import FIDELITIES, LOOKED_AHEAD, POSITION_LAWS, PREDICTIVE
 
 CLOCK = '/clock'
 """Topic `par4_kinematics.interface.CLOCK`, whose module loads more than a table needs."""
@@ -103,11 +103,15 @@ SIMULATED = (
                           f'NAMESPACE{CLOCK}'),
     Argument('machine', 'table1_full', 'model.yaml of the machine as it truly is'),
     Argument('fidelity', 'fast', 'how exactly the mechanism is simulated', FIDELITIES),
+    Argument('controller', POSITION_LAWS[0], 'of the simulated drives', POSITION_LAWS),
     Argument('noise', 0.0, 'of the recorded torque, N m rms'),
     Argument('seed', 0, 'of the noise, and of an excitation'),
     Argument('window', False, 'show the robot in a window of pybullet'),
 )
-FED_FORWARD = (Argument('model', 'table1', 'model.yaml of the feedforward'),)
+FED_FORWARD = (
+    Argument('model', 'table1', 'model.yaml of the feedforward, and of a controller that needs '
+                                'one'),
+)
 OPTIONAL = (
     Argument('motion', '', 'adept, excitation, circle or a motion.yaml; without one none is '
                            'played'),
@@ -159,7 +163,8 @@ def _simulation(asked: Mapping[str, Value], **further: Value) -> NodePart:
     return NodePart('par4_sim', 'par4_simulation', {
         'robot_file': asked['robot_file'], 'model_file': asked['machine'],
         'fidelity': asked['fidelity'], 'torque_noise': asked['noise'], 'seed': asked['seed'],
-        'window': asked['window'], **further})
+        'window': asked['window'], 'controller': asked['controller'],
+        **({'controller_model': asked['model']} if 'model' in asked else {}), **further})
 
 
 def _session(asked: Mapping[str, Value], nodes: tuple[NodePart, ...],
@@ -201,7 +206,9 @@ def _moved(asked: Mapping[str, Value], simulated: bool, beside: tuple[NodePart, 
     """Return a robot with feedforward, and with a recorder and a motion where they are asked."""
     common = {'robot_file': asked['robot_file'], 'use_sim_time': simulated}
     nodes = [NodePart('par4_dynamics', 'par4_feedforward',
-                      {**common, 'model_file': asked['model']}), *beside]
+                      {**common, 'model_file': asked['model'],
+                       'torque_factor': LOOKED_AHEAD if asked['controller'] == PREDICTIVE else 1.0
+                       }), *beside]
     if asked['record']:
         nodes.append(NodePart('par4_identification', 'par4_record',
                               {'output': asked['record'], 'use_sim_time': simulated}))

@@ -11,6 +11,13 @@ STORAGES = ('mcap', 'sqlite3')
 """Formats of bags."""
 LAWS = ('loops', 'computed_torque', 'predictive', 'torque')
 """Laws of the drives."""
+POSITION_LAWS = LAWS[:3]
+"""Laws that follow a reference of positions."""
+TORQUE_LAW = LAWS[3]
+"""Law for which feedforward torque is the command."""
+PREDICTIVE = LAWS[2]
+LOOKED_AHEAD = 4.0
+"""How many times the limit of the drives a feedforward torque may be for a predictive law."""
 LEARNING = 'learning'
 CONTROLLERS = (*LAWS, LEARNING)
 """What `par4_track` compares: the laws, and the loops with feedforward that learns."""

@@ -60,7 +60,7 @@ def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: 
     if tau is not None:
         simulation.queue_effort(start + motion.t, tau)
     samples = round((motion.duration + 2.0 * DWELL) / simulation.sample_period)
-    with written_atomically(path) as scratch, BagWriter(scratch, storage) as bag:
+    with written_atomically(path) as scratch, BagWriter(scratch, storage, path) as bag:
         chunk = max(1, round(CHUNK / motion.period))
         for first in range(0, len(motion.t), chunk):
             part = slice(first, first + chunk)

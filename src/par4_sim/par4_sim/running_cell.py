@@ -13,10 +13,13 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from par4_kinematics.errors import InputError
+from par4_kinematics.held_signals import held_back
 from par4_sim.cell import NodePart, Session, ToolPart, Value
 
 PATIENCE = 20.0
 """Seconds that a part has to end in, before it is killed."""
+ENDING = (signal.SIGINT, signal.SIGTERM)
+"""Held back while parts start: none may go on without being known here."""
 LOOK = 0.1
 """Seconds after which the parts are looked at again: of several processes no call waits for the
 first that ends."""
@@ -68,17 +71,19 @@ class RunningCell:
         self._log = log
         self.processes: list[tuple[NodePart, subprocess.Popen[bytes]]] = []
 
-    def start(self, environment: Mapping[str, str]) -> None:
-        """Start all nodes.
+    def start(self, environment: Mapping[str, str], group: int | None = None) -> None:
+        """Start all nodes; `group` 0 gives each a process group of its own, None that of this one.
 
         Raises:
             InputError: an executable is missing; then none has been started.
         """
         lines = [command_of(part, self._session) for part in self._session.nodes]
-        with nullcontext() if self._log is None else self._log.open('ab') as output:
+        with (nullcontext() if self._log is None else self._log.open('ab') as output,
+              held_back(*ENDING)):
             for part, line in zip(self._session.nodes, lines, strict=True):
                 self.processes.append((part, subprocess.Popen(
-                    line, stdout=output, stderr=output, env=dict(environment))))
+                    line, stdout=output, stderr=output, env=dict(environment),
+                    process_group=group)))
 
     def played(self) -> bool:
         """Return whether the motion has been played to its end.
@@ -96,21 +101,32 @@ class RunningCell:
         return bool(ended)
 
     def end(self) -> None:
-        """End all nodes as a terminal would, all at a time; kill what does not end."""
-        for _, process in self.processes:
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-        for _, process in self.processes:
-            try:
-                process.wait(timeout=PATIENCE)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        """End the motion, which brakes while the robot still runs, then all others at a time.
+
+        What does not end is killed. Another Ctrl-C waits until then: none may be left behind.
+        """
+        with held_back(*ENDING, signal.SIGHUP):
+            self._end()
+
+    def _end(self) -> None:
+        player = [process for part, process in self.processes if part is self._session.player]
+        others = [process for _, process in self.processes if process not in player]
+        for group in (player, others):
+            for process in group:
+                if process.poll() is None:
+                    process.send_signal(signal.SIGINT)
+            for process in group:
+                try:
+                    process.wait(timeout=PATIENCE)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
 
 
 @contextmanager
 def running_cell(session: Session, log: Path | None = None,
-                 environment: Mapping[str, str] | None = None) -> Iterator[RunningCell]:
+                 environment: Mapping[str, str] | None = None, group: int | None = None
+                 ) -> Iterator[RunningCell]:
     """Run the nodes of a session for as long as the block lasts; then end them all.
 
     Args:
@@ -118,13 +134,14 @@ def running_cell(session: Session, log: Path | None = None,
         log: file to which the output of the nodes is added; without one they write to this
             terminal.
         environment: of the nodes; without one that of this process.
+        group: see `RunningCell.start`.
 
     Raises:
         InputError: an executable is missing.
     """
     cell = RunningCell(session, log)
     try:
-        cell.start(os.environ if environment is None else environment)
+        cell.start(os.environ if environment is None else environment, group)
         yield cell
     finally:
         cell.end()
@@ -133,16 +150,23 @@ def running_cell(session: Session, log: Path | None = None,
 def run_session(session: Session, log: Path | None = None) -> int:
     """Run a session to its end; return the exit code of what runs after it, else 0.
 
-    Without a motion it ends by an interrupt only.
+    Without a motion it ends by an interrupt only. A terminal's Ctrl-C reaches this process alone,
+    so that the motion brakes before the robot ends.
 
     Raises:
         InputError: a node is missing, has failed, or has ended too early.
         KeyboardInterrupt: it was interrupted; all nodes have ended.
     """
-    with running_cell(session, log) as cell:
+    with running_cell(session, log, group=0) as cell:
         while not cell.played():
             time.sleep(LOOK)
     if session.then is None:
         return 0
-    return subprocess.run([executable_path(session.then), *session.then.arguments],
-                          check=False).returncode
+    with held_back(*ENDING):
+        process = subprocess.Popen([executable_path(session.then), *session.then.arguments])
+    with process:
+        try:
+            return process.wait()
+        except KeyboardInterrupt:
+            process.terminate()
+            raise

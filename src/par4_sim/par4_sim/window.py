@@ -13,12 +13,14 @@ import signal
 import sys
 import time
 from collections.abc import Callable, MutableSequence
+from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from par4_kinematics.errors import UnreachableError
+from par4_kinematics.held_signals import held_back
 from par4_kinematics.robot import Robot
 
 if TYPE_CHECKING:
@@ -45,7 +47,9 @@ class Window:
         context = multiprocessing.get_context('spawn')
         self._pose = context.RawArray('d', np.asarray(x, dtype=float).tolist())
         self._process = context.Process(target=_run, args=(robot, self._pose), daemon=True)
-        self._process.start()
+        resource_tracker.ensure_running()
+        with held_back(signal.SIGINT):  # Ctrl-C is for the simulation, which closes this
+            self._process.start()
 
     @property
     def open(self) -> bool:
@@ -66,7 +70,6 @@ def _run(robot: Robot, pose: MutableSequence[float]) -> None:
     from par4_sim.view import View
     with open(os.devnull, 'w', encoding='utf-8') as nowhere:  # the engine talks on stdout
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the simulation, which closes this
     parent = multiprocessing.parent_process()
     follow(View(robot, window=True), pose, parent.is_alive, time.sleep)
 

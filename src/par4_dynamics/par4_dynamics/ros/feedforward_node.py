@@ -55,8 +55,8 @@ class FeedforwardNode(Par4Node):
         points = read_trajectory(message)
         check_points(self._robot, points.q, points.qd, points.qdd)
         effort = self._torque(points)
-        check_torque(self._robot, effort,
-                     self._model.torque_limit or self._robot.drives.torque_limit)
+        limit = self._model.torque_limit or self._robot.drives.torque_limit
+        check_torque(self._robot, effort, self.parameters.torque_factor * limit)
         write_effort(message, effort)
         self._publisher.publish(message)
 

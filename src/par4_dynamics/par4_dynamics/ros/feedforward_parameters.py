@@ -20,3 +20,6 @@ class FeedforwardParameters(NodeParameters):
 
     robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
     model_file: str = parameter('table1', 'model.yaml: a path or a built-in name')
+    torque_factor: float = parameter(
+        1.0, 'by how much a torque may exceed the limit of the drives; above 1 for drives that '
+             'look ahead (controller predictive), which are to know what is asked of them', 1.0)

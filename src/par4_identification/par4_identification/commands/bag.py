@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from par4_sim.choices import STORAGES
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 
 class Numbers(click.ParamType[tuple[float, ...]]):
@@ -65,7 +65,8 @@ def make_bag(**options: Any) -> None:
     Says what it read and what looks wrong; the other tools then read the bag.
     `par4_bag --inspect BAG` instead says what a bag holds and what each tool could do with it.
     """
-    from par4_identification.jobs import bag
+    with loading():
+        from par4_identification.jobs import bag
     bag.make_bag(**options)
 
 

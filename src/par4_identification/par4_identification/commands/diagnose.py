@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from par4_identification.commands.conditioning import conditioning_options
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 GREEDY = ('--holdout', '--before')
 
@@ -53,7 +53,8 @@ class GreedyBags(click.Command):
               help='run the motion held out through the pybullet plant, the model before and after')
 def diagnose_bags(**options: Any) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
-    from par4_identification.jobs import diagnose
+    with loading():
+        from par4_identification.jobs import diagnose
     diagnose.diagnose_bags(**options)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 
 @click.command('par4_drive_gain', epilog='\b\nExample:\n'
@@ -25,7 +25,8 @@ def find_gains(**options: Any) -> None:
 
     t is the stamp in seconds on the clock of the bag, the force that on the platform in `base`, N.
     """
-    from par4_identification.jobs import drive_gain
+    with loading():
+        from par4_identification.jobs import drive_gain
     drive_gain.find_gains(**options)
 
 

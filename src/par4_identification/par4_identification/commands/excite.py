@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from par4_identification.excitation.request import ACCELERATION, DesignRequest
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 DEFAULTS = DesignRequest()
 
@@ -43,7 +43,8 @@ DEFAULTS = DesignRequest()
 @click.option('--seed', default=DEFAULTS.seed, show_default=True, type=int)
 def excite(**options: Any) -> None:
     """Design the motion from which the base parameters are known best."""
-    from par4_identification.jobs import excite
+    with loading():
+        from par4_identification.jobs import excite
     excite.excite(**options)
 
 

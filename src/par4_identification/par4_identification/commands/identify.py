@@ -9,7 +9,7 @@ import click
 
 from par4_identification.commands.conditioning import conditioning_options
 from par4_identification.estimators.names import ESTIMATORS
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 
 @click.command('par4_identify', epilog='\b\nExample:\n'
@@ -41,7 +41,8 @@ from par4_sim.commands.entry import run
               help='draw report.html')
 def identify_bags(**options: Any) -> None:
     """Identify the parameters of equation (20) from measured bags."""
-    from par4_identification.jobs import identify
+    with loading():
+        from par4_identification.jobs import identify
     identify.identify_bags(**options)
 
 

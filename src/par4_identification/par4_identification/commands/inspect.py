@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from par4_sim.commands.entry import loading
+
 
 @click.command('par4_bag', epilog='\b\nExample:\n'
     '  par4_bag --inspect my_bag --robot reference')
@@ -18,5 +20,6 @@ import click
 @click.option('--json', 'as_json', is_flag=True, help='print one JSON object instead of tables')
 def inspect(**options: Any) -> None:
     """Say what a bag holds and what each tool could do with it."""
-    from par4_identification.jobs import inspect
+    with loading():
+        from par4_identification.jobs import inspect
     inspect.inspect(**options)

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 
 @click.command('par4_record', epilog='\b\nExample:\n'
@@ -18,7 +18,8 @@ from par4_sim.commands.entry import run
               help='bag to write  [default: BAG_repaired]')
 def repair(**options: Any) -> None:
     """Write what a cut-off bag still holds as a complete bag."""
-    from par4_identification.jobs.repair import repaired
+    with loading():
+        from par4_identification.jobs.repair import repaired
     click.echo(repaired(**options))
 
 

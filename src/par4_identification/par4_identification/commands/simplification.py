@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 
 @click.command('par4_simplification', epilog='\b\nExample:\n'
@@ -26,7 +26,8 @@ from par4_sim.commands.entry import run
               type=click.Choice(('accurate', 'fast')))
 def simplify(**options: Any) -> None:
     """Measure what equation (20) leaves out, by imposed displacement in pybullet (Fig. 6)."""
-    from par4_identification.jobs import simplification
+    with loading():
+        from par4_identification.jobs import simplification
     simplification.simplify(**options)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 
 @click.command('par4_trend', epilog='\b\nExample:\n'
@@ -26,7 +26,8 @@ from par4_sim.commands.entry import run
 @click.option('--namespace', default=None, help='that the topics sit under')
 def trend_of_bags(**options: Any) -> None:
     """Follow a machine over its life through dated bags."""
-    from par4_identification.jobs import trend
+    with loading():
+        from par4_identification.jobs import trend
     trend.trend_of_bags(**options)
 
 

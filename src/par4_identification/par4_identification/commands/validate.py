@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from par4_identification.commands.conditioning import conditioning_options
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 
 @click.command('par4_validate', epilog='\b\nExample:\n'
@@ -23,7 +23,8 @@ from par4_sim.commands.entry import run
 @conditioning_options
 def validate_bag(**options: Any) -> None:
     """Cross-validate a model on a bag that it was not identified from."""
-    from par4_identification.jobs import validate
+    with loading():
+        from par4_identification.jobs import validate
     validate.validate_bag(**options)
 
 

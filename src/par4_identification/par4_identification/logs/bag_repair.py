@@ -99,19 +99,22 @@ class _Salvage:
         connection = sqlite3.connect(folder / file.name)
         try:
             tables = {name for name, in connection.execute('SELECT name FROM sqlite_master')}
+            # a damaged row may hold values of any type
             definitions = {} if 'message_definitions' not in tables else {
                 kind: (encoding, text) for kind, encoding, text in connection.execute(
                     'SELECT topic_type, encoding, encoded_message_definition '
-                    'FROM message_definitions')}
+                    'FROM message_definitions')
+                if isinstance(encoding, str) and isinstance(text, str)}
             topics = {key: (name, kind, *definitions.get(kind, ('', '')))
                       for key, name, kind in connection.execute(
-                          'SELECT id, name, type FROM topics')}
+                          'SELECT id, name, type FROM topics')
+                      if isinstance(name, str) and isinstance(kind, str)}
             # In the order of the table, not of the index: a file cut off loses its end only.
             for key, received, data in connection.execute(
                     'SELECT topic_id, timestamp, data FROM messages ORDER BY id'):
-                if key in topics:
+                if key in topics and isinstance(received, int) and isinstance(data, bytes):
                     yield _FoundMessage(*topics[key], received, data)
-        except sqlite3.DatabaseError:
+        except (sqlite3.Error, UnicodeDecodeError):  # the latter of words in its own complaints
             damaged = True
         finally:
             connection.close()
@@ -190,6 +193,8 @@ def _admit_missing_pages(database: Path) -> bool:
     """
     with database.open('r+b') as stream:
         header = stream.read(100)
+        if len(header) < 100:  # sqlite3 itself says that it is none
+            return False
         page_size, said = struct.unpack('>H10xI', header[16:32])
         page_size = 65536 if page_size == 1 else max(page_size, 512)
         pages = database.stat().st_size // page_size
@@ -242,7 +247,7 @@ def repair_bag(path: str | Path, output: str | Path) -> RepairSummary:
     salvage = _Salvage()
     messages: Counter[str] = Counter()
     left_out: dict[str, str] = {}
-    with written_atomically(output) as scratch, BagWriter(scratch, storage) as bag:
+    with written_atomically(output) as scratch, BagWriter(scratch, storage, output) as bag:
         for found in (message for file in files for message in salvage.messages(file)):
             if found.topic in left_out:
                 continue
@@ -253,7 +258,11 @@ def repair_bag(path: str | Path, output: str | Path) -> RepairSummary:
                     left_out[found.topic] = found.type
                     continue
             # Message compression is written down in metadata.yaml only; no CDR begins like zstd.
-            data = zstd.decompress(found.data) if found.data[:4] == _ZSTD_MAGIC else found.data
+            try:
+                data = zstd.decompress(found.data) if found.data[:4] == _ZSTD_MAGIC else found.data
+            except (zstd.ZstdError, EOFError):
+                salvage.damaged += 1
+                continue
             bag.write_raw(found.topic, found.type, found.received, data)
             messages[found.topic] += 1
         if not messages:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import multiprocessing
 import re
+import signal
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -15,6 +16,7 @@ import numpy as np
 import scipy
 
 from par4_kinematics.errors import InputError
+from par4_kinematics.held_signals import held_back
 
 DELIMITERS = (';', '\t', ',')
 """Tried in this order: where one of the first two parts the fields, a comma is a decimal comma."""
@@ -107,7 +109,9 @@ def _archive(path: Path) -> Mapping[str, np.ndarray]:
             with np.load(path, allow_pickle=False) as archive:
                 return {name: archive[name] for name in archive.files}
         with ProcessPoolExecutor(1, multiprocessing.get_context('spawn')) as reader:
-            return reader.submit(_of_matlab, str(path)).result()
+            with held_back(signal.SIGINT):  # Ctrl-C is for this process, which ends the other
+                reading = reader.submit(_of_matlab, str(path))
+            return reading.result()
     # A damaged MATLAB file can make scipy's compiled reader crash: it has a process of its own.
     except BrokenProcessPool:
         raise InputError(f'{path}: damaged, so that it cannot be read; save it again') from None

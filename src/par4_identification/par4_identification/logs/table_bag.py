@@ -26,6 +26,8 @@ from par4_sim.bag_writer import BagWriter
 
 EXAMPLE = 'time=1:ms position=angle:deg torque=current:A'
 SECOND = 1_000_000_000
+LATEST = 2.0 ** 31
+"""Seconds that a stamp of ROS holds."""
 EPOCH = 1e8
 """s from which on a time counts from 1970 and is kept; others begin with the stamp of one second,
 since a stamp of zero means that there is none."""
@@ -337,6 +339,9 @@ def _refuse_rate(files: Sequence[str | Path], time: np.ndarray) -> None:
     if not 1.0 / FASTEST <= period <= 1.0 / SLOWEST:
         raise InputError(f'{files[0]}: the median spacing of the samples is {period:.4g} s; check '
                          f'column and unit of the time')
+    if np.abs(time).max() > LATEST:
+        raise InputError(f'{files[0]}: the time goes from {time.min():.6g} to {time.max():.6g} s, '
+                         f'beyond what a stamp holds; check column and unit of the time')
 
 
 def write_measured(measured: Measured, joints: Sequence[str], path: str | Path,
@@ -363,7 +368,7 @@ def write_measured(measured: Measured, joints: Sequence[str], path: str | Path,
     position, velocity, torque = (
         values.get(name, nothing) for name in ('position', 'velocity', 'torque'))
     received = np.maximum.accumulate(measured.stamp)  # a clock that goes back was still running
-    with written_atomically(path) as scratch, BagWriter(scratch, storage) as bag:
+    with written_atomically(path) as scratch, BagWriter(scratch, storage, path) as bag:
         for row, (stamp, when) in enumerate(zip(measured.stamp.tolist(), received.tolist())):
             bag.write_joint_state(f'/{JOINT_STATES.name}', stamp, joints,
                                   position[row], velocity[row], torque[row], received=when)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 from collections.abc import Callable, Iterator, Sequence
+from multiprocessing import resource_tracker
 from typing import Any
 
 from par4_kinematics.errors import InputError
+from par4_kinematics.held_signals import held_back
 
 FEW = 4
 """Bags up to which starting workers takes longer than they save."""
@@ -41,8 +44,11 @@ def results_of(work: Callable[[str], dict[str, Any]], bags: Sequence[str], sched
     if scheduler is None:
         for name in ONE_THREAD:  # workers inherit it: they must not fight for the cores
             os.environ.setdefault(name, '1')
-        cluster = LocalCluster(threads_per_worker=1, n_workers=min(len(bags), os.cpu_count() or 1),
-                               dashboard_address=FREE_PORT, silence_logs=logging.ERROR)
+        resource_tracker.ensure_running()
+        with held_back(signal.SIGINT):  # Ctrl-C is for this process, which ends the others
+            cluster = LocalCluster(
+                threads_per_worker=1, n_workers=min(len(bags), os.cpu_count() or 1),
+                dashboard_address=FREE_PORT, silence_logs=logging.ERROR)
     try:
         try:
             client = Client(cluster or scheduler, timeout=REACHED)

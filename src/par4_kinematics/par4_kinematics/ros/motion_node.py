@@ -73,7 +73,7 @@ class MotionNode(Par4Node):
         self._motion: Motion | None = None
         if asked.motion != ACTION:
             self._motion = named_motion(asked.motion, self._robot, asked.duration or None,
-                                        asked.seed)
+                                        asked.seed, asked.period)
         # compile what the approach needs before there is a clock that could run on meanwhile
         home = inverse_kinematics(self._robot.geometry, home_pose(self._robot))
         platform_motion(self._robot.geometry, *np.vstack((home, np.zeros((2, 4))))[:, None])

@@ -25,5 +25,7 @@ class MotionParameters(NodeParameters):
                                           'action: goals of ~/follow_joint_trajectory')
     duration: float = parameter(0.0, 's, of a named motion; 0 = its own', 0.0)
     seed: int = parameter(0, 'of an excitation', 0)
+    period: float = parameter(1e-3, 's between points, of a named motion; torque is interpolated '
+                                      'linearly between them', 2e-4, 0.1)
     listeners: int = parameter(1, 'subscribers of reference to wait for: robot, feedforward, '
                                   'recorder', 1)

@@ -12,6 +12,7 @@ from par4_kinematics.errors import InputError
 from par4_sim.cell import COMPOSITIONS, Composition
 from par4_sim.commands.entry import run
 from par4_sim.running_cell import run_session
+from par4_start import STOPPED, tool_is_interrupted
 
 
 def _described(name: str, composition: Composition) -> str:
@@ -41,11 +42,14 @@ def cell(composition: str, arguments: tuple[str, ...], log: Path | None) -> None
             raise InputError(f'argument {argument!r}: give it as NAME:=VALUE')
         given[name] = value
     session = COMPOSITIONS[composition].session(given)
+    tool_is_interrupted()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # the terminal was closed
+        signal.signal(signal.SIGHUP, signal.default_int_handler)
     try:
         code = run_session(session, log)
     except KeyboardInterrupt:
-        code = 0 if session.player is None else 130
+        code = 0 if session.player is None else STOPPED
     sys.exit(code)
 
 

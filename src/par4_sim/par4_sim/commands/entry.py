@@ -2,12 +2,28 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
 
 import click
 
 from par4_kinematics.errors import Par4Error, one_line
+from par4_start import STOPPED, tool_ends_quietly, tool_is_interrupted
+
+
+@contextmanager
+def loading() -> Iterator[None]:
+    """Load in this block what a command calls: a second or two in which Ctrl-C ends it quietly.
+
+    From its end on there may be something to tidy up, so that Ctrl-C raises KeyboardInterrupt.
+    """
+    tool_ends_quietly()
+    yield
+    tool_is_interrupted()
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def run(command: click.Command) -> NoReturn:
@@ -34,7 +50,7 @@ def run(command: click.Command) -> NoReturn:
                 'fewer at a time')
     except (click.Abort, KeyboardInterrupt):
         print('stopped; nothing was changed', file=sys.stderr)
-        sys.exit(130)
+        sys.exit(STOPPED)
     sys.exit(0)
 
 

@@ -8,7 +8,7 @@ import click
 
 from par4_sim.choices import PEAK, TIMINGS
 from par4_sim.commands.comparison_options import comparison_options
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 
 @click.command('par4_fastest', epilog='\b\nExample:\n'
@@ -27,7 +27,8 @@ from par4_sim.commands.entry import run
               help='limit of the joint jerks asked for, rad/s3  [default: none]')
 def fastest(**options: Any) -> None:
     """Find how fast a simulated machine can do MOTION (adept, circle, a motion.yaml)."""
-    from par4_sim.jobs import fastest
+    with loading():
+        from par4_sim.jobs import fastest
     fastest.fastest(**options)
 
 

@@ -11,6 +11,10 @@ _OPTIONS = (
                  help='seconds, of excitation or circle'),
     click.option('--motion-seed', default=0, show_default=True, type=int,
                  help='seed of the excitation'),
+    click.option('--period', default=1e-3, show_default=True,
+                 type=click.FloatRange(min=2e-4, max=0.1),
+                 help='seconds between the points of the reference; torque is interpolated '
+                      'linearly between them, so that shorter is more exact'),
     click.option('--cycles', default=None, type=click.IntRange(min=1),
                  help='adept: round trips  [default: 1]'),
     click.option('--speed', default=None, type=float, help='adept: limit, m/s  [default: 5]'),

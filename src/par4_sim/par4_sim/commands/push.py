@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from par4_sim.choices import FIDELITIES
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 
 @click.command('par4_push', epilog='\b\nExample:\n'
@@ -28,7 +28,8 @@ from par4_sim.commands.entry import run
               help='noise of the force sensor, N rms')
 def push(**options: Any) -> None:
     """Simulate slow pushes of the platform on a force plate into a bag, its readings into a CSV."""
-    from par4_sim.jobs.push import pushed
+    with loading():
+        from par4_sim.jobs.push import pushed
     with click.progressbar(length=1000, label='simulating static pushes') as bar:
         line = pushed(**options, progress=lambda share: bar.update(round(1000 * share) - bar.pos))
         bar.update(1000 - bar.pos)

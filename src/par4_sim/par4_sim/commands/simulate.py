@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from par4_sim.choices import FIDELITIES, STORAGES
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 
 @click.command('par4_simulate', epilog='\b\nExample:\n'
@@ -42,7 +42,8 @@ from par4_sim.commands.entry import run
               type=click.Choice(STORAGES))
 def simulate(**options: Any) -> None:
     """Simulate MOTION (adept, excitation, circle or a motion.yaml) into a bag, without ROS."""
-    from par4_sim.jobs.simulate import simulated
+    with loading():
+        from par4_sim.jobs.simulate import simulated
     with click.progressbar(length=1000, label=f'simulating {options["motion"]}') as bar:
         line = simulated(**options,
                          progress=lambda share: bar.update(round(1000 * share) - bar.pos))

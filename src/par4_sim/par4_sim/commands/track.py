@@ -8,7 +8,7 @@ import click
 
 from par4_sim.choices import BAND
 from par4_sim.commands.comparison_options import comparison_options
-from par4_sim.commands.entry import run
+from par4_sim.commands.entry import loading, run
 
 
 @click.command('par4_track', epilog='\b\nExample:\n'
@@ -20,7 +20,8 @@ from par4_sim.commands.entry import run
               help='half width of the limit band of overshoot and settling time, mm')
 def track(**options: Any) -> None:
     """Compare how a simulated machine follows MOTION (adept, excitation, circle, motion.yaml)."""
-    from par4_sim.jobs import track
+    with loading():
+        from par4_sim.jobs import track
     track.track(**options)
 
 

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from par4_dynamics.model import read_model
+from par4_dynamics.model import Model, read_model
 from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.interface import (
     AMPLIFIER_VOLTAGE,
@@ -24,13 +24,15 @@ from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import SECOND
 from par4_kinematics.ros.node import Par4Node, State, run
 from par4_kinematics.workspace import home_pose
+from par4_sim.choices import LOOKED_AHEAD, PREDICTIVE
 from par4_sim.description import complete_description
+from par4_sim.laws import KNOWING
 from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.serialised_trajectory import read_serialised_trajectory
-from par4_sim.ros.simulation_parameters import LAW_OF_MODE, SimulationParameters
+from par4_sim.ros.simulation_parameters import SimulationParameters
 from par4_sim.ros.zero_stamp import ZeroStamps
 from par4_sim.simulation import Sample, Simulation, build_simulation
 from par4_sim.window import Window
@@ -76,7 +78,8 @@ class SimulationNode(Par4Node):
             self.serve(f'~/{name}', action)
         self.get_logger().info(
             f'robot {self._robot.name}, machine {asked.model_file}, fidelity {asked.fidelity}, '
-            f'{asked.publish_rate_hz:g} Hz, {asked.real_time_factor:g} x real time')
+            f'{asked.publish_rate_hz:g} Hz, {asked.real_time_factor:g} x real time, '
+            f'drives: {asked.law}')
 
     def _compiled_limits(self) -> ReferenceLimits:
         """Return the limits, compiled before a reference could come too late for that."""
@@ -102,9 +105,15 @@ class SimulationNode(Par4Node):
         return build_simulation(
             self._robot, model, asked.fidelity, 1.0 / asked.publish_rate_hz, asked.seed,
             torque_noise=asked.torque_noise, correlation_time=asked.noise_correlation_time,
-            law=LAW_OF_MODE[asked.drive_mode], position_noise=asked.position_noise,
+            law=asked.law, known=self._known(), position_noise=asked.position_noise,
             stamp_jitter=asked.stamp_jitter, limits=self._limits,
             step=asked.physics_step)
+
+    def _known(self) -> Model | None:
+        """Return what the law of the drives knows of the machine, None where it needs nothing."""
+        if self.parameters.law not in KNOWING:
+            return None
+        return read_model(self.parameters.controller_model, self._robot)
 
     def _publish(self, now_ns: int, sample: Sample) -> None:
         self._samples.publish(now_ns, sample)
@@ -129,7 +138,8 @@ class SimulationNode(Par4Node):
 
     def _on_effort(self, message: bytes) -> None:
         points = read_serialised_trajectory(message, ('effort',))
-        check_torque(self._robot, points.effort, self._physics.torque_limit)
+        factor = LOOKED_AHEAD if self.parameters.law == PREDICTIVE else 1.0
+        check_torque(self._robot, points.effort, factor * self._physics.torque_limit)
         self._physics.queue_effort(
             self._zero_stamps.start_ns(FEEDFORWARD_TORQUE, points, self._physics.now_ns), points)
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from par4_kinematics.errors import InputError
 from par4_kinematics.ros.parameters import NodeParameters, parameter
-from par4_sim.choices import FIDELITIES
+from par4_sim.choices import FIDELITIES, POSITION_LAWS, TORQUE_LAW
 from par4_sim.plant import STEP
 
-LAW_OF_MODE = {'position': 'loops', 'torque': 'torque'}
-"""The law of the drives by `drive_mode`."""
+POSITION, TORQUE = 'position', 'torque'
+"""Modes of the drives."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,16 @@ class SimulationParameters(NodeParameters):
     physics_step: float = parameter(
         STEP, 'of the physics and the drives, s; larger is faster and less exact', 1e-5, 1e-3)
     drive_mode: str = parameter(
-        'position', 'position: the loops of the drives follow the reference, feedforward helps '
-                    'them; torque: feedforward_torque is the command, the loops take over where '
-                    'it is missing', choices=tuple(LAW_OF_MODE))
+        POSITION, 'position: the controller follows the reference, feedforward helps it; torque: '
+                  'feedforward_torque is the command, the loops take over where it is missing',
+        choices=(POSITION, TORQUE))
+    controller: str = parameter(
+        POSITION_LAWS[0], 'of the drives in position mode: their own loops, computed torque, or '
+                          'computed torque that keeps the limits which lie 50 ms ahead',
+        choices=POSITION_LAWS)
+    controller_model: str = parameter(
+        'table1', 'what computed torque and predictive control know of the machine, model.yaml: '
+                  'a path or a built-in name')
     publish_rate_hz: float = parameter(1000.0, 'samples a second of simulated time, Hz', 1.0, 1e4)
     real_time_factor: float = parameter(1.0, 'simulated seconds a second; 0 = as fast as it can',
                                         0.0)
@@ -51,3 +59,18 @@ class SimulationParameters(NodeParameters):
     following_error_limit: float = parameter(
         0.25, 'distance of a joint from its reference, rad, beyond which the drives brake and ask '
               'for ~/reset; 0 = none', 0.0)
+
+    @property
+    def law(self) -> str:
+        """Law of the drives, of LAWS.
+
+        Raises:
+            InputError: a controller of positions in torque mode.
+        """
+        if self.drive_mode == POSITION:
+            return self.controller
+        if self.controller != POSITION_LAWS[0]:
+            raise InputError(
+                f'parameter controller: {self.controller!r} asked with drive_mode {TORQUE}, where '
+                f'feedforward_torque is the command; leave one of the two out')
+        return TORQUE_LAW

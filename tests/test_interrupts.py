@@ -1,0 +1,91 @@
+"""Ctrl-C at any place of the loading of an executable: an exit code and no traceback."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from executables import SCRIPTS, TOOLS
+
+ARGUMENTS = {
+    'par4_bag': 'nope.csv --columns time=t:s --robot reference --output out',
+    'par4_cell': 'cell motion:=adept',
+    'par4_diagnose': 'nope --robot reference --output out',
+    'par4_drive_gain': 'push=push.csv --robot reference --output out',
+    'par4_excite': '--robot reference --output out.yaml',
+    'par4_fastest': 'adept --feedforward table1 --output out',
+    'par4_identify': 'nope --robot reference --output out',
+    'par4_push': '--output out',
+    'par4_simplification': '--robot reference --model table1 --output out',
+    'par4_simulate': 'adept --output out',
+    'par4_track': 'adept --output out',
+    'par4_trend': 'nope --robot reference --output out',
+    'par4_validate': 'nope --robot reference --model table1 --output out',
+}
+"""What each tool is asked for, so that it loads what it works with."""
+
+
+def interrupted(name: str, imports: int, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run an executable that SIGINT reaches as it imports for the n-th time.
+
+    So the place does not depend on how fast the machine is.
+    """
+    script = SCRIPTS[name]
+    code = f"""
+import os, signal, sys
+from {script.module} import {script.attr} as start
+count = 0
+def strike(event, _):
+    global count
+    if event == 'import':
+        count += 1
+        if count == {imports}:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.addaudithook(strike)
+sys.argv = {[name, *ARGUMENTS.get(name, '').split()]!r}
+sys.exit(start())
+"""
+    return subprocess.run([sys.executable, '-c', code], cwd=folder, capture_output=True, text=True,
+                          check=False, timeout=90)
+
+
+def test_every_tool_is_interrupted():
+    assert ARGUMENTS.keys() == TOOLS.keys()
+
+
+@pytest.mark.parametrize(('name', 'imports'), [
+    *((name, 1) for name in SCRIPTS), ('par4_record', 40),
+    *((name, 150) for name in ('par4_bag', 'par4_simulation')),
+    *(('par4_track', number) for number in (20, 400)), ('par4_cell', 30)])
+def test_an_interrupt_while_modules_load_ends_an_executable_quietly(name, imports, tmp_path):
+    done = interrupted(name, imports, tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (130 if name in TOOLS else 0, '', '')
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_interrupt_while_a_cell_starts_its_nodes_ends_them_all(bench):
+    """A terminal sends it to all at once, before the nodes have reached their first lines."""
+    code = """
+import os, signal, sys
+from par4_sim_start import cell
+from par4_sim import running_cell
+spawn = running_cell.subprocess.Popen
+def spawned(*arguments, **options):
+    process = spawn(*arguments, **options)
+    print(process.pid, flush=True)
+    os.killpg(os.getpid(), signal.SIGINT)
+    return process
+running_cell.subprocess.Popen = spawned
+sys.argv = ['par4_cell', 'cell', 'motion:=adept']
+cell()
+"""
+    done = subprocess.run([sys.executable, '-c', code], cwd=bench.folder, env=bench.environment,
+                          capture_output=True, text=True, check=False, timeout=90,
+                          start_new_session=True)
+    assert (done.returncode, done.stderr) == (130, '')
+    nodes = [int(line) for line in done.stdout.splitlines()]
+    assert len(nodes) == 4
+    assert not [number for number in nodes if Path(f'/proc/{number}').exists()]
