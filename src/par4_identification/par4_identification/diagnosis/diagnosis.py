@@ -43,7 +43,7 @@ from par4_identification.diagnosis.search.candidates import Candidates, goes_bot
 from par4_identification.diagnosis.search.law import Dithered, dithered
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
-from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
 from par4_identification.diagnosis.search.search import Model, Search, named_of, names_of, others_of
 from par4_identification.diagnosis.search.whitening import quieter, whitener_of
 from par4_identification.diagnosis.verdict.answer import (
@@ -157,7 +157,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     Raises:
         InputError: data that cannot be filtered.
     """
-    rules = rules or Rules()
+    rules = rules or (OF_AXIS if isinstance(machine, Axis) else Rules())
     rigid_body = baseline.rigid_body if baseline else 'paper'
     known = build_model(machine, baseline) if baseline else None
     progress('filtering the logs')

@@ -48,8 +48,8 @@ class Conditioning:
 
     @property
     def reach(self) -> float:
-        """Half the time over which the torque's low-pass remembers, s."""
-        return 0.9 / self.torque_cutoff_hz
+        """Half the time over which the low-passes remember, s."""
+        return 0.9 / min(self.torque_cutoff_hz, 0.5 * self.position_cutoff_hz)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from par4_identification.fitting.identification import Identification
 from par4_identification.signals.rows import Run
 
 LEAST_ROWS = 200
+LEAST_ROWS_OF_AXIS = 60
+"""An axis has two base parameters that every motion shows, and rows that are hardly alike."""
 LEAST_PLATEAUS = 10
 WORST_ERROR = 0.6
 WORST_STD = 0.3
@@ -60,8 +62,9 @@ def too_few(observations: Observations) -> list[str]:
     if observations.steady:
         return [f'{count} steady speeds are fitted, {LEAST_PLATEAUS} are needed; record more '
                 f'speeds, in both directions' for count in rows if count < LEAST_PLATEAUS]
-    return [f'joint {joint} moves in only {rows[joint]} rows, {LEAST_ROWS} are needed; record a '
-            f'longer motion of all joints' for joint in np.flatnonzero(rows < LEAST_ROWS)]
+    least = LEAST_ROWS_OF_AXIS if observations.runs[0].state.geometry is None else LEAST_ROWS
+    return [f'joint {joint} moves in only {rows[joint]} rows, {least} are needed; record a '
+            f'longer motion of all joints' for joint in np.flatnonzero(rows < least)]
 
 
 def _error_beside(observations: Observations, identification: Identification) -> float:

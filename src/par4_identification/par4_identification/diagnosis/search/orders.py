@@ -53,7 +53,7 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
         coefficients = 2 * (1 if effect.shared else len(joints))
         named = max(before - float(np.sum(beside.residual ** 2)), 0.0)
         needed = (rules.evidence + 0.5 * coefficients * np.log(max(evidence.rows, 2))
-                  + np.log(len(orders)) + 0.5 * rules.named_error ** 2 * named)
+                  + np.log(len(orders)) + 0.5 * rules.order_error ** 2 * named)
         if 0.5 * more < needed:
             break
         found.append(order)

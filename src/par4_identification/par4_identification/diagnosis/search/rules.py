@@ -25,6 +25,7 @@ class Rules:
             wrong.
         noise_error: share of the squares of the noise by which its model may be wrong.
         named_error: share (rms) of the torque of named causes that may be wrong.
+        order_error: the same of the orders of a periodic torque, when another order is sought.
         unnamed_error: share (rms) of the torque of unnamed causes that may be wrong.
         floor_excess: rms of what is left over the noise floor beyond which it is described, as
             noise that wanders, lines or bursts.
@@ -38,5 +39,11 @@ class Rules:
     base_error: float = 3e-4
     noise_error: float = 0.006
     named_error: float = 0.035
+    order_error: float = 0.035
     unnamed_error: float = 0.22
     floor_excess: float = 1.6
+
+
+OF_AXIS = Rules(named_error=0.1)
+"""Of a single axis, which may be any machine: its friction, its springs and its gaps follow the
+laws of the library less closely than those of a Par4."""
