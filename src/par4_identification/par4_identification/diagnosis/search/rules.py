@@ -44,6 +44,7 @@ class Rules:
     floor_excess: float = 1.6
 
 
-OF_AXIS = Rules(named_error=0.1)
+OF_AXIS = Rules(base_error=3e-3, named_error=0.1)
 """Of a single axis, which may be any machine: its friction, its springs and its gaps follow the
-laws of the library less closely than those of a Par4."""
+laws of the library less closely than those of a Par4, and so does its torque, which is often a
+current times a constant."""
