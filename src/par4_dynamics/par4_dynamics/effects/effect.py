@@ -18,7 +18,9 @@ Values = Mapping[str, np.ndarray]
 """Parameter -> (J,), (size,) of a vector, or (J, orders) where several orders are given."""
 
 Base = Mapping[str, np.ndarray]
-"""Base parameter -> (J,)."""
+"""Base parameter -> (J,). Of a single axis also `FAST`."""
+FAST = 'fast_speed'
+"""Speed that a twentieth of the motion exceeds, (J,), rad/s or m/s: an axis may have any."""
 
 CERTAIN = 3.0
 """Standard deviations out of bounds from which on an estimate cannot be inside by chance."""
