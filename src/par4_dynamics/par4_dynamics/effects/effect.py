@@ -114,7 +114,8 @@ class Effect(ABC):
             its columns leave out goes with the motion.
         against_the_others: whether what all joints have in common is a base parameter, so that
             only differences between joints show.
-        needs_both_ways: whether a motion that goes one way only cannot tell it from friction.
+        needs_both_ways: whether a motion that goes one way only cannot tell it from friction, or,
+            of a torque read at another time, from one that is bound to another position.
         of_axis: whether a diagnosis asks for it on single axes only: what loads the arms of a Par4
             has names of its own.
         told_by_speeds: whether its torque is a function of the joint's speed alone, so that mean

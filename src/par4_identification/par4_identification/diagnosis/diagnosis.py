@@ -64,6 +64,7 @@ from par4_identification.diagnosis.verdict.judgement import (
 )
 from par4_identification.diagnosis.verdict.loose_loads import cause_of, loose_loads
 from par4_identification.diagnosis.verdict.pair import Pair
+from par4_identification.diagnosis.verdict.sure import without_doubtful_names
 from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, unrelated
 from par4_identification.fitting.identification import INERTIA
 from par4_identification.logs.log import Log
@@ -240,6 +241,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     evidence, heldout = pool.evidence, pool.heldout.observations
     model = polished(search, model)
     loose, model = loose_loads(search, model)
+    if isinstance(machine, Axis):
+        model = without_doubtful_names(search, model)
     named = tuple(sorted(named_of(model), key=lambda item: -search.gains(
         item, others_of(model, item))[0]))
     whole, names_only, base_only = (solve(evidence, part) for part in (model, named, ()))

@@ -15,6 +15,8 @@ LEAST_ROWS = 200
 LEAST_ROWS_OF_AXIS = 60
 """An axis has two base parameters that every motion shows, and rows that are hardly alike."""
 LEAST_PLATEAUS = 10
+SPEED = 0.5
+"""rad/s at which the friction of a Par4 must brake."""
 WORST_ERROR = 0.6
 WORST_STD = 0.3
 
@@ -33,7 +35,8 @@ def unusable(observations: Observations, identification: Identification,
     estimate = identification.estimate
     values = {term.name: (value, std) for term, value, std in
               zip(identification.terms, estimate.values, estimate.std)}
-    friction = values['coulomb_friction'][0] + 0.5 * values['viscous_friction'][0]
+    friction = values['coulomb_friction'][0] + _usual_speed(observations) * values[
+        'viscous_friction'][0]
     if friction < 0:
         reasons.append('friction comes out driving the joints instead of braking them; check the '
                        'sign of torque and position')
@@ -54,6 +57,18 @@ def unusable(observations: Observations, identification: Identification,
             reasons.append(f'the motion does not excite {term.name} (standard deviation '
                            f'{std / max(abs(value), 1e-12):.0%}); record faster motions')
     return reasons
+
+
+def _usual_speed(observations: Observations) -> float:
+    """Return the speed at which friction must brake, rad/s or m/s: of an axis that of its motion.
+
+    At speeds that it does not have, Coulomb and viscous friction may stand for each other.
+    """
+    if observations.runs[0].state.geometry is not None:
+        return SPEED
+    return float(np.median(np.concatenate(
+        [np.abs(run.speed[run.valid]) for run in observations.runs]))) if any(
+            run.valid.any() for run in observations.runs) else SPEED
 
 
 def too_few(observations: Observations) -> list[str]:

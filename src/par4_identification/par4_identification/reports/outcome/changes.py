@@ -11,13 +11,18 @@ import scipy
 
 from par4_dynamics.effects.payload import Payload
 from par4_identification.changes.changes import Changes
-from par4_identification.changes.explanation import CHANCE
+from par4_identification.changes.explanation import CHANCE, Read
 from par4_identification.changes.readings import (
     FRICTION,
+    INERTIA,
+    TURNING,
     Added,
     FrictionFactor,
     GainFactor,
+    LoadFactor,
     Reading,
+    SlidingPayload,
+    mass_on_lever,
 )
 from par4_identification.diagnosis.verdict.answer import Diagnosis, Verdict
 from par4_identification.gains.known_payload import PLATFORM
@@ -47,6 +52,10 @@ def phrase_of_reading(reading: Reading, size: float, machine: Robot | Axis) -> s
         name = SEVERAL if len(reading.kinds) > 1 else in_words(reading.kinds[0])
         weather = '' if reading.joint is not None else ' (cold)' if up else ' (warm)'
         return f'{name} {_share(amount)} {"higher" if up else "lower"} on {where}{weather}'
+    if isinstance(reading, LoadFactor):
+        return f'the load that hangs on {where} {_share(amount)} {"larger" if up else "smaller"}'
+    if isinstance(reading, SlidingPayload):
+        return f'a payload of {number(amount, 2)} kg{"" if up else " less"} on {where}'
     return _phrase_of_added(reading, amount, up, where, machine)
 
 
@@ -57,8 +66,9 @@ def _phrase_of_added(reading: Added, amount: float, up: bool, where: str,
         less = '' if up else ' less'
         return f'a payload of {number(amount, 2)} kg{less} at half plate {half}'
     unit = unit_on(machine, {'actuator_inertia': 'kg m2', 'arm_gravity': 'N m',
-                             'coulomb_friction': 'N m', 'viscous_friction': 'N m s/rad'}[
-                                 reading.parameter])
+                             'coulomb_friction': 'N m', 'viscous_friction': 'N m s/rad',
+                             'gravity_sine': 'N m', 'gravity_cosine': 'N m',
+                             'gravity_load': 'N m'}[reading.parameter])
     name = {'actuator_inertia': 'inertia of the arm', 'arm_gravity': 'weight of the arm'}.get(
         reading.parameter, in_words(reading.parameter))
     if isinstance(machine, Axis) and reading.parameter == 'actuator_inertia':
@@ -76,7 +86,27 @@ def _share(amount: float) -> str:
 
 def phrases_of_changes(changes: Changes, machine: Robot | Axis) -> list[str]:
     """Return every reading with its size, strongest first."""
-    return [phrase_of_reading(item.reading, item.size, machine) for item in changes.read]
+    point = _point_on_lever(changes)
+    return [phrase_of_reading(item.reading, item.size, machine) + (
+        f', as of {number(point[0], 2)} kg at {number(point[1], 2)} m from its axis'
+        if point is not None and isinstance(item.reading, LoadFactor) else '')
+        for item in changes.read]
+
+
+def _moment(changes: Changes, size: float) -> float:
+    """Return what a factor 1 + `size` adds to the load that hangs on an axis, N m."""
+    names = changes.parameters.terms
+    return size * float(np.hypot(*(changes.parameters.values[0, names.index(name)]
+                                   for name in TURNING)))
+
+
+def _point_on_lever(changes: Changes) -> tuple[float, float] | None:
+    """Return mass (kg) and distance (m) of a point that explains more load and more inertia."""
+    load = next((item for item in changes.read if isinstance(item.reading, LoadFactor)), None)
+    inertia = next((item for item in changes.read if item.reading == Added(None, INERTIA)), None)
+    if load is None or inertia is None or min(load.size, inertia.size) <= 0.0:
+        return None
+    return mass_on_lever(_moment(changes, load.size), inertia.size)
 
 
 def verdict_with_changes(verdict: Verdict, changes: Changes) -> Verdict:
@@ -157,6 +187,10 @@ def name_of_reading(reading: Reading, machine: Robot | Axis) -> str:
     if isinstance(reading, FrictionFactor):
         kinds = SEVERAL if reading.kinds == FRICTION else in_words(reading.kinds[0])
         return f'{kinds} of {where}'
+    if isinstance(reading, LoadFactor):
+        return f'the load that hangs on {where}'
+    if isinstance(reading, SlidingPayload):
+        return f'a payload on {where}'
     if reading.parameter in PLATFORM:
         return f'a payload at half plate {PLATFORM.index(reading.parameter) + 1}'
     return f'{in_words(reading.parameter)} of {where}'
@@ -213,18 +247,35 @@ def payload_causes_json(changes: Changes, machine: Robot | Axis) -> list[dict[st
     """Return payloads among the readings as entries of `causes`: they can be named."""
     found = []
     for item, margin in zip(changes.read, changes.margins, strict=True):
-        reading = item.reading
-        if not (isinstance(reading, Added) and reading.parameter in PLATFORM and item.size > 0.0):
+        parameters = _payload_parameters(changes, item)
+        if parameters is None or item.size <= 0.0:
             continue
-        half = float(PLATFORM.index(reading.parameter) + 1)
         found.append({
             'effect': Payload.name, 'joints': list(range(len(joint_labels(machine)))),
-            'parameters': {'mass': {'value': item.size, 'std': item.std, 'unit': 'kg'},
-                           'half': {'value': half, 'std': 0.0, 'unit': '1'}},
+            'parameters': parameters,
             'indistinguishable_from': [name_of_reading(twin, machine) for twin in item.twins],
             # a fit of the base parameters swallows all of it
             'visible_fraction': 0.0, 'p_value': item.p_value, 'margin': margin, 'rival': None})
     return plain(found)
+
+
+def _payload_parameters(changes: Changes, item: Read) -> dict[str, Any] | None:
+    """Return the parameters of a reading that is a payload, None of another one."""
+    reading = item.reading
+    mass = {'mass': {'value': item.size, 'std': item.std, 'unit': 'kg'}}
+    if isinstance(reading, SlidingPayload):
+        return mass
+    if isinstance(reading, LoadFactor):
+        value, std = (_moment(changes, part) for part in (item.size, item.std))
+        found = {'moment': {'value': value, 'std': std, 'unit': 'N m'}}
+        point = _point_on_lever(changes)
+        return found if point is None else {
+            **found, 'mass': {'value': point[0], 'unit': 'kg'},
+            'distance': {'value': point[1], 'unit': 'm'}}
+    if isinstance(reading, Added) and reading.parameter in PLATFORM:
+        half = float(PLATFORM.index(reading.parameter) + 1)
+        return {**mass, 'half': {'value': half, 'std': 0.0, 'unit': '1'}}
+    return None
 
 
 def diagnosis_json_with_changes(content: dict[str, Any], changes: Changes | None,
