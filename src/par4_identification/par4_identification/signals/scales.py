@@ -23,7 +23,7 @@ OF_RATE = 0.1
 POSITION = 2.0
 """Cut-off of the positions of an axis over that of its torque: half that of a Par4, as encoders
 and stamps of unknown make are often noisier, and noise would turn the sign of a slow motion."""
-UNRESOLVED = 0.003
+UNRESOLVED = 0.01
 """Share of the squares of the acceleration that noise of the positions may have. Noise in a column
 makes its coefficient too small by as much (errors in variables)."""
 UPPER = 0.5

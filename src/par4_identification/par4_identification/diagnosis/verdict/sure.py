@@ -11,12 +11,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from par4_dynamics.effects.cogging import Cogging
 from par4_identification.diagnosis.evidence.evidence import Hypothesis, residuals
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.search import Model, Rival, Search, named_of, others_of
 from par4_identification.diagnosis.verdict.judgement import unnamed_of
 
+PERIODIC = 'periodic'
+"""The kind of unnamed cause that is a sum of waves over the position."""
 BETTER = 100.0
 """Log-likelihood on rows that no fit has seen by which a nameless function in the place of a name
 explains more, beyond which the name is wrong. Laws that nearly hold lose some tens to it."""
@@ -26,21 +29,24 @@ what they leave is no noise."""
 NO_NOISE = 5.0
 """Error over the white noise of the rows from which on it is no noise."""
 MOST = 1.0
-"""Change of a cause's coefficients by the unnamed causes beside it, over these, at the most."""
+"""Change of a time by the unnamed causes beside it, over it, at the most: what a torque read at
+another time leaves, every faulty model leaves, too."""
 
 
 def without_doubtful_names(search: Search, model: Model) -> Model:
     """Return a model without the names in whose place a nameless function explains far more.
 
-    Nor has it names beside unnamed causes that make a torque of another size or sign of them, nor
-    any names that together leave most of an error that is no noise.
+    Nor has it a delay or a lag beside unnamed causes that make another time of it, nor any names
+    that together leave most of an error that is no noise.
     """
+    if {Cogging.name, PERIODIC} <= {item.effect.name for item in model}:
+        # its waves may be orders of the cogging that were lost beside other causes
+        model = search.tested(tuple(item for item in model if item.effect.name != PERIODIC))
     if _leaves_most(search, model):
         for item in named_of(model):
             search.journal.reject(item, 'the names together leave most of an error that is no '
                                         'noise')
-        kinds = _nameless(search, named_of(model)[0], ())
-        return tuple(kind.hypothesis for kind in kinds[:1]) or tuple(unnamed_of(model))
+        return search.nameless() or tuple(unnamed_of(model))
     while True:
         for item in named_of(model):
             trial = _replaced(search, item, model)
@@ -59,20 +65,24 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
         search.journal.reject(item, f'{best.hypothesis.effect.phrase} explains '
                                     f'{-best.margin:.0f} more in its place on rows held out')
         return (*others, best.hypothesis)
-    if unnamed_of(model):
+    if unnamed_of(model) and item.named.retimes:
         named = tuple(named_of(model))
         alone, beside = (
             search.pool.solution(part).coefficients[part.index(item)] for part in (named, model))
         if np.linalg.norm(alone - beside) > MOST * min(map(np.linalg.norm, (alone, beside))):
-            search.journal.reject(item, 'its size depends on what unnamed causes have beside it')
+            search.journal.reject(item, 'its time depends on what unnamed causes have beside it')
             return others
     return None
 
 
 def _nameless(search: Search, item: Hypothesis, others: Model) -> list[Rival]:
-    """Return the unnamed causes that could stand in the place of a name, the strongest first."""
+    """Return the unnamed causes that could stand in the place of a name, the strongest first.
+
+    The nominal torque has the name's own torque in it, so that shares of it are none.
+    """
     return [rival for rival in search.rivals(item, others)
-            if rival.hypothesis is not None and isinstance(rival.hypothesis.effect, Kind)]
+            if rival.hypothesis is not None and isinstance(rival.hypothesis.effect, Kind)
+            and not rival.hypothesis.effect.needs_nominal]
 
 
 def _leaves_most(search: Search, model: Model) -> bool:
