@@ -22,6 +22,7 @@ from par4_identification.changes.readings import (
     LoadFactor,
     Reading,
     SlidingPayload,
+    applied,
     mass_on_lever,
 )
 from par4_identification.diagnosis.verdict.answer import Diagnosis, Verdict
@@ -69,8 +70,11 @@ def _phrase_of_added(reading: Added, amount: float, up: bool, where: str,
                              'coulomb_friction': 'N m', 'viscous_friction': 'N m s/rad',
                              'gravity_sine': 'N m', 'gravity_cosine': 'N m',
                              'gravity_load': 'N m'}[reading.parameter])
-    name = {'actuator_inertia': 'inertia of the arm', 'arm_gravity': 'weight of the arm'}.get(
-        reading.parameter, in_words(reading.parameter))
+    name = {'actuator_inertia': 'inertia of the arm', 'arm_gravity': 'weight of the arm',
+            'gravity_load': 'load'}.get(reading.parameter, in_words(reading.parameter))
+    if reading.parameter in TURNING:
+        part = 'sine' if reading.parameter == TURNING[0] else 'cosine'
+        name = f'the load that goes with the {part} of the angle'
     if isinstance(machine, Axis) and reading.parameter == 'actuator_inertia':
         name = 'moving mass' if machine.kind == 'linear' else 'inertia'
     return f'{name} of {where} {"up" if up else "down"} by {number(amount, 2)} {unit}'
@@ -87,26 +91,40 @@ def _share(amount: float) -> str:
 def phrases_of_changes(changes: Changes, machine: Robot | Axis) -> list[str]:
     """Return every reading with its size, strongest first."""
     point = _point_on_lever(changes)
+    first = next((item for item in changes.read if _is_load(item.reading)), None)
     return [phrase_of_reading(item.reading, item.size, machine) + (
         f', as of {number(point[0], 2)} kg at {number(point[1], 2)} m from its axis'
-        if point is not None and isinstance(item.reading, LoadFactor) else '')
+        if point is not None and item is first else '')
         for item in changes.read]
 
 
-def _moment(changes: Changes, size: float) -> float:
-    """Return what a factor 1 + `size` adds to the load that hangs on an axis, N m."""
-    names = changes.parameters.terms
-    return size * float(np.hypot(*(changes.parameters.values[0, names.index(name)]
-                                   for name in TURNING)))
+def _hangs_more(changes: Changes) -> tuple[float, float]:
+    """Return by how much more hangs on an axis that turns, and its deviation, N m.
+
+    Zero where no reading says so, and where less hangs on it.
+    """
+    loads = [item for item in changes.read if _is_load(item.reading)]
+    if not loads:
+        return 0.0, 0.0
+    now = changes.parameters
+    places = [now.terms.index(name) for name in TURNING]
+    after = applied([item.reading for item in loads], [item.size for item in loads], now)
+    old, new = now.values[0, places], after[0, places]
+    moment = float(np.hypot(*(new - old)))
+    share = max(item.std / abs(item.size) for item in loads)
+    return (moment, share * moment) if np.hypot(*new) > np.hypot(*old) else (0.0, 0.0)
+
+
+def _is_load(reading: Reading) -> bool:
+    return isinstance(reading, LoadFactor) or (
+        isinstance(reading, Added) and reading.parameter in TURNING)
 
 
 def _point_on_lever(changes: Changes) -> tuple[float, float] | None:
     """Return mass (kg) and distance (m) of a point that explains more load and more inertia."""
-    load = next((item for item in changes.read if isinstance(item.reading, LoadFactor)), None)
-    inertia = next((item for item in changes.read if item.reading == Added(None, INERTIA)), None)
-    if load is None or inertia is None or min(load.size, inertia.size) <= 0.0:
-        return None
-    return mass_on_lever(_moment(changes, load.size), inertia.size)
+    moment, _ = _hangs_more(changes)
+    inertia = sum(item.size for item in changes.read if item.reading == Added(None, INERTIA))
+    return mass_on_lever(moment, inertia) if min(moment, inertia) > 0.0 else None
 
 
 def verdict_with_changes(verdict: Verdict, changes: Changes) -> Verdict:
@@ -248,7 +266,7 @@ def payload_causes_json(changes: Changes, machine: Robot | Axis) -> list[dict[st
     found = []
     for item, margin in zip(changes.read, changes.margins, strict=True):
         parameters = _payload_parameters(changes, item)
-        if parameters is None or item.size <= 0.0:
+        if parameters is None or (item.size <= 0.0 and not _is_load(item.reading)):
             continue
         found.append({
             'effect': Payload.name, 'joints': list(range(len(joint_labels(machine)))),
@@ -265,8 +283,12 @@ def _payload_parameters(changes: Changes, item: Read) -> dict[str, Any] | None:
     mass = {'mass': {'value': item.size, 'std': item.std, 'unit': 'kg'}}
     if isinstance(reading, SlidingPayload):
         return mass
-    if isinstance(reading, LoadFactor):
-        value, std = (_moment(changes, part) for part in (item.size, item.std))
+    if _is_load(reading):
+        if item is not next(other for other in changes.read if _is_load(other.reading)):
+            return None  # told with the first
+        value, std = _hangs_more(changes)
+        if value <= 0.0:
+            return None
         found = {'moment': {'value': value, 'std': std, 'unit': 'N m'}}
         point = _point_on_lever(changes)
         return found if point is None else {
