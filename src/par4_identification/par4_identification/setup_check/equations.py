@@ -37,7 +37,7 @@ SHORTEST = 1.0
 """s; shorter stretches are left out."""
 LONGEST = 600.0
 """s of logs that are looked at."""
-TINY = 1e-9
+TINY = 1e-6
 """Speed of an axis that rests, rad/s or m/s."""
 LEAST_RATE_HZ = 50.0
 """Rate of a log below which (20) cannot be compared with it."""
@@ -254,8 +254,7 @@ def equations_of(stretches: Sequence[Stretch], geometry: Geometry | None, filter
         state = state_of_joints(geometry, part.t, part.q, part.qd, part.qdd)
         columns, tau = columns_of(state), part.tau
         speed = np.abs(part.qd)
-        valid = speed >= (SLOW if geometry is not None else
-                          max(SLOW_SHARE * float(np.quantile(speed, 0.95)), TINY))
+        valid = speed >= (SLOW if geometry is not None else slow_of_axis(part))
         if filtered and len(part.t) > 40:
             columns = low_pass(columns, part.cutoff_hz, part.period)
             tau = low_pass(tau, part.cutoff_hz, part.period)
@@ -263,6 +262,11 @@ def equations_of(stretches: Sequence[Stretch], geometry: Geometry | None, filter
         parts.append((np.full(len(part.t), part.log), part.t, part.q, columns, tau,
                       valid & part.known))
     return Equations(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
+
+
+def slow_of_axis(part: Stretch) -> float:
+    """Return the speed of an axis below which the sign of its friction is not known."""
+    return max(SLOW_SHARE * float(np.quantile(np.abs(part.qd), 0.95)), TINY)
 
 
 def _quadratic(q: np.ndarray) -> np.ndarray:
