@@ -18,8 +18,8 @@ from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.search import Model, Rival, Search, named_of, others_of
 from par4_identification.diagnosis.verdict.judgement import unnamed_of
 
-PERIODIC = 'periodic'
-"""The kind of unnamed cause that is a sum of waves over the position."""
+POSITION, PERIODIC = 'position', 'periodic'
+"""Kinds of unnamed causes that are smooth functions and sums of waves of the position."""
 BETTER = 100.0
 """Log-likelihood on rows that no fit has seen by which a nameless function in the place of a name
 explains more, beyond which the name is wrong. Laws that nearly hold lose some tens to it."""
@@ -78,11 +78,14 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
 def _nameless(search: Search, item: Hypothesis, others: Model) -> list[Rival]:
     """Return the unnamed causes that could stand in the place of a name, the strongest first.
 
-    The nominal torque has the name's own torque in it, so that shares of it are none.
+    The nominal torque has the name's own torque in it, so that shares of it are none. A series,
+    such as that of a torque over the position, says the same as a nameless function of it.
     """
+    series = any(parameter.per_order for parameter in item.named.parameters)
     return [rival for rival in search.rivals(item, others)
             if rival.hypothesis is not None and isinstance(rival.hypothesis.effect, Kind)
-            and not rival.hypothesis.effect.needs_nominal]
+            and not rival.hypothesis.effect.needs_nominal
+            and not (series and rival.hypothesis.effect.name in (POSITION, PERIODIC))]
 
 
 def _leaves_most(search: Search, model: Model) -> bool:
