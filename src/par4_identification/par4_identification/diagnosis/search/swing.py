@@ -60,11 +60,11 @@ def compliances(projection: Projection, least: float) -> tuple[np.ndarray, float
     grid = np.geomspace(VISIBLE / stiff, 1.0 / soft, TRIED)
     alone = [torque(compliance * unit, COARSE_DAMPING)
              for unit in np.eye(joints) for compliance in grid]
-    found, worth = _first_look(projection.rest(np.stack(alone, axis=1)), target, joints)
+    chosen, worth = _first_look(projection.rest(np.stack(alone, axis=1)), target, joints)
     if worth <= least:
         return None
     believed = np.log((2.0 / stiff, 1.0 / soft))
-    start = np.array([np.log(3.0 / stiff if index is None else grid[index]) for index in found])
+    start = np.array([np.log(3.0 / stiff if index is None else grid[index]) for index in chosen])
     found = np.clip(start, *believed)
     for damping in (COARSE_DAMPING, DAMPING_RATIO):
         found, best = _descended(partial(left, damping), found, believed)

@@ -15,7 +15,7 @@ from par4_dynamics.effects.cogging import Cogging
 from par4_identification.diagnosis.evidence.evidence import Hypothesis, residuals
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.unnamed import Kind
-from par4_identification.diagnosis.search.search import Model, Rival, Search, named_of, others_of
+from par4_identification.diagnosis.search.search import Model, Search, named_of, others_of
 from par4_identification.diagnosis.verdict.judgement import unnamed_of
 
 POSITION, PERIODIC = 'position', 'periodic'
@@ -61,10 +61,11 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
     """Return the model without one of its names if this is doubtful, else None."""
     others = others_of(model, item)
     best = next(iter(_nameless(search, item, others)), None)
-    if best is not None and best.margin < -BETTER:
-        search.journal.reject(item, f'{best.hypothesis.effect.phrase} explains '
-                                    f'{-best.margin:.0f} more in its place on rows held out')
-        return (*others, best.hypothesis)
+    if best is not None and best[1] < -BETTER:
+        kind, margin = best
+        search.journal.reject(item, f'{kind.effect.phrase} explains {-margin:.0f} more in its '
+                                    f'place on rows held out')
+        return (*others, kind)
     if unnamed_of(model) and item.named.retimes:
         named = tuple(named_of(model))
         alone, beside = (
@@ -75,14 +76,16 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
     return None
 
 
-def _nameless(search: Search, item: Hypothesis, others: Model) -> list[Rival]:
-    """Return the unnamed causes that could stand in the place of a name, the strongest first.
+def _nameless(search: Search, item: Hypothesis, others: Model
+              ) -> list[tuple[Hypothesis, float]]:
+    """Return unnamed causes that could stand in the place of a name, and its margin over each.
 
-    The nominal torque has the name's own torque in it, so that shares of it are none. A series,
-    such as that of a torque over the position, says the same as a nameless function of it.
+    The strongest come first. The nominal torque has the name's own torque in it, so that shares of
+    it are none. A series, such as that of a torque over the position, says the same as a nameless
+    function of it.
     """
     series = any(parameter.per_order for parameter in item.named.parameters)
-    return [rival for rival in search.rivals(item, others)
+    return [(rival.hypothesis, rival.margin) for rival in search.rivals(item, others)
             if rival.hypothesis is not None and isinstance(rival.hypothesis.effect, Kind)
             and not rival.hypothesis.effect.needs_nominal
             and not (series and rival.hypothesis.effect.name in (POSITION, PERIODIC))]
