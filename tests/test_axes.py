@@ -17,21 +17,27 @@ from axes import Motor, held_speeds, recorded
 from click.testing import CliRunner
 
 from par4_dynamics.base_terms import BASE_TERMS, base_columns, base_terms, torque_of_values
+from par4_dynamics.effects.effect import FAST
+from par4_dynamics.effects.nonlinear_viscous import NonlinearViscous
 from par4_dynamics.effects.presliding import Presliding
+from par4_dynamics.effects.torque_offset import TorqueOffset
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import State
+from par4_identification.changes.changes import changes_between, model_of_bags
 from par4_identification.commands.bag import make_bag
 from par4_identification.commands.diagnose import diagnose_bags
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
+from par4_identification.diagnosis.experiment.next_experiment import next_experiment
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import identify
 from par4_identification.reports.diagnosis_report import report_of_diagnosis
+from par4_identification.reports.outcome.changes import payload_causes_json, phrases_of_changes
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis, source_of_order
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.plateaus import plateaus_of
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.rows import Conditioning, finer
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis
@@ -265,6 +271,118 @@ def test_numbers_that_make_no_law_are_refused(effect, values, said):
         name: Parameter(value=value) for name, value in values.items()})
     with pytest.raises(InputError, match=said):
         build_model(axis(), ModelFile(schema='par4/model/1', parameters=base, effects=(entry,)))
+
+
+# ---------------------------------------------------------------------------- coarse and slow logs
+
+
+def test_an_encoder_that_does_not_resolve_the_acceleration_does_not_hide_the_inertia():
+    """Torque that reaches far lets much of the noise of counts into the second difference."""
+    motor = replace(HEALTHY, inertia=2e-3, coulomb=0.02, viscous=2e-3)
+    log = recorded(motor, lambda t: 1.2 * np.sin(4.0 * t), 10.0, 1000.0, counts=16384,
+                   stiffness=20.0)
+    rattling = 0.01 * np.sin(2.0 * np.pi * 90.0 * log.t) * np.sign(np.sin(7.1 * log.t))
+    log = replace(log, tau=log.tau + rattling[:, None])
+    conditioning = conditioning_for([log], axis(), Conditioning())
+    assert conditioning.torque_cutoff_hz > 80.0
+    assert conditioning.position_cutoff_hz < conditioning.torque_cutoff_hz
+    found = identify([log], axis(), conditioning=conditioning).parameters['actuator_inertia']
+    assert found.value == pytest.approx(motor.inertia, rel=0.03)
+    blind = replace(conditioning, position_cutoff_hz=2.0 * conditioning.torque_cutoff_hz)
+    assert identify([log], axis(), conditioning=blind).parameters[
+        'actuator_inertia'].value < 0.8 * motor.inertia
+
+
+def test_friction_changes_its_sign_between_the_samples_of_a_slow_log():
+    motor = replace(HEALTHY, inertia=1e-4, coulomb=0.02)
+    slow = recorded(motor, lambda t: 2.0 * np.sin(5.0 * t), 8.0, 100.0, counts=65536,
+                    stiffness=40.0)
+    fine = finer(slow, axis())
+    assert fine.period == pytest.approx(1e-3)
+    np.testing.assert_allclose(fine.q[::10], slow.q, atol=1e-9)
+    conditioning = conditioning_for([slow], axis(), Conditioning())
+    found = identify([slow], axis(), conditioning=conditioning).parameters
+    assert found['coulomb_friction'].value == pytest.approx(motor.coulomb, rel=0.01)
+
+
+def test_a_bag_of_a_few_samples_is_read_and_twins_of_an_axis_need_no_motion(tmp_path):
+    t = np.arange(40) / 4.0
+    rows = np.column_stack((t, 0.8 * t, np.full(40, 0.03)))
+    np.savetxt(tmp_path / 'slow.csv', rows, delimiter=',', header='t,q,tau', comments='')
+    made = CliRunner().invoke(make_bag, [
+        str(tmp_path / 'slow.csv'), '--columns', 'time=t:s position=q:rad torque=tau:Nm',
+        '--joints', 'motor', '--output', str(tmp_path / 'bag')], catch_exceptions=False)
+    assert made.exit_code == 0, made.output
+    rising = diagnosed(held_speeds(screw(1.2e-3, 1.0), SPEEDS, 1e-4, 1), [], axis())
+    assert any(cause.twins for cause in rising.causes)
+    assert next_experiment(rising, axis()) is None
+
+
+@pytest.mark.parametrize('speed', [0.2, 80.0])
+def test_quadratic_friction_is_judged_at_the_speeds_of_the_axis(speed):
+    effect, friction = NonlinearViscous(), 2e-3
+    values = {'quadratic': np.array([0.5 * friction / speed ** 2]), 'torque': np.zeros(1),
+              'exponent': np.full(1, 2.0)}
+    std = {name: np.zeros(1) for name in values}
+    base = {'coulomb_friction': np.array([friction]), 'viscous_friction': np.zeros(1),
+            FAST: np.array([speed])}
+    assert effect.implausible(values, std, base) is None
+    driving = {**values, 'quadratic': -3.0 * values['quadratic']}
+    assert 'drive' in effect.implausible(driving, std, base)
+
+
+def test_a_loop_that_gives_way_to_cogging_is_no_late_torque():
+    soft = replace(DRIVER, inertia=2.5e-3, coulomb=0.13, viscous=1e-2,
+                   lines={23: (0.05, 1.3), 46: (0.025, -1.0)})
+    log = recorded(soft, lambda t: 6.0 * np.sin(1.1 * t) + np.sin(3.1 * t), 10.0, 200.0,
+                   noise=3e-3, stiffness=25.0)
+    assert 'delay' not in {item.finding for item in check_setup([log], axis()).findings}
+    even = recorded(replace(soft, lines={}), lambda t: 6.0 * np.sin(1.1 * t) + np.sin(3.1 * t),
+                    10.0, 200.0, noise=3e-3, stiffness=25.0)
+    late = replace(even, t=even.t[:-10], q=even.q[10:], tau=even.tau[:-10],
+                   segments=(slice(0, len(even.t) - 10),))
+    assert 'delay' in {item.finding for item in check_setup([late], axis()).findings}
+
+
+# ------------------------------------------------------------------------------ two groups of bags
+
+
+@pytest.mark.parametrize('kind', ['revolute', 'linear'])
+def test_a_payload_on_an_axis_is_told_between_two_groups_of_bags(kind):
+    """A point of 0.3 kg at 0.12 m on a pendulum, or 0.3 kg on an upright slide of 3 kg."""
+    mass, lever = 0.3, 0.12
+    if kind == 'revolute':
+        before = PENDULUM
+        after = replace(before, hanging=before.hanging + 9.81 * mass * lever,
+                        inertia=before.inertia + mass * lever ** 2)
+    else:
+        before = Motor(3.0, 8.0, 4.0, held=lambda _q: 3.0 * 9.81)
+        after = replace(before, inertia=3.0 + mass, held=lambda _q: (3.0 + mass) * 9.81)
+    machine = axis(kind=kind, gravity='vertical')
+
+    def moved(t):
+        return 0.9 * np.sin(2.0 * t) + 0.4 * np.sin(5.3 * t)
+
+    logs = [recorded(motor, moved, 10.0, 500.0, counts=200000, noise=1e-3, stiffness=30.0,
+                     seed=seed) for seed, motor in enumerate((before, before, after, after))]
+    conditioning = conditioning_for(logs, machine, CONDITIONING)
+    old = model_of_bags(logs[:1], machine, None, conditioning)
+
+    def changed(log):
+        found = diagnose([log], machine, old, conditioning=conditioning,
+                         library={TorqueOffset.name: TorqueOffset()})
+        return changes_between(found, machine, logs[:1], old, 'before', conditioning)
+
+    assert not changed(logs[1]).read
+    changes = changed(logs[2])
+    cause, = payload_causes_json(changes, machine)
+    assert cause['parameters']['mass']['value'] == pytest.approx(mass, rel=0.05)
+    said = ' '.join(phrases_of_changes(changes, machine))
+    if kind == 'revolute':
+        assert cause['parameters']['distance']['value'] == pytest.approx(lever, rel=0.05)
+        assert 'kg at 0.12 m from its axis' in said
+    else:
+        assert 'a payload of 0.30 kg' in said
 
 
 # --------------------------------------------------------------------------------- steady speeds

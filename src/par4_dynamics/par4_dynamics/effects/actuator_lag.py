@@ -28,6 +28,7 @@ class ActuatorLag(Effect):
     shared = True
     retimes = True
     needs_nominal = True
+    needs_both_ways = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return time_rate(state, state.known.delivered)[..., None]

@@ -18,7 +18,9 @@ Values = Mapping[str, np.ndarray]
 """Parameter -> (J,), (size,) of a vector, or (J, orders) where several orders are given."""
 
 Base = Mapping[str, np.ndarray]
-"""Base parameter -> (J,)."""
+"""Base parameter -> (J,). Of a single axis also `FAST`."""
+FAST = 'fast_speed'
+"""Speed that a twentieth of the motion exceeds, (J,), rad/s or m/s: an axis may have any."""
 
 CERTAIN = 3.0
 """Standard deviations out of bounds from which on an estimate cannot be inside by chance."""
@@ -112,7 +114,8 @@ class Effect(ABC):
             its columns leave out goes with the motion.
         against_the_others: whether what all joints have in common is a base parameter, so that
             only differences between joints show.
-        needs_both_ways: whether a motion that goes one way only cannot tell it from friction.
+        needs_both_ways: whether a motion that goes one way only cannot tell it from friction, or,
+            of a torque read at another time, from one that is bound to another position.
         of_axis: whether a diagnosis asks for it on single axes only: what loads the arms of a Par4
             has names of its own.
         told_by_speeds: whether its torque is a function of the joint's speed alone, so that mean

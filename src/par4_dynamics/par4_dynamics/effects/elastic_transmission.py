@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from par4_dynamics.effects.effect import (
+    FAST,
     Base,
     Effect,
     EffectParameter,
@@ -15,6 +16,7 @@ from par4_dynamics.effects.effect import (
 )
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.effects.transmission import (
+    MOTOR_SHARE,
     Springs,
     one_a_joint,
     transmission_columns,
@@ -23,7 +25,21 @@ from par4_dynamics.effects.transmission import (
 from par4_dynamics.state import State
 
 STIFFNESSES = (1e2, 1e6)
-"""N m/rad."""
+"""N m/rad, of the arms of a Par4."""
+RESONANCES = (1.0, 500.0)
+"""Hz, of an axis, whose stiffness may be any: of its load, half of its inertia, on its spring."""
+
+
+def believed_stiffnesses(inertia: float | None) -> tuple[float, float]:
+    """Return the least and the greatest stiffness of a transmission, N m/rad.
+
+    `inertia` (kg m2) is that of a single axis, None of the arms of a Par4.
+    """
+    if inertia is None:
+        return STIFFNESSES
+    low, high = (max(inertia, 1e-30) * (1.0 - MOTOR_SHARE) * (2.0 * np.pi * frequency) ** 2
+                 for frequency in RESONANCES)
+    return low, high
 
 
 class ElasticTransmission(Effect):
@@ -67,11 +83,12 @@ class ElasticTransmission(Effect):
         if worst is not None:
             return (f'a transmission twists with its load, not against it: found a stiffness of '
                     f'{1.0 / compliance[worst]:.3g} N m/rad')
-        low, high = STIFFNESSES
+        low, high = believed_stiffnesses(
+            float(base['actuator_inertia'][0]) if FAST in base else None)
         softest = int(np.argmax(compliance))
         if beyond(compliance[softest], spread[softest], 1.0 / high, 1.0 / low) is not None:
             return (f'a stiffness of {1.0 / max(compliance[softest], 1e-30):.3g} N m/rad is not '
-                    f'one of a transmission, expected {low:g} to {high:g}')
+                    f'one of a transmission, expected {low:.3g} to {high:.3g}')
         return None
 
     def signature(self, state: State) -> Signature:

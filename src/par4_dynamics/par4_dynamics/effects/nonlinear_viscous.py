@@ -6,6 +6,7 @@ import numpy as np
 
 from par4_dynamics.effects.effect import (
     CERTAIN,
+    FAST,
     Base,
     Effect,
     EffectParameter,
@@ -25,7 +26,7 @@ ALIKE = 0.15
 """Distance of an exponent from 0 or 1 within which the torque is Coulomb or viscous friction of
 joints that differ in it, if that is certain; or one of two that all but cancel."""
 SPEED = 3.0
-"""rad/s, at which its size is judged."""
+"""rad/s, at which its size is judged on the arms of a Par4."""
 
 
 class NonlinearViscous(Effect):
@@ -79,17 +80,18 @@ class NonlinearViscous(Effect):
             if np.any((apart + CERTAIN * spread < ALIKE) | ((apart < ALIKE) & (sizes < 0.0))):
                 return (f'friction that grows with speed to the power {powers[0]:.3g} is {name} '
                         f'friction')
-        torque, spread = (part['quadratic'] * SPEED ** 2
-                          + part['torque'] * SPEED ** values['exponent'] for part in (values, std))
-        friction = base['coulomb_friction'] + base['viscous_friction'] * SPEED
+        speed = np.broadcast_to(base.get(FAST, SPEED), values['torque'].shape)
+        torque, spread = (part['quadratic'] * speed ** 2
+                          + part['torque'] * speed ** values['exponent'] for part in (values, std))
+        friction = base['coulomb_friction'] + base['viscous_friction'] * speed
         worst = beyond(torque, spread, low=-friction)
         if worst is not None:
-            return (f'{torque[worst]:.3g} N m at {SPEED:g} rad/s would make friction drive the '
-                    f'joint')
+            return (f'{torque[worst]:.3g} N m at {speed[worst]:.3g} rad/s would make friction '
+                    f'drive the joint')
         worst = beyond(torque, spread, high=3.0 * friction)
         if worst is not None:
-            return (f'{torque[worst]:.3g} N m at {SPEED:g} rad/s is more than three times the '
-                    f'friction there, {friction[worst]:.3g} N m')
+            return (f'{torque[worst]:.3g} N m at {speed[worst]:.3g} rad/s is more than three times '
+                    f'the friction there, {friction[worst]:.3g} N m')
         return None
 
     def signature(self, state: State) -> Signature:

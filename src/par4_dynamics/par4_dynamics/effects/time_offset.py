@@ -35,6 +35,7 @@ class TimeOffset(Effect):
     expanded = True
     retimes = True
     needs_nominal = True
+    needs_both_ways = True
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         return ({'expanded_at': 0.0},)

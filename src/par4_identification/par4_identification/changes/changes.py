@@ -29,9 +29,9 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.verdict.answer import Diagnosis
-from par4_identification.fitting.identification import identify_runs
+from par4_identification.fitting.identification import INERTIA, identify_runs
 from par4_identification.logs.log import Log
-from par4_identification.signals.rows import Run, runs_of_log
+from par4_identification.signals.rows import Conditioning, Run, runs_of_logs
 from par4_kinematics.robot import Axis, Robot
 
 
@@ -111,26 +111,28 @@ def changes_since_model(diagnosis: Diagnosis, machine: Robot | Axis, model_file:
     shared = not any(isinstance(parameter.value, tuple)
                      for parameter in model_file.parameters.values())
     after = replace(after, bias=swallowed_values(after, (seen, heldout), shared))
-    return _changes(diagnosis, machine, model, values_of_model(model_file, machine), after,
+    return _changes(diagnosis, machine, model, values_of_model(model_file, machine, seen.terms),
+                    after,
                     swallowed=True, since=name)
 
 
-def model_of_bags(logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None
-                  ) -> ModelFile:
+def model_of_bags(logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None,
+                  conditioning: Conditioning = CONDITIONING) -> ModelFile:
     """Return the model of earlier bags: base parameters beside what a baseline knows.
 
     Raises:
         InputError: data that do not excite the parameters.
     """
     rigid_body = baseline.rigid_body if baseline else 'paper'
-    seen = _observed(logs, machine, rigid_body, baseline)
-    fit = identify_runs(seen.runs, seen.target, seen.base, rigid_body)
+    seen = _observed(logs, machine, rigid_body, baseline, conditioning)
+    fit = identify_runs(seen.runs, seen.target, seen.base, rigid_body, terms=seen.terms)
     return fit.model_file({}).model_copy(
         update={'effects': baseline.effects if baseline else ()})
 
 
 def changes_between(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequence[Log],
-                    model_file: ModelFile, name: str) -> Changes:
+                    model_file: ModelFile, name: str,
+                    conditioning: Conditioning = CONDITIONING) -> Changes:
     """Return what differs from earlier bags.
 
     Args:
@@ -139,28 +141,40 @@ def changes_between(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequence[
         logs: the earlier ones.
         model_file: `model_of_bags` of them.
         name: of the bags, for messages.
+        conditioning: filters and rates, those of the diagnosis.
 
     Raises:
         InputError: data that do not tell the parameters joint by joint.
     """
     model = build_model(machine, model_file)
-    seen = with_nominal(_observed(logs, machine, model_file.rigid_body, model_file), model)
+    seen = with_nominal(_observed(logs, machine, model_file.rigid_body, model_file, conditioning),
+                        model)
+    seen = _with_terms(seen, diagnosis.evidence.observations)
     before, after = (fitted_values(rows, diagnosis.hypotheses)
                      for rows in (seen, diagnosis.evidence.observations))
     return _changes(diagnosis, machine, model, before, after, swallowed=False, since=name)
 
 
 def _observed(logs: Sequence[Log], machine: Robot | Axis, rigid_body: RigidBody,
-              baseline: ModelFile | None) -> Observations:
-    runs = [run for log in logs for run in runs_of_log(log, machine, CONDITIONING)]
-    return observe(runs, machine, rigid_body,
+              baseline: ModelFile | None, conditioning: Conditioning) -> Observations:
+    seen = observe(runs_of_logs(logs, machine, conditioning), machine, rigid_body,
                    None if baseline is None else build_model(machine, baseline))
+    return seen.without(INERTIA) if conditioning.steady else seen
+
+
+def _with_terms(observations: Observations, of: Observations) -> Observations:
+    """Return observations without base parameters that others do not show."""
+    for term in observations.terms:
+        if term not in of.terms:
+            observations = observations.without(term.name)
+    return observations
 
 
 def _changes(diagnosis: Diagnosis, machine: Robot | Axis, model: Model, before: JointValues,
              after: JointValues, swallowed: bool, since: str) -> Changes:
     parameters, explanation = explained_change(before, after, swallowed)
-    heldout = observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model)
+    heldout = _with_terms(observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model),
+                          diagnosis.evidence.observations)
     margins = _margins(explanation.read, parameters, after, heldout, diagnosis)
     return Changes(before.terms, before, after, explanation, margins, parameters,
                    given_rms(diagnosis.holdout.runs, model), since)

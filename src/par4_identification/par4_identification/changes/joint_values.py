@@ -14,6 +14,7 @@ import numpy as np
 
 from par4_dynamics.base_terms import BASE_TERMS, BaseTerm
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.evidence import Evidence, gather, spread
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
@@ -132,6 +133,12 @@ def whitened(observations: Observations, causes: Sequence[Hypothesis] = ()) -> E
         size = observations.joints * len(observations.terms)
         left = _residuals(observations, values[:size].reshape(observations.joints, -1),
                           _coefficients(observations, causes, values[size:]))
+        if observations.steady:  # rows that do not follow one another in time
+            sigma = np.sqrt(sum(np.sum(np.where(run.valid, part, 0.0) ** 2, axis=0) for run, part in
+                                zip(observations.runs, left))
+                            / max(sum(int(run.valid.sum()) for run in observations.runs)
+                                  - design.shape[1], 1))
+            return gather(observations, flat_whitener(observations, np.maximum(sigma, 1e-30)))
         evidence = gather(observations, whitener_of_residuals(observations, left, design.shape[1]))
     return evidence
 
@@ -229,19 +236,23 @@ def _width(observations: Observations, cause: Hypothesis) -> int:
     return rows * (1 if cause.effect.shared else len(cause.joints))
 
 
-def values_of_model(model_file: ModelFile, machine: Robot | Axis) -> JointValues:
+def values_of_model(model_file: ModelFile, machine: Robot | Axis,
+                    terms: Sequence[BaseTerm] = BASE_TERMS) -> JointValues:
     """Return the base parameters of a model as values of every joint.
 
     A model file gives standard deviations without correlations; what is one number for all joints
     errs alike on all of them.
+
+    Args:
+        model_file: of the machine.
+        machine: which it is.
+        terms: of the parameters; those that the model of an axis does not have are zero.
     """
-    joints = len(machine.joint_names)
-    terms = tuple(term for term in BASE_TERMS
-                  if isinstance(machine, Robot) or not term.needs_platform)
+    joints, terms = len(machine.joint_names), tuple(terms)
     size = len(terms)
     values, covariance = np.zeros((joints, size)), np.zeros((joints * size, joints * size))
     for index, term in enumerate(terms):
-        parameter = model_file.parameters[term.name]
+        parameter = model_file.parameters.get(term.name, Parameter(value=0.0))
         values[:, index] = parameter.per_joint(joints)
         std = np.broadcast_to(np.asarray(parameter.std or 0.0, dtype=float), (joints,))
         places = np.arange(joints) * size + index

@@ -8,9 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.base_terms import BaseTerm
+from par4_dynamics.base_terms import HANGING_TERMS, BaseTerm
 from par4_identification.gains.known_payload import PLATFORM
 
+TURNING, SLIDING = (tuple(term.name for term in HANGING_TERMS[hanging])
+                    for hanging in ('turning', 'sliding'))
+"""What a load that hangs on an axis does to it."""
+INERTIA = 'actuator_inertia'
+GRAVITY = 9.81
+"""m/s2."""
 FRICTION = ('coulomb_friction', 'viscous_friction')
 SCALE = 'torque_scale'
 """Name of the factor between recorded torque and that of the model."""
@@ -100,6 +106,56 @@ class Added(Reading):
 
 
 @dataclass(frozen=True)
+class LoadFactor(Reading):
+    """The load that hangs on an axis that turns by the factor 1 + size: more mass on its lever.
+
+    The inertia of that mass goes with the square of the lever, which nobody knows; it is a reading
+    of its own.
+    """
+
+    def apply(self, now: Parameters, size: float) -> np.ndarray:
+        values = now.values.copy()
+        for name in TURNING:
+            values[self._rows, now.terms.index(name)] *= 1.0 + size
+        return values
+
+    def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:
+        found = []
+        for name in TURNING:
+            index = now.terms.index(name)
+            before = float(now.values[self._rows, index].mean())
+            found.append(Moved(self._label(name), before, before, terms[index].unit))
+        return tuple(found)
+
+
+@dataclass(frozen=True)
+class SlidingPayload(Reading):
+    """A mass, kg, on an axis that slides upright: it is moved and it hangs.
+
+    Attributes:
+        side: 1 where positions count upwards, so that the load is positive, else -1.
+    """
+
+    side: float
+
+    def apply(self, now: Parameters, size: float) -> np.ndarray:
+        values = now.values.copy()
+        for name, slope in self._slopes(now):
+            values[self._rows, now.terms.index(name)] += slope * size
+        return values
+
+    def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:
+        return tuple(
+            Moved(self._label(name), float(now.values[self._rows, index].mean()), slope,
+                  terms[index].unit)
+            for name, slope in self._slopes(now) for index in (now.terms.index(name),))
+
+    def _slopes(self, now: Parameters) -> tuple[tuple[str, float], ...]:
+        slopes = ((SLIDING[0], self.side * GRAVITY), (INERTIA, 1.0))
+        return tuple((name, slope) for name, slope in slopes if name in now.terms)
+
+
+@dataclass(frozen=True)
 class FrictionFactor(Reading):
     """Friction by one factor, 1 + size: temperature, grease, a brake that rubs.
 
@@ -137,12 +193,28 @@ class GainFactor(Reading):
         return (Moved(self._label(SCALE), 1.0, 1.0, '1'),)
 
 
+def mass_on_lever(moment: float, inertia: float) -> tuple[float, float]:
+    """Return the mass (kg) and its distance (m) of a point that adds so much to an axis.
+
+    Args:
+        moment: m g r, N m, > 0.
+        inertia: m r^2, kg m2, > 0.
+    """
+    distance = GRAVITY * inertia / moment
+    return moment / (GRAVITY * distance), distance
+
+
 def readings_of(terms: Sequence[BaseTerm], joints: int) -> tuple[Reading, ...]:
     """Return all readings; of two that are one, as friction of a single joint, one only."""
     platform = [name for name in PLATFORM if name in {term.name for term in terms}]
     own = [term.name for term in terms if term.name not in (*PLATFORM, *FRICTION)]
     each = range(joints) if joints > 1 else ()
     found: list[Reading] = [Added(None, name) for name in (*platform, *own)]
+    names = {term.name for term in terms}
+    if set(TURNING) <= names:
+        found.append(LoadFactor(None))
+    if set(SLIDING) <= names:
+        found += [SlidingPayload(None, side) for side in (1.0, -1.0)]
     found += [GainFactor(None), FrictionFactor(None, FRICTION)]
     found += [FrictionFactor(None, (kind,)) for kind in FRICTION]
     for joint in each:

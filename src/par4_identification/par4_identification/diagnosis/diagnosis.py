@@ -38,7 +38,7 @@ from par4_identification.diagnosis.search.causes import Model, named_of, names_o
 from par4_identification.diagnosis.search.law import Dithered, dithered
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
-from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.whitening import quieter, whitener_of
 from par4_identification.diagnosis.verdict.answer import (
@@ -59,6 +59,7 @@ from par4_identification.diagnosis.verdict.judgement import (
 )
 from par4_identification.diagnosis.verdict.loose_loads import cause_of, loose_loads
 from par4_identification.diagnosis.verdict.pair import Pair
+from par4_identification.diagnosis.verdict.sure import without_doubtful_names
 from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, unrelated
 from par4_identification.fitting.identification import INERTIA
 from par4_identification.logs.log import Log
@@ -153,7 +154,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     Raises:
         InputError: data that cannot be filtered.
     """
-    rules = rules or Rules()
+    rules = rules or (OF_AXIS if isinstance(machine, Axis) else Rules())
     rigid_body = baseline.rigid_body if baseline else 'paper'
     known = build_model(machine, baseline) if baseline else None
     progress('filtering the logs')
@@ -236,6 +237,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     evidence, heldout = pool.evidence, pool.heldout.observations
     model = polished(search, model)
     loose, model = loose_loads(search, model)
+    if isinstance(machine, Axis):
+        model = without_doubtful_names(search, model)
     named = tuple(sorted(named_of(model), key=lambda item: -search.gains(
         item, others_of(model, item))[0]))
     whole, names_only, base_only = (solve(evidence, part) for part in (model, named, ()))

@@ -42,6 +42,7 @@ from par4_identification.reports.outcome.setup import setup_json, setup_lines, w
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.total import total_lines
 from par4_identification.setup_check.unusable import diagnosed_if_sound, sound_or_refused
+from par4_identification.signals.rows import Conditioning
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion_file import write_motion
@@ -69,14 +70,17 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
         status.update('looking for mistakes of the setup')
         own = len(bags) + len(holdout)
         chosen = Chosen(cutoff, rows, low_speed)
-        machine = with_gravity_told(machine, logs[:own], conditioning_for(
-            logs[:own], machine, CONDITIONING, chosen))
-        earlier = Earlier.of(logs[own:], machine, baseline) if before else None
+        conditioning = conditioning_for(logs, machine, CONDITIONING, chosen)
+        for group in (logs[:own], logs[own:]) if before else (logs,):
+            machine = machine if _hangs(machine) else with_gravity_told(
+                read_machine(robot), group, conditioning)
+        earlier = Earlier.of(logs[own:], machine, baseline, conditioning) if before else None
         if earlier is not None:
             baseline, known = earlier.model_file, build_model(machine, earlier.model_file)
         check = check_setup(logs[:own], machine, known)
         logs, machine = check.logs, check.machine
-        conditioning = conditioning_for(logs, machine, CONDITIONING, chosen)
+        if earlier is None:
+            conditioning = conditioning_for(logs, machine, CONDITIONING, chosen)
         diagnosis = diagnosed_if_sound(check, lambda sound: diagnose(
             sound.logs[:len(bags)], sound.machine, baseline, sound.logs[len(bags):],
             conditioning=conditioning, progress=status.update))
@@ -92,7 +96,7 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
                     changes = (changes_since_model(diagnosis, machine, baseline, str(model))
                                if earlier is None else
                                changes_between(diagnosis, machine, earlier.logs, baseline,
-                                               listed(before)))
+                                               listed(before), conditioning))
                 except InputError as error:
                     untold = (Remark(False, f'What has changed could not be told: {error}.'),)
             if simulate:
@@ -144,6 +148,11 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
     console.print(f'results and report: {output}', soft_wrap=True, markup=False)
 
 
+def _hangs(machine: Robot | Axis) -> bool:
+    """Return whether a machine is an axis that is known to lift a load."""
+    return isinstance(machine, Axis) and machine.gravity == 'vertical'
+
+
 @dataclass(frozen=True)
 class Earlier:
     """Bags of the machine as it was.
@@ -159,14 +168,16 @@ class Earlier:
     setup_lines: tuple[str, ...]
 
     @classmethod
-    def of(cls, logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None) -> Earlier:
+    def of(cls, logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None,
+           conditioning: Conditioning) -> Earlier:
         """Return earlier bags with their model.
 
         Raises:
             InputError: no model can be identified from them.
         """
         check = check_setup(logs, machine)
-        model_file = sound_or_refused(check, lambda: model_of_bags(check.logs, machine, baseline))
+        model_file = sound_or_refused(check, lambda: model_of_bags(
+            check.logs, machine, baseline, conditioning))
         return cls(check.logs, model_file, tuple(
             f'In the bags before: {line}' for line in setup_lines(check, 'comparison')))
 

@@ -17,8 +17,8 @@ from par4_kinematics.errors import InputError
 
 FILLED = 3
 """Most missing samples in a row that interpolation fills; more cut the log."""
-FEWEST_SAMPLES = 100
-"""Samples below which a log is refused."""
+FEWEST_SAMPLES = 20
+"""Samples below which a log is refused: a steady speed at a few hertz has no more."""
 MOST_CONFLICTS = 0.05
 """Fraction of samples with the stamp but not the values of another above which a log is refused."""
 MOST_TO_AND_FRO = 0.05

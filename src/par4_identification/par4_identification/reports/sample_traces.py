@@ -36,9 +36,10 @@ def torque_traces(run: Run, logs: Sequence[Log], model: Model, residual: np.ndar
     size = np.interp(state.t, run.t, np.linalg.norm(np.where(run.valid, residual, 0.0), axis=1))
     part = shown_part(state.t, size, 2 * len(names.joints))
     shown = state.part(part)
-    first = int(np.searchsorted(log.t, shown.t[0] - 0.5 * log.period))
+    # columns of a slow log of an axis are computed between its samples, too
+    measured = np.column_stack([np.interp(shown.t, log.t, torque) for torque in log.tau.T])
     return traces_of(
-        shown.t, [Trace('measured', MEASURED, log.tau[first:first + len(shown.t)]),
+        shown.t, [Trace('measured', MEASURED, measured),
                   Trace('calculated', CALCULATED, model.torque(shown))],
         names.joints, f'{names.torque}, {names.torque_unit}')
 

@@ -31,10 +31,14 @@ RATE_HZ = 200.0
 """Rate of the samples from which columns are computed."""
 SLOW = 0.05
 """Joint speed, rad/s, below which the sign of friction is not known."""
+SLOW_SHARE = 0.01
+"""The same of a single axis, whose speeds may be any, over its fast ones."""
 SHORTEST = 1.0
 """s; shorter stretches are left out."""
 LONGEST = 600.0
 """s of logs that are looked at."""
+TINY = 1e-6
+"""Speed of an axis that rests, rad/s or m/s."""
 LEAST_RATE_HZ = 50.0
 """Rate of a log below which (20) cannot be compared with it."""
 
@@ -142,6 +146,11 @@ class Equations:
     tau: np.ndarray
     valid: np.ndarray
 
+    @property
+    def of_axis(self) -> bool:
+        """Whether they are those of a single axis, which has no platform."""
+        return self.columns.shape[2] < len(BASE_TERMS)
+
     @cached_property
     def slack(self) -> tuple[np.ndarray, ...]:
         """Orthonormal functions of the pose over the valid rows of each joint, (m_i, k)."""
@@ -243,7 +252,8 @@ def equations_of(stretches: Sequence[Stretch], geometry: Geometry | None, filter
     for part in stretches:
         state = state_of_joints(geometry, part.t, part.q, part.qd, part.qdd)
         columns, tau = columns_of(state), part.tau
-        valid = np.abs(part.qd) >= SLOW
+        speed = np.abs(part.qd)
+        valid = speed >= (SLOW if geometry is not None else slow_of_axis(part))
         if filtered and len(part.t) > 40:
             columns = low_pass(columns, part.cutoff_hz, part.period)
             tau = low_pass(tau, part.cutoff_hz, part.period)
@@ -251,6 +261,11 @@ def equations_of(stretches: Sequence[Stretch], geometry: Geometry | None, filter
         parts.append((np.full(len(part.t), part.log), part.t, part.q, columns, tau,
                       valid & part.known))
     return Equations(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
+
+
+def slow_of_axis(part: Stretch) -> float:
+    """Return the speed of an axis below which the sign of its friction is not known."""
+    return max(SLOW_SHARE * float(np.quantile(np.abs(part.qd), 0.95)), TINY)
 
 
 def _quadratic(q: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from par4_identification.logs.log import Log
-from par4_identification.setup_check.equations import SLOW, stretches_of
+from par4_identification.setup_check.equations import SLOW, slow_of_axis, stretches_of
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_identification.setup_check.log_faults import joints_in_words
 from par4_identification.setup_check.repair import sound_time, without
@@ -17,7 +17,8 @@ from par4_kinematics.workspace import home_pose
 from par4_sim.report.words import number
 
 LEAST_MOVING = 1.0
-"""s that every joint must move faster than `SLOW`."""
+"""s that every joint must move faster than `SLOW`, an axis that is slower than that as a whole
+faster than a share of its fast speeds."""
 ILL = 12.0
 """Condition number of J_x, in that of the home pose, beyond which a pose counts as singular."""
 STILL_ILL = 4.0
@@ -37,7 +38,8 @@ def moving(check: SetupCheck) -> SetupCheck:
     joints = stretches[0].q.shape[1]
     time = np.zeros(joints)
     for part in stretches:
-        time += part.period * ((np.abs(part.qd) >= SLOW) & part.known).sum(axis=0)
+        slow = SLOW if isinstance(check.machine, Robot) else min(SLOW, slow_of_axis(part))
+        time += part.period * ((np.abs(part.qd) >= slow) & part.known).sum(axis=0)
     still = tuple(int(joint) for joint in np.flatnonzero(time < LEAST_MOVING))
     if not still:
         return check

@@ -25,6 +25,10 @@ GRID = 0.01
 """s between the delays that are tried."""
 SMALLEST_DELAY = 0.01
 """s; smaller ones are left to the diagnosis, which tells delays from lags."""
+SMALLEST_DELAY_OF_AXIS = 0.03
+"""s; the same of a single axis. Its loop gives way to torques that are bound to the position, such
+as cogging, and then its torque seems to be early by about the response of the loop. Only beside
+these, in the diagnosis, can a delay of that size be told."""
 SMALLEST_DRIFT = 0.007
 """s by which a drifting clock must err over the log."""
 SMALLEST_RATE = 2.5e-4
@@ -33,6 +37,8 @@ LARGEST_RATE = 0.02
 """Relative error of a clock beyond which it is no clock."""
 FEWER = 0.6
 """Most of the squared error in motion that a delay may leave."""
+FEWER_ON_AXIS = 0.2
+"""The same on a single axis, which may have any other fault that a delay resembles a little."""
 FEWER_BY_DRIFT = 0.9
 """Most of what a constant delay leaves that a drift may leave; friction that warms leaves as much
 as 0.85, but at rates below `SMALLEST_RATE`."""
@@ -99,14 +105,17 @@ def timing_of(rows: Equations) -> Timing | None:
                                            drifts=False)
     drifting = _refined(rows, torque, delay, middle, drifts=True)
     late, rate, _, rate_std, own = drifting
+    smallest, fewer, by_drift = (
+        (SMALLEST_DELAY_OF_AXIS, FEWER_ON_AXIS, FEWER_ON_AXIS) if rows.of_axis
+        else (SMALLEST_DELAY, FEWER, FEWER_BY_DRIFT))
     drifts = (abs(rate) * (end - start) > SMALLEST_DRIFT
               and max(SMALLEST_RATE, DRIFT_DEVIATIONS * rate_std) < abs(rate) < LARGEST_RATE
-              and own.left < FEWER_BY_DRIFT * fit.left and own.physical
+              and own.left < by_drift * fit.left and own.physical
               and own.error < min(UNEXPLAINED, BETTER * before.error))
     if drifts:
         return Timing(late - rate * (middle - start), rate, start, end,
                       (drifting[2], rate_std), before, own)
-    if abs(delay) > SMALLEST_DELAY and fit.left < FEWER * now.left and fit.physical and (
+    if abs(delay) > smallest and fit.left < fewer * now.left and fit.physical and (
             abs(delay) < LONGEST and fit.error < min(
                 UNEXPLAINED, BETTER * before.error)):
         return Timing(delay, 0.0, start, end, (delay_std, 0.0), before, fit)

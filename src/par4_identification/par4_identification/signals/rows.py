@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.logs.log import Log
@@ -22,6 +23,10 @@ from par4_kinematics.robot import Axis, Robot
 
 SLOWEST_HZ = 50.0
 """Rate below which a motion that goes faster and slower cannot be filtered."""
+
+
+FINE_HZ = 1000.0
+"""Rate of the samples of an axis from which columns are computed, at the least."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +53,8 @@ class Conditioning:
 
     @property
     def reach(self) -> float:
-        """Half the time over which the torque's low-pass remembers, s."""
-        return 0.9 / self.torque_cutoff_hz
+        """Half the time over which the low-passes remember, s."""
+        return 0.9 / min(self.torque_cutoff_hz, 0.5 * self.position_cutoff_hz)
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,7 @@ class Run:
         standstill: rows at which the joint rests well within a dwell, (m, J).
         noise_floor: standard deviation of the rows that white torque noise of the level measured
             above the torque's pass band would cause, (J,), N m; of plateaus that of their means.
+        period: of the samples of the log, s; zero of plateaus.
     """
 
     name: str
@@ -79,6 +85,7 @@ class Run:
     conditioning: Conditioning
     _first: int
     _every: int
+    period: float = 0.0
 
     def rows(self, columns: np.ndarray) -> np.ndarray:
         """Return columns (n, J, ...) of `state` filtered like the torque, at the rows (m, ...)."""
@@ -140,8 +147,12 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
             conditioning, position_cutoff_hz=scale * conditioning.position_cutoff_hz,
             torque_cutoff_hz=scale * conditioning.torque_cutoff_hz,
             row_rate_hz=scale * conditioning.row_rate_hz)
-    runs = [_run(log, segment, machine, conditioning) for segment in log.segments
+    long = [segment for segment in log.segments
             if (segment.stop - segment.start) * log.period >= 1.0]
+    fine = finer(replace(log, segments=tuple(long)), machine)
+    runs = [_run(fine, segment, machine, conditioning,
+                 _white_floor(log.tau[measured], conditioning, log.period), log.period)
+            for measured, segment in zip(long, fine.segments)]
     if not runs:
         raise InputError(f'{log.name}: no uninterrupted stretch of at least 1 s; record longer or '
                          f'without gaps')
@@ -171,12 +182,41 @@ def _run_of_plateaus(logs: Sequence[Log], machine: Robot | Axis, conditioning: C
         _first=0, _every=1)
 
 
-def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditioning) -> Run:
+def finer(log: Log, machine: Robot | Axis) -> Log:
+    """Return the log of an axis with samples between those of a slow one, by cubic splines.
+
+    Positions and torques are smooth, as far as filters let them through. Friction is not: it
+    changes its sign between two samples, and a column that changes it at a sample is wrong by half
+    a sample at every reversal, which looks like a delay or like presliding.
+    """
+    parts = 1 if isinstance(machine, Robot) else int(np.ceil(FINE_HZ * log.period - 1e-6))
+    if parts <= 1:
+        return log
+    period, pieces, end = log.period / parts, [], 0
+    segments = []
+    for segment in log.segments:
+        t = log.t[segment]
+        if len(t) < 2:
+            continue
+        times = t[0] + period * np.arange(parts * (len(t) - 1) + 1)
+        doubtful = None if log.doubtful is None else log.doubtful[segment][
+            np.round(np.arange(len(times)) / parts).astype(int)]
+        pieces.append((times, *(scipy.interpolate.CubicSpline(t, values[segment])(times)
+                                for values in (log.q, log.tau)), doubtful))
+        segments.append(slice(end, end + len(times)))
+        end += len(times)
+    t, q, tau = (np.concatenate([piece[index] for piece in pieces]) for index in range(3))
+    return replace(log, period=period, t=t, q=q, tau=tau, segments=tuple(segments), reference=None,
+                   doubtful=None if log.doubtful is None else np.concatenate(
+                       [piece[3] for piece in pieces]))
+
+
+def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditioning,
+         noise_floor: np.ndarray, sampled: float) -> Run:
     period = log.period
     q = low_pass(log.q[segment], conditioning.position_cutoff_hz, period)
     qd, qdd = central_difference(q, period), second_difference(q, period)
-    torque = log.tau[segment]
-    tau = low_pass(torque, conditioning.torque_cutoff_hz, period)
+    tau = low_pass(log.tau[segment], conditioning.torque_cutoff_hz, period)
 
     geometry = machine.geometry if isinstance(machine, Robot) else None
     state = state_of_joints(geometry, log.t[segment], q, qd, qdd)
@@ -197,8 +237,8 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
     return Run(
         name=log.name, state=state, t=state.t[window], speed=state.qd[window],
         tau=tau[window], valid=~near[window], standstill=resting[window],
-        noise_floor=_white_floor(torque, conditioning, period), conditioning=conditioning,
-        _first=first, _every=every)
+        noise_floor=noise_floor, conditioning=conditioning,
+        _first=first, _every=every, period=sampled)
 
 
 def _within(reach: int, mask: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from par4_identification.logs.log import Log
-from par4_identification.signals.filtering import central_difference, low_pass
+from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.plateaus import hold_speeds
 from par4_identification.signals.rows import SLOWEST_HZ, Conditioning
 from par4_kinematics.errors import InputError
@@ -23,6 +23,13 @@ OF_RATE = 0.1
 POSITION = 2.0
 """Cut-off of the positions of an axis over that of its torque: half that of a Par4, as encoders
 and stamps of unknown make are often noisier, and noise would turn the sign of a slow motion."""
+UNRESOLVED = 0.01
+"""Share of the squares of the acceleration that noise of the positions may have. Noise in a column
+makes its coefficient too small by as much (errors in variables)."""
+UPPER = 0.5
+"""Share of half the sample rate above which a position is taken to hold noise only."""
+LEAST_POSITION = 0.1
+"""Cut-off of the positions over that of the torque, at the least."""
 SLOWEST = 0.01
 """Low speed over the speed that a twentieth of the motion exceeds."""
 
@@ -47,8 +54,9 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
     """Return how the signals of logs of a machine become rows.
 
     The arms of a Par4 have the usual filters. An axis may be any machine: its cut-off is the
-    usual one or, where its torque reaches higher above its noise, so high that it passes; its low
-    speed goes with its speeds and with the steps of its positions. Where it holds one speed after
+    usual one or, where its torque reaches higher above its noise, so high that it passes; its its
+    positions pass as far as their noise lets the acceleration be told; its low speed goes with its
+    speeds and with the steps of its positions. Where it holds one speed after
     the other, and no filter is asked for, each plateau of its speed is a row.
 
     Args:
@@ -87,7 +95,7 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
         low_speed = chosen.low_speed
     position = usual.position_cutoff_hz * scale
     if isinstance(machine, Axis):
-        position = POSITION * cutoff
+        position = min(POSITION * cutoff, max(LEAST_POSITION * cutoff, resolved_hz(logs)))
     return replace(usual, position_cutoff_hz=position, torque_cutoff_hz=cutoff,
                    row_rate_hz=row_rate, low_speed=low_speed)
 
@@ -102,14 +110,44 @@ def _reach(log: Log) -> float:
     return INSIDE * float(frequency[np.searchsorted(above, ENERGY * above[-1])])
 
 
-def _spectrum(log: Log) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (k,) and the torque's mean power there (k,), over windows of a second."""
+def resolved_hz(logs: Sequence[Log]) -> float:
+    """Return the frequency (Hz) up to which the positions of logs tell the acceleration.
+
+    Counts and noise of a position are white. In the second difference their power grows with the
+    fourth power of the frequency, while a motion has most of its acceleration at low ones. The
+    level of that noise is taken from the upper frequencies.
+    """
+    length = min(max(round(1.0 / log.period), 16) for log in logs) // 2
+    told, noisy = np.zeros(length), np.zeros(length)
+    highest = np.inf
+    for log in logs:
+        frequency, power = _spectrum(log, [
+            second_difference(log.q[segment], log.period) for segment in log.segments])
+        angle = 2.0 * np.pi * frequency * log.period
+        gain = ((30.0 - 32.0 * np.cos(angle) + 2.0 * np.cos(2.0 * angle))
+                / (12.0 * log.period ** 2)) ** 2
+        upper = frequency > UPPER * frequency[-1]
+        noise = float(np.median(power[upper] / gain[upper])) * gain
+        told += np.maximum(power - 2.0 * noise, 0.0)[:length]
+        noisy += noise[:length]
+        highest = min(highest, float(frequency[-1]))
+    few = np.cumsum(noisy) <= UNRESOLVED * np.maximum(np.cumsum(told), 1e-300)
+    return highest * float(np.flatnonzero(few)[-1] + 1) / length if few.any() else 0.0
+
+
+def _spectrum(log: Log, signals: Sequence[np.ndarray] | None = None
+              ) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies (k,) and a signal's mean power there (k,), over windows of a second.
+
+    The signals (n, J) are those of the segments, by default the torque.
+    """
     length = max(round(1.0 / log.period), 16)
     window, total = np.hanning(length), np.zeros(length // 2 + 1)
-    for segment in log.segments:
-        torque = log.tau[segment]
-        for first in range(0, len(torque) - length + 1, length // 2):
-            part = torque[first:first + length]
+    if signals is None:
+        signals = [log.tau[segment] for segment in log.segments]
+    for signal in signals:
+        for first in range(0, len(signal) - length + 1, length // 2):
+            part = signal[first:first + length]
             total += np.sum(np.abs(np.fft.rfft(window[:, None] * (part - part.mean(axis=0)),
                                                axis=0)) ** 2, axis=1)
     return np.fft.rfftfreq(length, log.period), total

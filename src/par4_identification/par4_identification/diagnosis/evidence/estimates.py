@@ -118,7 +118,7 @@ def with_doubt_of_time(parameters: dict[str, Parameter], observations: Observati
     if not {'phase', 'periods'} <= set(parameters):
         return parameters
     run = max(observations.runs, key=lambda run: len(run.t))
-    late = float(run.state.t[1] - run.state.t[0]) / np.sqrt(3.0)
+    late = run.period / np.sqrt(3.0)
     speed = float(np.median(np.abs(run.speed[run.valid])))
     phase = parameters['phase']
     std = np.asarray(phase.std, dtype=float)

@@ -103,11 +103,13 @@ def next_experiment(diagnosis: Diagnosis, machine: Robot | Axis, seed: int = 0
         None without twins and doubts, for a single axis, and for a robot that can do no motion of
         the library.
     """
+    if not isinstance(machine, Robot):
+        return None
     evidence = diagnosis.evidence
     pairs = [twins_of(evidence, diagnosis.hypotheses, number, effect_named(twin, diagnosis.effects))
              for number, cause in enumerate(diagnosis.causes) for twin in cause.twins]
     pairs += diagnosis.doubts
-    if not isinstance(machine, Robot) or not pairs:
+    if not pairs:
         return None
     prospect = Prospect(evidence, machine, diagnosis.extended_model, diagnosis.effects)
     trials = [Trial(prospect, pair) for pair in pairs]

@@ -12,7 +12,11 @@ from par4_identification.fitting.identification import Identification
 from par4_identification.signals.rows import Run
 
 LEAST_ROWS = 200
+LEAST_ROWS_OF_AXIS = 60
+"""An axis has two base parameters that every motion shows, and rows that are hardly alike."""
 LEAST_PLATEAUS = 10
+SPEED = 0.5
+"""rad/s at which the friction of a Par4 must brake."""
 WORST_ERROR = 0.6
 WORST_STD = 0.3
 
@@ -31,7 +35,8 @@ def unusable(observations: Observations, identification: Identification,
     estimate = identification.estimate
     values = {term.name: (value, std) for term, value, std in
               zip(identification.terms, estimate.values, estimate.std)}
-    friction = values['coulomb_friction'][0] + 0.5 * values['viscous_friction'][0]
+    friction = values['coulomb_friction'][0] + _usual_speed(observations) * values[
+        'viscous_friction'][0]
     if friction < 0:
         reasons.append('friction comes out driving the joints instead of braking them; check the '
                        'sign of torque and position')
@@ -54,14 +59,27 @@ def unusable(observations: Observations, identification: Identification,
     return reasons
 
 
+def _usual_speed(observations: Observations) -> float:
+    """Return the speed at which friction must brake, rad/s or m/s: of an axis that of its motion.
+
+    At speeds that it does not have, Coulomb and viscous friction may stand for each other.
+    """
+    if observations.runs[0].state.geometry is not None:
+        return SPEED
+    return float(np.median(np.concatenate(
+        [np.abs(run.speed[run.valid]) for run in observations.runs]))) if any(
+            run.valid.any() for run in observations.runs) else SPEED
+
+
 def too_few(observations: Observations) -> list[str]:
     """Return for which joints there are fewer rows than any fit needs, and what to do."""
     rows = sum(run.valid.sum(axis=0) for run in observations.runs)
     if observations.steady:
         return [f'{count} steady speeds are fitted, {LEAST_PLATEAUS} are needed; record more '
                 f'speeds, in both directions' for count in rows if count < LEAST_PLATEAUS]
-    return [f'joint {joint} moves in only {rows[joint]} rows, {LEAST_ROWS} are needed; record a '
-            f'longer motion of all joints' for joint in np.flatnonzero(rows < LEAST_ROWS)]
+    least = LEAST_ROWS_OF_AXIS if observations.runs[0].state.geometry is None else LEAST_ROWS
+    return [f'joint {joint} moves in only {rows[joint]} rows, {least} are needed; record a '
+            f'longer motion of all joints' for joint in np.flatnonzero(rows < least)]
 
 
 def _error_beside(observations: Observations, identification: Identification) -> float:

@@ -60,7 +60,7 @@ def start_of(observations: Observations, rigid_body: RigidBody, rules: Rules) ->
     for effect in (None, *bound):
         target = None if effect is None else _without(effect, observations, rules)
         again = _start(observations, target, rigid_body)
-        if again.reasons and _hides_inertia(again):
+        if _hides_inertia(again):  # of which a negative value that may be chance is no reason
             again = _start(observations.without(INERTIA), target, rigid_body, (INERTIA,))
         if not again.reasons:
             return replace(again, bound=effect is not None)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.effects.effect import CERTAIN
+from par4_dynamics.effects.effect import CERTAIN, FAST
 from par4_identification.diagnosis.evidence.estimates import estimated
 from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
@@ -82,6 +82,8 @@ class Belief:
         coefficients = fit.coefficients[-1][:, acting]
         level = {term.name: np.full(len(acting), value)
                  for term, value in zip(evidence.observations.terms, fit.base)}
+        if evidence.observations.runs[0].state.geometry is None:
+            level[FAST] = np.full(len(acting), self._fast_speed)
         if effect.fixed_coefficients:
             # their columns have the nominal friction; what they must reach is the refitted one
             nominal = evidence.observations.runs[0].state.known
@@ -98,6 +100,12 @@ class Belief:
             reason = self._driven_beside(others, fit, inflation)
         return reason
 
+    @property
+    def _fast_speed(self) -> float:
+        """The speed that a twentieth of the motion exceeds."""
+        return float(np.quantile(np.abs(np.concatenate(
+            [run.speed for run in self.pool.evidence.observations.runs])), 0.95))
+
     def _driven_beside(self, others: Model, fit: Fit, inflation: float) -> str | None:
         """Return why the friction of an axis beside a cause, the last of a fit, is none, or None.
 
@@ -107,8 +115,7 @@ class Belief:
         observations = self.pool.evidence.observations
         if observations.runs[0].state.geometry is not None:
             return None
-        speed = float(np.quantile(np.abs(np.concatenate(
-            [run.speed for run in observations.runs])), 0.95))
+        speed = self._fast_speed
         size = len(observations.terms)
         before = self.pool.solution(others).base
         for own in (0.0, speed):

@@ -23,7 +23,7 @@ from par4_identification.diagnosis.search.shapes import (
     self_consistent,
     shapes_of,
 )
-from par4_identification.diagnosis.search.swing import GRID, compliances
+from par4_identification.diagnosis.search.swing import TRIED, compliances
 
 ONE_WAY = 0.1
 """Share of the travel that must go either way for a difference between the directions to show."""
@@ -124,7 +124,7 @@ class Candidates:
             return None
         compliance, squares = found
         hypothesis = Hypothesis(effect, effect.expansion(compliance), self._joints)
-        return Candidate(hypothesis, 0.5 * squares, len(GRID) * len(compliance))
+        return Candidate(hypothesis, 0.5 * squares, TRIED * len(compliance))
 
 
 def goes_both_ways(observations: Observations) -> bool:

@@ -26,8 +26,9 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
     """Return the orders of an effect, given a projection, and twice what they gain.
 
     An order after the first must gain three things together: what every cause must, what chance
-    gives to the best of so many orders, and what may be an error of the orders before it. The
-    range of positions must also be wide enough to tell it from these.
+    gives to the best of so many orders, and what may be an error of the orders before it, which
+    are waves on any machine, so that the error is that of a Par4. The range of positions must also
+    be wide enough to tell it from these.
 
     Args:
         effect: with a shape parameter that may be a tuple of orders.
@@ -51,7 +52,7 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
         coefficients = 2 * (1 if effect.shared else len(joints))
         named = max(before - beside.squares, 0.0)
         needed = (rules.evidence + 0.5 * coefficients * np.log(max(evidence.rows, 2))
-                  + np.log(len(orders)) + 0.5 * rules.named_error ** 2 * named)
+                  + np.log(len(orders)) + 0.5 * Rules.named_error ** 2 * named)
         if 0.5 * more < needed:
             break
         found.append(order)

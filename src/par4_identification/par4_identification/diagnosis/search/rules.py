@@ -40,3 +40,9 @@ class Rules:
     named_error: float = 0.035
     unnamed_error: float = 0.22
     floor_excess: float = 1.6
+
+
+OF_AXIS = Rules(base_error=3e-3, named_error=0.1)
+"""Of a single axis, which may be any machine: its friction, its springs and its gaps follow the
+laws of the library less closely than those of a Par4, and so does its torque, which is often a
+current times a constant."""

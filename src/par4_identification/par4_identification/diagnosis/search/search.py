@@ -103,6 +103,16 @@ class Search:
             model = trial
             refused.clear()  # beside other causes a candidate may look better
 
+    def nameless(self) -> Model:
+        """Return the unnamed causes that explain the data without any name."""
+        model: Model = ()
+        while grown := self._with_unnamed(model, set()):
+            trial = self.tested(grown)
+            if len(trial) <= len(model):
+                break
+            model = trial
+        return model
+
     def _does_as_well(self, trial: Model, model: Model) -> bool:
         """Return whether what a step leads to explains what the model explains that it came from.
 

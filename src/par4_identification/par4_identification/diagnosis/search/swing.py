@@ -8,20 +8,23 @@ from functools import partial
 import numpy as np
 from scipy.optimize import least_squares
 
-from par4_dynamics.effects.elastic_transmission import STIFFNESSES, ElasticTransmission
+from par4_dynamics.effects.elastic_transmission import (
+    ElasticTransmission,
+    believed_stiffnesses,
+)
 from par4_dynamics.effects.transmission import DAMPING_RATIO, Springs
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.evidence import Key
 from par4_identification.diagnosis.evidence.projection import Projection
 
-GRID = np.geomspace(1e-5, 1e-2, 19)
-"""rad/(N m): a resonance apart at the coarse damping."""
+TRIED = 19
+"""Compliances of a joint that are tried: a resonance apart at the coarse damping."""
+VISIBLE = 10.0
+"""The stiffest of them over the stiffest that is believed."""
 COARSE_DAMPING = 0.1
 """Of the first search: wide resonances overlap, and so do the basins of the fit."""
 COARSE_STEP = 2
 """Samples from step to step of the integration in the first search."""
-SOFTEST, STIFFEST = (1.0 / stiffness for stiffness in STIFFNESSES)
-"""rad/(N m): compliances of what is believed."""
 SWEEPS, TRIALS = 3, 40
 """Of the first look over the joints; of compliances in one descent."""
 SETTLED = 1e-4
@@ -56,22 +59,31 @@ def compliances(projection: Projection, least: float) -> tuple[np.ndarray, float
     def left(damping: float, trials: np.ndarray) -> np.ndarray:
         return target[:, None] - projection.rest(torques(np.exp(trials), damping))
 
-    joints = evidence.observations.joints
-    alone = torques(np.concatenate([GRID[:, None] * unit for unit in np.eye(joints)]),
+    joints, state = evidence.observations.joints, evidence.observations.runs[0].state
+    soft, stiff = believed_stiffnesses(
+        float(state.known.values['actuator_inertia'][0]) if state.geometry is None else None)
+    grid = np.geomspace(VISIBLE / stiff, 1.0 / soft, TRIED)
+    alone = torques(np.concatenate([grid[:, None] * unit for unit in np.eye(joints)]),
                     COARSE_DAMPING)
-    found, worth = _first_look(projection.rest(alone), target, joints)
+    chosen, worth = _first_look(projection.rest(alone), target, joints)
     if worth <= least:
         return None
+    believed = np.log((2.0 / stiff, 1.0 / soft))
+    start = np.array([np.log(3.0 / stiff if index is None else grid[index]) for index in chosen])
+    found = np.clip(start, *believed)
     for damping in (COARSE_DAMPING, DAMPING_RATIO):
-        found, best = _descended(partial(left, damping), found)
+        found, best = _descended(partial(left, damping), found, believed)
     return np.exp(found), _square(target) - best
 
 
-def _first_look(alone: np.ndarray, target: np.ndarray, joints: int) -> tuple[np.ndarray, float]:
-    """Return the log compliances (J,) that explain most, and how much, if no joint moves another.
+def _first_look(alone: np.ndarray, target: np.ndarray, joints: int
+                ) -> tuple[list[int | None], float]:
+    """Return which compliances explain most, and how much, if no joint moves another.
+
+    They are the numbers of those tried, a joint each, None where it is rigid.
 
     Args:
-        alone: torque of each compliance of `GRID` on each joint, the others rigid, (n, J * g).
+        alone: torque of each of `TRIED` compliances on each joint, the others rigid, (n, J * g).
         target: (n,).
         joints: J.
     """
@@ -82,29 +94,27 @@ def _first_look(alone: np.ndarray, target: np.ndarray, joints: int) -> tuple[np.
         for joint in range(joints):
             others = np.array([index for other, index in enumerate(chosen)
                                if other != joint and index >= 0], dtype=int)
-            first = joint * len(GRID)
-            own = np.arange(first, first + len(GRID))
+            first = joint * TRIED
+            own = np.arange(first, first + TRIED)
             rest = 2.0 * moment[others].sum() - gram[np.ix_(others, others)].sum()
             worth = (rest + 2.0 * moment[own] - gram[own, own]
                      - 2.0 * gram[np.ix_(own, others)].sum(axis=1))
             best = int(np.argmax(worth))
             chosen[joint], squares = ((own[best], float(worth[best])) if worth[best] > rest
                                       else (-1, float(rest)))
-    stiff = np.log(3.0 * STIFFEST)
-    return np.array([stiff if index < 0 else np.log(GRID[index % len(GRID)])
-                     for index in chosen]), squares
+    return [None if index < 0 else int(index) % TRIED for index in chosen], squares
 
 
-def _descended(left: Callable[[np.ndarray], np.ndarray], start: np.ndarray
+def _descended(left: Callable[[np.ndarray], np.ndarray], start: np.ndarray, believed: np.ndarray
                ) -> tuple[np.ndarray, float]:
     """Return the minimum of |left(x)|^2 near `start` (J,), within what is believed, and its value.
 
-    `left` (n, k) is that of k trials (k, J).
+    `left` (n, k) is that of k trials (k, J). `believed` has the lowest and the highest x; `start`
+    lies between them.
 
     The box of the first step is `WIDEST`, so that the search stays in the basin where it begins.
     """
-    lowest, highest = np.log(2.0 * STIFFEST), np.log(SOFTEST)
-    start = np.clip(start, lowest, highest)
+    lowest, highest = believed
 
     def slopes(change: np.ndarray) -> np.ndarray:
         steps = CHANGE * np.concatenate((np.zeros((1, len(start))), np.eye(len(start))))

@@ -11,13 +11,19 @@ import scipy
 
 from par4_dynamics.effects.payload import Payload
 from par4_identification.changes.changes import Changes
-from par4_identification.changes.explanation import CHANCE
+from par4_identification.changes.explanation import CHANCE, Read
 from par4_identification.changes.readings import (
     FRICTION,
+    INERTIA,
+    TURNING,
     Added,
     FrictionFactor,
     GainFactor,
+    LoadFactor,
     Reading,
+    SlidingPayload,
+    applied,
+    mass_on_lever,
 )
 from par4_identification.diagnosis.verdict.answer import Diagnosis, Verdict
 from par4_identification.gains.known_payload import PLATFORM
@@ -47,6 +53,10 @@ def phrase_of_reading(reading: Reading, size: float, machine: Robot | Axis) -> s
         name = SEVERAL if len(reading.kinds) > 1 else in_words(reading.kinds[0])
         weather = '' if reading.joint is not None else ' (cold)' if up else ' (warm)'
         return f'{name} {_share(amount)} {"higher" if up else "lower"} on {where}{weather}'
+    if isinstance(reading, LoadFactor):
+        return f'the load that hangs on {where} {_share(amount)} {"larger" if up else "smaller"}'
+    if isinstance(reading, SlidingPayload):
+        return f'a payload of {number(amount, 2)} kg{"" if up else " less"} on {where}'
     assert isinstance(reading, Added)
     return _phrase_of_added(reading, amount, up, where, machine)
 
@@ -58,10 +68,14 @@ def _phrase_of_added(reading: Added, amount: float, up: bool, where: str,
         less = '' if up else ' less'
         return f'a payload of {number(amount, 2)} kg{less} at half plate {half}'
     unit = unit_on(machine, {'actuator_inertia': 'kg m2', 'arm_gravity': 'N m',
-                             'coulomb_friction': 'N m', 'viscous_friction': 'N m s/rad'}[
-                                 reading.parameter])
-    name = {'actuator_inertia': 'inertia of the arm', 'arm_gravity': 'weight of the arm'}.get(
-        reading.parameter, in_words(reading.parameter))
+                             'coulomb_friction': 'N m', 'viscous_friction': 'N m s/rad',
+                             'gravity_sine': 'N m', 'gravity_cosine': 'N m',
+                             'gravity_load': 'N m'}[reading.parameter])
+    name = {'actuator_inertia': 'inertia of the arm', 'arm_gravity': 'weight of the arm',
+            'gravity_load': 'load'}.get(reading.parameter, in_words(reading.parameter))
+    if reading.parameter in TURNING:
+        part = 'sine' if reading.parameter == TURNING[0] else 'cosine'
+        name = f'the load that goes with the {part} of the angle'
     if isinstance(machine, Axis) and reading.parameter == 'actuator_inertia':
         name = 'moving mass' if machine.kind == 'linear' else 'inertia'
     return f'{name} of {where} {"up" if up else "down"} by {number(amount, 2)} {unit}'
@@ -77,7 +91,41 @@ def _share(amount: float) -> str:
 
 def phrases_of_changes(changes: Changes, machine: Robot | Axis) -> list[str]:
     """Return every reading with its size, strongest first."""
-    return [phrase_of_reading(item.reading, item.size, machine) for item in changes.read]
+    point = _point_on_lever(changes)
+    first = next((item for item in changes.read if _is_load(item.reading)), None)
+    return [phrase_of_reading(item.reading, item.size, machine) + (
+        f', as of {number(point[0], 2)} kg at {number(point[1], 2)} m from its axis'
+        if point is not None and item is first else '')
+        for item in changes.read]
+
+
+def _hangs_more(changes: Changes) -> tuple[float, float]:
+    """Return by how much more hangs on an axis that turns, and its deviation, N m.
+
+    Zero where no reading says so, and where less hangs on it.
+    """
+    loads = [item for item in changes.read if _is_load(item.reading)]
+    if not loads:
+        return 0.0, 0.0
+    now = changes.parameters
+    places = [now.terms.index(name) for name in TURNING]
+    after = applied([item.reading for item in loads], [item.size for item in loads], now)
+    old, new = now.values[0, places], after[0, places]
+    moment = float(np.hypot(*(new - old)))
+    share = max(item.std / abs(item.size) for item in loads)
+    return (moment, share * moment) if np.hypot(*new) > np.hypot(*old) else (0.0, 0.0)
+
+
+def _is_load(reading: Reading) -> bool:
+    return isinstance(reading, LoadFactor) or (
+        isinstance(reading, Added) and reading.parameter in TURNING)
+
+
+def _point_on_lever(changes: Changes) -> tuple[float, float] | None:
+    """Return mass (kg) and distance (m) of a point that explains more load and more inertia."""
+    moment, _ = _hangs_more(changes)
+    inertia = sum(item.size for item in changes.read if item.reading == Added(None, INERTIA))
+    return mass_on_lever(moment, inertia) if min(moment, inertia) > 0.0 else None
 
 
 def verdict_with_changes(verdict: Verdict, changes: Changes) -> Verdict:
@@ -158,6 +206,10 @@ def name_of_reading(reading: Reading, machine: Robot | Axis) -> str:
     if isinstance(reading, FrictionFactor):
         kinds = SEVERAL if reading.kinds == FRICTION else in_words(reading.kinds[0])
         return f'{kinds} of {where}'
+    if isinstance(reading, LoadFactor):
+        return f'the load that hangs on {where}'
+    if isinstance(reading, SlidingPayload):
+        return f'a payload on {where}'
     assert isinstance(reading, Added)
     if reading.parameter in PLATFORM:
         return f'a payload at half plate {PLATFORM.index(reading.parameter) + 1}'
@@ -215,18 +267,39 @@ def payload_causes_json(changes: Changes, machine: Robot | Axis) -> list[dict[st
     """Return payloads among the readings as entries of `causes`: they can be named."""
     found = []
     for item, margin in zip(changes.read, changes.margins, strict=True):
-        reading = item.reading
-        if not (isinstance(reading, Added) and reading.parameter in PLATFORM and item.size > 0.0):
+        parameters = _payload_parameters(changes, item)
+        if parameters is None or (item.size <= 0.0 and not _is_load(item.reading)):
             continue
-        half = float(PLATFORM.index(reading.parameter) + 1)
         found.append({
             'effect': Payload.name, 'joints': list(range(len(joint_labels(machine)))),
-            'parameters': {'mass': {'value': item.size, 'std': item.std, 'unit': 'kg'},
-                           'half': {'value': half, 'std': 0.0, 'unit': '1'}},
+            'parameters': parameters,
             'indistinguishable_from': [name_of_reading(twin, machine) for twin in item.twins],
             # a fit of the base parameters swallows all of it
             'visible_fraction': 0.0, 'p_value': item.p_value, 'margin': margin, 'rival': None})
     return plain(found)
+
+
+def _payload_parameters(changes: Changes, item: Read) -> dict[str, Any] | None:
+    """Return the parameters of a reading that is a payload, None of another one."""
+    reading = item.reading
+    mass = {'mass': {'value': item.size, 'std': item.std, 'unit': 'kg'}}
+    if isinstance(reading, SlidingPayload):
+        return mass
+    if _is_load(reading):
+        if item is not next(other for other in changes.read if _is_load(other.reading)):
+            return None  # told with the first
+        value, std = _hangs_more(changes)
+        if value <= 0.0:
+            return None
+        found = {'moment': {'value': value, 'std': std, 'unit': 'N m'}}
+        point = _point_on_lever(changes)
+        return found if point is None else {
+            **found, 'mass': {'value': point[0], 'unit': 'kg'},
+            'distance': {'value': point[1], 'unit': 'm'}}
+    if isinstance(reading, Added) and reading.parameter in PLATFORM:
+        half = float(PLATFORM.index(reading.parameter) + 1)
+        return {**mass, 'half': {'value': half, 'std': 0.0, 'unit': '1'}}
+    return None
 
 
 def diagnosis_json_with_changes(content: dict[str, Any], changes: Changes | None,

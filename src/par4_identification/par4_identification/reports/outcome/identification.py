@@ -68,7 +68,10 @@ _RECORD = {
     'platform_mass_2': 'faster motions of the platform that also turn theta',
     'arm_gravity': 'slow sweeps over the whole range of every joint',
     'coulomb_friction': 'slow motions in both directions',
-    'viscous_friction': 'motions at several speeds in both directions'}
+    'viscous_friction': 'motions at several speeds in both directions',
+    'gravity_sine': 'slow motions over a wide range of positions',
+    'gravity_cosine': 'slow motions over a wide range of positions',
+    'gravity_load': 'slow motions in both directions'}
 
 
 @dataclass(frozen=True)

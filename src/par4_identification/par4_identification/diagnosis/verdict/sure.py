@@ -1,0 +1,111 @@
+"""Names that are not told because something without a name takes their place.
+
+The motion of a Par4 excites all that its effects have in common with unnamed functions. An axis may
+be any machine on any motion, with laws that no library has; the nearest name then explains a part
+of what a nameless function explains, and is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from par4_dynamics.effects.cogging import Cogging
+from par4_identification.diagnosis.evidence.fit import residuals
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.evidence.unnamed import Kind
+from par4_identification.diagnosis.search.causes import Model, named_of, others_of
+from par4_identification.diagnosis.search.search import Search
+from par4_identification.diagnosis.verdict.judgement import unnamed_of
+
+POSITION, PERIODIC = 'position', 'periodic'
+"""Kinds of unnamed causes that are smooth functions and sums of waves of the position."""
+BETTER = 100.0
+"""Log-likelihood on rows that no fit has seen by which a nameless function in the place of a name
+explains more, beyond which the name is wrong. Laws that nearly hold lose some tens to it."""
+MOST_LEFT = 0.5
+"""Error with the names over that without them, on rows held out, up to which they are told although
+what they leave is no noise."""
+NO_NOISE = 5.0
+"""Error over the white noise of the rows from which on it is no noise."""
+MOST = 1.0
+"""Change of a time by the unnamed causes beside it, over it, at the most: what a torque read at
+another time leaves, every faulty model leaves, too."""
+
+
+def without_doubtful_names(search: Search, model: Model) -> Model:
+    """Return a model without the names in whose place a nameless function explains far more.
+
+    Nor has it a delay or a lag beside unnamed causes that make another time of it, nor any names
+    that together leave most of an error that is no noise.
+    """
+    if {Cogging.name, PERIODIC} <= {item.effect.name for item in model}:
+        # its waves may be orders of the cogging that were lost beside other causes
+        model = search.tested(tuple(item for item in model if item.effect.name != PERIODIC))
+    if _leaves_most(search, model):
+        for item in named_of(model):
+            search.journal.reject(item, 'the names together leave most of an error that is no '
+                                        'noise')
+        return search.nameless() or tuple(unnamed_of(model))
+    while True:
+        for item in named_of(model):
+            trial = _replaced(search, item, model)
+            if trial is not None:
+                model = trial
+                break
+        else:
+            return model
+
+
+def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
+    """Return the model without one of its names if this is doubtful, else None."""
+    others = others_of(model, item)
+    best = next(iter(_nameless(search, item, others)), None)
+    if best is not None and best[1] < -BETTER:
+        kind, margin = best
+        search.journal.reject(item, f'{kind.effect.phrase} explains {-margin:.0f} more in its '
+                                    f'place on rows held out')
+        return (*others, kind)
+    if unnamed_of(model) and item.named.retimes:
+        named = tuple(named_of(model))
+        alone, beside = (
+            search.pool.solution(part).coefficients[part.index(item)] for part in (named, model))
+        if np.linalg.norm(alone - beside) > MOST * min(map(np.linalg.norm, (alone, beside))):
+            search.journal.reject(item, 'its time depends on what unnamed causes have beside it')
+            return others
+    return None
+
+
+def _nameless(search: Search, item: Hypothesis, others: Model
+              ) -> list[tuple[Hypothesis, float]]:
+    """Return unnamed causes that could stand in the place of a name, and its margin over each.
+
+    The strongest come first. The nominal torque has the name's own torque in it, so that shares of
+    it are none. A series, such as that of a torque over the position, says the same as a nameless
+    function of it.
+    """
+    series = any(parameter.per_order for parameter in item.named.parameters)
+    return [(rival.hypothesis, rival.margin) for rival in search.rivals(item, others)
+            if rival.hypothesis is not None and isinstance(rival.hypothesis.effect, Kind)
+            and not rival.hypothesis.effect.needs_nominal
+            and not (series and rival.hypothesis.effect.name in (POSITION, PERIODIC))]
+
+
+def _leaves_most(search: Search, model: Model) -> bool:
+    """Return whether the names of a model leave most of the error, and no noise."""
+    named = tuple(named_of(model))
+    if not named:
+        return False
+    heldout = search.pool.heldout.observations
+    before, after = (_rms(heldout, residuals(heldout, part, search.pool.solution(part)))
+                     for part in ((), named))
+    floor = np.sqrt(np.mean([run.noise_floor ** 2 for run in heldout.runs]))
+    return bool(after > MOST_LEFT * before and after > NO_NOISE * floor)
+
+
+def _rms(observations: Observations, left: Sequence[np.ndarray]) -> float:
+    """Return the rms of residuals (m, J) of each run over the valid rows, N m."""
+    kept = np.concatenate([part[run.valid] for run, part in zip(observations.runs, left)])
+    return float(np.sqrt(np.mean(kept ** 2))) if len(kept) else 0.0
