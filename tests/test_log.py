@@ -429,9 +429,9 @@ def test_two_machines_on_one_topic_are_told(tmp_path):
 
 
 def test_too_few_samples_are_refused(tmp_path):
-    read_log(bag(tmp_path / 'enough', even(100)), ROBOT)
+    read_log(bag(tmp_path / 'enough', even(20)), ROBOT)
     for name, stamp, voltage_stamp in (
-            ('short', even(99), even(99)), ('shreds', even(400)[np.arange(400) % 30 < 15], even()),
+            ('short', even(19), even(19)), ('shreds', even(400)[np.arange(400) % 30 < 15], even()),
             ('no_overlap', even(), even() + 10**11), ('single', even(1), even())):
         with pytest.raises(InputError, match='usable samples') as refusal:
             read_log(bag(tmp_path / name, stamp, voltage_stamp=voltage_stamp), ROBOT)

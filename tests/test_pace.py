@@ -35,6 +35,16 @@ def test_a_pace_that_is_not_kept_names_the_smallest_step_that_would_do(monkeypat
     assert 'real_time_factor:=0.63' in paced(monkeypatch, 0.7, 0.1).complaint
 
 
+def test_a_clock_that_stands_still_is_told():
+    pace = Pace(1.0, 'fast', 0.25e-3)
+    with pytest.MonkeyPatch.context() as patch:
+        for second in range(8):
+            patch.setattr('time.monotonic', lambda second=second: 50.0 + second)
+            pace.physics = 0.5 * second
+            pace.measure(0, False)
+    assert 'stands still' in pace.complaint
+
+
 def test_nothing_is_complained_of_before_it_is_known_or_where_no_pace_is_asked(monkeypatch):
     assert paced(monkeypatch, 0.5, 0.9, seconds=3).complaint == ''
     assert paced(monkeypatch, 0.5, 0.9, asked=0.0).complaint == ''

@@ -91,11 +91,10 @@ def motion_of_joints(name: str, geometry: Geometry, t: ArrayLike, q: ArrayLike, 
                   np.asarray(qdd, float), platform.x, platform.xd, platform.xdd)
 
 
-def waypoints_motion(robot: Robot, poses: Sequence[Sequence[float] | np.ndarray], *,
-                     speed: float = 1.0, acceleration: float = 10.0, jerk: float = 500.0,
-                     theta_speed: float = 3.0, theta_acceleration: float = 30.0,
-                     theta_jerk: float = 1500.0, dwell: float = 0.0, blend: float = 0.0,
-                     period: float = 1e-3) -> Motion:
+def waypoints_motion(robot: Robot, poses: Sequence[Sequence[float]], *, speed: float = 1.0,
+                     acceleration: float = 10.0, jerk: float = 500.0, theta_speed: float = 3.0,
+                     theta_acceleration: float = 30.0, theta_jerk: float = 1500.0,
+                     dwell: float = 0.0, blend: float = 0.0, period: float = 1e-3) -> Motion:
     """Return straight jerk-limited moves from pose to pose, at rest in each or past them.
 
     Args:

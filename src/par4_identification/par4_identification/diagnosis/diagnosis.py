@@ -34,7 +34,14 @@ from par4_identification.diagnosis.nominal.retimed import beside_retimed
 from par4_identification.diagnosis.nominal.start import alike, start_of
 from par4_identification.diagnosis.progress import Progress, silent
 from par4_identification.diagnosis.search.candidates import Candidates, goes_both_ways
-from par4_identification.diagnosis.search.causes import Model, named_of, names_of, others_of
+from par4_identification.diagnosis.search.causes import (
+    Model,
+    named_of,
+    names_of,
+    others_of,
+    unnamed_of,
+)
+from par4_identification.diagnosis.search.counts import counted_squares
 from par4_identification.diagnosis.search.law import Dithered, dithered
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
@@ -55,7 +62,6 @@ from par4_identification.diagnosis.verdict.judgement import (
     doubt_of,
     judge,
     unnamed_cause,
-    unnamed_of,
 )
 from par4_identification.diagnosis.verdict.loose_loads import cause_of, loose_loads
 from par4_identification.diagnosis.verdict.pair import Pair
@@ -227,7 +233,8 @@ def _search(observations: Observations, heldout: Observations, whitener: Whitene
     """Return a search over whitened rows; `before` is that of the same rows, for its columns."""
     evidence = gather(observations, whitener, before)
     kept = gather(heldout, replace(whitener, valid=tuple(run.valid for run in heldout.runs)))
-    return Search(Candidates(library, evidence, rules), Pool(evidence, kept), rules, moved, kinds)
+    pool = Pool(evidence, kept, counted_squares(moved, evidence))
+    return Search(Candidates(library, evidence, rules), pool, rules, moved, kinds)
 
 
 def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: ModelFile | None,

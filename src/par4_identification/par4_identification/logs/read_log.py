@@ -53,7 +53,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
 
     Raises:
         InputError: the bag cannot be read, lacks joints, positions, torques or stamps, mixes
-            several sources nearly throughout, or leaves fewer than 100 samples.
+            several sources nearly throughout, or leaves fewer than 20 samples.
     """
     bag = read_bag(path, namespace)
     joints = machine.joint_names

@@ -59,6 +59,8 @@ class Pace:
         return self._remedy()
 
     def _remedy(self) -> str:
+        if self.factor <= 0.0:
+            return 'the simulated clock stands still; run less beside it on this machine'
         # wall time a simulated second takes: in the physics, which steps divide, and elsewhere
         physics, elsewhere = self._share / self.factor, (1.0 - self._share) / self.factor
         for step in STEPS:

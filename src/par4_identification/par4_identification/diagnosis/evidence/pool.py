@@ -94,18 +94,24 @@ class Pool:
     Args:
         evidence: rows to fit.
         heldout: rows that no fit sees, whitened alike.
+        counted_squares: whitened squares by which the error of the model's torque by encoder
+            counts exceeds the noise, on the rows to fit.
 
     Attributes:
         torque_squares: whitened squares of the measured torque, of the rows to fit and held out.
+        counted_squares: those of the error by counts, of the rows to fit and held out.
     """
 
-    def __init__(self, evidence: Evidence, heldout: Evidence) -> None:
+    def __init__(self, evidence: Evidence, heldout: Evidence, counted_squares: float = 0.0
+                 ) -> None:
         self.evidence, self.heldout = evidence, heldout
         # products of small numbers: what the base terms alone explain is taken out beforehand
         self._parts = (_Products(evidence, evidence.origin), _Products(heldout, evidence.origin))
         self.torque_squares = tuple(
             float(np.sum(part.whitened([run.tau for run in part.observations.runs]) ** 2))
             for part in (evidence, heldout))
+        self.counted_squares = (
+            counted_squares, counted_squares * heldout.rows / max(evidence.rows, 1))
         self._joints = evidence.observations.joints
         self._base = evidence.base.shape[1]
         self._places: dict[Any, slice] = {}

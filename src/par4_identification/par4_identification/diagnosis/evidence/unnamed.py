@@ -202,10 +202,10 @@ def _pose(state: State, ranges: Ranges) -> np.ndarray:
 
 
 def _creep(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
-    """Springs whose force dies away with `RELAXATIONS`, and one whose force stays."""
+    """A spring at rest anywhere, and others whose forces die away with `RELAXATIONS`."""
     start = state.q[0]
     period = (state.t[-1] - state.t[0]) / max(len(state.t) - 1, 1)
-    columns = [state.q - start]
+    columns = [np.ones_like(state.q), state.q - start]
     for time in RELAXATIONS:
         kept = np.exp(-period / time)
         crept = scipy.signal.lfilter([1.0 - kept], [1.0, -kept], state.q - start, axis=0)

@@ -167,7 +167,7 @@ def _strokes(robot: Robot, limits: MotionLimits, axis: str, speeds: Sequence[flo
             robot.geometry.platform_bar_length if turning else 1.0)
         quick = min(quick, limit)
         laws = {'speed': speed, 'acceleration': quick, 'jerk': 20.0 * quick ** 2 / speed}
-        parts.append(waypoints_motion(robot, poses, **(
+        parts.append(waypoints_motion(robot, np.array(poses).tolist(), **(
             {f'theta_{name}': value for name, value in laws.items()} if turning else laws)))
     return joined(parts, 'strokes', robot)
 
@@ -183,7 +183,7 @@ def _corners(robot: Robot, limits: MotionLimits, speed: float) -> Motion:
             radius * math.cos(azimuth), radius * math.sin(azimuth), side * height,
             side * angle * (1.0 if number % 3 else -1.0))))
     poses.append(limits.middle)
-    return waypoints_motion(robot, poses, speed=speed, acceleration=4.0 * speed,
+    return waypoints_motion(robot, np.array(poses).tolist(), speed=speed, acceleration=4.0 * speed,
                             theta_speed=6.0 * speed, theta_acceleration=24.0 * speed)
 
 

@@ -21,6 +21,11 @@ def named_of(model: Sequence[Hypothesis]) -> list[Hypothesis]:
     return [item for item in model if not isinstance(item.effect, Kind)]
 
 
+def unnamed_of(model: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return the causes without a name."""
+    return [item for item in model if isinstance(item.effect, Kind)]
+
+
 def others_of(model: Model, cause: Hypothesis) -> Model:
     """Return a model without one of its causes."""
     return tuple(item for item in model if item is not cause)

@@ -17,7 +17,8 @@ from par4_identification.diagnosis.search.rules import Rules
 class Requirement:
     """What the gain of a cause in log-likelihood must exceed, beside the causes of a model.
 
-    No torque is known exactly: neither the measured one nor that of a named or of an unnamed cause.
+    No torque is known exactly: neither the measured one nor that of a named or of an unnamed cause,
+    nor that which the model computes from encoder counts.
     The covariance of the rows therefore has two parts. One is the measured noise; the other grows
     with the squares of these torques. An error of a torque follows the motion, so that it does not
     average out over rows. However long the log is, such an error can look like a cause that
@@ -50,8 +51,9 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
     base, only_named, whole = (pool.fit(part) for part in ((), named, model))
     common = _common(pool, model, cause)
     parts, causes = [], []
-    for torque, rows, squares in zip(
-            pool.torque_squares, (pool.evidence.rows, pool.heldout.rows), (
+    for torque, counted, rows, squares in zip(
+            pool.torque_squares, pool.counted_squares,
+            (pool.evidence.rows, pool.heldout.rows), (
                 [fit.fit_squares for fit in (base, only_named, whole)],
                 [fit.heldout_squares for fit in (base, only_named, whole)])):
         by_unnamed = max(squares[1] - squares[2], 0.0)
@@ -59,6 +61,7 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
         causes.append(0.5 * (rules.named_error ** 2 * by_named
                              + (common * rules.unnamed_error) ** 2 * by_unnamed))
         parts.append(causes[-1] + 0.5 * (rules.base_error ** 2 * torque
+                                         + rules.unnamed_error ** 2 * counted
                                          + rules.noise_error * rows))
     return Requirement(rules.evidence + parts[0], rules.margin + parts[1],
                        1.0 + causes[0] / rules.evidence)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,7 +14,12 @@ from par4_identification.diagnosis.evidence.projection import Projection, Projec
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
 from par4_identification.diagnosis.search.belief import Belief
 from par4_identification.diagnosis.search.candidates import Candidate, Candidates, price_of_shapes
-from par4_identification.diagnosis.search.causes import Model, named_of, names_of, others_of
+from par4_identification.diagnosis.search.causes import (
+    Model,
+    named_of,
+    names_of,
+    others_of,
+)
 from par4_identification.diagnosis.search.counts import Counts
 from par4_identification.diagnosis.search.joints import with_acting_joints, with_needed_joints
 from par4_identification.diagnosis.search.law import Dithered
@@ -161,7 +166,7 @@ class Search:
         return (self.gains(hypothesis, model)[0] - chance - price_of_shapes(candidate), hypothesis)
 
     def _with_unnamed(self, model: Model, refused: set[str]) -> Model | None:
-        """Return the model with the unnamed cause that rows held out know best, if any do."""
+        """Return the model with the unnamed cause that explains most, if rows held out agree."""
         left = residuals(self.pool.evidence.observations, model, self.pool.solution(model))
         here = self.pool.fit(model)
         self._kinds = self._all_kinds.beside(self.pool.evidence.observations, left)
@@ -170,18 +175,18 @@ class Search:
             if kind.name in names_of(model) | refused:
                 continue
             hypothesis = Hypothesis(kind, {}, self._joints)
-            there = self.pool.fit((*model, hypothesis))
-            gain = 0.5 * (here.heldout_squares - there.heldout_squares)
+            trial = (*model, with_acting_joints(self.pool, self.rules, hypothesis, model))
+            gain = 0.5 * (here.heldout_squares - self.pool.fit(trial).heldout_squares)
             if kind.left_by_filters and gain < 0.25 * here.heldout_squares:
                 continue
-            found.append((gain, hypothesis))
+            found.append((self._loss(trial), trial[-1]))
         if not found:
             return None
-        hypothesis = max(found, key=lambda item: item[0])[1]
+        hypothesis = min(found, key=lambda item: item[0])[1]
         gain = self.sound_gains(hypothesis, model)[1]
         if gain <= self.requirement((*model, hypothesis)).heldout + self.rules.margin:
             return None
-        return (*model, with_acting_joints(self.pool, self.rules, hypothesis, model))
+        return (*model, hypothesis)
 
     def _with_needed_joints(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
         return with_needed_joints(self.pool, self.rules, hypothesis, others)
@@ -262,7 +267,8 @@ class Search:
     def _adjusted(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
         effect = hypothesis.effect
         if isinstance(effect, Kind):
-            return hypothesis
+            return with_acting_joints(self.pool, self.rules,
+                                      replace(hypothesis, joints=self._joints), others)
         candidate = self.candidates.best(effect, self.beside(others))
         return hypothesis if candidate is None else self._with_needed_joints(
             candidate.hypothesis, others)
@@ -283,31 +289,44 @@ class Search:
                     return swapped
         return self._with_unnamed_instead(model, visited)
 
-    def _with_unnamed_instead(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
-        """Return a model in which one unnamed cause does better than the names it makes needless.
+    def _loss(self, model: Model) -> float:
+        """Return what a model leaves of all rows, in log-likelihood, and 1 for each coefficient.
 
-        Several names can together imitate a cause outside the library so well that nothing is left
-        for an unnamed cause beside them; one that contains the cause does better without them. In
-        the place of several it need only do as well, as one cause is likelier than several that
-        happen to make up its torque.
+        The latter is what fitted rows lose to it by chance (Akaike). Rows held out may go where
+        rows to fit do not; a function that is right there, too, need not know what lies beyond.
         """
-        here = self.pool.fit(model).heldout_squares
-        decidedly = here - 2.0 * (self.requirement(model).heldout + self.rules.margin)
+        return 0.5 * sum(self.pool.fit(model).squares) + sum(map(self.pool.width, model))
+
+    def _with_unnamed_instead(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
+        """Return a model in which an unnamed cause does better than those it makes needless.
+
+        Several causes can together imitate one outside the library so well that nothing is left
+        for another beside them; an unnamed cause that contains it does better without them. In the
+        place of several it need only do as well, as one cause is likelier than several that happen
+        to make up its torque. In the place of one without a name it must be better by more than
+        chance, in that of a name also by more than the errors of the model.
+        """
+        here = self._loss(model)
+        better = here - self.rules.margin
+        decidedly = better - self.rules.margin * self.requirement(model).inflation
         found = []
         for kind in self._kinds:
-            if kind.name in names_of(model) or kind.left_by_filters:
+            if kind.left_by_filters:
                 continue
             instead = Hypothesis(kind, {}, self._joints)
-            trial = (*model, instead)
-            while names := named_of(trial):
-                standings = [self._standing(item, trial) for item in names]
+            before = tuple(item for item in model if item.effect is not kind)
+            others = before
+            while others:
+                standings = [self._standing(item, (*others, instead)) for item in others]
                 if min(standings) > 1.0:
                     break
-                trial = others_of(trial, names[int(np.argmin(standings))])
-            several = len(model) + 1 - len(trial) > 1
-            squares = self.pool.fit(trial).heldout_squares
-            if squares < (here if several else decidedly) and names_of(trial) not in visited:
-                found.append((squares, trial))
+                others = others_of(others, others[int(np.argmin(standings))])
+            trial = (*others, with_acting_joints(self.pool, self.rules, instead, others))
+            gone = [item for item in before if item not in others]
+            limit = here if len(gone) > 1 else decidedly if named_of(gone) else better
+            loss = self._loss(trial)
+            if gone and loss < limit and names_of(trial) not in visited:
+                found.append((loss, trial))
         return min(found, key=lambda item: item[0])[1] if found else None
 
     def rivals(self, cause: Hypothesis, others: Model) -> list[Rival]:

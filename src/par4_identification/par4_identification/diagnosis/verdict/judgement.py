@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,11 +53,6 @@ class UnnamedCause:
     torque_rms: float
     share: float
     margin: float
-
-
-def unnamed_of(model: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Return the causes without a name."""
-    return [item for item in model if isinstance(item.effect, Kind)]
 
 
 def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:

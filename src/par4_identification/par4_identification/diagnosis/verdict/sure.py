@@ -16,9 +16,8 @@ from par4_identification.diagnosis.evidence.fit import residuals
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.unnamed import Kind
-from par4_identification.diagnosis.search.causes import Model, named_of, others_of
+from par4_identification.diagnosis.search.causes import Model, named_of, others_of, unnamed_of
 from par4_identification.diagnosis.search.search import Search
-from par4_identification.diagnosis.verdict.judgement import unnamed_of
 
 POSITION, PERIODIC = 'position', 'periodic'
 """Kinds of unnamed causes that are smooth functions and sums of waves of the position."""
