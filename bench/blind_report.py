@@ -30,6 +30,7 @@ from blind_scores import (
     wrong_sets,
 )
 from blind_values import LEFT_OUT, compared
+from hidden.outside import OUTSIDE
 from hidden.scoring import RATTLING
 from hidden.truth import GREY, TWIN, VISIBLE
 
@@ -95,7 +96,7 @@ def outside_table(outcomes: Sequence[Outcome]) -> str:
             ', '.join(f'{name} {count}' for name, count in wrong.most_common(5)) or '-',
             ', '.join(f'{name} {count}' for name, count in kinds.most_common(5)) or '-',
             f'{sum(map(is_described, own))} of {len(own)}'
-            if own[0]['strange']['acts_like'] else '-'))
+            if OUTSIDE[cause].acts_like else '-'))
     return table(("outside", "library's cause named", 'no wrong name alone', 'wrong names',
                   'unnamed causes', 'a kind that describes it'), rows)
 
