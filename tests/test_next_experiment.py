@@ -172,9 +172,10 @@ def test_the_proposed_motion_separates_twins(truth, twin, motions, machine):
 @pytest.mark.parametrize(('machine', 'library', 'nearest'), [
     (with_friction(stribeck_torque=0.4, stribeck_velocity=0.2), ('platform_drag',),
      'platform_drag'),
-    (with_weights(0.06), ('theta_friction', 'cable_spring'), 'theta_friction')])
+    (with_weights(0.06), ('theta_friction', 'cable_spring'), 'cable_spring')])
 def test_the_proposed_motion_tells_what_has_no_name_from_the_nearest_name(
         machine, library, nearest):
+    """Weights beside the arms pull like springs, and are more like these than like friction."""
     old, heldout = (log_of_motion(machine, motion, seed) for seed, motion in enumerate(GENTLE))
     first = diagnosis_of([old], heldout, library)
     experiment = next_experiment(first, REFERENCE)
