@@ -83,20 +83,19 @@ def test_whitening_is_the_gaussian_likelihood():
 
 
 def test_parameters_come_back_within_their_intervals():
-    """A dozen seeded logs of two robots: within 1 % and four standard deviations.
-
-    Whether standard deviations hold as a rate is asked of many more logs in test_coverage.
-    """
-    scores = []
+    """60 seeded logs of two robots: within 1 %, within three standard deviations in 57 of them."""
+    inside, scores = 0, []
     for robot, model in ((REFERENCE, TABLE_1), (OTHER, other_model())):
-        for seed in range(6):
+        for seed in range(30):
             log = log_of_model(robot, model, seed=seed, feedforward=seed % 2 == 1)
             identification = identify([log], robot)
             true = true_values(identification, model)
             np.testing.assert_allclose(identification.estimate.values, true, rtol=0.01)
-            scores.append((identification.estimate.values - true) / identification.estimate.std)
-    assert np.abs(scores).max() < 4.0
-    assert 0.75 < np.sqrt(np.mean(np.square(scores))) < 1.3
+            score = (identification.estimate.values - true) / identification.estimate.std
+            inside += bool(np.all(np.abs(score) < 3.0))
+            scores.append(score)
+    assert inside >= 57
+    assert 0.8 < np.sqrt(np.mean(np.square(scores))) < 1.3
 
 
 def test_full_rigid_body_removes_the_bias_of_the_paper():
