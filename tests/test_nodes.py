@@ -413,6 +413,22 @@ def test_services_of_the_simulation(bench):
     assert bench.ended(simulated.child) == 0
 
 
+def lag_over_topics(simulated, motion, start_ns):
+    """Return how far D was from a motion that begins at `start_ns`, m, (n, 3), when it has ended.
+
+    Of most of the n samples the joint states are heard.
+    """
+    end_ns = start_ns + round(motion.duration * SECOND)
+    simulated.wait_until(end_ns + SECOND // 10)
+    positions = simulated.positions()
+    stamps = [start_ns + round(t * SECOND) for t in motion.t]
+    heard = np.array([stamp in positions for stamp in stamps])
+    assert heard.mean() > 0.9
+    q = np.array([positions[stamp] for stamp, there in zip(stamps, heard) if there])
+    lag = forward_kinematics(ROBOT.geometry, q)[:, :3] - motion.x[heard, :3]
+    return lag
+
+
 def test_the_papers_run_over_topics_in_pybullet_is_that_without_ros(bench):
     """15 G under the loops alone (Fig. 4): the lag of D in the accurate plant, told by topics."""
     motion = adept_motion(ROBOT, period=1e-3)
@@ -423,14 +439,7 @@ def test_the_papers_run_over_topics_in_pybullet_is_that_without_ros(bench):
     start_ns = first_ns + round(approach.duration * SECOND) + SECOND // 5
     references.publish(reference_message(approach, first_ns))
     references.publish(reference_message(motion, start_ns))
-    end_ns = start_ns + round(motion.duration * SECOND)
-    simulated.wait_until(end_ns + SECOND // 10)
-    positions = simulated.positions()
-    stamps = [start_ns + round(t * SECOND) for t in motion.t]
-    heard = np.array([stamp in positions for stamp in stamps])
-    assert heard.mean() > 0.9
-    q = np.array([positions[stamp] for stamp, there in zip(stamps, heard) if there])
-    lag = forward_kinematics(ROBOT.geometry, q)[:, :3] - motion.x[heard, :3]
+    lag = lag_over_topics(simulated, motion, start_ns)
     rms = np.sqrt(np.mean(np.sum(lag ** 2, axis=1)))
     machine = read_model('table1_full', ROBOT)
     alone = tracking_of(record_run(ROBOT, machine, motion, None, 'accurate'))
@@ -489,14 +498,7 @@ def test_predictive_control_over_topics_is_that_without_ros(bench):
     start_ns = first_ns + SECOND + MILLISECOND
     references.publish(reference_message(approach, first_ns))
     references.publish(reference_message(motion, start_ns))
-    end_ns = start_ns + round(motion.duration * SECOND)
-    simulated.wait_until(end_ns + SECOND // 10)
-    positions = simulated.positions()
-    stamps = [start_ns + round(t * SECOND) for t in motion.t]
-    heard = np.array([stamp in positions for stamp in stamps])
-    assert heard.mean() > 0.9
-    q = np.array([positions[stamp] for stamp, there in zip(stamps, heard) if there])
-    lag = forward_kinematics(ROBOT.geometry, q)[:, :3] - motion.x[heard, :3]
+    lag = lag_over_topics(simulated, motion, start_ns)
     peak = np.linalg.norm(lag, axis=1).max()
     machine = read_model('table1_full', weak)
     torque = feedforward_of(weak, machine, motion)

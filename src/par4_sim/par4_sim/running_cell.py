@@ -159,7 +159,7 @@ def run_session(session: Session, log: Path | None = None) -> int:
     """
     with running_cell(session, log, group=0) as cell:
         while not cell.played():
-            time.sleep(LOOK)
+            time.sleep(LOOK)  # no call waits for the first of several processes
     if session.then is None:
         return 0
     with held_back(*ENDING):
