@@ -232,6 +232,11 @@ class Simulated:
         return {time_ns(message.header.stamp): joint_values(message, 'position')
                 for message in self.states}
 
+    def measures(self) -> dict[str, str]:
+        """Return what the newest diagnostics of the simulation tell, by name."""
+        newest = self.bench.statuses(self.diagnostics, 'par4_simulation')[-1]
+        return {pair.key: pair.value for pair in newest.values}
+
     def fresh_counts(self) -> dict[str, int]:
         """Return counts published from now on."""
         self.diagnostics.clear()

@@ -60,6 +60,7 @@ from par4_kinematics.ros.convert import (
     read_trajectory,
     time_ns,
     write_joint_state,
+    write_time,
 )
 from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.workspace import home_pose
@@ -413,33 +414,43 @@ def test_services_of_the_simulation(bench):
     assert bench.ended(simulated.child) == 0
 
 
-def lag_over_topics(simulated, motion, start_ns):
-    """Return how far D was from a motion that begins at `start_ns`, m, (n, 3), when it has ended.
+def lag_over_topics(bench, simulated, motion, answers=None):
+    """Return how far D was from a motion that begins elsewhere, m, (n, 3).
 
-    Of most of the n samples the joint states are heard.
+    Of most of the n samples the joint states are heard. The machine stands until the reference,
+    and its torque where `answers` are those of a feedforward, has come, so that nothing is late.
     """
-    end_ns = start_ns + round(motion.duration * SECOND)
-    simulated.wait_until(end_ns + SECOND // 10)
+    assert bench.call('/par4_simulation/pause').success
+    references = bench.publisher(REFERENCE)
+    bench.wait(lambda: references.get_subscription_count() == 1 + (answers is not None),
+               'all subscribers')
+    first_ns = (simulated.now_ns() // SECOND + 1) * SECOND
+    # looks ahead come every 2 ms of the simulation, which begins at 1 ms
+    start_ns = first_ns + SECOND + MILLISECOND
+    message = reference_message(quintic_motion(motion.q[0], motion.period), first_ns)
+    for point in reference_message(motion, start_ns).points:
+        write_time(point.time_from_start,
+                   start_ns - first_ns + time_ns(point.time_from_start))
+        message.points.append(point)
+    references.publish(message)
+    bench.wait(lambda: bench.statuses(simulated.diagnostics, 'par4_simulation')
+               and simulated.measures().get('reference_age') != 'none yet'
+               and (answers is None or answers), 'the reference and its torque')
+    assert bench.call('/par4_simulation/resume').success
+    simulated.wait_until(start_ns + round(motion.duration * SECOND) + SECOND // 10)
     positions = simulated.positions()
     stamps = [start_ns + round(t * SECOND) for t in motion.t]
     heard = np.array([stamp in positions for stamp in stamps])
     assert heard.mean() > 0.9
     q = np.array([positions[stamp] for stamp, there in zip(stamps, heard) if there])
-    lag = forward_kinematics(ROBOT.geometry, q)[:, :3] - motion.x[heard, :3]
-    return lag
+    return forward_kinematics(ROBOT.geometry, q)[:, :3] - motion.x[heard, :3]
 
 
 def test_the_papers_run_over_topics_in_pybullet_is_that_without_ros(bench):
     """15 G under the loops alone (Fig. 4): the lag of D in the accurate plant, told by topics."""
     motion = adept_motion(ROBOT, period=1e-3)
     simulated = Simulated(bench, fidelity='accurate', real_time_factor=0)
-    references = bench.publisher(REFERENCE)
-    approach = quintic_motion(motion.q[0], motion.period)
-    first_ns = (simulated.now_ns() // SECOND + 1) * SECOND
-    start_ns = first_ns + round(approach.duration * SECOND) + SECOND // 5
-    references.publish(reference_message(approach, first_ns))
-    references.publish(reference_message(motion, start_ns))
-    lag = lag_over_topics(simulated, motion, start_ns)
+    lag = lag_over_topics(bench, simulated, motion)
     rms = np.sqrt(np.mean(np.sum(lag ** 2, axis=1)))
     machine = read_model('table1_full', ROBOT)
     alone = tracking_of(record_run(ROBOT, machine, motion, None, 'accurate'))
@@ -486,19 +497,11 @@ def test_predictive_control_over_topics_is_that_without_ros(bench):
     write_yaml(bench.folder / 'weak.yaml', weak.model_dump(mode='json', by_alias=True))
     bench.start('par4_feedforward', robot_file='weak.yaml', model_file='table1_full',
                 torque_factor=2.0, **SIMULATED)
-    # ten times slower than real time: the torque comes before it is needed, however busy it is
     simulated = Simulated(bench, robot_file='weak.yaml', controller='predictive',
                           controller_model='table1_full', feedforward_timeout=DEADLINE)
-    references = bench.publisher(REFERENCE)
-    bench.wait(lambda: references.get_subscription_count() == 2, 'both subscribers')
+    answers = bench.listen(FEEDFORWARD_TORQUE)
     motion = adept_motion(ROBOT, period=1e-3, jerk=30_000.0)
-    approach = quintic_motion(motion.q[0], motion.period)
-    first_ns = (simulated.now_ns() // SECOND + 1) * SECOND
-    # looks ahead come every 2 ms of the simulation, which begins at 1 ms
-    start_ns = first_ns + SECOND + MILLISECOND
-    references.publish(reference_message(approach, first_ns))
-    references.publish(reference_message(motion, start_ns))
-    lag = lag_over_topics(simulated, motion, start_ns)
+    lag = lag_over_topics(bench, simulated, motion, answers)
     peak = np.linalg.norm(lag, axis=1).max()
     machine = read_model('table1_full', weak)
     torque = feedforward_of(weak, machine, motion)

@@ -17,7 +17,8 @@ from par4_sim.laws import command_of
 from par4_sim.machine_effects import machine_of_model
 from par4_sim.plant import STEP
 from par4_sim.prediction import responses
-from par4_sim.simulation import build_plant
+from par4_sim.predictive import HORIZON
+from par4_sim.simulation import build_plant, build_simulation
 from par4_sim.tracking.case import Plan
 from par4_sim.tracking.metrics import tracking_of
 from par4_sim.tracking.run import feedforward_of, record_run
@@ -180,3 +181,17 @@ def test_d_stays_in_the_workspace_where_the_torque_to_stop_is_missing():
     found = {law: followed(with_drives(torque_limit=80.0), motion, law)[1] for law in LAWS}
     assert found['predictive'].outside < 0.05e-3
     assert min(found['loops'].outside, found['computed_torque'].outside) > 1e-3
+
+
+@pytest.mark.parametrize(('law', 'ahead'), [('computed_torque', 0.0), ('predictive', HORIZON)])
+def test_a_machine_waits_for_the_torque_of_all_that_its_drives_look_at(law, ahead):
+    simulation = build_simulation(REFERENCE, MACHINE, 'exact', law=law, known=MACHINE)
+    rest = np.zeros((200, 4))
+    times = 1e-3 * np.arange(1, 201)
+    simulation.queue_reference(times, rest + simulation.q, rest, rest)
+    simulation.queue_effort(times[:100], rest[:100] + 1.0)
+    while not simulation.effort_missing():
+        simulation.next_sample()
+    assert simulation.time == pytest.approx(times[100] - ahead, abs=3e-3)
+    simulation.queue_effort(times[100:], rest[100:] + 1.0)
+    assert not simulation.effort_missing()

@@ -66,6 +66,7 @@ class Controller(ABC):
             it needs none.
         state: (4, 4), see `INTEGRAL`.
         stride: physics steps between looks ahead; 0 for a law that never looks ahead.
+        horizon: s of the reference that it looks ahead; 0 for a law that never does.
         unsolved: looks ahead whose program was not solved, so that nothing was corrected.
         counts: of limited speeds and commands, (2,).
         command: torque asked of the amplifiers after clipping (4,), N m; volts times gain.
@@ -81,6 +82,7 @@ class Controller(ABC):
         self.state, self.command = np.zeros((4, LEGS)), np.zeros(LEGS)
         self.counts = np.zeros(2, dtype=np.int64)
         self.stride = self.unsolved = 0
+        self.horizon = 0.0
 
     @property
     def law(self) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:

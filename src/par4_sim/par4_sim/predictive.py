@@ -78,6 +78,7 @@ class Predictive(ComputedTorque):
         self.stride = max(1, round(PERIOD / dt))
         self._interval = self.stride * dt
         count = max(1, round(HORIZON / self._interval))
+        self.horizon = count * self._interval
         damping, stiffness = self.gains[:2]
         self._free, self._forced = responses(damping, stiffness, self._interval, count)
         error, rate = self._forced[:, 0], self._forced[:, 1]

@@ -178,8 +178,9 @@ class Simulation:
         self._reference.queue_effort(times, tau)
 
     def effort_missing(self) -> bool:
-        """Return whether the next sample would use a reference point without its torque."""
-        return self._reference.uncovered(self._reached(self._needed()))
+        """Return whether a point that the next sample uses or looks ahead at lacks its torque."""
+        return self._reference.uncovered(
+            self._reached(self._needed()) + self._loop.controller.horizon)
 
     def next_sample(self) -> Sample:
         """Return the sample valid at the current time and advance by one sample period.

@@ -55,7 +55,8 @@ class SimulationParameters(NodeParameters):
     publish_clock: bool = parameter(True, 'publish simulated time on /clock')
     window: bool = parameter(False, 'show the robot in a window; needs a screen')
     feedforward_timeout: float = parameter(
-        0.0, 'longest wait (s of wall time) for the torque of a reference that starts', 0.0)
+        0.0, 'longest wait (s of wall time) for the torque of reference points '
+             'that come next, or that the drives look ahead at', 0.0)
     following_error_limit: float = parameter(
         0.25, 'distance of a joint from its reference, rad, beyond which the drives brake and ask '
               'for ~/reset; 0 = none', 0.0)
