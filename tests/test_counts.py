@@ -26,8 +26,8 @@ from par4_kinematics.motion import Motion
 from robots import REFERENCE, model_with
 
 COARSE = REFERENCE.model_copy(update={
-    'drives': REFERENCE.drives.model_copy(update={'encoder_counts': 8192})})
-COUNT = 2.0 * np.pi / 8192
+    'drives': REFERENCE.drives.model_copy(update={'encoder_counts': 4096})})
+COUNT = 2.0 * np.pi / 4096
 
 
 @pytest.fixture(scope='module')

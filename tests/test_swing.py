@@ -94,7 +94,7 @@ def test_soft_joints_of_the_machine_come_out_with_their_stiffness(machine):
     assert [cause.effect.name for cause in diagnosis.causes] == ['elastic_transmission']
     cause, true = diagnosis.causes[0], scenario.hidden[0][1]['compliance']
     assert cause.twins == ()
-    stiffness = np.zeros(4)
+    stiffness = np.full(4, np.inf)
     stiffness[list(cause.joints)] = cause.parameters['stiffness'].value
     soft = true > 0.1 * true.max()
     assert soft.sum() >= 2

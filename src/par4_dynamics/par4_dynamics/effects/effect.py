@@ -152,6 +152,10 @@ class Effect(ABC):
         """Return the shapes whose columns, side by side, are those of `shape`."""
         return (shape,)
 
+    def shape_of_sets(self, shape: Shape, sets: tuple[int, ...]) -> Shape:
+        """Return the shape of a machine that has only some of the `separable` sets."""
+        return shape
+
     def terms(self, shape: Shape) -> int:
         """Return by how many coefficients a shape has more than the simplest one."""
         return 0

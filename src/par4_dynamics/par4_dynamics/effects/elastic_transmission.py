@@ -55,6 +55,7 @@ class ElasticTransmission(Effect):
     phrase = 'elasticity of the transmission'
     parameters = (EffectParameter('stiffness', 'N m/rad', 'joint'),)
     shared = True
+    separable = ((0,), (1,), (2,), (3,))
     needs_nominal = True
     tolerance = 2.0
 
@@ -71,6 +72,10 @@ class ElasticTransmission(Effect):
     def expansion(self, coefficients: np.ndarray) -> Shape:
         """Return the shape that is exact at the coefficients (J,)."""
         return dict(zip(_names(len(coefficients)), map(float, coefficients)))
+
+    def shape_of_sets(self, shape: Shape, sets: tuple[int, ...]) -> Shape:
+        kept = [_name(joint) for joint in sets]
+        return {name: value for name, value in shape.items() if name in kept}
 
     def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
         compliance = self.coefficients(values)[:, 0]
@@ -97,7 +102,11 @@ class ElasticTransmission(Effect):
 
 
 def _names(joints: int) -> list[str]:
-    return [f'expanded_at_{joint}' for joint in range(joints)]
+    return [_name(joint) for joint in range(joints)]
+
+
+def _name(joint: int) -> str:
+    return f'expanded_at_{joint}'
 
 
 def _inverse(values: np.ndarray) -> np.ndarray:

@@ -25,6 +25,8 @@ EXPONENTS = (0.25, 0.35, 0.5, 0.7, 1.4, QUADRATIC, 2.8)
 ALIKE = 0.15
 """Distance of an exponent from 0 or 1 within which the torque is Coulomb or viscous friction of
 joints that differ in it, if that is certain; or one of two that all but cancel."""
+ROUNDED = 0.01
+"""Distance of an exponent from 2 within which the law is told as the quadratic one."""
 SPEED = 3.0
 """rad/s, at which its size is judged on the arms of a Par4."""
 
@@ -57,10 +59,11 @@ class NonlinearViscous(Effect):
 
     def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
         torque, none = coefficients[0], np.zeros_like(coefficients[0])
-        quadratic = single(shape['exponent']) == QUADRATIC
+        exponent = single(shape['exponent'])
+        quadratic = abs(exponent - QUADRATIC) < ROUNDED
         return {'quadratic': torque if quadratic else none,
                 'torque': none if quadratic else torque,
-                'exponent': np.full_like(torque, single(shape['exponent']))}
+                'exponent': np.full_like(torque, QUADRATIC if quadratic else exponent)}
 
     def shape_of(self, values: Values) -> Shape:
         return {'exponent': float(values['exponent']) if values['torque'] else QUADRATIC}

@@ -72,6 +72,7 @@ from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import parted, seconds_of, spread_over
 from par4_identification.signals.plateaus import every_third_between
 from par4_identification.signals.rows import Conditioning, Run, runs_of_logs
+from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.robot import Axis, Robot
 
 CONDITIONING = Conditioning(low_speed=0.02)
@@ -142,7 +143,7 @@ def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Ro
 
 def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None = None,
              holdout_logs: Sequence[Log] = (), library: Mapping[str, Effect] | None = None,
-             rules: Rules | None = None, conditioning: Conditioning = CONDITIONING,
+             rules: Rules | None = None, conditioning: Conditioning | None = None,
              progress: Progress = silent) -> Diagnosis | Unusable:
     """Return what the model gets wrong about the machine that made the logs.
 
@@ -154,13 +155,16 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         holdout_logs: data to confirm on; see `split_runs`.
         library: effects that may be named; all of the catalogue by default.
         rules: what a cause must show.
-        conditioning: filters and rates.
+        conditioning: filters and rates; by default those that suit logs of a Par4.
         progress: called with the name of each step.
 
     Raises:
         InputError: data that cannot be filtered.
     """
     rules = rules or (OF_AXIS if isinstance(machine, Axis) else Rules())
+    if conditioning is None:
+        conditioning = CONDITIONING if isinstance(machine, Axis) else conditioning_for(
+            [*fit_logs, *holdout_logs], machine, CONDITIONING)
     rigid_body = baseline.rigid_body if baseline else 'paper'
     known = build_model(machine, baseline) if baseline else None
     progress('filtering the logs')

@@ -1,15 +1,16 @@
 """Observation rows: a measured log, filtered in parallel with every regressor column.
 
-Positions are low-passed and differentiated; torque and every column then pass the same zero-phase
-low-pass, so that neither sign(qd) nor a delay of the filter can look like a cause. Rows are taken
-at a low rate. Rows near standstill are marked invalid, wider than the filter reaches, because a
-resting joint does not say what its friction torque is.
+Positions are low-passed and differentiated; for accelerations they are first freed from the noise
+of encoder counts. Torque and every column then pass the same zero-phase low-pass, so that neither
+sign(qd) nor a delay of the filter can look like a cause. Rows are taken at a low rate. Rows near
+standstill are marked invalid, wider than the filter reaches, because a resting joint does not say
+what its friction torque is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
@@ -18,6 +19,7 @@ from par4_dynamics.state import State, state_of_joints
 from par4_identification.logs.log import Log
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.plateaus import plateaus_of
+from par4_identification.signals.smoothing import UNCHANGED, Smoother, smoother_of, speed_noise
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
@@ -72,6 +74,9 @@ class Run:
         noise_floor: standard deviation of the rows that white torque noise of the level measured
             above the torque's pass band would cause, (J,), N m; of plateaus that of their means.
         period: of the samples of the log, s; zero of plateaus.
+        smoother: filter of the positions before the low-pass.
+        likely: positions of a motion as lively as the true one, (n, J), rad; empty of plateaus.
+        coarse: whether speeds, too, are those of the filtered positions.
     """
 
     name: str
@@ -86,6 +91,9 @@ class Run:
     _first: int
     _every: int
     period: float = 0.0
+    smoother: Smoother = UNCHANGED
+    likely: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    coarse: bool = False
 
     def rows(self, columns: np.ndarray) -> np.ndarray:
         """Return columns (n, J, ...) of `state` filtered like the torque, at the rows (m, ...)."""
@@ -159,6 +167,16 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
     return runs
 
 
+def are_coarse(counts: int, conditioning: Conditioning, period: float) -> bool:
+    """Return whether encoders blur speeds beyond that from which on friction is known.
+
+    Filtered positions then tell speeds better. They round off the turn of a joint, where friction
+    changes its sign; coarse counts blur it more.
+    """
+    cutoff = min(conditioning.position_cutoff_hz, 0.4 / period)
+    return speed_noise(counts, cutoff, period) > conditioning.low_speed
+
+
 def _run_of_plateaus(logs: Sequence[Log], machine: Robot | Axis, conditioning: Conditioning
                      ) -> Run:
     """Return the plateaus of logs of an axis as rows, from the fastest one way to the other."""
@@ -214,8 +232,13 @@ def finer(log: Log, machine: Robot | Axis) -> Log:
 def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditioning,
          noise_floor: np.ndarray, sampled: float) -> Run:
     period = log.period
-    q = low_pass(log.q[segment], conditioning.position_cutoff_hz, period)
-    qd, qdd = central_difference(q, period), second_difference(q, period)
+    counts = machine.drives.encoder_counts if isinstance(machine, Robot) else 0
+    smoother = smoother_of(log.q[segment], counts, period)
+    q, smooth = (low_pass(told, conditioning.position_cutoff_hz, period)
+                 for told in (log.q[segment], smoother(log.q[segment])))
+    coarse = are_coarse(counts, conditioning, period)
+    q = smooth if coarse else q
+    qd, qdd = central_difference(q, period), second_difference(smooth, period)
     tau = low_pass(log.tau[segment], conditioning.torque_cutoff_hz, period)
 
     geometry = machine.geometry if isinstance(machine, Robot) else None
@@ -238,7 +261,9 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
         name=log.name, state=state, t=state.t[window], speed=state.qd[window],
         tau=tau[window], valid=~near[window], standstill=resting[window],
         noise_floor=noise_floor, conditioning=conditioning,
-        _first=first, _every=every, period=sampled)
+        _first=first, _every=every, period=sampled, smoother=smoother,
+        likely=low_pass(smoother.likely(log.q[segment]), conditioning.position_cutoff_hz, period),
+        coarse=coarse)
 
 
 def _within(reach: int, mask: np.ndarray) -> np.ndarray:

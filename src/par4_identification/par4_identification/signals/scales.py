@@ -10,7 +10,8 @@ import numpy as np
 from par4_identification.logs.log import Log
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.plateaus import hold_speeds
-from par4_identification.signals.rows import SLOWEST_HZ, Conditioning
+from par4_identification.signals.rows import SLOWEST_HZ, Conditioning, are_coarse
+from par4_identification.signals.smoothing import smoother_of
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
@@ -30,6 +31,8 @@ UPPER = 0.5
 """Share of half the sample rate above which a position is taken to hold noise only."""
 LEAST_POSITION = 0.1
 """Cut-off of the positions over that of the torque, at the least."""
+LEAST_CUTOFF = 5.0
+"""Hz, of the torque of a Par4, however coarse its encoders are."""
 SLOWEST = 0.01
 """Low speed over the speed that a twentieth of the motion exceeds."""
 
@@ -53,11 +56,13 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
                      chosen: Chosen | None = None) -> Conditioning:
     """Return how the signals of logs of a machine become rows.
 
-    The arms of a Par4 have the usual filters. An axis may be any machine: its cut-off is the
-    usual one or, where its torque reaches higher above its noise, so high that it passes; its its
+    The arms of a Par4 have the usual filters. Where its encoders are coarse and much of what they
+    tell is rounding from some frequency on, its rows end there: the drives answer what the encoders
+    tell, so that the torque follows the rounding. An axis may be any machine: its cut-off is the
+    usual one or, where its torque reaches higher above its noise, so high that it passes; its
     positions pass as far as their noise lets the acceleration be told; its low speed goes with its
-    speeds and with the steps of its positions. Where it holds one speed after
-    the other, and no filter is asked for, each plateau of its speed is a row.
+    speeds and with the steps of its positions. Where it holds one speed after the other, and no
+    filter is asked for, each plateau of its speed is a row.
 
     Args:
         logs: of the machine.
@@ -74,6 +79,8 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
     if (isinstance(machine, Axis) and chosen.cutoff_hz is None and chosen.row_rate_hz is None
             and hold_speeds(logs, SLOWEST_HZ)):
         return replace(usual, steady=True, low_speed=chosen.low_speed or 0.0)
+    if isinstance(machine, Robot):
+        cutoff = max(min(LEAST_CUTOFF, cutoff), min(cutoff, _known_hz(logs, machine, usual)))
     if isinstance(machine, Axis):
         cutoff = max(min(cutoff, OF_RATE * rate), min(OF_RATE * rate, max(map(_reach, logs))))
         slowest, resolved = zip(*(_low_speeds(log, cutoff) for log in logs))
@@ -98,6 +105,14 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
         position = min(POSITION * cutoff, max(LEAST_POSITION * cutoff, resolved_hz(logs)))
     return replace(usual, position_cutoff_hz=position, torque_cutoff_hz=cutoff,
                    row_rate_hz=row_rate, low_speed=low_speed)
+
+
+def _known_hz(logs: Sequence[Log], robot: Robot, usual: Conditioning) -> float:
+    """Return the frequency, Hz, up to which coarse encoders tell the motion of all logs."""
+    counts = robot.drives.encoder_counts
+    return min((smoother_of(log.q[segment], counts, log.period).known_hz(log.period)
+                for log in logs if are_coarse(counts, usual, log.period)
+                for segment in log.segments), default=np.inf)
 
 
 def _reach(log: Log) -> float:

@@ -1,10 +1,12 @@
 """The false causes that encoder counts make, by errors in the columns of a fit.
 
-Positions in counts give the model's torque a noise e that the measured torque has not, so that a
-residual holds -e. A column Z of a cause has a noise E of the same positions, and so has X of the
-base terms, N: the moment of the cause with the residual is not that of the machine, but changed by
--(E - N (X^T X)^-1 X^T Z)^T e. Coarse encoders on slow motions look like rods, theta inertia,
-Stribeck friction, presliding or gaps in this way (errors in variables, attenuation).
+Positions in counts give the model's torque an error e that the measured torque has not, so that a
+residual holds -e. A column Z of a cause has the same positions, and so has X of the base terms: the
+moment of the cause with the residual is not that of the machine, but changed by
+-(Z - X (X^T X)^-1 X^T Z)^T e. Coarse encoders on slow motions look like rods, theta inertia,
+Stribeck friction, presliding or gaps in this way (errors in variables). The filter of the positions
+makes this nothing on the mean of a log; it is more where the motion is lively, less where it is
+calm.
 """
 
 from __future__ import annotations
@@ -101,15 +103,15 @@ class Counts:
 
     def _of_draw(self, evidence: Evidence, key: Key, columns: Callable[[State], np.ndarray],
                  draw: int) -> np.ndarray:
-        """Return E^T e (J, k) of columns, joint by joint, in one draw; computed once for a key."""
+        """Return Z^T e (J, k) of columns, joint by joint, in one draw; computed once for a key."""
         if (key, draw) not in self._products:
             if self._torque is None:
                 self._torque = self.dithered.noise(evidence, delivered)
             torque, ends = self._torque[draw][:, 0], evidence.ends
-            noise = evidence.whitener.whiten([
-                run.rows(columns(moved.state) - columns(run.state))
+            told = evidence.whitener.whiten([
+                run.rows(columns(moved.state))
                 for run, moved in zip(evidence.observations.runs,
                                       self.dithered.draws[draw].runs)])
             self._products[key, draw] = np.stack([
-                rows.T @ torque[first:last] for rows, first, last in zip(noise, ends, ends[1:])])
+                rows.T @ torque[first:last] for rows, first, last in zip(told, ends, ends[1:])])
         return self._products[key, draw]

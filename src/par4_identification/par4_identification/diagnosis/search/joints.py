@@ -77,6 +77,7 @@ def choices(hypothesis: Hypothesis, everywhere: tuple[int, ...]) -> Iterator[Hyp
                 yield replace(hypothesis, joints=chosen)
             else:
                 yield replace(hypothesis, sets=chosen,
+                              shape=effect.shape_of_sets(hypothesis.shape, chosen),
                               joints=chosen if of_joints else hypothesis.joints)
 
 

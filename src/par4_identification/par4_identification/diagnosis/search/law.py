@@ -28,7 +28,9 @@ that noise to a few percent."""
 WRONG = 0.5
 """A lag T and a delay T differ by T^2 / 2. From this share of it on, the other law is believed."""
 TOLD = 0.5
-"""The second order is judged only if at least this share of its squares is not noise of counts."""
+"""The second order is judged only if at least this share of its squares is no error of counts."""
+DOUBT = 0.25
+"""Share of what counts are computed to do to the second order by which that may be wrong."""
 SECOND_ORDER = 10.0
 """Log-likelihood from which a second order that differs from the law counts as no chance."""
 
@@ -37,10 +39,11 @@ SECOND_ORDER = 10.0
 class Dithered:
     """The same motion as encoders could have read it whose counts lie elsewhere.
 
-    Positions are rounded to counts. This gives the torque of the model a noise e, and its rate the
-    noise de/dt. A lag amplifies e and a delay only moves it, so that least squares would favour the
-    delay. The squares of that noise, known from these draws, are therefore subtracted from the
-    normal equations.
+    Positions are rounded to counts and filtered. This gives the torque of the model an error e, and
+    its rate the error de/dt. A lag amplifies e and a delay only moves it, so that least squares
+    favour the one where e is noise that came in, the other where it is motion that the filter took
+    away. The moments that the columns have with these errors, known from these draws, are therefore
+    taken out of the normal equations.
 
     Attributes:
         draws: the observations, with other positions; none where the counts are not known.
@@ -64,20 +67,23 @@ class Dithered:
         if not self.draws:
             return True
         evidence = projection.evidence
-        columns = _stacked(evidence, [run.rows(_orders(hypothesis)(run.state))
-                                      for run in evidence.observations.runs])
-        columns = projection.rest(columns)
+        whole = _stacked(evidence, [run.rows(_orders(hypothesis)(run.state))
+                                    for run in evidence.observations.runs])
+        columns = projection.rest(whole)
         gram, moment = columns.T @ columns, columns.T @ projection.residual
-        told = gram[1, 1]
+        told, blurred, uncorrected = gram[1, 1], 0.0, np.linalg.solve(gram, moment)
         for torque, orders in zip(self.noise(evidence, delivered),
                                   self.noise(evidence, _orders(hypothesis))):
-            gram = gram - orders.T @ orders / len(self.draws)
-            moment = moment + orders.T @ torque[:, 0] / len(self.draws)
-        if gram[1, 1] < TOLD * told:
+            moved = projection.rest(whole + orders)
+            gram = gram - moved.T @ orders / len(self.draws)
+            moment = moment + moved.T @ torque[:, 0] / len(self.draws)
+            blurred += float(np.sum(projection.rest(orders[:, 1:]) ** 2)) / len(self.draws)
+        if blurred > (1.0 - TOLD) * told:
             return True
         both = np.linalg.solve(gram, moment)
         gain = 0.5 * float(both @ moment - moment[0] ** 2 / gram[0, 0])
-        return gain < inflation * SECOND_ORDER or abs(both[1]) < WRONG * 0.5 * time ** 2
+        wrong = WRONG * 0.5 * time ** 2 + DOUBT * abs(both[1] - uncorrected[1])
+        return gain < inflation * SECOND_ORDER or abs(both[1]) < wrong
 
     def noise(self, evidence: Evidence, function: Callable[[State], np.ndarray]
                ) -> list[np.ndarray]:
@@ -101,13 +107,19 @@ def dithered(observations: Observations, machine: Robot | Axis, seed: int = 0) -
 
 
 def dithered_state(run: Run, state: State, counts: int, random: np.random.Generator) -> State:
-    """Return a motion of `run` whose positions are up to half a count elsewhere, as filtered."""
+    """Return a motion of `run`, or of its beginning, as it could be mistaken for the true one.
+
+    A motion as lively as the true one is told by encoders whose counts lie elsewhere, and filtered.
+    """
     period = float(state.t[1] - state.t[0])
-    dither = low_pass(random.uniform(-0.5, 0.5, state.q.shape) * (2.0 * np.pi / counts),
-                      run.conditioning.position_cutoff_hz, period)
+    true = run.likely[:len(state.q)]
+    told = true + random.uniform(-0.5, 0.5, true.shape) * (2.0 * np.pi / counts)
+    missed = run.smoother(told) - true
+    dither, missed = (low_pass(part, run.conditioning.position_cutoff_hz, period)
+                      for part in (missed if run.coarse else told - true, missed))
     return state_of_joints(state.geometry, state.t, state.q + dither,
                            state.qd + central_difference(dither, period),
-                           state.qdd + second_difference(dither, period))
+                           state.qdd + second_difference(missed, period))
 
 
 def delivered(state: State) -> np.ndarray:
