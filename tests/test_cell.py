@@ -161,8 +161,8 @@ def test_motion_brakes_on_its_path_on_ctrl_c_and_on_stop(bench):
         # the path of the motion was not left
         rest = joint_values(simulated.states[-1], 'position')
         assert np.abs(path.q - rest).max(axis=1).min() < 0.02
-        counts = simulated.fresh_counts()  # what a busy machine brings too late is braked, too
-        assert 'interrupted_references' not in counts or 'late_points' in counts
+        # of several ways to rest one is in time on any machine: the drives need not brake
+        assert 'interrupted_references' not in simulated.fresh_counts()
     assert bench.said().count('stopped: at rest') == 2
     assert 'Traceback' not in bench.said()
 

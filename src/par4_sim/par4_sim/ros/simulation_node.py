@@ -162,8 +162,12 @@ class SimulationNode(Par4Node):
         return 'running'
 
     def _stop(self) -> str:
-        self.finished = True
+        self.end()
         return 'stopping'
+
+    def end(self) -> None:
+        """End once the machine rests: its drives do not leave it in motion."""
+        self._physics.end()
 
     def state(self) -> State:
         """Return whether the simulation runs, and why if not."""
@@ -218,8 +222,9 @@ class SimulationNode(Par4Node):
         with ThreadPoolExecutor(1) as thread:
             callbacks = thread.submit(self._serve_callbacks)
             try:
-                while not self.finished:
+                while not (self.finished or self._physics.ended):
                     self._simulate()
+                self._tell_end()
             finally:
                 self.finished = True
         callbacks.result()
@@ -237,6 +242,11 @@ class SimulationNode(Par4Node):
             self.counts['unreachable_poses'] += 1
             self._physics.fault = f'out of reach: {error}; paused: call ~/reset, then ~/resume'
             self._physics.paused = True
+
+    def _tell_end(self) -> None:
+        ended = self._physics.ended
+        if 'braked' in ended or 'motion' in ended:
+            self.get_logger().warning(f'asked to end in motion; ended {ended}')
 
     def close(self) -> None:
         """Release the plant and the window."""
