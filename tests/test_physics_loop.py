@@ -181,8 +181,11 @@ def test_a_loop_that_is_to_end_in_motion_lets_others_brake_and_then_brakes_itsel
     assert run.loop.ended == ''
     assert np.abs(run.samples[-1].qd).max() > 0.1
     monkeypatch.setattr('par4_sim.ros.physics_loop.GRACE', 0.0)
+    run.go_on(1)
+    run.loop.queue_reference(run.loop.now_ns, rest_at_home(0.1))
     run.loop.run(lambda: False)
     assert run.loop.ended == 'at rest, braked by the drives'
+    assert 'the simulation is ending' in str(run.refused[0])
     braked_at_the_end(run)
     assert run.loop.counts['interrupted_references'] == 1
 

@@ -91,6 +91,11 @@ class PhysicsLoop:
         return self._simulation.starved
 
     @property
+    def ending(self) -> bool:
+        """Whether the loop ends as soon as the machine rests."""
+        return self._end_asked is not None
+
+    @property
     def waiting(self) -> bool:
         """Whether the simulation stands for the torque of a reference point."""
         return self._standing_since is not None
@@ -179,8 +184,8 @@ class PhysicsLoop:
         kept = True
         for times, motion in batches:
             try:
-                if self.fault:
-                    raise InputError(f'not followed: {self.fault}')
+                if self.fault or self._braked:
+                    raise InputError(f'not followed: {self.fault or "the simulation is ending"}')
                 self._simulation.queue_reference(times, *motion, looked_at)
             except Par4Error as error:
                 kept = False
@@ -221,7 +226,7 @@ class PhysicsLoop:
             self.ended = 'in motion: the time to brake in was over'
         elif elapsed > GRACE and not self._braked:
             self._simulation.end_reference()
-            self.fault, self._braked = 'the simulation is ending', True
+            self._braked = True
 
     def _waits_for_effort(self) -> bool:
         if (self._feedforward_timeout == 0.0 or self._end_asked is not None

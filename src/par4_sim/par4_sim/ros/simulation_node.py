@@ -183,6 +183,8 @@ class SimulationNode(Par4Node):
                                           f'robot is in this domain; give each a ROS_DOMAIN_ID')
         if physics.paused:
             return State(State.WARN, 'paused')
+        if physics.ending:
+            return State(State.WARN, 'ending: waits until the machine rests')
         if physics.waiting:
             return State(State.WARN, f'waiting for {FEEDFORWARD_TORQUE.name}')
         if physics.starved:
