@@ -161,8 +161,8 @@ def test_motion_brakes_on_its_path_on_ctrl_c_and_on_stop(bench):
         # the path of the motion was not left
         rest = joint_values(simulated.states[-1], 'position')
         assert np.abs(path.q - rest).max(axis=1).min() < 0.02
-        # of several ways to rest one is in time on any machine: the drives need not brake
-        assert 'interrupted_references' not in simulated.fresh_counts()
+        counts = simulated.fresh_counts()  # no way to rest helps who gets no turn for a second
+        assert 'interrupted_references' not in counts or 'late_points' in counts
     assert bench.said().count('stopped: at rest') == 2
     assert 'Traceback' not in bench.said()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy
+from scipy.interpolate import BPoly  # not when it is first used: loading it then costs 0.2 s
 
 from par4_kinematics.motion import Motion
 
@@ -44,7 +44,7 @@ def braked(motion: Motion, start: float) -> Ramp:
     pace = (1.0 - 3.0 * u ** 2 + 2.0 * u ** 3)[:, None]
     slowing = (6.0 * (u ** 2 - u) / BRAKING_TIME)[:, None]
     piece = slice(first, last + 1)
-    path = scipy.interpolate.BPoly.from_derivatives(
+    path = BPoly.from_derivatives(
         motion.t[piece], np.stack((motion.q[piece], motion.qd[piece], motion.qdd[piece]), axis=1))
     slope = path.derivative()
     return (begin + elapsed, path(s), pace * slope(s),
