@@ -14,6 +14,7 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import rclpy
@@ -118,6 +119,24 @@ def judge(client: Client, count: int, behind: float, stall: float) -> bool:
                 judged('longest stand of the simulated clock, s', stall, 0.1)))
 
 
+def processor_time(process: subprocess.Popen) -> float:
+    """Return the seconds of a core that a running process has used (Linux)."""
+    told = Path(f'/proc/{process.pid}/stat').read_text(encoding='utf-8')
+    fields = told.rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def late_steps(client: Client, seconds: float) -> int:
+    """Return how many late steps the simulation counts more after so many seconds."""
+    def told() -> int:
+        return int(next(told for name, told in client.status.items()
+                        if name.endswith('par4_simulation')).get('late_steps', 0))
+
+    before = told()
+    client.spin(seconds)
+    return told() - before
+
+
 def main() -> None:
     """Run the two floods."""
     arguments = [word for word in sys.argv[1:] if word != '--strict']
@@ -136,6 +155,7 @@ def main() -> None:
         client.report('before')
         begun, begun_ns = time.monotonic(), client.clock_ns
         first_ns = (client.clock_ns + round(LEAD * SECOND)) // 1_000_000 * 1_000_000
+        used = [processor_time(node) for node in nodes]
         count, behind, stall = round(seconds / PERIOD), 0.0, 0.0
         seen_ns, seen = client.clock_ns, begun
         for index in range(count):
@@ -150,11 +170,16 @@ def main() -> None:
         print(f'{count} single points in {took:.2f} s, simulated '
               f'{(client.clock_ns - begun_ns) / SECOND:.2f} s')
         client.report('after the stream')
+        for name, node, before in zip(NODES, nodes, used, strict=True):
+            spent = 1e3 * (processor_time(node) - before) / count
+            print(f'  {name} used {spent:.2f} ms of a core a reference, whatever the load')
         kept = judge(client, count, behind, stall)
+        usual = late_steps(client, 10.0)
         client.publish(client.clock_ns + 20 * SECOND, 100_000)
+        found = late_steps(client, 10.0)
         client.report('after 10^5 points in one message')
-        client.spin(5.0)
-        client.report('later')
+        kept = judged('late steps in 10 s with 10^5 points in a message, beyond those in 10 s '
+                      'without', found - usual, 0) and kept
     finally:
         for node in nodes:
             node.terminate()
