@@ -628,3 +628,10 @@ def test_motion_of_joints_inverts_a_platform_motion(robot):
         given = getattr(motion, part)
         assert np.abs(getattr(back, part) - given).max() < 1e-9 * max(1.0, np.abs(given).max())
     assert back.period == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize('period', [1e-9, 1e-212, 5e-324])
+def test_a_period_without_sense_is_refused_in_a_line_however_small(period):
+    """A length over such a period is no number."""
+    with pytest.raises(InputError, match='samples, at most .* are possible'):
+        sample_times(1e200, period)
