@@ -78,6 +78,7 @@ docs: setup
 	$(BIN)/python -m par4_kinematics.interface > docs/interface.md
 	$(BIN)/python -m par4_dynamics.effects.catalogue > docs/effects.md
 	$(BIN)/python -m par4_sim.layouts src/par4_sim/layouts
+	$(BIN)/python site/manifests.py
 	$(BIN)/par4_kinematics --config > src/par4_kinematics/config/par4_kinematics.yaml
 	$(BIN)/par4_motion --config > src/par4_kinematics/config/par4_motion.yaml
 	$(BIN)/par4_feedforward --config > src/par4_dynamics/config/par4_feedforward.yaml

@@ -80,10 +80,12 @@ class Bench:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
 
-    def start(self, node: str, **parameters: Any) -> subprocess.Popen:
-        """Start a node with parameters."""
+    def start(self, node: str, remap: tuple[str, ...] = (), **parameters: Any
+              ) -> subprocess.Popen:
+        """Start a node with parameters and names that are changed."""
         arguments = [part for name, value in parameters.items()
                      for part in ('-p', f'{name}:={value}')]
+        arguments += [part for rule in remap for part in ('-r', rule)]
         with (self.folder / f'{node}_{len(self.children)}.txt').open('w') as output:
             child = subprocess.Popen(
                 [sys.executable, '-m', MODULES[node], *(['--ros-args'] if arguments else []),

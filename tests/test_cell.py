@@ -10,6 +10,7 @@ import sys
 import time
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,7 @@ from par4_kinematics.ros.convert import SECOND, joint_values, time_ns, write_joi
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.parameters import config
 from par4_kinematics.workspace import inside
+from par4_sim.ros.simulation_node import SimulationNode
 
 OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
 GAIN = np.asarray(ROBOT.drives.gain)
@@ -161,7 +163,7 @@ def test_motion_brakes_on_its_path_on_ctrl_c_and_on_stop(bench):
         # the path of the motion was not left
         rest = joint_values(simulated.states[-1], 'position')
         assert np.abs(path.q - rest).max(axis=1).min() < 0.02
-        counts = simulated.fresh_counts()  # what a busy machine brings too late is braked, too
+        counts = simulated.fresh_counts()  # no way to rest helps who gets no turn for a second
         assert 'interrupted_references' not in counts or 'late_points' in counts
     assert bench.said().count('stopped: at rest') == 2
     assert 'Traceback' not in bench.said()
@@ -245,6 +247,38 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     for child in (second, recorder):
         child.send_signal(signal.SIGINT)
     assert bench.ended(recorder) == 0
+
+
+def test_two_robots_in_two_namespaces_do_not_hear_each_other(bench):
+    """In one domain, each with a clock of its own."""
+    diagnostics, states = bench.listen(DIAGNOSTICS), {}
+    for name in ('robot_a', 'robot_b'):
+        states[name] = bench.listen(JOINT_STATES, f'/{name}/joint_states')
+        bench.start('par4_simulation', fidelity='exact', remap=(
+            f'__ns:=/{name}', f'/clock:=/{name}/clock'))
+    bench.wait(lambda: all(states.values()), 'both robots')
+    player = bench.start('par4_motion', motion='circle', duration=1.0, listeners=1, **SIMULATED,
+                         remap=('__ns:=/robot_a', '/clock:=/robot_a/clock'))
+    assert bench.ended(player) == 0
+    moved = {name: np.ptp([joint_values(message, 'position') for message in messages], axis=0)
+             for name, messages in states.items()}
+    assert moved['robot_a'].max() > 0.1
+    assert moved['robot_b'].max() < 1e-3
+    for name in states:
+        status = wait_for_state(bench, diagnostics, f'{name}/par4_simulation', OK, 'running')
+        assert status.level < ERROR, 'two clocks are told where they are one topic'
+
+
+def test_late_steps_are_worth_a_warning_from_a_share_on():
+    node = SimpleNamespace(_published=1000, _samples=SimpleNamespace(
+        published={JOINT_STATES.name: 2000}))
+    worrying = SimulationNode.worrying
+    assert not worrying(node, {'late_steps': 50})
+    node._published = 1000
+    assert worrying(node, {'late_steps': 51})
+    node._published = 1000
+    assert worrying(node, {'late_steps': 1, 'late_points': 1})
+    assert not worrying(node, {})
 
 
 SOURCES = Path(__file__).parents[1] / 'src'

@@ -13,12 +13,15 @@ from types import SimpleNamespace
 from unittest import mock
 
 import launch_stand_in
+import numpy as np
 import pytest
 
-from node_bench import MODULES
+from node_bench import HOME_Q, MODULES
 from par4_identification.logs.read_log import read_log
 from par4_kinematics import interface
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import read_yaml
+from par4_kinematics.ros.convert import joint_values
 from par4_kinematics.ros.node import Par4Node
 from par4_sim.cell import CLOCK, COMPOSITIONS, NodePart, Session, ToolPart
 from par4_sim.choices import POSITION_LAWS
@@ -225,6 +228,39 @@ def test_when_a_part_is_killed_all_end_and_it_is_said_which(bench):
         bench.wait(cell.played, 'the end of all')
     assert len(processes) == 3
     assert [process.returncode for process in processes] == [0, -9, 0]
+
+
+def test_an_interrupt_of_all_at_once_leaves_no_robot_in_motion_and_a_whole_bag(bench):
+    """As Ctrl-C below `ros2 launch`: every node is interrupted at the same time."""
+    states, voltages = bench.listen(interface.JOINT_STATES), bench.listen(
+        interface.AMPLIFIER_VOLTAGE)
+    session = session_of('cell', fidelity='exact', motion='excitation', duration='30.0',
+                         record=str(bench.folder / 'bag'))
+    log = bench.folder / 'nodes.log'
+    with running_cell(session, log, bench.environment) as cell:
+        bench.wait(lambda: states and abs(joint_values(states[-1], 'position') - HOME_Q).max()
+                   > 0.1, 'a motion')
+        seen = len(voltages)
+        for _, process in cell.processes:
+            process.send_signal(signal.SIGINT)
+        for _, process in cell.processes:
+            bench.ended(process)
+        assert [process.returncode for _, process in cell.processes] == [0] * 5, log.read_text()
+    bench.executor.spin_once(timeout_sec=0.5)
+    said = log.read_text()
+    assert 'Traceback' not in said
+    assert 'error' not in said.lower(), said
+    speeds = np.abs([joint_values(message, 'velocity') for message in states]).max(axis=1)
+    assert speeds.max() > 0.3
+    assert speeds[-1] < 0.05, 'it was left in motion'
+    torque = 12.7 * np.array([joint_values(message, 'effort') for message in voltages[seen:]])
+    assert np.abs(np.diff(torque, axis=0)).max() < 30.0
+    # the bag ends in motion and is whole: nothing is to be mended
+    recorded = read_log(bench.folder / 'bag', REFERENCE)
+    assert not recorded.accounts.unreadable
+    assert np.abs(recorded.q - recorded.q[0]).max() > 0.1
+    whole = read_yaml(bench.folder / 'bag' / 'metadata.yaml')['rosbag2_bagfile_information']
+    assert f'bag: {whole["message_count"]} messages' in said
 
 
 def test_the_motion_ends_before_the_robot_that_it_brakes(tmp_path):

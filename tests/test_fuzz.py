@@ -24,9 +24,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executables import TOOLS
-from node_bench import MODULES, ROBOT, quintic_motion
+from node_bench import HOME_Q, MODULES, ROBOT, quintic_motion
 from par4_dynamics.model import read_model
 from par4_identification.gains.static_push import read_force
+from par4_identification.jobs.inspect import inspect
 from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.read_log import read_log
 from par4_identification.logs.table_bag import Scales, chosen_columns, measured_of_files
@@ -35,6 +36,7 @@ from par4_kinematics.errors import LONGEST_LINE, InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, REFERENCE
 from par4_kinematics.motion_file import read_motion, read_samples
 from par4_kinematics.ros.convert import joint_values, read_trajectory
+from par4_kinematics.ros.goal_server import goal_motion, tolerances
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.parameters import declare
 from par4_sim.bag_writer import BagWriter
@@ -230,14 +232,11 @@ def bags(folder):
     return found
 
 
-@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
-@given(data=st.data())
-def test_bags(folder, bags, storage, data):
-    path, mended = folder / 'bag', folder / 'mended'
-    for old in (path, mended):
-        shutil.rmtree(old, ignore_errors=True)
+def damaged_bag(folder: Path, files: dict[str, bytes], data: Any) -> Path:
+    """Write a bag of which one file is damaged and return its path."""
+    path = folder / 'bag'
+    shutil.rmtree(path, ignore_errors=True)
     path.mkdir()
-    files = bags[storage]
     victim = data.draw(st.sampled_from(sorted(files)))
     for name, content in files.items():
         if name != victim:
@@ -246,11 +245,28 @@ def test_bags(folder, bags, storage, data):
             (path / name).write_bytes(data.draw(bent(content.decode())))
         else:
             (path / name).write_bytes(data.draw(damaged(content)))
+    return path
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+@given(data=st.data())
+def test_bags(folder, bags, storage, data):
+    path, mended = damaged_bag(folder, bags[storage], data), folder / 'mended'
+    shutil.rmtree(mended, ignore_errors=True)
     refused_in_a_line(lambda: read_log(path, ROBOT))
     if refused_in_a_line(lambda: repair_bag(path, mended)) is None:
         assert not mended.exists()
     else:
         refused_in_a_line(lambda: read_log(mended, ROBOT))
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+@given(data=st.data())
+def test_bags_that_are_inspected(folder, bags, storage, data):
+    path = damaged_bag(folder, bags[storage], data)
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+        refused_in_a_line(lambda: inspect(path, 'reference', None, as_json=True))
+        refused_in_a_line(lambda: inspect(path, 'reference', None, as_json=False))
 
 
 # ----------------------------------------------------------------------------------------- messages
@@ -292,6 +308,23 @@ def taken(trajectory: Any) -> None:
               points=fitting_points)))
 def test_references(message):
     refused_in_a_line(lambda: taken(read_trajectory(message)))
+
+
+tolerance_lists = st.lists(st.builds(
+    SimpleNamespace, name=st.one_of(st.sampled_from(JOINTS), st.text(max_size=2000)),
+    position=values), max_size=5)
+
+
+@given(names=st.one_of(names, st.just(list(JOINTS))), items=st.one_of(points, fitting_points),
+       header=st.one_of(headers, st.just(SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0)))),
+       bounds=tolerance_lists)
+def test_goals_of_an_action(names, items, header, bounds):
+    goal = SimpleNamespace(trajectory=SimpleNamespace(header=header, joint_names=names,
+                                                      points=items))
+    refused_in_a_line(lambda: tolerances(bounds))
+    # a long way is sampled in full, which takes seconds: keep it short
+    with mock.patch('par4_kinematics.motion.MAX_SAMPLES', 20_000):
+        refused_in_a_line(lambda: goal_motion(goal, ROBOT, np.asarray(HOME_Q)))
 
 
 def serialised() -> bytes:

@@ -14,6 +14,17 @@ from par4_kinematics.ros.qos import message_type
 from par4_sim.layouts import FOXGLOVE, PLOTJUGGLER, absolute, foxglove, plotjuggler
 
 PACKAGE = Path(__file__).parents[1] / 'src' / 'par4_sim'
+READ_BY_FOXGLOVE = {
+    'Plot': {'foxglovePanelTitle', 'paths', 'minXValue', 'maxXValue', 'minYValue', 'maxYValue',
+             'showLegend', 'legendDisplay', 'showPlotValuesInLegend', 'showXAxisLabels',
+             'showYAxisLabels', 'isSynced', 'xAxisVal', 'xAxisPath', 'followingViewWidth',
+             'sidebarDimension'},
+    '3D': {'cameraState', 'followTf', 'followMode', 'scene', 'publish', 'transforms', 'topics',
+           'layers', 'imageMode'},
+    'DiagnosticSummary': {'minLevel', 'pinnedIds', 'hardwareIdFilter', 'topicToRender',
+                          'sortByLevel'},
+}
+"""Keys of each panel, as Lichtblick 1.x types them, which has the layouts of open Foxglove."""
 TOPICS = {absolute(topic): topic for topic in interface.TOPICS}
 
 
@@ -56,3 +67,52 @@ def test_every_panel_has_its_place():
             *placed(part['first']), *placed(part['second'])]
 
     assert sorted(placed(content['layout'])) == sorted(content['configById'])
+
+
+def test_foxglove_knows_every_key():
+    """It says nothing of a key that it does not know: the titles of plots once had none."""
+    content = json.loads(foxglove())
+    assert content.keys() == {'configById', 'globalVariables', 'userNodes', 'playbackConfig',
+                              'layout'}
+    for name, panel in content['configById'].items():
+        assert panel.keys() <= READ_BY_FOXGLOVE[name.partition('!')[0]], name
+        for path in panel.get('paths', ()):
+            assert path.keys() <= {'value', 'enabled', 'color', 'label', 'timestampMethod',
+                                   'showLine', 'lineSize'}
+            assert path['timestampMethod'] in ('receiveTime', 'headerStamp')
+        assert panel.get('xAxisVal', 'timestamp') == 'timestamp'
+
+    def splits(part):
+        if isinstance(part, dict):
+            assert part.keys() == {'direction', 'splitPercentage', 'first', 'second'}
+            assert part['direction'] in ('row', 'column')
+            assert 0 < part['splitPercentage'] < 100
+            splits(part['first'])
+            splits(part['second'])
+
+    splits(content['layout'])
+
+
+def test_plotjuggler_finds_every_part_where_it_looks():
+    """Its reader takes a widget by this name, and as many areas and sizes as `count` says."""
+    root = ElementTree.fromstring(plotjuggler().encode())
+    assert root.tag == 'root'
+    window, = root
+    assert (window.tag, window.attrib) == ('tabbed_widget', {'name': 'Main Window',
+                                                             'parent': 'main_window'})
+    tab, = window
+    container, = tab
+    splitter, = container
+    assert (tab.tag, container.tag, splitter.tag) == ('Tab', 'Container', 'DockSplitter')
+    assert 'tab_name' in tab.attrib
+    assert splitter.get('orientation') in ('-', '|')
+    sizes = [float(size) for size in splitter.get('sizes').split(';')]
+    assert len(sizes) == int(splitter.get('count')) == len(splitter)
+    assert sum(sizes) == pytest.approx(1.0)
+    for area in splitter:
+        plot, = area
+        assert (area.tag, plot.tag, plot.get('mode')) == ('DockArea', 'plot', 'TimeSeries')
+        assert plot.get('style') in ('Lines', 'Dots', 'LinesAndDots', 'Sticks', 'Steps')
+        assert {curve.tag for curve in plot} == {'limitY', 'curve'}
+        for curve in plot.iter('curve'):
+            assert re.fullmatch('#[0-9a-f]{6}', curve.get('color'))

@@ -497,6 +497,7 @@ def test_recipe_gives_its_motion(tmp_path, recipe):
 @pytest.mark.parametrize(('content', 'message'), [
     ({'schema': 'par4/motion/2'}, 'expected schema par4/motion/1'),
     ({'schema': MOTION_SCHEMA}, 'either recipe, or frame and samples, found none'),
+    ({'schema': MOTION_SCHEMA, 'recipe': {'kind': []}}, r'recipe of kind .*, found \[\]'),
     ({'schema': MOTION_SCHEMA, 'frame': 'joint'}, 'found frame'),
     ({'schema': MOTION_SCHEMA, 'frame': 'joint', 'samples': 'a.csv', 'recipe': {}}, 'either'),
     ({'schema': MOTION_SCHEMA, 'frame': 'tool', 'samples': 'a.csv'}, "'tool'"),
@@ -627,3 +628,10 @@ def test_motion_of_joints_inverts_a_platform_motion(robot):
         given = getattr(motion, part)
         assert np.abs(getattr(back, part) - given).max() < 1e-9 * max(1.0, np.abs(given).max())
     assert back.period == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize('period', [1e-9, 1e-212, 5e-324])
+def test_a_period_without_sense_is_refused_in_a_line_however_small(period):
+    """A length over such a period is no number."""
+    with pytest.raises(InputError, match='samples, at most .* are possible'):
+        sample_times(1e200, period)

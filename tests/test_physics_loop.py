@@ -153,6 +153,83 @@ def test_too_far_from_its_reference_the_machine_brakes_and_takes_no_more_until_a
     assert len(run.refused) == 1
 
 
+def wave(seconds: float) -> Trajectory:
+    """Return an oscillation of all joints that begins at rest."""
+    t = np.arange(0, round(seconds * SECOND) + 1, PERIOD_NS)
+    phase = 2.0 * np.pi * t / SECOND
+    q, qd, qdd = (0.1 * part[:, None] + np.zeros(4) for part in (
+        1.0 - np.cos(phase), 2.0 * np.pi * np.sin(phase), 4.0 * np.pi ** 2 * np.cos(phase)))
+    return Trajectory(0, t, HOME_Q + q, qd, qdd)
+
+
+def braked_at_the_end(run: Run) -> None:
+    speeds = np.abs([sample.qd for sample in run.samples]).max(axis=1)
+    assert speeds.max() > 0.3
+    assert speeds[-1] < 0.05
+    effort = np.array([sample.effort for sample in run.samples])
+    assert np.abs(np.diff(effort[50:], axis=0)).max() < 15.0
+
+
+def test_a_loop_that_is_to_end_in_motion_lets_others_brake_and_then_brakes_itself(monkeypatch):
+    run = Run()
+    run.loop.queue_reference(100 * PERIOD_NS, wave(60.0))
+    run.go_on(250)
+    monkeypatch.setattr('par4_sim.ros.physics_loop.GRACE', np.inf)
+    monkeypatch.setattr('par4_sim.ros.physics_loop.LONGEST_END', np.inf)
+    run.loop.end()
+    run.go_on(150)
+    assert run.loop.ended == ''
+    assert np.abs(run.samples[-1].qd).max() > 0.1
+    monkeypatch.setattr('par4_sim.ros.physics_loop.GRACE', 0.0)
+    run.go_on(1)
+    run.loop.queue_reference(run.loop.now_ns, rest_at_home(0.1))
+    run.loop.run(lambda: False)
+    assert run.loop.ended == 'at rest, braked by the drives'
+    assert 'the simulation is ending' in str(run.refused[0])
+    braked_at_the_end(run)
+    assert run.loop.counts['interrupted_references'] == 1
+
+
+def test_a_loop_ends_where_others_have_braked(monkeypatch):
+    run = Run()
+    monkeypatch.setattr('par4_sim.ros.physics_loop.GRACE', np.inf)
+    monkeypatch.setattr('par4_sim.ros.physics_loop.LONGEST_END', np.inf)
+    run.loop.queue_reference(100 * PERIOD_NS, wave(1.0))  # a whole period: it ends at rest
+    run.go_on(250)
+    run.loop.end()
+    run.loop.run(lambda: False)
+    assert run.loop.ended == 'at rest'
+    braked_at_the_end(run)
+    assert run.loop.counts['interrupted_references'] == 0
+    assert len(run.times) < 1000
+
+
+def test_a_loop_does_not_wait_for_rest_or_torque_or_a_pause_for_ever(monkeypatch):
+    run = Run(feedforward_timeout=3600.0)
+    run.loop.queue_reference(0, rest_at_home(0.1))
+    looks = iter(range(60))
+    run.loop.run(lambda: next(looks) == 59)
+    assert run.loop.waiting
+    run.loop.end()
+    run.loop.run(lambda: False)
+    assert run.loop.ended == 'at rest'
+
+    run = Run()
+    run.loop.queue_reference(0, wave(60.0))
+    run.go_on(100)
+    monkeypatch.setattr('par4_sim.ros.physics_loop.LONGEST_END', 0.0)
+    run.loop.end()
+    run.loop.run(lambda: False)
+    assert run.loop.ended.startswith('in motion')
+
+    run = Run()
+    run.go_on(10)
+    run.loop.paused = True
+    run.loop.end()
+    run.loop.run(lambda: False)
+    assert run.loop.ended == 'paused'
+
+
 def test_a_stream_of_single_points_is_what_they_are_at_once():
     """Many messages between two samples: the same motion as in one, however they are grouped."""
     t = np.arange(0, 400) * PERIOD_NS

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import itertools
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_joints
 from par4_kinematics.adept import adept_motion
-from par4_kinematics.braking import BRAKING_TIME, braked
+from par4_kinematics.braking import BRAKING_TIME, braked, ways_to_rest
+from par4_kinematics.circle import circle_motion
 from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.limits import check_torque
 from par4_kinematics.position import forward_kinematics, inverse_kinematics
 from par4_kinematics.workspace import home_pose, inside
 from par4_sim.reference import ReferenceQueue
-from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.reference_curve import HARDEST, ReferenceLimits
 from par4_sim.simulation import build_simulation
 from robots import REFERENCE
 
 LIMITS = ReferenceLimits(REFERENCE)
 HOME_Q = inverse_kinematics(REFERENCE.geometry, home_pose(REFERENCE))
 ADEPT = adept_motion(REFERENCE)
+CIRCLE = circle_motion(REFERENCE, speed=3.0, turns=6.0)
 
 
 def points(q, qd=0.0, qdd=0.0) -> np.ndarray:
@@ -185,7 +190,63 @@ def test_a_motion_brakes_on_its_own_path():
     assert on_path.max() < np.abs(np.diff(smooth.q, axis=0)).max()
 
 
+@pytest.mark.parametrize('begin', [-0.4, 0.3, 0.5, 0.73])
+@pytest.mark.parametrize('lateness', [0.0, 0.1, 0.151, 0.17, 0.2, 0.26, 0.4, 0.55, 0.8, 0.9])
+def test_of_the_ways_to_rest_one_is_in_time_however_late_they_arrive(begin, lateness):
+    """Seconds in which the sender is held up between its look at the clock and the drives."""
+    path = CIRCLE
+    sent = begin + 1.0
+    ways = ways_to_rest(path, begin, 0.15, sent)
+    for way, later in itertools.pairwise(ways):
+        assert later[0][0] > way[0][-1], 'torques of one would be taken for those of another'
+    assert ways[-1][0][0] <= sent
+    queue = ReferenceQueue(path.q[0], LIMITS)
+    known = path.t <= sent
+    queue.queue(begin - 1.0, *(part[known] for part in (path.t, path.q, path.qd, path.qdd)))
+    arrived = begin + lateness
+    queue.use_until(arrived)
+    for way in reversed(ways):
+        with suppress(InputError):  # what is late and would jolt
+            queue.queue(arrived, *way)
+    queue.foresee(sent + 1.0)
+    times = arrived + np.arange(0.0, 2.5, 2.5e-4)
+    followed = np.array([queue.target(time) for time in times])
+    q, qd = followed[:, :4], followed[:, 4:8]
+    queue.use_until(times[-1])
+    assert (queue.starved, queue.interrupted) == (False, 0), 'the drives need not brake'
+    np.testing.assert_array_equal(qd[-1], 0.0)
+    # nothing is torn, neither position nor speed, and the path is not left
+    assert np.abs(np.gradient(q, times, axis=0) - qd)[1:-1].max() < 0.05
+    hardest = 1.5 * REFERENCE.limits.joint_speed / HARDEST
+    assert np.abs(np.diff(qd, axis=0)).max() < 1.2 * hardest * 2.5e-4
+    off = np.abs(path.q[None] - q[::40, None]).max(axis=2).min(axis=1)
+    assert off.max() < 0.01
+    # it rests within what the first way that is in time takes
+    in_time = next(way for way in ways if way[0][0] > arrived)
+    still = times[np.flatnonzero(np.abs(qd).max(axis=1) > 0.0)[-1]] if qd.any() else arrived
+    assert still <= in_time[0][-1] + 1e-6
+
+
+def test_points_that_come_too_late_to_be_joined_without_a_jolt_are_refused():
+    path = CIRCLE
+    queue = ReferenceQueue(path.q[0], LIMITS)
+    queue.queue(-1.0, path.t, path.q, path.qd, path.qdd)
+    now = 0.55
+    before = queue.times.copy()
+    brake = braked(path, now - 0.02)
+    with pytest.raises(InputError, match='too late to go on .* rad/s2'):
+        queue.queue(now, *brake)
+    np.testing.assert_array_equal(queue.times, before)
+    # late points of the path that is being followed are no jolt
+    late = slice(*np.searchsorted(path.t, (now - 0.1, now + 0.1)))
+    queue.queue(now, path.t[late], path.q[late], path.qd[late], path.qdd[late])
+    assert queue.late_points > 0
+
+
 def test_a_motion_that_ends_or_has_not_begun_needs_no_braking():
+    end = ADEPT.duration
+    assert not ways_to_rest(ADEPT, end - 0.02, 0.15, end)
+    assert not ways_to_rest(ADEPT, end - 0.1, 0.15, end)
     t, q, qd, _ = braked(ADEPT, ADEPT.duration - 0.02)
     np.testing.assert_array_equal(q[-1], ADEPT.q[-1])
     assert t[-1] == ADEPT.t[-1]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import ast
 import re
+import runpy
 import sys
+import tomllib
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -195,3 +197,27 @@ def test_the_manifest_declares_every_library(package):
         if library in KEYLESS or library in ROSDEP:
             assert f"'{KEYLESS.get(library, library)}" in setup, library
     assert manifest.find('export/build_type').text == 'ament_python'
+
+
+def test_all_packages_name_the_publisher_and_a_setup_file_repeats_nothing():
+    """`make docs` writes what `publisher.toml` says."""
+    with_publisher = runpy.run_path(str(ROOT / 'site' / 'manifests.py'))['with_publisher']
+    told = tomllib.loads((ROOT / 'publisher.toml').read_text(encoding='utf-8'))
+    for package in CHAIN:
+        folder = ROOT / 'src' / package
+        written = (folder / 'package.xml').read_text(encoding='utf-8')
+        assert with_publisher(written) == written, 'run make docs'
+        manifest = ElementTree.fromstring(written)
+        assert manifest.find('maintainer').get('email') == told['email']
+        assert manifest.find('maintainer').text == told['maintainer']
+        assert (manifest.findtext('url') or '') == told['url']
+        setup = (folder / 'setup.py').read_text(encoding='utf-8')
+        assert told['maintainer'] not in setup
+        assert 'url=manifest' in setup
+    with_url = with_publisher(written).replace('</license>\n', '</license>\n  <url>old</url>\n')
+    assert with_publisher(with_url) == written
+    with pytest.raises(ValueError, match='one behind the other'):
+        with_publisher('<package/>')
+    if told['email'].endswith('.example'):
+        contributing = (ROOT / 'CONTRIBUTING.md').read_text(encoding='utf-8')
+        assert 'publisher.toml' in contributing, 'say that nobody is reached by it'

@@ -1,13 +1,19 @@
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 package_name = 'par4_dynamics'
+manifest = ElementTree.parse('package.xml')
+maintainer = manifest.find('maintainer')
 
 setup(
     name=package_name,
     version='0.1.0',
     description='Inverse and forward dynamics, models and effects of the Par4 parallel robot.',
     license='Apache-2.0',
-    author='Par4 maintainers',
+    maintainer=maintainer.text,
+    maintainer_email=maintainer.get('email'),
+    url=manifest.findtext('url'),
     packages=find_packages(),
     py_modules=['par4_dynamics_start'],
     package_data={'par4_dynamics': ['builtin/*.yaml']},

@@ -1,13 +1,19 @@
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 package_name = 'par4_identification'
+manifest = ElementTree.parse('package.xml')
+maintainer = manifest.find('maintainer')
 
 setup(
     name=package_name,
     version='0.1.0',
     description='Recording, identification, validation and diagnosis of measured Par4 data.',
     license='Apache-2.0',
-    author='Par4 maintainers',
+    maintainer=maintainer.text,
+    maintainer_email=maintainer.get('email'),
+    url=manifest.findtext('url'),
     packages=find_packages(),
     py_modules=['par4_identification_start'],
     package_data={'par4_identification': ['reports/templates/*']},

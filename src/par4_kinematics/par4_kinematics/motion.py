@@ -60,10 +60,12 @@ def sample_times(duration: float, period: float) -> np.ndarray:
     if not (0 < period < math.inf and 0 < duration < math.inf):
         raise InputError(f'a motion of {duration:g} s every {period:g} s: both must be positive '
                          f'and finite')
-    steps = max(1, math.ceil(duration / period - 1e-9))
-    if steps >= MAX_SAMPLES:
-        raise InputError(f'a motion of {duration:g} s every {period:g} s: {steps + 1} samples, at '
-                         f'most {MAX_SAMPLES} are possible; make it shorter or the period longer')
+    ratio = duration / period  # of numbers such as 1e-212 it is infinite
+    if ratio > MAX_SAMPLES - 1:
+        raise InputError(f'a motion of {duration:g} s every {period:g} s: {ratio + 1:.7g} samples, '
+                         f'at most {MAX_SAMPLES} are possible; make it shorter or the period '
+                         f'longer')
+    steps = max(1, math.ceil(ratio - 1e-9))
     return np.arange(steps + 1) * period
 
 

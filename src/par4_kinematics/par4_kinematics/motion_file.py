@@ -86,7 +86,7 @@ def _recipe_model(kind: str) -> type[FileModel]:
 
 def _checked_recipe(recipe: Mapping[str, Any], source: str) -> FileModel:
     kind = recipe.get('kind')
-    if kind not in RECIPES:
+    if not isinstance(kind, str) or kind not in RECIPES:
         raise InputError(f'{source}: expected a recipe of kind {", ".join(RECIPES)}, found '
                          f'{kind!r}')
     return parse(dict(recipe), _recipe_model(kind), f'{source}: recipe {kind}')

@@ -89,7 +89,8 @@ def foxglove() -> str:
         fields = ([f'{plot.field}[{joint}]' for joint in range(len(JOINT_NAMES))]
                   if plot.of_joints else [f'{plot.field}.{axis}' for axis in 'xyz'])
         panels[f'Plot!plot{number}'] = {
-            'title': plot.title, 'showLegend': True, 'isSynced': True, 'xAxisVal': 'timestamp',
+            'foxglovePanelTitle': plot.title, 'showLegend': True, 'isSynced': True,
+            'xAxisVal': 'timestamp',
             'paths': [{'value': f'{absolute(plot.topic)}.{field}', 'enabled': True,
                        'timestampMethod': 'headerStamp', 'color': colour}
                       for field, colour in zip(fields, COLOURS, strict=False)]}

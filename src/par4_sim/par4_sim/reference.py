@@ -139,9 +139,10 @@ class ReferenceQueue:
         that rests or brakes goes to the first point smoothly.
 
         Raises:
-            InputError: the way there breaks a limit, or, unless these were `looked_at`, the ways
-                between the points do; the queue stays as it is. The points themselves are not
-                looked at: see `ReferenceLimits.check`.
+            InputError: the way there breaks a limit, or is a jolt where points came too late; or,
+                unless these were `looked_at`, the ways between the points break one. The queue
+                stays as it is. The points themselves are not looked at: see
+                `ReferenceLimits.check`.
         """
         late = int(np.searchsorted(times, now))
         if late == len(times):
@@ -161,9 +162,9 @@ class ReferenceQueue:
             if not looked_at:
                 self._limits.check_way(times, added)
             if here is None:
-                self._limits.check_join(kept_times[-1], kept[-1], times[0], added[0])
+                self._limits.check_join(kept_times[-1], kept[-1], times[0], added[0], late > 0)
             else:
-                self._limits.check_join(now, here[0], times[0], added[0])
+                self._limits.check_join(now, here[0], times[0], added[0], late > 0)
         self.late_points += late
         if here is not None and times[0] > now:
             kept_times, kept, used = np.array([now]), here, 1
@@ -179,6 +180,13 @@ class ReferenceQueue:
         point = _standing(q)
         point[0, 4:8] = qd
         self._follow(np.array([now]), point)
+        self.foresee(now)
+
+    def end_here(self, now: float) -> None:
+        """Forget every point after `now`, as if none had come: what moves there ends in a ramp."""
+        here = self._state(now)
+        self._follow(np.array([now]), here)
+        self._used = 1
         self.foresee(now)
 
     def foresee(self, until: float) -> None:

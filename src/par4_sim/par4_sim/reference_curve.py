@@ -116,12 +116,27 @@ class ReferenceLimits:
             self._refuse(times, points, row)
             row = _suspect(times, points, row + 1, *bounds)
 
-    def check_join(self, first_time: float, first: np.ndarray, time: float, point: np.ndarray
-                   ) -> None:
+    def check_join(self, first_time: float, first: np.ndarray, time: float, point: np.ndarray,
+                   late: bool = False) -> None:
         """Refuse the way from where the reference is (12 or more,) to a new point, as `check_way`.
+
+        Where points came too `late`, nobody has asked for this way: it is refused, too, if it is
+        harder than the hardest ramp.
         """
-        self.check_way(np.array((first_time, max(time, first_time + SHORTEST))),
-                       np.stack((first[:12], point[:12])))
+        times = np.array((first_time, max(time, first_time + SHORTEST)))
+        further = times[1] - time  # looked at there, a short way is as smooth as it is
+        q, qd, qdd = point[:4], point[4:8], point[8:12]
+        points = np.stack((first[:12], np.concatenate((
+            q + further * (qd + 0.5 * further * qdd), qd + further * qdd, qdd))))
+        self.check_way(times, points)
+        if late:
+            found = float(np.abs(_looked_at(times, points, 0)[:, 8:]).max())
+            hardest = 1.5 * self._robot.limits.joint_speed / HARDEST  # the speed falls as a cubic
+            if found > max(hardest, np.abs(points[:, 8:]).max()):
+                raise InputError(
+                    f'came too late to go on from where the reference is: the way to the first '
+                    f'point that is left asks for {found:.4g} rad/s2, braking for {hardest:.4g} '
+                    f'at most; send points earlier')
 
     def _refuse(self, times: np.ndarray, points: np.ndarray, row: int) -> None:
         """Refuse the segment behind point `row` if it breaks a limit."""

@@ -28,10 +28,12 @@ from par4_sim.machine_effects import machine_of_model
 from par4_sim.noise import Noise, NoiseSource
 from par4_sim.plant import STEP, Plant
 from par4_sim.reference import ReferenceQueue
-from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.reference_curve import STILL, ReferenceLimits
 from par4_sim.sensors import Sensors
 
 Fidelity = Literal['accurate', 'fast', 'exact']
+RESTING = 0.05
+"""Joint speed below which a machine that holds its place counts as resting, rad/s."""
 
 
 @dataclass(frozen=True)
@@ -158,6 +160,16 @@ class Simulation:
     def following_error(self) -> np.ndarray:
         """Distance of the joints from what the drives follow now (4,), rad."""
         return self._reference.target(self._reached(self._steps))[:LEGS] - self.q
+
+    @property
+    def rests(self) -> bool:
+        """Whether neither the joints move nor what the drives follow now."""
+        asked = self._reference.target(self._reached(self._steps))[LEGS:2 * LEGS]
+        return bool(np.abs(asked).max() < STILL and np.abs(self._plant.qd).max() < RESTING)
+
+    def end_reference(self) -> None:
+        """Forget what is queued beyond now: what moves ends in a ramp, as if no more had come."""
+        self._reference.end_here(self._reached(self._steps))
 
     def brake(self) -> None:
         """Forget what is queued and bring the machine to rest from where it is."""

@@ -12,7 +12,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from par4_kinematics.acceleration import platform_motion
 from par4_kinematics.approach import with_approach
-from par4_kinematics.braking import braked
+from par4_kinematics.braking import ways_to_rest
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import CLOCK, JOINT_STATES, REFERENCE
 from par4_kinematics.motion import Motion
@@ -30,6 +30,7 @@ from par4_kinematics.ros.convert import (
 from par4_kinematics.ros.goal_server import ACTION, GoalServer
 from par4_kinematics.ros.motion_parameters import MotionParameters
 from par4_kinematics.ros.node import Par4Node, State, run
+from par4_kinematics.standstill import Standstill
 from par4_kinematics.workspace import home_pose
 
 LEAD_NS = SECOND
@@ -48,7 +49,9 @@ TICK = 0.02
 SETTLING = 0.5
 """Seconds of wall time for which the number of listeners must have stayed the same."""
 BRAKING_LEAD = 0.15
-"""Seconds of wall time from the message that brakes to its first point."""
+"""Seconds of wall time from now to the first point of the first way to rest."""
+UNSEEN_NS = SECOND // 2
+"""How long after the last way to rest the robot is watched until it rests."""
 STRANGE_NS = 100 * SECOND
 """Difference between the robot's stamps and the node's clock that no clock of a robot has."""
 STANDSTILL = 3.0
@@ -83,6 +86,9 @@ class MotionNode(Par4Node):
         self._times_ns: np.ndarray | None = None
         self._points: tuple[np.ndarray, ...] = ()
         self._braking = False
+        self._start_ns = 0
+        self._standstill: Standstill | None = None
+        self._rests_between_ns = 0, 0
         self._ahead_ns = LEAD_NS
         self._sent = 0
         self._pace = 1.0
@@ -105,6 +111,8 @@ class MotionNode(Par4Node):
         if not is_foreign(message):
             self._robot_at = joint_values(message, 'position')
             self._stamp_ns = time_ns(message.header.stamp)
+            if self._standstill is not None:
+                self._standstill.take(self._stamp_ns, self._robot_at)
 
     def clock_jumped_back(self) -> None:
         """Abort a motion that is being played: the robot is not where it was."""
@@ -146,29 +154,32 @@ class MotionNode(Par4Node):
                 self._fail(error)
                 return
         if self._stop_asked and not self._braking:
+            self._braking = True
+            if self._sent == 0:
+                self._over(0)
+                return
             self._brake(now_ns)
         while self._sent < len(self._times_ns) and (
                 self._times_ns[self._sent] <= now_ns + self._ahead_ns):
             self._send_chunk()
         self._feed_back(now_ns)
-        if now_ns > self._times_ns[-1]:
+        if self._standstill is not None:
+            self._look_for_rest(now_ns, self._standstill)
+        elif now_ns > self._times_ns[-1]:
             self._over(now_ns - int(self._times_ns[-1]))
-        elif time.monotonic() > self._patient_until:
-            self.get_logger().error('the clock stands: the robot may not have braked')
-            self._over(0)
 
     def _play(self, motion: Motion) -> None:
         """Play the motion of a goal from the next look at the clock on."""
-        self._motion, self._patient_until = motion, math.inf
+        self._motion = motion
 
     def _feed_back(self, now_ns: int) -> None:
         if self._goals is None or time.monotonic() - self._fed_back < FEEDBACK:
             return
         self._fed_back = time.monotonic()
         elapsed_ns = int(np.clip(self._stamp_ns, self._times_ns[0], self._times_ns[-1])
-                         - self._times_ns[0])
+                         - self._start_ns)
         at = elapsed_ns / SECOND
-        told = (self._times_ns - self._times_ns[0]) / SECOND
+        told = (self._times_ns - self._start_ns) / SECOND
         self._goals.follow(now_ns, elapsed_ns, tuple(
             np.array([np.interp(at, told, column) for column in part.T])
             for part in self._points))
@@ -191,6 +202,7 @@ class MotionNode(Par4Node):
         """Wait for the next goal, or end where that was asked."""
         self._motion = self._times_ns = None
         self._sent, self._braking, self._stop_asked = 0, False, False
+        self._standstill = None
         self.finished = self._ending
 
     def _ask_to_stop(self) -> None:
@@ -210,19 +222,42 @@ class MotionNode(Par4Node):
         self._stop_asked = self._ending = True
 
     def _brake(self, now_ns: int) -> None:
-        """Replace what is queued by the way to rest."""
-        self._braking = True
-        lead_ns = round(max(1.0, self._pace) * BRAKING_LEAD * SECOND)
-        start_ns = int(self._times_ns[0])
-        t, q, qd, qdd = braked(self._motion, (now_ns + lead_ns - start_ns) / SECOND)
-        played = self._motion.duration
-        self._points = (q, qd, qdd)
-        self._times_ns = start_ns + np.rint(t * SECOND).astype(np.int64)
-        self._sent = 0
-        self._patient_until = (time.monotonic() + STANDSTILL
-                               + (self._times_ns[-1] - now_ns) / SECOND / min(1.0, self._pace))
-        self.get_logger().warning(
-            f'stopped: at rest {t[-1]:.3f} s after the start, of {played:.3f} s')
+        """Replace what is queued by ways to rest, of which one is in time."""
+        now, sent = (float(at_ns - self._start_ns) / SECOND
+                     for at_ns in (now_ns, self._times_ns[self._sent - 1]))
+        ways = ways_to_rest(self._motion, now, max(1.0, self._pace) * BRAKING_LEAD, sent)
+        ends = [way[0][-1] for way in ways] or [self._motion.duration]
+        self._rests_between_ns = (self._start_ns + round(ends[0] * SECOND),
+                                  self._start_ns + round(ends[-1] * SECOND) + UNSEEN_NS)
+        for times, *points in reversed(ways):
+            self._times_ns = self._start_ns + np.rint(times * SECOND).astype(np.int64)
+            self._points, self._sent = tuple(points), 0
+            while self._sent < len(self._times_ns):
+                self._send_chunk()
+        self._standstill = Standstill()
+        if self._goals is None:
+            self._robot_listener = self.subscribe(JOINT_STATES, self._on_joint_state)
+        self._patient_until = time.monotonic() + STANDSTILL + (
+            self._rests_between_ns[1] - now_ns) / SECOND / min(1.0, self._pace)
+        self.get_logger().warning('asked to stop: braking on the path of the motion')
+
+    def _look_for_rest(self, now_ns: int, standstill: Standstill) -> None:
+        """End when the robot has come to rest, or when it cannot be hoped for any more."""
+        first_ns, last_ns = self._rests_between_ns
+        if standstill.reached(first_ns):
+            after = ((standstill.since_ns or 0) - self._start_ns) / SECOND
+            self.get_logger().warning(f'stopped: at rest {after:.3f} s after the start, of '
+                                      f'{self._motion.duration:.3f} s')
+        elif self._publisher.get_subscription_count() == 0:
+            self.get_logger().warning(
+                f'stopped: nobody takes {REFERENCE.name} any more; the drives must brake')
+        elif now_ns > last_ns:
+            self.get_logger().error('stopped, but the robot was not seen to come to rest')
+        elif time.monotonic() > self._patient_until:
+            self.get_logger().error('the clock stands: the robot may not have braked')
+        else:
+            return
+        self._over(0)
 
     def _missing(self, now_ns: int) -> str:
         if self._motion is None:
@@ -254,8 +289,8 @@ class MotionNode(Par4Node):
         if pace > FAST * SECOND:
             self._ahead_ns = FAR_NS
         # a whole millisecond, so that samples of the usual rates fall on the points
-        start_ns = (now_ns + lead_ns) // MILLISECOND * MILLISECOND
-        self._times_ns = start_ns + np.rint(self._motion.t * SECOND).astype(np.int64)
+        self._start_ns = (now_ns + lead_ns) // MILLISECOND * MILLISECOND
+        self._times_ns = self._start_ns + np.rint(self._motion.t * SECOND).astype(np.int64)
         self.get_logger().info(f'playing {self._motion.name}, {self._motion.duration:.3f} s')
 
     def _send_chunk(self) -> None:

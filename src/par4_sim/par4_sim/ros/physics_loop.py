@@ -22,6 +22,12 @@ IDLE = 0.005
 """Longest wait for an order, s, while the simulation stands."""
 PATIENCE = 5.0
 """Seconds to wait for an order to be carried out."""
+GRACE = 0.5
+"""Seconds of wall time in which, before the end, whoever moves the machine may brake it."""
+LONGEST_END = 2.5
+"""Seconds of wall time after which the loop ends even if the machine moves."""
+SETTLED_NS = SECOND // 20
+"""How long a machine must have rested to count as at rest."""
 
 
 class PhysicsLoop:
@@ -35,6 +41,7 @@ class PhysicsLoop:
         fault: why references are refused until a restart, in words; empty while all is well. It
             may be set.
         late_steps: samples that came more than a sample period after their time.
+        ended: how the loop came to its end, in words, where `end` asked for it; empty before.
     """
 
     def __init__(self, simulation: Simulation, publish: Callable[[int, Sample], None],
@@ -56,6 +63,10 @@ class PhysicsLoop:
         self.paused = False
         self.fault = ''
         self.late_steps = 0
+        self.ended = ''
+        self._end_asked: float | None = None
+        self._braked = False
+        self._rests_since_ns: int | None = None
         self._simulation = simulation
         self._publish = publish
         self._refuse = refuse
@@ -78,6 +89,11 @@ class PhysicsLoop:
         """Whether the drives brake or have braked because a moving reference was not gone on with.
         """
         return self._simulation.starved
+
+    @property
+    def ending(self) -> bool:
+        """Whether the loop ends as soon as the machine rests."""
+        return self._end_asked is not None
 
     @property
     def waiting(self) -> bool:
@@ -119,16 +135,27 @@ class PhysicsLoop:
         if not done.wait(timeout=PATIENCE):
             raise InputError('the simulation has ended; start it again')
 
+    def end(self) -> None:
+        """End once the machine rests.
+
+        Whoever moves it has `GRACE` to brake it; then the drives take no reference more and brake
+        by themselves.
+        """
+        if self._end_asked is None:
+            self._end_asked = time.monotonic()
+
     def run(self, finished: Callable[[], bool]) -> None:
-        """Simulate and publish until `finished`.
+        """Simulate and publish until `finished`, or until `end` was asked and the machine rests.
 
         Raises:
             UnreachableError: the machine was driven out of its workspace; `restart` and `run`
                 again.
         """
         deadline = time.monotonic()
-        while not finished():
+        while not (finished() or self.ended):
             standing = self.paused or self._waits_for_effort()
+            if self._end_asked is not None:
+                self._come_to_an_end(self._end_asked)
             self._take_in()
             self._carry_out_orders(standing)
             if standing:
@@ -157,8 +184,8 @@ class PhysicsLoop:
         kept = True
         for times, motion in batches:
             try:
-                if self.fault:
-                    raise InputError(f'not followed: {self.fault}')
+                if self.fault or self._braked:
+                    raise InputError(f'not followed: {self.fault or "the simulation is ending"}')
                 self._simulation.queue_reference(times, *motion, looked_at)
             except Par4Error as error:
                 kept = False
@@ -183,8 +210,27 @@ class PhysicsLoop:
             self.fault = (f'{JOINT_NAMES[joint]} was {errors[joint]:.3g} rad from its reference, '
                           f'beyond {self._following_error_limit:g} rad: braked; call ~/reset')
 
+    def _come_to_an_end(self, asked: float) -> None:
+        """Brake in time and note the end where the machine rests, or where it has to."""
+        if not self._simulation.rests:
+            self._rests_since_ns = None
+        elif self._rests_since_ns is None:
+            self._rests_since_ns = self.now_ns
+        elapsed = time.monotonic() - asked
+        if self.paused:
+            self.ended = 'paused'
+        elif (self._rests_since_ns is not None
+                and self.now_ns - self._rests_since_ns >= SETTLED_NS):
+            self.ended = 'at rest, braked by the drives' if self._braked else 'at rest'
+        elif elapsed > LONGEST_END:
+            self.ended = 'in motion: the time to brake in was over'
+        elif elapsed > GRACE and not self._braked:
+            self._simulation.end_reference()
+            self._braked = True
+
     def _waits_for_effort(self) -> bool:
-        if self._feedforward_timeout == 0.0 or not self._simulation.effort_missing():
+        if (self._feedforward_timeout == 0.0 or self._end_asked is not None
+                or not self._simulation.effort_missing()):
             self._standing_since = None
             return False
         now = time.monotonic()

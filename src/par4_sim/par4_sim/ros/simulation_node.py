@@ -162,8 +162,12 @@ class SimulationNode(Par4Node):
         return 'running'
 
     def _stop(self) -> str:
-        self.finished = True
+        self.end()
         return 'stopping'
+
+    def end(self) -> None:
+        """End once the machine rests: its drives do not leave it in motion."""
+        self._physics.end()
 
     def state(self) -> State:
         """Return whether the simulation runs, and why if not."""
@@ -179,6 +183,8 @@ class SimulationNode(Par4Node):
                                           f'robot is in this domain; give each a ROS_DOMAIN_ID')
         if physics.paused:
             return State(State.WARN, 'paused')
+        if physics.ending:
+            return State(State.WARN, 'ending: waits until the machine rests')
         if physics.waiting:
             return State(State.WARN, f'waiting for {FEEDFORWARD_TORQUE.name}')
         if physics.starved:
@@ -218,8 +224,9 @@ class SimulationNode(Par4Node):
         with ThreadPoolExecutor(1) as thread:
             callbacks = thread.submit(self._serve_callbacks)
             try:
-                while not self.finished:
+                while not (self.finished or self._physics.ended):
                     self._simulate()
+                self._tell_end()
             finally:
                 self.finished = True
         callbacks.result()
@@ -237,6 +244,11 @@ class SimulationNode(Par4Node):
             self.counts['unreachable_poses'] += 1
             self._physics.fault = f'out of reach: {error}; paused: call ~/reset, then ~/resume'
             self._physics.paused = True
+
+    def _tell_end(self) -> None:
+        ended = self._physics.ended
+        if 'braked' in ended or 'motion' in ended:
+            self.get_logger().warning(f'asked to end in motion; ended {ended}')
 
     def close(self) -> None:
         """Release the plant and the window."""
