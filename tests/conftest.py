@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Iterator
 from typing import Any
@@ -19,6 +20,15 @@ CALM = {'deadline': None, 'database': None,
 settings.register_profile('few', max_examples=5, derandomize=True, **CALM)
 settings.register_profile('fuzz', max_examples=2000, print_blob=True, **CALM)
 settings.load_profile('few')
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector what stays till the end: modules, tests, compiled kernels.
+
+    Else it goes through all of that again and again while tests run.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture

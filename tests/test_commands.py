@@ -238,7 +238,7 @@ def test_identification_report_stands_alone(identified):
 
 
 def test_a_known_payload_is_taken_out_of_the_mass_of_its_half_plate(identified, bags, tmp_path):
-    done = run(identify, bags.plain, '--robot', 'reference', '--output', tmp_path,
+    done = run(identify, bags.plain, '--robot', 'reference', '--output', tmp_path, '--no-report',
                '--payload', f'{bags.plain}=0.1')
     assert done.code == 0, done.err
     without = read_model_file(identified.folder / 'model.yaml').parameters
