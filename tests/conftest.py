@@ -32,6 +32,19 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture
+def unrendered(monkeypatch) -> None:
+    """Compose the pictures of reports, but put an empty SVG in the place of each.
+
+    Laying out and writing a picture takes a second. This is for tests of words and numbers; those
+    of reports, `check_in_browser`, do without it.
+    """
+    from par4_sim.report.drawing import Figure
+
+    monkeypatch.setattr(Figure, 'savefig', lambda _figure, stream, **_: stream.write(
+        '<svg xmlns="http://www.w3.org/2000/svg"/>'))
+
+
+@pytest.fixture
 def bench(tmp_path, monkeypatch) -> Iterator[Any]:
     """Yield a `node_bench.Bench`; ROS is loaded for the tests that ask for one only."""
     from node_bench import Bench

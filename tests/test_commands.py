@@ -366,6 +366,7 @@ def test_validation_of_a_good_model_on_another_bag(identified, bags, tmp_path):
     assert 'The model holds.' in page.text
 
 
+@pytest.mark.usefixtures('unrendered')
 def test_validation_on_the_bag_of_the_identification_is_called_by_its_name(identified, bags,
                                                                           tmp_path):
     done = run(validate, bags.plain, '--model', identified.folder / 'model.yaml', '--robot',
