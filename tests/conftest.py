@@ -1,4 +1,4 @@
-"""Fixtures that several test modules use; two processes run the tests, each keeps to one core."""
+"""Fixtures that several test modules use; of the processes that run them each keeps to one core."""
 
 from __future__ import annotations
 
