@@ -7,6 +7,8 @@ PACKAGES := par4_kinematics par4_dynamics par4_sim par4_identification
 # nothing of a sourced ROS installation or of the caller's Python may leak into the environment
 unexport PYTHONPATH
 unexport PYTHONHOME
+# every process that tests start would compile the modules anew
+unexport PYTHONDONTWRITEBYTECODE
 
 # of each room what needs no diagnosis, no engine and no nodes: a minute on two cores
 QUICK := amplifier api bag drive dynamics filtering kinematics log log_table motions noise numbering \

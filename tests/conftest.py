@@ -1,7 +1,8 @@
-"""Fixtures that several test modules use; two processes run the tests, each keeps to one core."""
+"""Fixtures that several test modules use; of the processes that run them each keeps to one core."""
 
 from __future__ import annotations
 
+import gc
 import os
 from collections.abc import Iterator
 from typing import Any
@@ -19,6 +20,28 @@ CALM = {'deadline': None, 'database': None,
 settings.register_profile('few', max_examples=5, derandomize=True, **CALM)
 settings.register_profile('fuzz', max_examples=2000, print_blob=True, **CALM)
 settings.load_profile('few')
+
+
+def pytest_collection_finish() -> None:
+    """Spare the garbage collector what stays till the end: modules, tests, compiled kernels.
+
+    Else it goes through all of that again and again while tests run.
+    """
+    gc.collect()
+    gc.freeze()
+
+
+@pytest.fixture
+def unrendered(monkeypatch) -> None:
+    """Compose the pictures of reports, but put an empty SVG in the place of each.
+
+    Laying out and writing a picture takes a second. This is for tests of words and numbers; those
+    of reports, `check_in_browser`, do without it.
+    """
+    from par4_sim.report.drawing import Figure
+
+    monkeypatch.setattr(Figure, 'savefig', lambda _figure, stream, **_: stream.write(
+        '<svg xmlns="http://www.w3.org/2000/svg"/>'))
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -49,9 +50,10 @@ HOME_Q = inverse_kinematics(ROBOT.geometry, home_pose(ROBOT))
 AWAY_Q = inverse_kinematics(ROBOT.geometry, home_pose(ROBOT) + (0.12, -0.06, 0.05, 0.3))
 DEADLINE = 90.0
 """Seconds after which something that should happen counts as not happening."""
-COUNTER = itertools.count()
-WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:])
-"""Number of the process that runs these tests beside others."""
+DOMAINS = 100
+"""ROS domains from 1 on that tests may use; above 101 their ports are ephemeral ones."""
+COUNTER = itertools.count(11 * os.getpid())
+"""Every bench begins to look for a domain one further than the one before it."""
 MODULES = {
     'par4_kinematics': 'par4_kinematics.ros.kinematics_node',
     'par4_motion': 'par4_kinematics.ros.motion_node',
@@ -64,13 +66,39 @@ SIMULATED = {'use_sim_time': 'true'}
 MILLISECOND = 1_000_000
 
 
+class Domain:
+    """A ROS domain that no other bench on this machine uses until it is left.
+
+    To hold domain n is to hold the TCP port of the same number as its UDP port of discovery,
+    7400 + 250 n (DDSI-RTPS 2.5, 9.6.2), which nothing else uses. The system takes it back when the
+    process ends, in whatever way; any number of workers, of any number of runs, may ask.
+    """
+
+    def __init__(self, first: int) -> None:
+        """Take the first domain that is free from `first` on, round and round."""
+        for number in range(first, first + DOMAINS):
+            self.number = 1 + number % DOMAINS
+            self._port = socket.socket()
+            try:
+                self._port.bind(('127.0.0.1', 7400 + 250 * self.number))
+            except OSError:
+                self._port.close()
+            else:
+                return
+        pytest.fail(f'{DOMAINS} ROS domains asked for, none is free; end other runs of these tests')
+
+    def leave(self) -> None:
+        """Let others take it."""
+        self._port.close()
+
+
 class Bench:
     """A test client in a domain of its own, and the nodes it starts there."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        # even and odd: of two processes that run the tests; above 101: ephemeral ports
-        self.domain = 1 + 2 * ((11 * os.getpid() + next(COUNTER)) % 50) + WORKER % 2
+        self._domain = Domain(next(COUNTER))
+        self.domain = self._domain.number
         self.environment = os.environ | {'ROS_DOMAIN_ID': str(self.domain),
                                          'ROS_LOG_DIR': str(folder / 'log')}
         self.children: list[subprocess.Popen] = []
@@ -177,6 +205,7 @@ class Bench:
         self.executor.shutdown()
         self.node.destroy_node()
         rclpy.try_shutdown(context=self.context)
+        self._domain.leave()
 
 
 def joint_state(q, stamp_ns: int = SECOND, names=JOINT_NAMES) -> JointState:

@@ -214,7 +214,7 @@ def test_diagnostics_tell_pace_ages_and_dead_inputs_and_foreign_joints_are_no_fa
 
 
 def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(bench):
-    simulated = Simulated(bench)
+    simulated = Simulated(bench, publish_rate_hz=100)
     diagnostics = simulated.diagnostics
     # without use_sim_time a motion says so instead of playing years ahead
     lost = bench.start('par4_motion', motion='adept')
@@ -228,7 +228,7 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
     simulated.child.kill()
     simulated.child.wait()
-    second = bench.start('par4_simulation', fidelity='exact')
+    second = bench.start('par4_simulation', fidelity='exact', publish_rate_hz=100)
     assert bench.ended(player) == 2
     wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
     bench.wait(lambda: '[par4_feedforward]: the clock jumped back by' in bench.said(),
@@ -241,7 +241,8 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     references = bench.publisher(REFERENCE)
     references.publish(reference_message(quintic_motion(AWAY_Q), 1_800_000_000 * SECOND))
     wait_for_state(bench, diagnostics, 'par4_simulation', WARN, '1 rejected_messages')
-    bench.start('par4_simulation', fidelity='exact', publish_clock='true')
+    bench.start('par4_simulation', fidelity='exact', publish_clock='true',
+                publish_rate_hz=100)
     for node in ('par4_simulation', 'par4_record'):
         wait_for_state(bench, diagnostics, node, ERROR, '2 publish /clock')
     for child in (second, recorder):

@@ -88,6 +88,7 @@ def test_a_payload_is_named_and_not_clean(bags, tmp_path):
     assert 'a payload of 0.61 kg at half plate 1' in page.text
 
 
+@pytest.mark.usefixtures('unrendered')
 def test_bags_before_tell_two_changes(bags, tmp_path):
     _, content = diagnosed(tmp_path / 'out', bags / 'rubbing', '--before', bags / 'before',
                            bags / 'same')
@@ -99,6 +100,7 @@ def test_bags_before_tell_two_changes(bags, tmp_path):
     assert friction['reading'].startswith('Coulomb friction of joint 2 up by 0.4')
 
 
+@pytest.mark.usefixtures('unrendered')
 def test_the_same_machine_has_not_changed(bags, tmp_path):
     done, content = diagnosed(tmp_path / 'out', bags / 'same', '--model',
                               bags / 'model' / 'model.yaml')

@@ -238,7 +238,7 @@ def test_identification_report_stands_alone(identified):
 
 
 def test_a_known_payload_is_taken_out_of_the_mass_of_its_half_plate(identified, bags, tmp_path):
-    done = run(identify, bags.plain, '--robot', 'reference', '--output', tmp_path,
+    done = run(identify, bags.plain, '--robot', 'reference', '--output', tmp_path, '--no-report',
                '--payload', f'{bags.plain}=0.1')
     assert done.code == 0, done.err
     without = read_model_file(identified.folder / 'model.yaml').parameters
@@ -366,6 +366,7 @@ def test_validation_of_a_good_model_on_another_bag(identified, bags, tmp_path):
     assert 'The model holds.' in page.text
 
 
+@pytest.mark.usefixtures('unrendered')
 def test_validation_on_the_bag_of_the_identification_is_called_by_its_name(identified, bags,
                                                                           tmp_path):
     done = run(validate, bags.plain, '--model', identified.folder / 'model.yaml', '--robot',

@@ -172,7 +172,7 @@ def test_twins_get_a_motion_that_par4_motion_plays(first):
     assert f'Play {proposed["motion"]} (' in first.page.words[first.page.place('What to do next')]
 
 
-@pytest.mark.usefixtures('small_library')
+@pytest.mark.usefixtures('small_library', 'unrendered')
 def test_the_bag_of_that_motion_decides_and_replaces_what_the_first_run_left(
         first, again, machine, tmp_path):
     played = run(simulate, again / 'motion.yaml', '--model', machine / 'machine.yaml', '--seed', 7,
@@ -200,6 +200,7 @@ def test_the_bag_of_that_motion_decides_and_replaces_what_the_first_run_left(
     assert page.headings[page.place('What could not')] == 'What could not be told apart'
 
 
+@pytest.mark.usefixtures('unrendered')
 def test_unusable_data_leave_nothing_of_an_earlier_run(again, machine):
     done = run(diagnose, machine / 'rest', '--robot', 'reference', '--output', again)
     assert done.code == 0, done.err

@@ -111,15 +111,21 @@ def test_the_extended_model_helps_the_feedforward_of_the_machine():
     assert error(extended) < 0.9 * error(extended.without_effects())
 
 
+@pytest.fixture(scope='module')
+def sound():
+    """Return two logs of TABLE 1."""
+    return [log_of_model(REFERENCE, read_model('table1', REFERENCE), seed=seed)
+            for seed in (71, 72)]
+
+
 @pytest.mark.parametrize(('spoil', 'words'), [
     (lambda log: {'tau': -log.tau}, 'sign'),
     (lambda log: {'tau': log.tau[:, ::-1]}, 'order'),
     (lambda log: {'q': np.repeat(log.q[:1], len(log.q), axis=0)}, 'rows'),
     (lambda log: {'tau': np.random.default_rng(0).standard_normal(log.tau.shape)}, 'explain only'),
 ])
-def test_unfit_data_are_called_unusable(spoil, words):
-    fit, heldout = (log_of_model(REFERENCE, read_model('table1', REFERENCE), seed=seed)
-                    for seed in (71, 72))
+def test_unfit_data_are_called_unusable(sound, spoil, words):
+    fit, heldout = sound
     result = diagnose([replace(fit, **spoil(fit))], REFERENCE, holdout_logs=[heldout])
     assert isinstance(result, Unusable)
     assert result.verdict == 'unusable_data'

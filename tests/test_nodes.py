@@ -414,16 +414,15 @@ def test_services_of_the_simulation(bench):
     assert bench.ended(simulated.child) == 0
 
 
-def lag_over_topics(bench, simulated, motion, answers=None):
+def lag_over_topics(bench, simulated, motion, inputs=(REFERENCE,)):
     """Return how far D was from a motion that begins elsewhere, m, (n, 3).
 
-    Of most of the n samples the joint states are heard. The machine stands until the reference,
-    and its torque where `answers` are those of a feedforward, has come, so that nothing is late.
+    Of most of the n samples the joint states are heard. The machine stands until it has heard a
+    message on each of its `inputs`, so that nothing is late.
     """
     assert bench.call('/par4_simulation/pause').success
     references = bench.publisher(REFERENCE)
-    bench.wait(lambda: references.get_subscription_count() == 1 + (answers is not None),
-               'all subscribers')
+    bench.wait(lambda: references.get_subscription_count() == len(inputs), 'all subscribers')
     first_ns = (simulated.now_ns() // SECOND + 1) * SECOND
     # looks ahead come every 2 ms of the simulation, which begins at 1 ms
     start_ns = first_ns + SECOND + MILLISECOND
@@ -432,10 +431,14 @@ def lag_over_topics(bench, simulated, motion, answers=None):
         write_time(point.time_from_start,
                    start_ns - first_ns + time_ns(point.time_from_start))
         message.points.append(point)
-    references.publish(message)
-    bench.wait(lambda: bench.statuses(simulated.diagnostics, 'par4_simulation')
-               and simulated.measures().get('reference_age') != 'none yet'
-               and (answers is None or answers), 'the reference and its torque')
+
+    def all_heard() -> bool:
+        references.publish(message)  # nodes that do not know each other yet miss one
+        simulated.fresh_counts()
+        told = simulated.measures()
+        return all(told[f'{topic.name}_age'] != 'none yet' for topic in inputs)
+
+    bench.wait(all_heard, 'the simulation to hear all')
     assert bench.call('/par4_simulation/resume').success
     simulated.wait_until(start_ns + round(motion.duration * SECOND) + SECOND // 10)
     positions = simulated.positions()
@@ -499,9 +502,8 @@ def test_predictive_control_over_topics_is_that_without_ros(bench):
                 torque_factor=2.0, **SIMULATED)
     simulated = Simulated(bench, robot_file='weak.yaml', controller='predictive',
                           controller_model='table1_full', feedforward_timeout=DEADLINE)
-    answers = bench.listen(FEEDFORWARD_TORQUE)
     motion = adept_motion(ROBOT, period=1e-3, jerk=30_000.0)
-    lag = lag_over_topics(bench, simulated, motion, answers)
+    lag = lag_over_topics(bench, simulated, motion, (REFERENCE, FEEDFORWARD_TORQUE))
     peak = np.linalg.norm(lag, axis=1).max()
     machine = read_model('table1_full', weak)
     torque = feedforward_of(weak, machine, motion)

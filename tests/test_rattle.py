@@ -21,9 +21,10 @@ from robots import REFERENCE
 
 @pytest.fixture(scope='module')
 def case():
-    """Return a machine with a gap in one joint and its diagnosis."""
+    """Return a machine with a gap in one joint, its diagnosis and the recordings of both."""
     scenario = draw_scenario(Task('single', 30035, 'backlash', False))
-    return scenario, diagnosis_of(scenario, *record_scenario(scenario))
+    recordings = record_scenario(scenario)
+    return scenario, diagnosis_of(scenario, *recordings), recordings
 
 
 @pytest.fixture(scope='module')
@@ -34,7 +35,7 @@ def loose(case):
 
 
 def test_backlash_is_named_on_its_joint_with_its_size(case):
-    scenario, diagnosis = case
+    scenario, diagnosis, _ = case
     gap = scenario.hidden[0][1]['gap']
     assert [cause.effect.name for cause in diagnosis.causes] == ['backlash']
     cause = diagnosis.causes[0]
@@ -52,8 +53,8 @@ def test_backlash_is_named_on_its_joint_with_its_size(case):
 
 
 def test_without_it_in_the_library_the_machine_stays_unknown(case):
-    scenario, _ = case
-    diagnosis = diagnosis_of(scenario, *record_scenario(scenario), ('backlash',))
+    scenario, _, recordings = case
+    diagnosis = diagnosis_of(scenario, *recordings, ('backlash',))
     assert (diagnosis.verdict, diagnosis.causes) == ('unknown', ())
 
 

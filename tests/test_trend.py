@@ -230,6 +230,7 @@ def with_effects(model_file, **effects):
         for name, (joints, parameters) in effects.items())})
 
 
+@pytest.mark.usefixtures('unrendered')
 def test_sizes_of_effects_in_the_model_are_followed(tmp_path, monkeypatch):
     # of the machine that makes the bags cogging of joint 2 doubles in size at the fourth
     table = read_model_file('table1')

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numba
 import numpy as np
@@ -95,11 +96,12 @@ def split_machine(machine: Machine) -> tuple[Machine, Motors]:
     motors = Motors(
         elastic, stiffness, gap, 2.0 * transmission.damping_ratio * rate * both, inertia, friction,
         float(rate.max()))
+    left: dict[str, Any] = {name: np.where(elastic, 0.0, getattr(friction, name))
+                            for name in FRICTION_LEVELS}
     driven = replace(
         machine, transmission=Transmission(),
         bodies=replace(machine.bodies, actuator_inertia=whole - inertia),
-        friction=replace(friction, **{name: np.where(elastic, 0.0, getattr(friction, name))
-                                      for name in FRICTION_LEVELS}))
+        friction=replace(friction, **left))
     return driven, motors
 
 

@@ -61,8 +61,8 @@ def absolute(topic: Topic) -> str:
 def plotjuggler() -> str:
     """Return the layout for PlotJuggler, which finds the joints by name."""
     root = ElementTree.Element('root')
-    window = ElementTree.SubElement(root, 'tabbed_widget', name='Main Window',
-                                    parent='main_window')
+    window = ElementTree.SubElement(root, 'tabbed_widget',
+                                    {'name': 'Main Window', 'parent': 'main_window'})
     tab = ElementTree.SubElement(window, 'Tab', tab_name='par4', containers='1')
     splitter = ElementTree.SubElement(
         ElementTree.SubElement(tab, 'Container'), 'DockSplitter', orientation='-',

@@ -39,6 +39,10 @@ class Layout:
     after: np.ndarray
 
 
+Points = tuple[list[list[range]], list[int]]
+"""Where the numbers of the arrays of each point stand, and its time from start."""
+
+
 def joint_state_layout(data: bytes) -> Layout | None:
     """Return the layout of a serialised JointState, or None if it is none."""
     return _layout(data, lambda scan: ([[scan.numbers() for _ in range(3)]], []))
@@ -46,7 +50,7 @@ def joint_state_layout(data: bytes) -> Layout | None:
 
 def trajectory_layout(data: bytes) -> Layout | None:
     """Return the layout of a serialised JointTrajectory with points alike, or None."""
-    def points(scan: _Scan) -> tuple[list, list]:
+    def points(scan: _Scan) -> Points:
         arrays, after = [], []
         for _ in range(scan.count()):
             arrays.append([scan.numbers() for _ in range(4)])
@@ -56,7 +60,7 @@ def trajectory_layout(data: bytes) -> Layout | None:
     return _layout(data, points)
 
 
-def _layout(data: bytes, points: Callable[[_Scan], tuple[list, list]]) -> Layout | None:
+def _layout(data: bytes, points: Callable[[_Scan], Points]) -> Layout | None:
     if data[:2] != b'\x00\x01':  # little-endian, without parameters
         return None
     scan = _Scan(data)
@@ -118,12 +122,19 @@ class JointStateTemplate:
     """A serialised JointState whose stamp and numbers are written over, again and again."""
 
     def __init__(self, data: bytes | memoryview) -> None:
-        """Take a little-endian message; its numbers do not matter."""
+        """Take a little-endian message; its numbers do not matter.
+
+        Raises:
+            ValueError: another message, or one that is cut off.
+        """
+        layout = joint_state_layout(bytes(data))
+        if layout is None:
+            raise ValueError('expected a whole little-endian JointState')
         self._data = bytearray(data)
         numbers = np.frombuffer(self._data, '<f8', (len(data) - ENCAPSULATION) // 8,
                                 ENCAPSULATION)
         self._arrays = [numbers[at[0]:at[-1] + 1] if len(at) else np.empty(0)
-                        for at, in joint_state_layout(bytes(data)).arrays]
+                        for at, in layout.arrays]
 
     def filled(self, stamp: int, parts: Sequence[ArrayLike]) -> bytes:
         """Return the message stamped `stamp`, ns, with its position, velocity and effort."""

@@ -121,9 +121,8 @@ class Predictive(ComputedTorque):
             return nothing
         to_joints = np.linalg.inv(self._pulls) * self._units
         rows, low, high = (np.concatenate(parts) for parts in zip(*(
-            limit.rows(*ahead, to_joints)
-            for limit, *ahead in zip(self._limits, without, pulls, self._responses, strict=True)),
-            strict=True))
+            limit.rows(values, pull, response, to_joints) for limit, values, pull, response in zip(
+                self._limits, without, pulls, self._responses, strict=True)), strict=True))
         self.programs += 1
         found, _, flag, _ = daqp.solve(
             self._cost, self._slope, rows, high, low, np.full(len(rows), SOFT, dtype=np.intc),

@@ -71,6 +71,8 @@ def _run(robot: Robot, pose: MutableSequence[float]) -> None:
     with open(os.devnull, 'w', encoding='utf-8') as nowhere:  # the engine talks on stdout
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
     parent = multiprocessing.parent_process()
+    if parent is None:
+        raise RuntimeError('expected a process of its own')
     follow(View(robot, window=True), pose, parent.is_alive, time.sleep)
 
 

@@ -42,7 +42,7 @@ class Asked:
     output: Path
     options: dict[str, Any]
 
-    def plan(self, motion: Motion, **changes: float) -> Plan:
+    def plan(self, motion: Motion, **changes: Any) -> Plan:
         """Return the plan of a motion; `changes` are further fields of `Plan`."""
         return Plan(self.robot, self.machine, motion, fidelity=self.fidelity,
                     learning_cycles=self.learning_cycles, **changes)
@@ -50,7 +50,7 @@ class Asked:
 
 def read_asked(motion: str, robot: str, machine: str, controller: tuple[str, ...],
                feedforward: tuple[str, ...], output: Path, fidelity: str, learning_cycles: int,
-               **played: float | None) -> Asked:
+               **played: Any) -> Asked:
     """Return what the options of `comparison_options` ask for.
 
     Raises:

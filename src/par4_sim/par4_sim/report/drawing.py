@@ -7,6 +7,7 @@ import io
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -15,6 +16,7 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure as Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator as MaxNLocator
+from matplotlib.typing import RcKeyType
 
 MEASURED, CALCULATED = '#c8102e', '#1a56a8'
 BEFORE, AFTER, CURVE, FAINT = '#d9822b', '#1a56a8', '#1b1b1b', '#f3d9bd'
@@ -23,7 +25,7 @@ WIDTH = 10.4
 """Inches; a report is as wide."""
 PIXELS = 700
 """Columns of an envelope."""
-STYLE = {
+STYLE: dict[RcKeyType, Any] = {
     'svg.hashsalt': 'par4', 'font.size': 8.5, 'axes.titlesize': 9, 'axes.labelsize': 8.5,
     'axes.titleweight': 'bold', 'axes.titlelocation': 'left', 'axes.spines.top': False,
     'axes.spines.right': False, 'axes.edgecolor': '#8a9199', 'axes.labelcolor': INK,

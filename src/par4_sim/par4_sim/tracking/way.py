@@ -11,14 +11,11 @@ from toppra import SplineInterpolator
 
 
 class Way(Protocol):
-    """A path between two rests and its timing.
+    """A path between two rests and its timing."""
 
-    Attributes:
-        path: of the joints over s, rad.
-        duration: s.
-    """
-
-    path: SplineInterpolator
+    @property
+    def path(self) -> SplineInterpolator:
+        """The path of the joints over s, rad."""
 
     @property
     def duration(self) -> float:
