@@ -16,9 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import convolve1d
-from scipy.signal import welch
-from scipy.signal.windows import hann
 
 WINDOW = 0.25
 """Seconds over which spectra are taken and the filter remembers, half to each side."""
@@ -28,8 +27,10 @@ has beyond that of the noise may be none."""
 KNOWN = 0.8
 """Least share of what is told that is motion, of the joint in the middle, up to the highest
 frequency at which the motion is known."""
-STRAY = 0.01
-"""Share of the changes of position that may be less than half a count."""
+LEAST_CHANGE = 1e-6
+"""Of a count, for a position to count as changed."""
+WHOLE, ALL = 0.1, 0.9
+"""Distance from a whole count, and share of the changes that must be as near to one."""
 ROUNDINGS = 8
 """Places of the counts, evenly spread over one, that the noise is the mean of."""
 
@@ -82,7 +83,7 @@ def smoother_of(q: np.ndarray, counts: int, period: float) -> Smoother:
         return UNCHANGED
     step = 2.0 * np.pi / counts
     told = _spectrum(q, half)
-    white = step ** 2 / 6.0 * (2.0 - 2.0 * np.cos(
+    white = step ** 2 / 12.0 * (2.0 - 2.0 * np.cos(
         np.pi * np.arange(half + 1) / half))[:, None] ** 2
     motion = _smoother(told, white, len(q))(q)
     noise = np.mean([_spectrum(rounded(motion, counts, place) - motion, half)
@@ -97,11 +98,10 @@ def rounded(q: np.ndarray, counts: int, place: float | np.ndarray) -> np.ndarray
 
 
 def _in_counts(q: np.ndarray, counts: int) -> bool:
-    """Return whether hardly any change of positions (n, J) is less than half a count."""
-    change = np.abs(np.diff(q, axis=0))
-    change = change[change > 0.0]
-    return bool(counts and len(change)
-                and np.mean(change < np.pi / counts) < STRAY)
+    """Return whether positions (n, J) change by whole counts."""
+    change = np.diff(q, axis=0) * counts / (2.0 * np.pi)
+    change = change[np.abs(change) > LEAST_CHANGE]
+    return bool(len(change) and np.mean(np.abs(change - np.round(change)) < WHOLE) > ALL)
 
 
 def speed_noise(counts: int, cutoff_hz: float, period: float) -> float:
@@ -115,9 +115,13 @@ def speed_noise(counts: int, cutoff_hz: float, period: float) -> float:
 def _spectrum(q: np.ndarray, half: int) -> np.ndarray:
     """Return the spectrum (half + 1, J) of the second difference of positions (n, J).
 
-    Its lines leak less into its faint end than those of the positions would.
+    Its lines leak less into its faint end than those of the positions would. That of white noise
+    is its variance. The mean is over windows that overlap by half (Welch 1967).
     """
-    return np.asarray(welch(np.diff(q, 2, axis=0), nperseg=2 * half, axis=0)[1])
+    window = np.hanning(2 * half + 1)[:-1]
+    parts = sliding_window_view(np.diff(q, 2, axis=0), 2 * half, axis=0)[::half]
+    power = np.abs(np.fft.rfft(window * parts, axis=2)) ** 2
+    return np.asarray(power.mean(axis=0).T / np.sum(window ** 2))
 
 
 def _smoother(told: np.ndarray, noise: np.ndarray, samples: int) -> Smoother:
@@ -135,7 +139,7 @@ def _taps(response: np.ndarray) -> np.ndarray:
     """Return the symmetric taps (2 k + 1, J) of a frequency response (k + 1, J) that is real."""
     half = len(response) - 1
     taps = np.fft.fftshift(np.fft.irfft(response, axis=0), axes=0)
-    taps = np.concatenate((taps, taps[:1])) * hann(2 * half + 1)[:, None]
+    taps = np.concatenate((taps, taps[:1])) * np.hanning(2 * half + 1)[:, None]
     return np.asarray(taps / taps.sum(axis=0))
 
 

@@ -79,6 +79,21 @@ class Candidates:
                  if name not in without]
         return [item for item in found if item is not None]
 
+    def other_shapes(self, candidate: Candidate, projection: Projection, least: float
+                     ) -> list[Shape]:
+        """Return the shapes of the grid that explain more than `least`, the best first.
+
+        None for orders of periodic torques, for transmissions that twist, which have no grid, and
+        for series, which hold only where their one coefficient is.
+        """
+        effect = candidate.hypothesis.named
+        if (order_name(effect) is not None or effect.expanded
+                or isinstance(effect, ElasticTransmission)):
+            return []
+        gains = [(0.5 * projection.gain(effect, shape), shape)
+                 for shape in self._shapes.get(effect.name, ()) if shape]
+        return [shape for gain, shape in sorted(gains, key=lambda item: -item[0]) if gain > least]
+
     def _search(self, effect: Effect, projection: Projection) -> Candidate | None:
         if isinstance(effect, ElasticTransmission):
             return self._twisting(effect, projection)

@@ -334,7 +334,7 @@ class Search:
         own = self.pool.fit((*others, cause))
         projection = self.beside(others)
         names = names_of((*others, cause))
-        named = [self._with_needed_joints(item.hypothesis, others)
+        named = [self._believable(item, others)
                  for item in self.candidates.all_of(projection, set(names))
                  if item.gain > 0.5 * self.gains(cause, others)[0]]
         unnamed = [Hypothesis(kind, {}, self._joints) for kind in self._kinds
@@ -344,6 +344,24 @@ class Search:
                               self.belief.objection(item, others) is None)
                   for item in (*named, *unnamed)]
         return sorted(found, key=lambda rival: rival.margin)
+
+    def _believable(self, candidate: Candidate, others: Model) -> Hypothesis:
+        """Return a candidate with what it needs, in the best shape that a machine can have.
+
+        The best shape of all is no machine's where the data hardly tell shapes apart; one that
+        explains nearly as much may be. Where there is none, the best shape is returned.
+        """
+        best = self._with_needed_joints(candidate.hypothesis, others)
+        if self.belief.objection(best, others) is None:
+            return best
+        projection = self.beside(others)
+        for shape in self.candidates.other_shapes(
+                candidate, projection, candidate.gain - self.rules.twin):
+            trial = self._with_needed_joints(
+                replace(candidate.hypothesis, shape=shape), others)
+            if self.belief.objection(trial, others) is None:
+                return trial
+        return best
 
     @staticmethod
     def _rival(hypothesis: Hypothesis | None, there: Fitted, own: Fitted, believable: bool
