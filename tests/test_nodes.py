@@ -69,7 +69,6 @@ from par4_sim.tracking.metrics import tracking_of
 from par4_sim.tracking.run import feedforward_of, record_run
 from robots import random_poses
 
-
 SLOW = 0.5
 """Simulated seconds a second where every millisecond is to be heard, on a busy machine, too."""
 
