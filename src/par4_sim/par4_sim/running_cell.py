@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
+import select
 import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 
 from par4_kinematics.errors import InputError
@@ -20,9 +20,6 @@ PATIENCE = 20.0
 """Seconds that a part has to end in, before it is killed."""
 ENDING = (signal.SIGINT, signal.SIGTERM)
 """Held back while parts start: none may go on without being known here."""
-LOOK = 0.1
-"""Seconds after which the parts are looked at again: of several processes no call waits for the
-first that ends."""
 
 
 def executable_path(part: NodePart | ToolPart) -> str:
@@ -100,6 +97,14 @@ class RunningCell:
                                  f'been ended{told}')
         return bool(ended)
 
+    def wait(self) -> None:
+        """Wait until one of the nodes ends; all run, as `played` has found."""
+        with ExitStack() as held:
+            ends = [os.pidfd_open(process.pid) for _, process in self.processes]
+            for end in ends:
+                held.callback(os.close, end)
+            select.select(ends, (), ())
+
     def end(self) -> None:
         """End the motion, which brakes while the robot still runs, then all others at a time.
 
@@ -159,7 +164,7 @@ def run_session(session: Session, log: Path | None = None) -> int:
     """
     with running_cell(session, log, group=0) as cell:
         while not cell.played():
-            time.sleep(LOOK)  # no call waits for the first of several processes
+            cell.wait()
     if session.then is None:
         return 0
     with held_back(*ENDING):
