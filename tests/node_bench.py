@@ -177,8 +177,9 @@ class Bench:
                 if message.status[0].name == f'/{node}']
 
     def reports(self, diagnostics: list, node: str) -> list[dict[str, int]]:
-        """Return the counts of a node in each of its /diagnostics."""
-        return [{pair.key: int(pair.value) for pair in status.values if pair.value.isdigit()}
+        """Return the counts of a node in each of its /diagnostics, but for what it received."""
+        return [{pair.key: int(pair.value) for pair in status.values
+                 if pair.value.isdigit() and not pair.key.endswith('_received')}
                 for status in self.statuses(diagnostics, node)]
 
     def counts(self, diagnostics: list, node: str) -> dict[str, int]:

@@ -71,16 +71,19 @@ class Arrivals:
 
     Attributes:
         stream: whether messages are to come all the time.
+        received: how many messages came.
         numbering: of the messages.
     """
 
     def __init__(self, stream: bool) -> None:
         self.stream = stream
+        self.received = 0
         self.numbering = Numbering()
         self._last: float | None = None
 
     def take(self, number: int) -> None:
         """Take the number of a message that came now."""
+        self.received += 1
         self.numbering.take(number)
         self._last = time.monotonic()
 
@@ -241,9 +244,12 @@ class Par4Node(Node):
         return bool(new)
 
     def measures(self) -> dict[str, str]:
-        """Return what else the diagnostics tell, in words: the age of each input."""
-        return {f'{name}_age': 'none yet' if input_.age is None else f'{input_.age:.2f} s'
-                for name, input_ in self._arrivals.items()}
+        """Return what else the diagnostics tell: of each input its age and how many messages."""
+        told = {}
+        for name, input_ in self._arrivals.items():
+            told[f'{name}_age'] = 'none yet' if input_.age is None else f'{input_.age:.2f} s'
+            told[f'{name}_received'] = str(input_.received)
+        return told
 
     def traffic(self) -> dict[str, int]:
         """Return what the diagnostics tell beside the faults, by name."""
