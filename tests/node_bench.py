@@ -9,7 +9,9 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -268,6 +270,22 @@ class Simulated:
         """Return what the newest diagnostics of the simulation tell, by name."""
         newest = self.bench.statuses(self.diagnostics, 'par4_simulation')[-1]
         return {pair.key: pair.value for pair in newest.values}
+
+    @contextmanager
+    def standing(self, **messages: int) -> Iterator[None]:
+        """Let the clock stand until so many messages, by topic, have come: nothing can be late."""
+        assert self.bench.call('par4_simulation/pause').success
+
+        def received() -> Counter[str]:
+            self.fresh_counts()
+            told = self.measures()
+            return Counter({name: int(told[f'{name}_received']) for name in messages})
+
+        before = received()
+        yield
+        self.bench.wait(lambda: received() - before >= Counter(messages),
+                        f'the simulation to hear {messages}')
+        assert self.bench.call('par4_simulation/resume').success
 
     def fresh_counts(self) -> dict[str, int]:
         """Return counts published from now on."""

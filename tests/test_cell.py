@@ -289,21 +289,14 @@ DRIVER = Path(__file__).parents[1] / 'examples' / 'driver' / 'driver.py'
 
 def test_a_flood_of_references_is_followed_and_loses_nothing(bench):
     simulated = Simulated(bench)
-    assert bench.call('par4_simulation/pause').success  # nothing is late where the clock stands
     references = bench.publisher(REFERENCE)
     motion = quintic_motion(AWAY_Q, 1e-3)
-    start_ns = simulated.now_ns() + SECOND
-    for row in range(len(motion.t)):  # a message a millisecond, as the contract allows
-        single = Motion('point', *(getattr(motion, name)[row:row + 1]
-                                   for name in ('t', 'q', 'qd', 'qdd', 'x', 'xd', 'xdd')))
-        references.publish(reference_message(single, start_ns))
-
-    def all_heard() -> bool:
-        simulated.fresh_counts()
-        return simulated.measures()['reference_received'] == str(len(motion.t))
-
-    bench.wait(all_heard, 'the simulation to hear all')
-    assert bench.call('par4_simulation/resume').success
+    with simulated.standing(reference=len(motion.t)):
+        start_ns = simulated.now_ns() + SECOND
+        for row in range(len(motion.t)):  # a message a millisecond, as the contract allows
+            single = Motion('point', *(getattr(motion, name)[row:row + 1]
+                                       for name in ('t', 'q', 'qd', 'qdd', 'x', 'xd', 'xdd')))
+            references.publish(reference_message(single, start_ns))
     simulated.wait_until(start_ns + round(motion.duration * SECOND) + SECOND // 2)
     np.testing.assert_allclose(joint_values(simulated.states[-1], 'position'), AWAY_Q, atol=2e-3)
     assert 'late_points' not in simulated.fresh_counts()

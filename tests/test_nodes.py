@@ -259,10 +259,11 @@ def test_the_simulation_follows_a_reference(bench, fidelity):
     simulated = Simulated(bench, fidelity=fidelity, publish_rate_hz=500.0)
     references, efforts = bench.publisher(REFERENCE), bench.publisher(FEEDFORWARD_TORQUE)
     motion = quintic_motion(AWAY_Q)
-    start_ns = (simulated.now_ns() // SECOND + 2) * SECOND
-    effort = torque_of('table1_full', motion)
-    efforts.publish(reference_message(motion, start_ns, effort))
-    references.publish(reference_message(motion, start_ns))
+    with simulated.standing(reference=1, feedforward_torque=1):
+        start_ns = (simulated.now_ns() // SECOND + 2) * SECOND
+        effort = torque_of('table1_full', motion)
+        efforts.publish(reference_message(motion, start_ns, effort))
+        references.publish(reference_message(motion, start_ns))
     end_ns = start_ns + round(motion.duration * SECOND)
     simulated.wait_until(end_ns + SECOND // 2)
     positions = simulated.positions()
@@ -310,8 +311,9 @@ def test_passive_joints_come_with_a_sample_at_a_lower_rate(bench):
     simulated = Simulated(bench)
     poses = bench.listen(TRUE_POSE, 'par4_simulation/true_pose')
     motion = quintic_motion(HOME_Q + 0.2)
-    bench.publisher(REFERENCE).publish(
-        reference_message(motion, simulated.now_ns() + SECOND // 2))
+    references = bench.publisher(REFERENCE)
+    with simulated.standing(reference=1):
+        references.publish(reference_message(motion, simulated.now_ns() + SECOND // 2))
     bench.wait(lambda: poses and np.abs(joint_values(simulated.states[-1], 'position')
                                         - motion.q[-1]).max() < 1e-3, 'the end of the motion')
     stamps = np.array([time_ns(message.header.stamp) for message in simulated.states])
@@ -366,9 +368,10 @@ def test_late_points_and_missing_effort_are_counted(bench):
     references = bench.publisher(REFERENCE)
     simulated.wait_until(2 * SECOND)
     motion = quintic_motion(HOME_Q + 0.1)
-    references.publish(reference_message(motion, 1))
-    start_ns = simulated.now_ns() + SECOND
-    references.publish(reference_message(motion, start_ns))
+    with simulated.standing(reference=2):
+        references.publish(reference_message(motion, 1))
+        start_ns = simulated.now_ns() + SECOND
+        references.publish(reference_message(motion, start_ns))
     simulated.wait_until(start_ns + round(motion.duration * SECOND) + SECOND)
     counts = simulated.fresh_counts()
     assert counts['missing_effort'] == counts['late_points'] == len(motion.t)
@@ -378,8 +381,9 @@ def test_a_start_waits_for_its_torque_as_long_as_it_is_told_to(bench):
     simulated = Simulated(bench, feedforward_timeout=2 * DEADLINE)
     references, efforts = bench.publisher(REFERENCE), bench.publisher(FEEDFORWARD_TORQUE)
     motion = quintic_motion(HOME_Q + 0.1)
-    start_ns = simulated.now_ns() + SECOND
-    references.publish(reference_message(motion, start_ns))
+    with simulated.standing(reference=1):
+        start_ns = simulated.now_ns() + SECOND
+        references.publish(reference_message(motion, start_ns))
     counts: list[int] = []
 
     def stands() -> bool:
@@ -397,7 +401,8 @@ def test_services_of_the_simulation(bench):
     simulated = Simulated(bench)
     references = bench.publisher(REFERENCE)
     motion = quintic_motion(HOME_Q + 0.2)
-    references.publish(reference_message(motion, simulated.now_ns() + SECOND // 2))
+    with simulated.standing(reference=1):
+        references.publish(reference_message(motion, simulated.now_ns() + SECOND // 2))
     bench.wait(lambda: np.abs(joint_values(simulated.states[-1], 'position')
                               - HOME_Q).max() > 0.1, 'the robot to move')
     assert bench.call('par4_simulation/pause').success
