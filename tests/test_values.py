@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from searches import EVERY, OFFSET, cause, search_of
@@ -9,13 +11,14 @@ from searches import EVERY, OFFSET, cause, search_of
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.geometry_error import DIMENSIONS
 from par4_dynamics.effects.stribeck import SPEEDS
+from par4_identification.diagnosis.evidence.doubt import with_doubt, with_doubt_of_choice
 from par4_identification.diagnosis.evidence.estimates import (
     LASTING,
     effect_parameters,
     estimated,
-    with_doubt,
 )
 from par4_identification.diagnosis.evidence.fit import solve
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.joints import choices
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
@@ -132,6 +135,56 @@ def test_what_another_fit_says_of_a_cause_is_in_its_deviation():
     both = with_doubt(one, turned)
     assert np.all(np.array(both['amplitude'].std) > 0.03)
     np.testing.assert_allclose(both['phase'].std, one['phase'].std, rtol=1e-6)
+
+
+@pytest.mark.parametrize(('effect', 'parameter', 'true', 'told', 'joints', 'sets'), [
+    ('geometry_error', 'base_radius', 0.0, {'base_radius': 0.004}, EVERY, (3,)),
+    ('joint_friction_difference', 'coulomb', 0.25, {'coulomb': (0.3, 0.0, 0.0, 0.15)}, (0,), None)])
+def test_what_fewest_parts_leave_unsaid_is_in_the_deviation(effect, parameter, true, told, joints,
+                                                            sets):
+    """The platform's radius is told as that of the base; one joint of two that differ is named.
+
+    What is told is off by far more than the noise says. Without the assumption that the other
+    parts are right the data say so. Of the friction the other joints' mean is the measure.
+    """
+    search = search_of((effect, told))
+    evidence = search.pool.evidence
+    item = replace(cause(effect, joints), sets=sets and (2,))
+    plain = effect_parameters(evidence, item, solve(evidence, (item,)), 0)
+    wide = with_doubt_of_choice(plain, evidence, item, (item,))
+    value, std, doubted = (np.ravel(part)[0] for part in (
+        plain[parameter].value, plain[parameter].std, wide[parameter].std))
+    assert wide[parameter].value == plain[parameter].value
+    assert abs(value - true) > 3.0 * std
+    assert abs(value - true) < 2.0 * doubted
+
+
+def test_a_cause_on_all_joints_is_in_no_doubt_of_choice():
+    search = search_of(('torque_offset', {'offset': OFFSET}))
+    item, evidence = cause('torque_offset'), search.pool.evidence
+    plain = effect_parameters(evidence, item, solve(evidence, (item,)), 0)
+    assert with_doubt_of_choice(plain, evidence, item, (item,)) == plain
+
+
+def test_a_transmission_that_twists_on_some_joints_is_expanded_on_these_only():
+    effect = CATALOGUE['elastic_transmission']
+    shape = effect.expansion(np.array((1e-4, 2e-4, 3e-4, 4e-4)))
+    for item in choices(Hypothesis(effect, shape, EVERY), EVERY):
+        assert item.shape == {f'expanded_at_{joint}': shape[f'expanded_at_{joint}']
+                              for joint in item.joints}
+
+
+@pytest.mark.parametrize(('apart', 'told_as'), [(0.009, 'quadratic'), (0.011, 'torque')])
+def test_an_exponent_that_is_nearly_two_is_told_as_two(apart, told_as):
+    search = search_of(('nonlinear_viscous', {
+        'quadratic': 0.02, 'torque': 0.0, 'exponent': 2.0}), library=('nonlinear_viscous',))
+    item, evidence = cause('nonlinear_viscous', exponent=2.0 + apart), search.pool.evidence
+    told = effect_parameters(evidence, item, solve(evidence, (item,)), 0)
+    other, = {'quadratic', 'torque'} - {told_as}
+    assert np.all(np.array(told[told_as].value) > 0.0)
+    assert not np.any(told[other].value)
+    assert np.all(np.isfinite(told['exponent'].std))
+    assert np.all((np.array(told['exponent'].value) == 2.0) == (told_as == 'quadratic'))
 
 
 def test_the_effects_that_have_separable_sets_have_them_of_their_columns():

@@ -25,7 +25,7 @@ RATTLING = ('backlash',)
 """Effects of which the true machine itself would not do the same a second time."""
 SETUP_FIRST = ('large',)
 """Kinds that are mistakes of the setup, which are looked for before a diagnosis."""
-BESIDE = ('noise.py', 'rows.py', 'filtering.py')
+BESIDE = ('noise.py', 'rows.py', 'filtering.py', 'smoothing.py')
 """Sources of par4_identification.signals that the diagnosis decides with, beside its own."""
 
 

@@ -12,11 +12,12 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
-from par4_identification.diagnosis.evidence.estimates import (
-    effect_parameters,
+from par4_identification.diagnosis.evidence.doubt import (
     with_doubt,
+    with_doubt_of_choice,
     with_doubt_of_time,
 )
+from par4_identification.diagnosis.evidence.estimates import effect_parameters
 from par4_identification.diagnosis.evidence.evidence import Evidence, gather
 from par4_identification.diagnosis.evidence.extended import (
     base_parameters,
@@ -250,7 +251,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     loose, model = loose_loads(search, model)
     if isinstance(machine, Axis):
         model = without_doubtful_names(search, model)
-    named = tuple(sorted(named_of(model), key=lambda item: -search.gains(
+    named = tuple(sorted(named_of(model), key=lambda item: -search.weighing.gains(
         item, others_of(model, item))[0]))
     whole, names_only, base_only = (solve(evidence, part) for part in (model, named, ()))
     progress('comparing each cause with what could stand in its place')
@@ -306,12 +307,12 @@ def _verdict(named: bool, incomplete: bool) -> Verdict:
 
 def _nearest(search: Search) -> Hypothesis | None:
     """Return the effect that rows to fit and rows held out know best though it is no cause."""
-    found = search.candidates.all_of(search.beside(()), set())
+    found = search.candidates.all_of(search.weighing.beside(()), set())
     best = max(found, key=lambda item: item.gain, default=None)
     if best is None:
         return None
-    needed = search.requirement((best.hypothesis,))
-    fit_gain, gain = search.sound_gains(best.hypothesis, ())
+    needed = search.weighing.requirement((best.hypothesis,))
+    fit_gain, gain = search.weighing.sound_gains(best.hypothesis, ())
     evident = fit_gain > needed.fit and gain > needed.heldout
     return best.hypothesis if evident else None
 
@@ -321,6 +322,7 @@ def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fi
     evidence, hypothesis = search.pool.evidence, judgement.hypothesis
     index = named.index(hypothesis)
     parameters = effect_parameters(evidence, hypothesis, fit, index, errors)
+    parameters = with_doubt_of_choice(parameters, evidence, hypothesis, named)
     if unnamed_of(model):
         parameters = with_doubt(parameters, effect_parameters(
             evidence, hypothesis, whole, model.index(hypothesis), errors))
@@ -332,7 +334,7 @@ def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fi
         effect=hypothesis.named, joints=hypothesis.joints,
         parameters=parameters,
         twins=judgement.twins,
-        visible_fraction=search.beside(()).left_share(
+        visible_fraction=search.weighing.beside(()).left_share(
             evidence.columns(hypothesis), hypothesis.stacked(fit.coefficients[index])),
         p_value=judgement.p_value, margin=judgement.margin, rival=judgement.rival,
         gain=blocks.whitened_gain(before, after))

@@ -91,7 +91,7 @@ def smoother_of(q: np.ndarray, counts: int, period: float) -> Smoother:
     return _smoother(told, noise, len(q))
 
 
-def rounded(q: np.ndarray, counts: int, place: float | np.ndarray) -> np.ndarray:
+def rounded(q: np.ndarray, counts: int, place: float) -> np.ndarray:
     """Return positions (n, J), rad, as encoders tell them whose counts lie at `place` of one."""
     step = 2.0 * np.pi / counts
     return step * (np.round(q / step - place) + place)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,6 @@ from par4_dynamics.parameters import Number, Parameter, PerJoint
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import Fit, prior_weights
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.observations import Observations
 
 LASTING = 4.0
 """Time for which a torque is wrong in the same way, s."""
@@ -88,49 +86,6 @@ def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
     return values, {name: np.sqrt(np.maximum(
         np.einsum('c...,cd,d...->...', slope, covariance, slope), 0.0))
         for name, slope in slopes.items()}
-
-
-def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter]
-               ) -> dict[str, Parameter]:
-    """Return parameters whose deviations reach to what another fit of the same cause says.
-
-    Beside an unnamed cause the size of a named one depends on which of the two has the torque that
-    either could have.
-    """
-    result = {}
-    for name, parameter in parameters.items():
-        apart = np.asarray(other[name].value) - np.asarray(parameter.value)
-        if name == 'phase':
-            apart = np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi
-        result[name] = parameter.model_copy(update={
-            'std': _nested(np.hypot(np.asarray(parameter.std, dtype=float), apart).tolist())})
-    return result
-
-
-def with_doubt_of_time(parameters: dict[str, Parameter], observations: Observations
-                       ) -> dict[str, Parameter]:
-    """Return the parameters of a periodic torque whose phases hold an unknown delay.
-
-    Of a motion that goes one way at one speed nobody can say when the torque was read: a delay
-    turns each phase by order x speed x delay. Positions and torques of one message are read within
-    a sample of each other, as likely at any time.
-    """
-    if not {'phase', 'periods'} <= set(parameters):
-        return parameters
-    run = max(observations.runs, key=lambda run: len(run.t))
-    late = run.period / np.sqrt(3.0)
-    speed = float(np.median(np.abs(run.speed[run.valid])))
-    phase = parameters['phase']
-    std = np.asarray(phase.std, dtype=float)
-    orders = np.asarray(parameters['periods'].value, dtype=float)
-    turned = np.reshape(orders * speed * late, (-1,) + (1,) * (std.ndim - 1))
-    return {**parameters, 'phase': phase.model_copy(update={
-        'std': _nested(np.hypot(std, turned).tolist())})}
-
-
-def _nested(values: Any) -> Any:
-    """Return lists of lists as tuples of tuples."""
-    return tuple(map(_nested, values)) if isinstance(values, list) else values
 
 
 def _numbers(value: np.ndarray, per_order: bool, single: bool) -> Number:

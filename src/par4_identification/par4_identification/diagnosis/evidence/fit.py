@@ -10,7 +10,7 @@ import numpy as np
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.diagnosis.evidence.unnamed import PRIOR_ROWS, Kind
+from par4_identification.diagnosis.evidence.unnamed import Kind
 
 ROUNDING = 1e-11
 """Eigenvalues of scaled normal equations below which a direction is not told by the data."""
@@ -20,9 +20,7 @@ def prior_weights(evidence: Evidence, hypotheses: Sequence[Hypothesis], coeffici
                   ) -> np.ndarray:
     """Return the weight (c,) of the prior, zero, of each coefficient: squares of a row of its own.
 
-    Only unnamed causes have one. It is that of `PRIOR_ROWS` rows in which a column has its usual
-    size, or that of the cause's columns on the average where it is larger: a column that the
-    motion hardly visits must not be free to be anything where other motions go.
+    Only what has no name has one, see `Kind.prior`.
     """
     weights = np.zeros(coefficients)
     last = coefficients
@@ -32,10 +30,9 @@ def prior_weights(evidence: Evidence, hypotheses: Sequence[Hypothesis], coeffici
         if isinstance(item.effect, Kind):
             block, = evidence.blocks(item.effect, item.shape)
             squares = np.einsum('jkk->jk', block.gram)
-            own = (squares.sum(axis=0) if item.effect.shared
-                   else squares[list(item.joints)].ravel())
+            own = squares.sum(axis=0) if item.effect.shared else squares[list(item.joints)]
             rows = evidence.rows if item.effect.shared else evidence.rows / len(squares)
-            weights[first:last] = PRIOR_ROWS / max(rows, 1.0) * np.maximum(own, own.mean())
+            weights[first:last] = item.effect.prior(own, rows).ravel()
         last = first
     return weights
 

@@ -23,6 +23,8 @@ from par4_identification.diagnosis.evidence.unnamed import Kind
 
 DISTINCT = 1e-7
 """Least square of a pivot of the scaled normal equations that needs no look at their directions."""
+MOST_COLUMNS = 512
+"""Columns of a pool beyond which it begins anew: most are those of shapes that were tried once."""
 _Layout = tuple[list[np.ndarray], list[np.ndarray], int]
 """Of each joint, which columns of the pool a model has and where their coefficients are; how many
 coefficients it has."""
@@ -53,16 +55,18 @@ class _Products:
         self.evidence = evidence
         self._target = evidence.target - evidence.base @ origin
         self._rows = [slice(first, last) for first, last in zip(evidence.ends, evidence.ends[1:])]
-        self._count = 0
+        self.count = 0
         self._columns = [np.empty((rows.stop - rows.start, 64), order='F') for rows in self._rows]
         self.gram = [np.zeros((64, 64)) for _ in self._rows]
         self.moment = [np.zeros(64) for _ in self._rows]
-        self.square = float(self._target @ self._target)
+        self.squares = [float(self._target[rows] @ self._target[rows]) for rows in self._rows]
+        self.square = sum(self.squares)
+        self.rows = np.sum([valid.sum(axis=0) for valid in evidence.whitener.valid], axis=0)
         self.add([evidence.base[rows] for rows in self._rows])
 
     def add(self, columns: Sequence[np.ndarray]) -> slice:
         """Take columns (n_j, k) of each joint in; return where they are."""
-        first, last = self._count, self._count + columns[0].shape[1]
+        first, last = self.count, self.count + columns[0].shape[1]
         for joint, own in enumerate(columns):
             self._grow(joint, last)
             buffer = self._columns[joint]
@@ -71,7 +75,7 @@ class _Products:
             self.gram[joint][:last, first:last] = products
             self.gram[joint][first:last, :last] = products.T
             self.moment[joint][first:last] = own.T @ self._target[self._rows[joint]]
-        self._count = last
+        self.count = last
         return slice(first, last)
 
     def _grow(self, joint: int, width: int) -> None:
@@ -80,12 +84,12 @@ class _Products:
             return
         size = 2 * width
         self._columns[joint] = np.empty((len(old), size), order='F')
-        self._columns[joint][:, :self._count] = old[:, :self._count]
+        self._columns[joint][:, :self.count] = old[:, :self.count]
         gram, moment = self.gram[joint], self.moment[joint]
         self.gram[joint] = np.zeros((size, size))
-        self.gram[joint][:self._count, :self._count] = gram[:self._count, :self._count]
+        self.gram[joint][:self.count, :self.count] = gram[:self.count, :self.count]
         self.moment[joint] = np.zeros(size)
-        self.moment[joint][:self._count] = moment[:self._count]
+        self.moment[joint][:self.count] = moment[:self.count]
 
 
 class Pool:
@@ -106,7 +110,7 @@ class Pool:
                  ) -> None:
         self.evidence, self.heldout = evidence, heldout
         # products of small numbers: what the base terms alone explain is taken out beforehand
-        self._parts = (_Products(evidence, evidence.origin), _Products(heldout, evidence.origin))
+        self._begin()
         self.torque_squares = tuple(
             float(np.sum(part.whitened([run.tau for run in part.observations.runs]) ** 2))
             for part in (evidence, heldout))
@@ -114,9 +118,14 @@ class Pool:
             counted_squares, counted_squares * heldout.rows / max(evidence.rows, 1))
         self._joints = evidence.observations.joints
         self._base = evidence.base.shape[1]
+        self._fits: dict[Any, Fitted] = {}
+
+    def _begin(self) -> None:
+        """Forget all columns but those of the base terms; what is asked for again comes back."""
+        self._parts = tuple(_Products(part, self.evidence.origin)
+                            for part in (self.evidence, self.heldout))
         self._places: dict[Any, slice] = {}
         self._columns: dict[Any, np.ndarray] = {}
-        self._fits: dict[Any, Fitted] = {}
 
     def fit(self, model: Sequence[Hypothesis]) -> Fitted:
         """Return base terms and hypotheses fitted together; computed once for a set of them."""
@@ -143,10 +152,32 @@ class Pool:
             fit.square - float(moment * scale @ values),
             heldout.square - 2.0 * float(told @ values) + float(values @ seen @ values))
 
+    def excess(self, model: Sequence[Hypothesis], joints: Sequence[int]) -> tuple[float, float]:
+        """Return how far a fit leaves more than noise on some joints: squares over rows, or 1.
+
+        On the rows to fit and on the rows held out.
+        """
+        gram, moment, scale, layout = self._system(model)
+        values = _solved(gram, moment) / scale
+        left = []
+        for part in self._parts:
+            squares = rows = 0.0
+            for joint in joints:
+                own = values[layout[1][joint]]
+                columns = layout[0][joint]
+                squares += part.squares[joint] + float(
+                    own @ part.gram[joint][np.ix_(columns, columns)] @ own
+                    - 2.0 * own @ part.moment[joint][columns])
+                rows += part.rows[joint]
+            left.append(max(1.0, squares / max(rows, 1.0)))
+        return left[0], left[1]
+
     def _system(self, model: Sequence[Hypothesis]
                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, _Layout]:
         """Return the normal equations (c, c), (c,) of a model in columns of the size 1, the sizes
         (c,), and which columns they have."""
+        if self._parts[0].count > MOST_COLUMNS:
+            self._begin()
         layout = self._layout(model)
         gram, moment = self._assembled(self._parts[0], layout)
         diagonal = np.arange(len(moment))

@@ -271,6 +271,19 @@ class Kind:
         """Return the shape as the only part: a kind has no others."""
         return (shape,)
 
+    def prior(self, squares: np.ndarray, rows: float) -> np.ndarray:
+        """Return the weight of the prior, zero, of each coefficient: squares of a row of its own.
+
+        It is that of `PRIOR_ROWS` rows in which a column has its usual size, or that of the
+        columns on the average where it is larger: a column that the motion hardly visits must not
+        be free to be anything where other motions go.
+
+        Args:
+            squares: of the whitened columns, (k,), (g, k) where g joints have their own.
+            rows: on which they are.
+        """
+        return PRIOR_ROWS / max(rows, 1.0) * np.maximum(squares, squares.mean())
+
     def columns(self, state: State, shape: Shape) -> np.ndarray:  # noqa: ARG002
         """Return its columns (n, J, k).
 
@@ -318,10 +331,13 @@ class Kinds:
 
     Args:
         observations: the rows to fit.
+
+    Attributes:
+        ranges: scales of the motion, without periods.
     """
 
     def __init__(self, observations: Observations) -> None:
-        self._ranges = ranges_of(observations)
+        self.ranges = ranges_of(observations)
         self._made: dict[tuple[str, Periods], Kind] = {}
 
     def beside(self, observations: Observations, left: Sequence[np.ndarray]) -> tuple[Kind, ...]:
@@ -332,20 +348,20 @@ class Kinds:
             left: what the known causes leave of them, (m, J) of each run, N m; its strongest
                 periods are those of the periodic kinds.
         """
-        low, high = self._ranges.q
+        low, high = self.ranges.q
         load = [run.rows(run.state.known.delivered) * part
                 for run, part in zip(observations.runs, left)]
         periods: dict[Function, Periods] = {
             _periodic: _strongest_periods(observations, left, high - low),
             _torque: _strongest_periods(observations, load, high - low)}
         return tuple(self._kind(kind, periods.get(kind.function, ())) for kind in KINDS
-                     if (self._ranges.platform is not None or not kind.needs_platform)
+                     if (self.ranges.platform is not None or not kind.needs_platform)
                      and (kind.told_by_speeds or not observations.steady))
 
     def _kind(self, kind: Kind, periods: Periods) -> Kind:
         key = kind.name, periods
         if key not in self._made:
-            self._made[key] = replace(kind, ranges=replace(self._ranges, periods=periods))
+            self._made[key] = replace(kind, ranges=replace(self.ranges, periods=periods))
         return self._made[key]
 
 

@@ -25,13 +25,15 @@ class Requirement:
     explains the same share of the squares.
 
     Attributes:
-        fit: on the rows to fit.
-        heldout: on rows that no fit has seen.
+        fit: on the rows to fit, whatever the named causes get wrong resembles.
+        heldout: on rows that no fit has seen, likewise.
+        beside_law_error: the same two where the error of the named causes is fitted beside them.
         inflation: of the variances of fitted values, by the errors of the causes' torques.
     """
 
     fit: float
     heldout: float
+    beside_law_error: tuple[float, float]
     inflation: float
 
 
@@ -50,7 +52,7 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
     named = [item for item in model if not isinstance(item.effect, Kind)]
     base, only_named, whole = (pool.fit(part) for part in ((), named, model))
     common = _common(pool, model, cause)
-    parts, causes = [], []
+    parts, causes, by_names = [], [], []
     for torque, counted, rows, squares in zip(
             pool.torque_squares, pool.counted_squares,
             (pool.evidence.rows, pool.heldout.rows), (
@@ -58,12 +60,13 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
                 [fit.heldout_squares for fit in (base, only_named, whole)])):
         by_unnamed = max(squares[1] - squares[2], 0.0)
         by_named = max(squares[0] - squares[2] - by_unnamed, 0.0)
-        causes.append(0.5 * (rules.named_error ** 2 * by_named
-                             + (common * rules.unnamed_error) ** 2 * by_unnamed))
+        by_names.append(0.5 * rules.named_error ** 2 * by_named)
+        causes.append(by_names[-1] + 0.5 * (common * rules.unnamed_error) ** 2 * by_unnamed)
         parts.append(causes[-1] + 0.5 * (rules.base_error ** 2 * torque
                                          + rules.unnamed_error ** 2 * counted
                                          + rules.noise_error * rows))
-    return Requirement(rules.evidence + parts[0], rules.margin + parts[1],
+    fit, heldout = rules.evidence + parts[0], rules.margin + parts[1]
+    return Requirement(fit, heldout, (fit - by_names[0], heldout - by_names[1]),
                        1.0 + causes[0] / rules.evidence)
 
 

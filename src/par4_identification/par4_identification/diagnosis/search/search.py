@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from par4_identification.diagnosis.evidence.fit import residuals
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Fitted, Pool
-from par4_identification.diagnosis.evidence.projection import Projection, Projections
+from par4_identification.diagnosis.evidence.projection import Projections
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
 from par4_identification.diagnosis.search.belief import Belief
 from par4_identification.diagnosis.search.candidates import Candidate, Candidates, price_of_shapes
@@ -23,8 +22,8 @@ from par4_identification.diagnosis.search.causes import (
 from par4_identification.diagnosis.search.counts import Counts
 from par4_identification.diagnosis.search.joints import with_acting_joints, with_needed_joints
 from par4_identification.diagnosis.search.law import Dithered
-from par4_identification.diagnosis.search.requirement import Requirement, requirement_of
 from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.weighing import Weighing
 
 
 @dataclass(frozen=True)
@@ -80,9 +79,9 @@ class Search:
         self.pool = pool
         self.rules = rules
         self.journal = Journal()
-        self._projections = Projections(pool.evidence)
-        self.belief = Belief(candidates, pool, self._projections, rules, dithered)
-        self._counts = Counts(dithered)
+        projections = Projections(pool.evidence)
+        self.belief = Belief(candidates, pool, projections, rules, dithered)
+        self.weighing = Weighing(pool, projections, rules, Counts(dithered), kinds.ranges)
         self._joints = tuple(range(pool.evidence.observations.joints))
         self._all_kinds = kinds
         self._kinds: tuple[Kind, ...] = ()
@@ -129,7 +128,7 @@ class Search:
 
     def _with_a_name(self, model: Model, refused: set[str]) -> Model | None:
         """Return the model with the most likely name that can be confirmed."""
-        projection = self.beside(model)
+        projection = self.weighing.beside(model)
         found = [item for item in self.candidates.all_of(projection, {*names_of(model), *refused})
                  if item.gain > self.rules.evidence]
         trimmed: dict[str, tuple[float, Hypothesis]] = {}
@@ -163,7 +162,8 @@ class Search:
         hypothesis = self._with_needed_joints(candidate.hypothesis, model)
         coefficients = len(hypothesis.shape) + self.pool.width(hypothesis)
         chance = 0.5 * coefficients * float(np.log(self.pool.evidence.rows))
-        return (self.gains(hypothesis, model)[0] - chance - price_of_shapes(candidate), hypothesis)
+        gain, _ = self.weighing.gains(hypothesis, model)
+        return gain - chance - price_of_shapes(candidate), hypothesis
 
     def _with_unnamed(self, model: Model, refused: set[str]) -> Model | None:
         """Return the model with the unnamed cause that explains most, if rows held out agree."""
@@ -183,8 +183,8 @@ class Search:
         if not found:
             return None
         hypothesis = min(found, key=lambda item: item[0])[1]
-        gain = self.sound_gains(hypothesis, model)[1]
-        if gain <= self.requirement((*model, hypothesis)).heldout + self.rules.margin:
+        gain = self.weighing.sound_gains(hypothesis, model)[1]
+        if gain <= self.weighing.requirement((*model, hypothesis)).heldout + self.rules.margin:
             return None
         return (*model, hypothesis)
 
@@ -193,11 +193,12 @@ class Search:
 
     def _is_confirmed(self, hypothesis: Hypothesis, others: Model) -> bool:
         """Return whether a candidate could be real and is confirmed by rows held out."""
-        together = (*others, hypothesis)
         reason = self.belief.objection(hypothesis, others)
         if reason is None:
-            needed = self.requirement(together, hypothesis)
-            fit_gain, gain = self.sound_gains(hypothesis, others)
+            if self.weighing.standing(hypothesis, others) > 1.0:
+                return True
+            needed = self.weighing.requirement((*others, hypothesis), hypothesis)
+            fit_gain, gain = self.weighing.sound_gains(hypothesis, others)
             if fit_gain <= needed.fit:
                 reason = (f'explains {fit_gain:.0f} in log-likelihood, less than the '
                           f'{needed.fit:.0f} that chance and the other causes may make')
@@ -208,27 +209,6 @@ class Search:
             self.journal.reject(hypothesis, reason)
         return reason is None
 
-    def requirement(self, model: Model, cause: Hypothesis | None = None) -> Requirement:
-        """Return what a cause must gain in a model."""
-        return requirement_of(self.pool, model, self.rules, cause)
-
-    def beside(self, model: Sequence[Hypothesis]) -> Projection:
-        """Return what a model leaves of the rows to fit."""
-        return self._projections.beside(model)
-
-    def gains(self, hypothesis: Hypothesis, others: Model) -> tuple[float, float]:
-        """Return the gain in log-likelihood beside others on rows to fit and on rows held out."""
-        without, together = self.pool.fit(others), self.pool.fit((*others, hypothesis))
-        return (0.5 * (without.fit_squares - together.fit_squares),
-                0.5 * (without.heldout_squares - together.heldout_squares))
-
-    def sound_gains(self, hypothesis: Hypothesis, others: Model) -> tuple[float, float]:
-        """Return `gains` less what encoder counts may have contributed."""
-        fit_gain, gain = self.gains(hypothesis, others)
-        imitated = self._counts.imitate(self.beside(others), hypothesis)
-        return (fit_gain - imitated,
-                gain - imitated * self.pool.heldout.rows / max(self.pool.evidence.rows, 1))
-
     def tested(self, model: Model) -> Model:
         """Return a model without the causes that become superfluous beside the others.
 
@@ -237,8 +217,9 @@ class Search:
         """
         while model:
             model = tuple(self._adjusted(item, others_of(model, item)) for item in model)
-            worst, item = min(((self._standing(item, model), item) for item in model),
-                              key=lambda pair: pair[0])
+            standings = [self.weighing.standing(item, others_of(model, item)) for item in model]
+            worst = min(standings)
+            item = model[standings.index(worst)]
             refused = self._unbelievable(model) if worst > 1.0 else (
                 item, 'explains nothing of its own beside the other causes')
             if refused is None:
@@ -255,27 +236,18 @@ class Search:
                 return item, reason
         return None
 
-    def _standing(self, cause: Hypothesis, model: Model) -> float:
-        """Return what a cause gains over what it must gain, on the worse part of the data."""
-        needed = self.requirement(model, cause)
-        fit_gain, gain = self.sound_gains(cause, others_of(model, cause))
-        return min(fit_gain / needed.fit, gain / self._heldout_need(cause, needed))
-
-    def _heldout_need(self, hypothesis: Hypothesis, needed: Requirement) -> float:
-        return needed.heldout + (self.rules.margin if isinstance(hypothesis.effect, Kind) else 0.0)
-
     def _adjusted(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
         effect = hypothesis.effect
         if isinstance(effect, Kind):
             return with_acting_joints(self.pool, self.rules,
                                       replace(hypothesis, joints=self._joints), others)
-        candidate = self.candidates.best(effect, self.beside(others))
+        candidate = self.candidates.best(effect, self.weighing.beside(others))
         return hypothesis if candidate is None else self._with_needed_joints(
             candidate.hypothesis, others)
 
     def _with_a_swap(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
         """Return a model in which a cause gave way to what explains decidedly more in its place."""
-        needed = self.requirement(model)
+        needed = self.weighing.requirement(model)
         for item in named_of(model):
             others = others_of(model, item)
             for rival in self.rivals(item, others):
@@ -308,7 +280,7 @@ class Search:
         """
         here = self._loss(model)
         better = here - self.rules.margin
-        decidedly = better - self.rules.margin * self.requirement(model).inflation
+        decidedly = better - self.rules.margin * self.weighing.requirement(model).inflation
         found = []
         for kind in self._kinds:
             if kind.left_by_filters:
@@ -317,7 +289,8 @@ class Search:
             before = tuple(item for item in model if item.effect is not kind)
             others = before
             while others:
-                standings = [self._standing(item, (*others, instead)) for item in others]
+                standings = [self.weighing.standing(item, (*others_of(others, item), instead))
+                             for item in others]
                 if min(standings) > 1.0:
                     break
                 others = others_of(others, others[int(np.argmin(standings))])
@@ -332,11 +305,11 @@ class Search:
     def rivals(self, cause: Hypothesis, others: Model) -> list[Rival]:
         """Return what could explain the data in the place of a cause, the strongest first."""
         own = self.pool.fit((*others, cause))
-        projection = self.beside(others)
+        projection = self.weighing.beside(others)
         names = names_of((*others, cause))
         named = [self._believable(item, others)
                  for item in self.candidates.all_of(projection, set(names))
-                 if item.gain > 0.5 * self.gains(cause, others)[0]]
+                 if item.gain > 0.5 * self.weighing.gains(cause, others)[0]]
         unnamed = [Hypothesis(kind, {}, self._joints) for kind in self._kinds
                    if kind.name not in names]
         found = [self._rival(None, self.pool.fit(others), own, True)]
@@ -354,7 +327,7 @@ class Search:
         best = self._with_needed_joints(candidate.hypothesis, others)
         if self.belief.objection(best, others) is None:
             return best
-        projection = self.beside(others)
+        projection = self.weighing.beside(others)
         for shape in self.candidates.other_shapes(
                 candidate, projection, candidate.gain - self.rules.twin):
             trial = self._with_needed_joints(

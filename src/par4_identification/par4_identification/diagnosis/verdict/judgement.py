@@ -65,7 +65,7 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
         and (rival.fit_margin < search.rules.twin
              or (rival.hypothesis.named.retimes and cause.named.retimes)))
     best = rivals[0]
-    gain, _ = search.gains(cause, others)
+    gain, _ = search.weighing.gains(cause, others)
     p_value = scipy.special.chdtrc(
         search.pool.width(cause) + len(cause.shape), 2.0 * max(gain, 0.0))
     rival = None if best.hypothesis is None else name_of(best.hypothesis)
@@ -76,7 +76,7 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
 def doubt_of(search: Search, cause: Hypothesis, model: Model) -> Pair | None:
     """Return an unnamed cause and the name that comes nearest to it; None without any name."""
     others = others_of(model, cause)
-    found = search.candidates.all_of(search.beside(others),
+    found = search.candidates.all_of(search.weighing.beside(others),
                                      {item.effect.name for item in others})
     best = max(found, key=lambda item: item.gain, default=None)
     return None if best is None else Pair(cause, best.hypothesis, others, twins=False)
@@ -85,7 +85,7 @@ def doubt_of(search: Search, cause: Hypothesis, model: Model) -> Pair | None:
 def unnamed_cause(search: Search, cause: Hypothesis, model: Model) -> UnnamedCause:
     """Return size, share and margin of an unnamed cause."""
     pool, others = search.pool, others_of(model, cause)
-    _, margin = search.gains(cause, others)
+    _, margin = search.weighing.gains(cause, others)
     base, here = pool.fit(()), pool.fit(model)
     explained = base.heldout_squares - here.heldout_squares
     coefficients = solve(pool.evidence, model).coefficients[model.index(cause)]

@@ -70,8 +70,8 @@ def _beside_bounces(search: Search, model: Model) -> Model:
     left, share = search.pool.fit(named), 0.5 * search.rules.unnamed_error ** 2
     kept = []
     for item in named:
-        needed = search.requirement(named, item)
-        fit_gain, gain = search.gains(item, others_of(named, item))
+        needed = search.weighing.requirement(named, item)
+        fit_gain, gain = search.weighing.gains(item, others_of(named, item))
         if (fit_gain > needed.fit + share * left.fit_squares
                 and gain > needed.heldout + share * left.heldout_squares):
             kept.append(item)
@@ -90,6 +90,6 @@ def _hums(search: Search, model: Model) -> bool:
 def _rings(search: Search, model: Model) -> bool:
     """Return whether transmissions that twist, no cause though, explain much of what is left."""
     effect = search.candidates.library.get(ElasticTransmission.name)
-    projection = search.beside(model)
+    projection = search.weighing.beside(model)
     candidate = None if effect is None else search.candidates.best(effect, projection)
     return candidate is not None and 2.0 * candidate.gain > RINGING * projection.squares
