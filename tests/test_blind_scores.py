@@ -1,4 +1,4 @@
-"""What the blind study counts as right, wrong and covered; and numbers that know other rules."""
+"""What the blind study counts as right, wrong and covered, and what an ablation counts."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / 'bench'))
 
+from ablation import UNCHANGED, changes_of_rules, report
 from blind_scores import (
     carriers,
     found_of,
@@ -23,7 +23,6 @@ from blind_scores import (
     wrong_sets,
 )
 from blind_values import compared
-from traced import Traced
 
 
 def cause(effect, joints=(0, 1, 2, 3), twins=(), values=(), stds=()):
@@ -125,22 +124,22 @@ def test_rates_have_wilson_intervals():
     assert rate([]) == '-'
 
 
-def test_a_traced_number_tells_which_changes_would_decide_otherwise():
-    turned = set()
-    rule = Traced(10.0, {'off': 0.0, 'twice': 20.0}, turned)
-    assert rule > 5.0
-    assert turned == {'off'}
-    assert np.float64(15.0) > rule
-    assert turned == {'off', 'twice'}
-    turned.clear()
-    assert not np.float64(50.0) < rule * np.float64(2.0)
-    assert not turned
-    other = Traced(1.0, {'other off': 0.0}, turned)
-    # of two rules the change of either is followed
-    assert max(rule, 30.0 * other) == 30.0
-    assert turned == {'other off'}
-    turned.clear()
-    assert np.float64(2.0) * rule ** 1 < 25.0
-    assert turned == {'twice'}
-    with pytest.raises(TypeError, match='array'):
-        rule * np.ones(3)
+def test_an_ablation_counts_what_came_and_went_where_all_changes_were_scored():
+    changes = {'price off': ('price', 0.0), 'price x 2': ('price', 13.0)}
+
+    def scored(path, change, *names, verdict='explained'):
+        return {**outcome([{'effect': 'cogging', 'values': {}}],
+                          [cause(name, (0,), (), {}, {}) for name in names]),
+                'kind': 'single', 'path': path, 'change': change, 'verdict': verdict}
+
+    told = report([
+        scored('one', UNCHANGED, 'cogging'), scored('one', 'price off', 'cogging', 'base_tilt'),
+        scored('one', 'price x 2', verdict='unknown'),
+        scored('two', UNCHANGED, 'cogging')], changes)  # not under all changes: left out
+    assert '1 recordings' in told
+    rows = [[cell.strip() for cell in line.strip('|').split('|')] for line in told.splitlines()
+            if line.startswith('| `price')]
+    assert rows == [
+        ['`price off`', '6.5 to 0', '0', '0', '1', '0', '0', '0', '0'],
+        ['`price x 2`', '6.5 to 13', '0', '1', '0', '0', '1', '0', '0']]
+    assert set(changes) <= set(changes_of_rules())

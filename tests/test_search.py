@@ -25,6 +25,7 @@ from searches import (
 )
 
 from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.effects.geometry_error import DIMENSIONS
 from par4_identification.diagnosis.evidence.estimates import effect_parameters, estimated
 from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.fit import left_by, residuals, solve
@@ -263,17 +264,17 @@ def test_what_a_strong_cause_may_get_wrong_is_no_weak_one_but_anything_else_is(w
     assert (name in names(search.run())) == stays
 
 
-def test_what_a_fit_leaves_over_counts_as_noise_of_its_joints():
-    """Rows that no cause explains are worth no more than the noise they look like."""
-    search = search_of(('torque_offset', {'offset': (0.0, 0.0, 1.0, 0.0)}))
-    offset = cause('torque_offset')
-    for model in ((), (offset,)):
-        whole = search.pool.excess(model, EVERY)
-        squares, rows = search.pool.fit(model).squares, (
-            search.pool.evidence.rows, search.pool.heldout.rows)
-        np.testing.assert_allclose(
-            whole, np.maximum(1.0, np.divide(squares, rows)), rtol=1e-6)
-    assert search.pool.excess((), (2,))[0] > 10.0 * search.pool.excess((), (0, 1, 3))[0]
+def test_a_weak_cause_waits_until_what_is_strong_is_known():
+    """What two causes leave together counts as noise as long as one of them is not in the model."""
+    weak, strong, unseen = (cause('cogging', periods=31.0), cause('torque_offset'),
+                            cause('geometry_error'))
+    search = search_of(('torque_offset', {'offset': STRONG}),
+                       ('cogging', {**COGGING, 'amplitude': WEAK}),
+                       ('geometry_error', {**dict.fromkeys(DIMENSIONS, 0.0),
+                                           'arm_length': 0.02}))
+    early, late = (search.weighing.standing(weak, others)
+                   for others in ((strong,), (strong, unseen)))
+    assert early < 1.0 < late
 
 
 def test_a_pool_that_begins_anew_fits_as_before():

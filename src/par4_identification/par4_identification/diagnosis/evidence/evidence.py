@@ -111,9 +111,12 @@ class Evidence:
             [np.concatenate(parts, axis=2) for parts in zip(*rows)])]
         width = rows[0][0].shape[2]
         for number, shape in enumerate(missing):
-            columns = tuple(part[:, number * width:(number + 1) * width] for part in white)
-            self._kept[key_of(effect, shape)] = Block(
-                columns, np.stack([part.T @ part for part in columns]))
+            self._kept[key_of(effect, shape)] = _block(
+                [part[:, number * width:(number + 1) * width] for part in white])
+
+    def put(self, effect: Effect | Kind, rows: Sequence[np.ndarray]) -> None:
+        """Keep filtered rows (m, J, K) of each run as the columns of an effect without a shape."""
+        self._kept[key_of(effect, {})] = _block(self.whitener.whiten(rows))
 
     def stack(self, effect: Effect | Kind, shapes: Sequence[Shape]) -> Stack:
         """Return the whitened columns of an effect at many shapes, side by side; computed once."""
@@ -208,6 +211,10 @@ class Evidence:
 
 
 _TARGET: Key = ('target',)
+
+
+def _block(columns: Sequence[np.ndarray]) -> Block:
+    return Block(tuple(columns), np.stack([part.T @ part for part in columns]))
 
 
 def key_of(effect: Effect | Kind, shape: Shape) -> Key:

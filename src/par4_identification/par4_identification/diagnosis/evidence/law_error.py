@@ -1,4 +1,4 @@
-"""What named causes may get wrong of their own torque.
+"""What the laws of named causes may get wrong of their own torque.
 
 The law of a library is never quite that of a machine. What it gets wrong follows the motion like
 the torque itself: more in one place, direction or at one speed than elsewhere, or a little earlier.
@@ -10,20 +10,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State
+from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.unnamed import Kind, Ranges
 
 PLACE_DEGREE = 2
 """Of the polynomial of a joint's position that a torque may be wrong by."""
 SLOW = (0.01, 0.03, 0.1)
 """Speeds, over the largest, below which a torque may be wrong by another factor."""
+
+
+def _of_rows(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    raise TypeError('the columns of a law error are made of the rows of its causes, see `put_in`')
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,28 +51,40 @@ class LawError(Kind):
         return np.where(squares > 0.0, squares, 1.0) / np.maximum(expected, 1e-30)
 
 
-def law_error_of(named: Sequence[Hypothesis], coefficients: Sequence[np.ndarray], ranges: Ranges,
-               share: float) -> LawError:
-    """Return what the torque of named causes may be wrong by.
+def law_error_of(share: float) -> LawError:
+    """Return a law error without columns yet, of this share (rms) of the torque."""
+    return LawError('law_error', 'an error of the torque of named causes', _of_rows, share=share)
+
+
+def factors_of(observations: Observations, ranges: Ranges) -> list[np.ndarray]:
+    """Return the factors by which a torque may be wrong, filtered like it, (m, J, k) of each run.
+    """
+    return [run.rows(_factors(run.state, ranges)) for run in observations.runs]
+
+
+def put_in(evidence: Evidence, error: LawError, named: Sequence[Hypothesis],
+           coefficients: Sequence[np.ndarray], factors: Sequence[np.ndarray]) -> None:
+    """Put the columns of a law error into an evidence.
+
+    They are made of filtered rows: the product of filtered torque and factor is near enough to the
+    filtered product.
 
     Args:
-        named: causes.
+        evidence: that has the rows.
+        error: whose columns they become.
+        named: the causes.
         coefficients: (K, J) of each.
-        ranges: of the fitted data.
-        share: rms of the error over that of the torque.
+        factors: of the same rows, see `factors_of`.
     """
-    return LawError('law_error', 'an error of the torque of named causes', partial(
-        _wrong, tuple(named), tuple(coefficients)), ranges, share=share)
-
-
-def _wrong(named: Sequence[Hypothesis], coefficients: Sequence[np.ndarray], state: State,
-           ranges: Ranges) -> np.ndarray:
-    """Return the torque of named causes times each factor, and its rate, (n, J, k)."""
-    torque = sum(np.einsum('njk,kj->nj', np.concatenate(
-        [item.effect.columns(state, part) for part in item.effect.parts(item.shape)], axis=2), own)
-        for item, own in zip(named, coefficients, strict=True))
-    return np.concatenate((torque[..., None] * _factors(state, ranges),
-                           time_rate(state, torque)[..., None]), axis=-1)
+    of_causes = [evidence.observations.effect_rows(item.effect, item.shape) for item in named]
+    columns = []
+    for index, run in enumerate(evidence.observations.runs):
+        torque = sum(np.einsum('mjk,kj->mj', rows[index], own)
+                     for rows, own in zip(of_causes, coefficients, strict=True))
+        rate = np.gradient(torque, run.t, axis=0) if len(run.t) > 1 else np.zeros_like(torque)
+        columns.append(np.concatenate((torque[..., None] * factors[index], rate[..., None]),
+                                      axis=-1))
+    evidence.put(error, columns)
 
 
 def _factors(state: State, ranges: Ranges) -> np.ndarray:

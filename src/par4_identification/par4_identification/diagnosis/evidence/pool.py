@@ -59,9 +59,7 @@ class _Products:
         self._columns = [np.empty((rows.stop - rows.start, 64), order='F') for rows in self._rows]
         self.gram = [np.zeros((64, 64)) for _ in self._rows]
         self.moment = [np.zeros(64) for _ in self._rows]
-        self.squares = [float(self._target[rows] @ self._target[rows]) for rows in self._rows]
-        self.square = sum(self.squares)
-        self.rows = np.sum([valid.sum(axis=0) for valid in evidence.whitener.valid], axis=0)
+        self.square = float(self._target @ self._target)
         self.add([evidence.base[rows] for rows in self._rows])
 
     def add(self, columns: Sequence[np.ndarray]) -> slice:
@@ -151,26 +149,6 @@ class Pool:
         return Fitted(
             fit.square - float(moment * scale @ values),
             heldout.square - 2.0 * float(told @ values) + float(values @ seen @ values))
-
-    def excess(self, model: Sequence[Hypothesis], joints: Sequence[int]) -> tuple[float, float]:
-        """Return how far a fit leaves more than noise on some joints: squares over rows, or 1.
-
-        On the rows to fit and on the rows held out.
-        """
-        gram, moment, scale, layout = self._system(model)
-        values = _solved(gram, moment) / scale
-        left = []
-        for part in self._parts:
-            squares = rows = 0.0
-            for joint in joints:
-                own = values[layout[1][joint]]
-                columns = layout[0][joint]
-                squares += part.squares[joint] + float(
-                    own @ part.gram[joint][np.ix_(columns, columns)] @ own
-                    - 2.0 * own @ part.moment[joint][columns])
-                rows += part.rows[joint]
-            left.append(max(1.0, squares / max(rows, 1.0)))
-        return left[0], left[1]
 
     def _system(self, model: Sequence[Hypothesis]
                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, _Layout]:

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
+import numpy as np
+
+from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.law_error import law_error_of
+from par4_identification.diagnosis.evidence.law_error import factors_of, law_error_of, put_in
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.projection import Projection, Projections
 from par4_identification.diagnosis.evidence.unnamed import Kind, Ranges
@@ -34,6 +39,12 @@ class Weighing:
         self._joints = tuple(range(pool.evidence.observations.joints))
         self._law_errors: dict[frozenset[tuple[object, ...]], Hypothesis] = {}
 
+    @cached_property
+    def _factors(self) -> list[tuple[Evidence, list[np.ndarray]]]:
+        """What torques may be wrong by, on the rows to fit and on the rows held out."""
+        return [(part, factors_of(part.observations, self._ranges))
+                for part in (self._pool.evidence, self._pool.heldout)]
+
     def gains(self, cause: Hypothesis, others: Model) -> tuple[float, float]:
         """Return the gain in log-likelihood beside others on rows to fit and on rows held out."""
         without, together = self._pool.fit(others), self._pool.fit((*others, cause))
@@ -62,8 +73,7 @@ class Weighing:
             return min(fit_gain / needed.fit, gain / (needed.heldout + self._rules.margin))
         least_fit, least = needed.beside_law_error
         standing = min(fit_gain / needed.fit, gain / needed.heldout)
-        hopeless = min(fit_gain / least_fit, gain / least) <= 1.0
-        if standing > 1.0 or hopeless or not named_of(others):
+        if standing > 1.0 or min(fit_gain / least_fit, gain / least) <= 1.0:
             return standing
         return max(standing, self._standing_beside_law_error(cause, others, needed))
 
@@ -71,16 +81,15 @@ class Weighing:
                                    ) -> float:
         """Return the same where the laws of the other names may be wrong in any of their ways.
 
-        Rows that are left with more than noise are worth no more than noise of that size.
+        Where more than noise is left, its size counts as that of the noise: what is weak waits
+        until what is strong is known.
         """
-        beside = (*others, self._law_error(others))
-        fit_gain, gain = self.gains(cause, beside)
-        by_counts = self._by_counts(cause, others)
-        fit_excess, excess = self._pool.excess(
-            (*beside, cause), self._joints if cause.effect.shared else cause.joints)
-        least_fit, least = needed.beside_law_error
-        return min((fit_gain - by_counts[0]) / fit_excess / least_fit,
-                   (gain - by_counts[1]) / excess / least)
+        beside = (*others, *self._law_error(others))
+        gains, by_counts = self.gains(cause, beside), self._by_counts(cause, others)
+        left = self._pool.fit((*beside, cause)).squares
+        rows = self._pool.evidence.rows, self._pool.heldout.rows
+        return min((gains[part] - by_counts[part]) / max(1.0, left[part] / max(rows[part], 1))
+                   / needed.beside_law_error[part] for part in (0, 1))
 
     def _by_counts(self, cause: Hypothesis, others: Model) -> tuple[float, float]:
         """Return what encoder counts may contribute to the gains."""
@@ -91,12 +100,14 @@ class Weighing:
         """Return what a model leaves of the rows to fit."""
         return self._projections.beside(model)
 
-    def _law_error(self, model: Model) -> Hypothesis:
-        """Return what the named causes of a model may get wrong; made once."""
+    def _law_error(self, model: Model) -> Model:
+        """Return what the named causes of a model may get wrong, if it has any; made once."""
+        named = named_of(model)
         key = frozenset(item.key for item in model)
-        if key not in self._law_errors:
-            fit, named = self._pool.solution(model), named_of(model)
-            self._law_errors[key] = Hypothesis(law_error_of(
-                named, [fit.coefficients[model.index(item)] for item in named],
-                self._ranges, self._rules.named_error), {}, self._joints)
-        return self._law_errors[key]
+        if named and key not in self._law_errors:
+            error, fit = law_error_of(self._rules.named_error), self._pool.solution(model)
+            coefficients = [fit.coefficients[model.index(item)] for item in named]
+            for part, factors in self._factors:
+                put_in(part, error, named, coefficients, factors)
+            self._law_errors[key] = Hypothesis(error, {}, self._joints)
+        return (self._law_errors[key],) if named else ()
