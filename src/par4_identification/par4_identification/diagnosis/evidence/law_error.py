@@ -91,6 +91,7 @@ def _factors(state: State, ranges: Ranges) -> np.ndarray:
     low, high = ranges.q
     place = legvander(2.0 * (state.q - low) / np.maximum(high - low, 1e-12) - 1.0, PLACE_DEGREE)
     speed = state.qd / ranges.qd
-    by_speed = [speed, np.abs(speed), *(np.exp(-(speed / slow) ** 2) for slow in SLOW)]
-    return np.concatenate((place, np.sign(speed)[..., None] * place, np.stack(by_speed, axis=-1)),
+    others = [speed, np.abs(speed), *(np.exp(-(speed / slow) ** 2) for slow in SLOW),
+              np.abs(state.known.delivered)]
+    return np.concatenate((place, np.sign(speed)[..., None] * place, np.stack(others, axis=-1)),
                           axis=-1)
