@@ -249,6 +249,12 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     for child in (second, recorder):
         child.send_signal(signal.SIGINT)
     assert bench.ended(recorder) == 0
+    # two clocks jump to and fro a hundred times a second: that is told once a second
+    said = bench.said().count('[par4_record]: the clock jumped back by')
+    assert said < bench.counts(diagnostics, 'par4_record')['clock_jumps']
+    found = ' '.join(read_log(bench.folder / 'bag', ROBOT).bag_accounts.of_clocks())
+    assert 'the clock was set back once, as when a simulation is started again' in found
+    assert 'two machines or simulations with clocks of their own talk on /joint_states' in found
 
 
 def test_two_robots_in_two_namespaces_do_not_hear_each_other(bench):

@@ -202,7 +202,8 @@ class Par4Node(Node):
         back = -jump.delta.nanoseconds / SECOND
         self.get_logger().warning(
             f'the clock jumped back by {back:.3f} s: the simulation was started again, or two '
-            f'publish {CLOCK.name}')
+            f'publish {CLOCK.name}', throttle_duration_sec=REPORT_PERIOD,
+            throttle_time_source_type=self.wall_clock)
         self.clock_jumped_back()
 
     def clock_jumped_back(self) -> None:
