@@ -293,6 +293,26 @@ SOURCES = Path(__file__).parents[1] / 'src'
 DRIVER = Path(__file__).parents[1] / 'examples' / 'driver' / 'driver.py'
 
 
+def test_a_resting_node_looks_again_while_something_comes_but_not_for_ever():
+    def looks(*waiting: int) -> int:
+        """Return at how many looks inputs are asked that have something so many times."""
+        left, asked = list(waiting), [0] * len(waiting)
+
+        def take_from(index: int) -> bool:
+            asked[index] += 1
+            left[index] -= 1
+            return left[index] >= 0
+
+        Par4Node._rest(SimpleNamespace(REST=0.0, LOOKS=10, _inputs=[
+            lambda index=index: take_from(index) for index in range(len(waiting))]))
+        assert len(set(asked)) == 1, 'every input is looked at'
+        return asked[0]
+
+    assert looks(0, 0) == 1
+    assert looks(3, 0) == looks(0, 3) == 4
+    assert looks(10**6, 0) == 10, 'then services and timers have their turn'
+
+
 def test_a_flood_of_references_is_followed_and_loses_nothing(bench):
     simulated = Simulated(bench)
     references = bench.publisher(REFERENCE)
