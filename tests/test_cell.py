@@ -249,6 +249,12 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     for child in (second, recorder):
         child.send_signal(signal.SIGINT)
     assert bench.ended(recorder) == 0
+    # two clocks jump to and fro a hundred times a second: that is told once a second
+    said = bench.said().count('[par4_record]: the clock jumped back by')
+    assert said < bench.counts(diagnostics, 'par4_record')['clock_jumps']
+    found = ' '.join(read_log(bench.folder / 'bag', ROBOT).bag_accounts.of_clocks())
+    assert 'the clock was set back once, as when a simulation is started again' in found
+    assert 'two machines or simulations with clocks of their own talk on /joint_states' in found
 
 
 def test_two_robots_in_two_namespaces_do_not_hear_each_other(bench):
@@ -285,6 +291,26 @@ def test_late_steps_are_worth_a_warning_from_a_share_on():
 
 SOURCES = Path(__file__).parents[1] / 'src'
 DRIVER = Path(__file__).parents[1] / 'examples' / 'driver' / 'driver.py'
+
+
+def test_a_resting_node_looks_again_while_something_comes_but_not_for_ever():
+    def looks(*waiting: int) -> int:
+        """Return at how many looks inputs are asked that have something so many times."""
+        left, asked = list(waiting), [0] * len(waiting)
+
+        def take_from(index: int) -> bool:
+            asked[index] += 1
+            left[index] -= 1
+            return left[index] >= 0
+
+        Par4Node._rest(SimpleNamespace(REST=0.0, LOOKS=10, _inputs=[
+            lambda index=index: take_from(index) for index in range(len(waiting))]))
+        assert len(set(asked)) == 1, 'every input is looked at'
+        return asked[0]
+
+    assert looks(0, 0) == 1
+    assert looks(3, 0) == looks(0, 3) == 4
+    assert looks(10**6, 0) == 10, 'then services and timers have their turn'
 
 
 def test_a_flood_of_references_is_followed_and_loses_nothing(bench):

@@ -543,6 +543,8 @@ def _scaled(lines: list[str], column: int, factor: float) -> list[str]:
     (lambda lines: [*lines[:50], lines[50][:40]], 'sample 50 has'),
     (lambda lines: _cell(lines, 7, 3, 'x'), 'every cell must be a number'),
     (lambda lines: _cell(lines, 7, 3, 'nan'), 'q2 of sample 7 is nan'),
+    (lambda lines: _cell(lines, 7, 11, '1e200'), 'qdd2 of sample 7 is 1e'),
+    (lambda lines: _scaled(lines, 0, 1e-9), 'samples are .* s apart, at least'),
     (lambda lines: [*lines[:30], *lines[31:]], 't of sample'),
     (lambda lines: [lines[0], *lines[20:]], 't of sample 1 is'),
     (lambda lines: [lines[0], *lines[:0:-1]], 't of sample'),

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import JOINT_NAMES
-from par4_kinematics.ros.convert import SECOND, Trajectory, read_trajectory, write_trajectory
-from par4_sim.ros.serialised_trajectory import read_serialised_trajectory
+from par4_kinematics.ros.convert import (
+    SECOND,
+    Trajectory,
+    read_trajectory,
+    write_effort,
+    write_trajectory,
+)
+from par4_kinematics.ros.serialised_trajectory import (
+    SerialisedTrajectory,
+    read_serialised_trajectory,
+    serialised_rest,
+)
 
 FIELDS = ('positions', 'velocities', 'accelerations', 'effort')
 
@@ -70,6 +82,29 @@ def test_bytes_say_what_the_message_says(how, fields):
             read_trajectory, built, fields)
 
 
+@pytest.mark.parametrize('how', [0, 1, 2, 6])
+@pytest.mark.parametrize('count', [1, 2, 7])
+def test_bytes_are_given_their_effort_as_the_message_is(how, count):
+    """Whether it has one already, and wherever that leaves what stands behind."""
+    for seed in range(10):
+        built = message(seed, 7)
+        spoilt(built, how).points = built.points[:count]
+        effort = np.random.default_rng(seed).normal(size=(count, 4))
+        given = SerialisedTrajectory(serialize_message(built)).with_effort(effort)
+        write_effort(built, effort)
+        assert deserialize_message(given, JointTrajectory) == built
+        np.testing.assert_array_equal(read_serialised_trajectory(given, FIELDS[3:]).effort, effort)
+
+
+def test_a_reference_at_rest_rests_where_it_is_told_to():
+    q = np.array((0.1, -0.2, 0.3, -0.4))
+    told = read_serialised_trajectory(serialised_rest(q, 3))
+    np.testing.assert_array_equal(told.q, np.tile(q, (3, 1)))
+    assert not told.qd.any()
+    assert not told.qdd.any()
+    assert (np.diff(told.from_start_ns) > 0).all()
+
+
 def test_bytes_that_are_no_trajectory_are_refused_in_one_line():
     random = np.random.default_rng(1)
     data = serialize_message(message(3))
@@ -82,3 +117,5 @@ def test_bytes_that_are_no_trajectory_are_refused_in_one_line():
             broken[place] = random.integers(256)
         said = outcome(read_serialised_trajectory, bytes(broken), FIELDS)
         assert not isinstance(said, str) or len(said) < 1000
+        with suppress(InputError):
+            SerialisedTrajectory(bytes(broken)).with_effort(np.ones((7, 4)))

@@ -11,6 +11,7 @@ import pytest
 from test_commands import checked_page, run, simulated
 
 from par4_dynamics.model import read_model
+from par4_identification.commands import bag as bag_command
 from par4_identification.commands import diagnose, identify, validate
 from par4_identification.logs.bag import read_bag
 from par4_identification.logs.raw_bag import RawBag
@@ -149,9 +150,15 @@ def with_another(messages: list[Message], start: float, end: float, behind: int)
 
 CLOCKS = {
     'two clocks': (other_clock, 'has another clock'),
-    'a clock set back': (restarted_clock, '1 times the clock was set back'),
+    'a clock set back': (restarted_clock, 'the clock was set back once'),
     'a second simulation': (lambda messages: with_another(messages, 1.0, 9.0, -500 * SECOND),
                             'two machines or simulations with clocks of their own'),
+    'a second simulation for a moment': (
+        lambda messages: with_another(messages, 4.0, 4.05, -500 * SECOND),
+        'clocks of their own talk on /joint_states; 49 messages'),
+    'a second simulation after a restart': (
+        lambda messages: with_another(restarted_clock(messages), 7.0, 9.0, -500 * SECOND),
+        'two machines or simulations with clocks of their own'),
     'a second machine': (lambda messages: with_another(messages, 3.0, 3.3, 0),
                          'two machines or simulations talk on'),
 }
@@ -174,6 +181,22 @@ def test_clocks_and_sources_are_told_and_the_sound_stretches_identified(case, cl
     assert CLOCKS[case][1] in ' '.join(done.out.split())
     content = json.loads((tmp_path / 'identification.json').read_text())
     assert content['parameters']['actuator_inertia']['value'] == pytest.approx(0.113, rel=0.02)
+
+
+def test_two_simulations_whose_clocks_nearly_agree_are_refused_by_all_in_a_line(right, tmp_path):
+    """As two that were started together: nothing tells whose a message is."""
+    bag = written(tmp_path / 'near', with_another(messages_of(right), 0.0, 99.0, 40_500_000))
+    for command in (identify, diagnose):
+        done = run(command, bag, '--robot', 'reference', '--output', tmp_path / 'result')
+        assert done.code == 2
+        assert done.err.startswith('error: ')
+        assert done.err.count('\n') == 1
+        assert 'two machines or simulations on one topic' in done.err
+    assert not (tmp_path / 'result').exists()
+    done = run(bag_command, '--inspect', bag)
+    assert done.code == 0
+    assert done.out.count('two machines or simulations on one topic') == 1
+    assert done.out.splitlines()[-1].startswith('no tool can use it: ')
 
 
 @pytest.mark.usefixtures('unrendered')

@@ -43,6 +43,10 @@ RECIPES: dict[str, Callable[..., Motion]] = {
 """What a recipe of each kind calls; its keys are the arguments of the function but the robot."""
 NAMED_MOTIONS = ('adept', 'excitation', 'circle')
 
+LARGEST = 1e12
+"""Of any time, position, speed or acceleration in SI units; the square of more may be infinite."""
+SHORTEST_PERIOD = 1e-9
+"""Seconds from sample to sample; stamps resolve no less."""
 TIME_TOLERANCE = 0.01
 """Of a period, by which a time may differ from even spacing."""
 SPEED_TOLERANCE = 0.1
@@ -210,10 +214,12 @@ def read_samples(path: str | Path, frame: str) -> tuple[np.ndarray, np.ndarray]:
         values = np.array(rows, dtype=float)
     except ValueError as error:
         raise InputError(f'{path}: {error}; every cell must be a number') from error
-    if not np.isfinite(values).all():
-        row, column = np.argwhere(~np.isfinite(values))[0]
+    absurd = ~(np.abs(values) <= LARGEST)
+    if absurd.any():
+        row, column = np.argwhere(absurd)[0]
         raise InputError(f'{path}: {names[column]} of sample {row + 1} is '
-                         f'{values[row, column]}; every cell must be a finite number')
+                         f'{values[row, column]}; every cell must be a finite number, of no more '
+                         f'than {LARGEST:g} in SI units')
     t = _even_times(path, values[:, 0])
     _check_derivatives(path, names, t, values)
     return t, values[:, 1:]
@@ -224,6 +230,9 @@ def _even_times(path: Path, t: np.ndarray) -> np.ndarray:
     period = t[-1] / (len(t) - 1)
     even = np.arange(len(t)) * period
     off = np.abs(t - even)
+    if 0.0 < period < SHORTEST_PERIOD:
+        raise InputError(f'{path}: samples are {period:.3g} s apart, at least '
+                         f'{SHORTEST_PERIOD:g} s is expected; give times in seconds')
     if not (period > 0 and off.max() <= TIME_TOLERANCE * period):
         row = int(np.argmax(off))
         raise InputError(f'{path}: t of sample {row + 1} is {t[row]:.6g} s, even spacing from 0 to '

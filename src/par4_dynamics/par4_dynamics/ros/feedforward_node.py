@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from trajectory_msgs.msg import JointTrajectory
 
 from par4_dynamics.model import read_model
 from par4_dynamics.ros.feedforward_parameters import FeedforwardParameters
@@ -14,14 +13,16 @@ from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE
 from par4_kinematics.limits import check_points, check_torque
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
-from par4_kinematics.ros.convert import Trajectory, read_trajectory, write_effort
+from par4_kinematics.ros.convert import Trajectory
 from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.serialised_trajectory import SerialisedTrajectory, serialised_rest
 from par4_kinematics.workspace import home_pose
 
 
 class FeedforwardNode(Par4Node):
     """The node `par4_feedforward`; `FeedforwardParameters` says what it does."""
 
+    REST, LOOKS = 0.0005, 20
     PARAMETERS = FeedforwardParameters
 
     def __init__(self) -> None:
@@ -29,12 +30,11 @@ class FeedforwardNode(Par4Node):
         self._robot = read_robot(self.parameters.robot_file)
         self._model = read_model(self.parameters.model_file, self._robot)
         # compile before anyone can find this node: the first torque must not come seconds late
-        still, home = np.zeros((1, LEGS)), home_pose(self._robot)
-        self._model.torque_of_joints(
-            self._robot.geometry, inverse_kinematics(self._robot.geometry, home[None]), still,
-            still)
+        home = inverse_kinematics(self._robot.geometry, home_pose(self._robot))
+        for count in (1, 2):
+            self._answer(serialised_rest(home, count))
         self._publisher = self.publisher_of(FEEDFORWARD_TORQUE)
-        self.subscribe(REFERENCE, self._on_reference)
+        self.subscribe(REFERENCE, self._on_reference, raw=True)
         self.serve('~/reload_model', self._reload_model)
         self.get_logger().info(f'torques of {self.parameters.model_file} for robot '
                                f'{self._robot.name}')
@@ -51,14 +51,18 @@ class FeedforwardNode(Par4Node):
         self._model = read_model(self.parameters.model_file, self._robot)
         return f'read {self.parameters.model_file}'
 
-    def _on_reference(self, message: JointTrajectory) -> None:
-        points = read_trajectory(message)
+    def _on_reference(self, message: bytes) -> None:
+        self._publisher.publish(self._answer(message))
+
+    def _answer(self, message: bytes) -> bytes:
+        """Return a serialised reference with its torques."""
+        reference = SerialisedTrajectory(message)
+        points = reference.read()
         check_points(self._robot, points.q, points.qd, points.qdd)
         effort = self._torque(points)
         limit = self._model.torque_limit or self._robot.drives.torque_limit
         check_torque(self._robot, effort, self.parameters.torque_factor * limit)
-        write_effort(message, effort)
-        self._publisher.publish(message)
+        return reference.with_effort(effort)
 
 
 def main() -> int:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from par4_identification.logs.bag import recorded_topics
+from par4_identification.logs.bag import RecordedTopic
 from par4_identification.logs.raw_bag import JointSamples, RawBag
 from par4_identification.logs.stamps import spacing_counts
 from par4_kinematics.interface import JOINT_STATES
@@ -59,16 +58,13 @@ class JointContent:
     effort: bool
 
 
-def topic_contents(path: Path, bag: RawBag | None) -> tuple[TopicContent, ...]:
-    """Return the topics of a bag; spacings by header stamps where `bag` was decoded.
-
-    Raises:
-        InputError: the bag cannot be read.
-    """
+def topic_contents(topics: Sequence[RecordedTopic], bag: RawBag | None
+                   ) -> tuple[TopicContent, ...]:
+    """Return what the topics of a bag hold; spacings by header stamps where `bag` was decoded."""
     decoded: Mapping[str, JointSamples] = {} if bag is None else {
         samples.topic: samples for samples in bag.joints.values()}
     found = []
-    for topic in recorded_topics(path):
+    for topic in topics:
         by_stamp = topic.name in decoded
         times = decoded[topic.name].stamp if by_stamp else topic.received
         times = np.unique(times)

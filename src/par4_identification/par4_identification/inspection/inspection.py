@@ -20,7 +20,7 @@ from par4_identification.inspection.fitness import (
     joint_motions,
     unfit,
 )
-from par4_identification.logs.bag import read_bag
+from par4_identification.logs.bag import read_bag, recorded_topics
 from par4_identification.logs.bag_files import CutOffError
 from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.read_log import read_log
@@ -91,17 +91,17 @@ def _inspected(shown: Path, path: Path, machine: Robot | Axis, namespace: str | 
     def told(error: Par4Error) -> str:
         return str(error).removeprefix(f'{path}: ')
 
-    topics = topic_contents(path, None)
+    recorded = recorded_topics(path)
     try:
         bag = read_bag(path, namespace)
     except CutOffError:
         raise
     except InputError as error:
-        if not topics:
+        if not recorded:
             raise
-        return Inspection(str(shown), cut_off, machine.name, None, topics, (), (), (),
-                          unfit(told(error)))
-    topics, joints = topic_contents(path, bag), joint_contents(bag)
+        return Inspection(str(shown), cut_off, machine.name, None, topic_contents(recorded, None),
+                          (), (), (), unfit(told(error)))
+    topics, joints = topic_contents(recorded, bag), joint_contents(bag)
     try:
         log = read_log(path, machine, namespace)
     except InputError as error:

@@ -54,6 +54,10 @@ def _show(found: Inspection, console: Console) -> None:
                              (1, 2, 3, 4, 5), rows))
     for finding in found.findings:
         say(f'look at this: {finding}')
+    reasons = {item.reason for item in found.fitness}
+    if len(reasons) == 1:
+        say(f'no tool can use it: {reasons.pop()}')
+        return
     for item in found.fitness:
         say(f'{item.tool}: {item.use}, {item.reason}')
 

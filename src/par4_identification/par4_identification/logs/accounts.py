@@ -113,7 +113,9 @@ class Accounts:
         """Return what was wrong with clocks and sources, in words; nothing for a good bag."""
         found = []
         if self.clock_resets:
-            found.append(f'{self.clock_resets} times the clock was set back; the log is cut there')
+            often = 'once' if self.clock_resets == 1 else f'{self.clock_resets} times'
+            found.append(f'the clock was set back {often}, as when a simulation is started again; '
+                         f'the log is cut there')
         if self.clock_offset:
             found.append(f'{self.torque.topic} has another clock than {self.position.topic}; moved '
                          f'by {self.clock_offset:.6g} s, as its receipt tells')

@@ -50,8 +50,9 @@ def series_of(path: str | Path, rows: StampedRows, clock: Clock) -> Series:
     if conflicting > MOST_CONFLICTS * len(stamp):
         raise InputError(
             f'{path}: {conflicting} of {len(stamp)} samples on {rows.topic} have the stamp of '
-            'another but other values (two publishers, or a clock set back while its time ordered '
-            'the bag); record one source at a time, on the clock of the system')
+            'another but other values (two machines or simulations on one topic, or a clock set '
+            'back that also told when messages were received); record one at a time, on the clock '
+            'of the system')
     order = np.delete(order, again)
     crowded = np.zeros(len(order), dtype=bool)
     if len(order) > 2:

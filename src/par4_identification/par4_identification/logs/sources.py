@@ -17,8 +17,9 @@ from par4_identification.logs.stamped_rows import StampedRows
 
 APART = 250_000_000
 """ns between the offsets of two clocks; transport does not delay a message so long."""
-OFTEN = 0.02
-"""Share of the messages at which the clock changes from one to the other and back."""
+FEWEST_CHANGES, OFTEN = 20, 0.04
+"""Changes from one clock to the other and back from which there are two: a number, and a share of
+the messages with the rarer clock. A clock that is set back changes once, a wrong stamp twice."""
 JUMP = 1e-2
 """rad of a jump to and fro, from sample to sample."""
 AROUND, DENSE = 50, 0.3
@@ -82,17 +83,25 @@ def beside_mixed(source: Source, positions: StampedRows, time: np.ndarray) -> So
 
 
 def _clocks(rows: StampedRows) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return which rows have the one clock and which the other; None where no two alternate."""
+    """Return which rows have the one clock and which the other; None where no two alternate.
+
+    Every clock has an offset of its own, and one that was set back has several. Of the two offsets
+    that follow each other most often, from message to message, the rarer is that of the other.
+    """
     offset = (rows.received - rows.stamp).astype(float)
-    if len(offset) < 2:
-        return None
     ordered = np.sort(offset)
-    gaps = np.diff(ordered)
-    widest = int(np.argmax(gaps))
-    late = offset > 0.5 * (ordered[widest] + ordered[widest + 1])
-    if gaps[widest] < APART or np.count_nonzero(late[1:] != late[:-1]) < OFTEN * len(late):
+    below = np.flatnonzero(np.diff(ordered) >= APART)
+    if not len(below):
         return None
-    return late, ~late
+    cluster = np.searchsorted(0.5 * (ordered[below] + ordered[below + 1]), offset)
+    pairs = np.sort(np.column_stack((cluster[:-1], cluster[1:])), axis=1)
+    pairs, changes = np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0, return_counts=True)
+    most = int(np.argmax(changes))
+    sizes = np.bincount(cluster)[pairs[most]]
+    if changes[most] < max(FEWEST_CHANGES, OFTEN * sizes.min()):
+        return None
+    other = cluster == pairs[most][np.argmin(sizes)]
+    return ~other, other
 
 
 def _offset(rows: StampedRows, side: np.ndarray) -> float:

@@ -17,7 +17,7 @@ from par4_identification.ros.record_parameters import RecordParameters
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, RECORDED_TOPICS, Topic
 from par4_kinematics.ros.convert import SECOND
-from par4_kinematics.ros.node import SILENCE, Par4Node, State, run
+from par4_kinematics.ros.node import REPORT_PERIOD, SILENCE, Par4Node, State, run
 from par4_kinematics.ros.numbering import Numbering
 
 BUFFER = 20000
@@ -117,7 +117,9 @@ class RecordNode(Par4Node):
         if self._recorder is not None and self._began_ns:
             self._began_ns = self.get_clock().now().nanoseconds
             self.get_logger().warning(f'{self._path} holds more than one run: record each by its '
-                                      f'own to identify from them')
+                                      f'own to identify from them',
+                                      throttle_duration_sec=REPORT_PERIOD,
+                                      throttle_time_source_type=self.wall_clock)
 
     def state(self) -> State:
         """Return whether the node records, and whether what it records still comes."""

@@ -20,6 +20,8 @@ from par4_kinematics.robot import JOINT_NAMES
 
 SECOND = 1_000_000_000
 """Nanoseconds."""
+ATTRIBUTE = {'positions': 'q', 'velocities': 'qd', 'accelerations': 'qdd', 'effort': 'effort'}
+"""Of a Trajectory, by field of a point."""
 REFERENCE_FIELDS = ('positions', 'velocities', 'accelerations')
 """What every point of a reference carries."""
 
@@ -45,9 +47,6 @@ class Trajectory:
         """Return the absolute time of each point (n,), s, if the trajectory starts at `start_ns`.
         """
         return (start_ns + self.from_start_ns) / SECOND
-
-
-_ATTRIBUTE = {'positions': 'q', 'velocities': 'qd', 'accelerations': 'qdd', 'effort': 'effort'}
 
 
 def time_ns(stamp: Any) -> int:
@@ -96,18 +95,18 @@ def joint_values(message: Any, field: str, joint_names: Sequence[str] = JOINT_NA
 def _joint_rows(arrays: Sequence[Sequence[float]], field: str, names: Sequence[str],
                 joint_names: Sequence[str]) -> np.ndarray:
     """Return the values (n, J) of `joint_names` of arrays that follow `names`."""
-    joint_columns(names, joint_names)
+    columns = joint_columns(names, joint_names)
     for index, values in enumerate(arrays):
         if len(values) != len(names):
             raise InputError(f'{field}{_point(index, arrays)}: {len(values)} values for '
                              f'{len(names)} joint names; send one for each')
-    return _selected(np.array(arrays, dtype=float), field, names, joint_names)
+    return _selected(np.array(arrays, dtype=float), field, columns, joint_names)
 
 
-def _selected(rows: np.ndarray, field: str, names: Sequence[str], joint_names: Sequence[str]
+def _selected(rows: np.ndarray, field: str, columns: Sequence[int], joint_names: Sequence[str]
               ) -> np.ndarray:
-    """Return the columns (n, J) of `joint_names` of rows (n, -) that follow `names`."""
-    rows = rows[:, joint_columns(names, joint_names)]
+    """Return the columns (n, J) of rows (n, -), which are those of `joint_names`."""
+    rows = rows.take(columns, axis=1)
     finite = np.isfinite(rows)
     if not finite.all():
         index, joint = np.argwhere(~finite)[0]
@@ -160,13 +159,14 @@ def trajectory_of_rows(stamp_ns: int, from_start_ns: np.ndarray, names: Sequence
     """Return the trajectory of rows (n, -) a field that follow `names`; see `read_trajectory`."""
     if len(from_start_ns) == 0:
         raise InputError('no points; send at least one')
-    steps = np.diff(from_start_ns)
-    if (steps <= 0).any():
-        point = int(np.argmax(steps <= 0)) + 1
+    not_later = from_start_ns[1:] <= from_start_ns[:-1]
+    if not_later.any():
+        point = int(np.argmax(not_later)) + 1
         raise InputError(f'time_from_start of point {point} is not later than that of the point '
                          f'before; send points in order of time')
+    columns = joint_columns(names, joint_names)
     return Trajectory(stamp_ns, from_start_ns, **{
-        _ATTRIBUTE[field]: _selected(values, field, names, joint_names)
+        ATTRIBUTE[field]: _selected(values, field, columns, joint_names)
         for field, values in rows.items()})
 
 
@@ -178,7 +178,7 @@ def write_trajectory(message: Any, new_point: Callable[[], Any], trajectory: Tra
     message.points = [new_point() for _ in trajectory.from_start_ns]
     for index, point in enumerate(message.points):
         write_time(point.time_from_start, trajectory.from_start_ns[index])
-        for field, attribute in _ATTRIBUTE.items():
+        for field, attribute in ATTRIBUTE.items():
             rows = getattr(trajectory, attribute)
             if rows is not None:
                 setattr(point, field, _doubles(rows[index]))

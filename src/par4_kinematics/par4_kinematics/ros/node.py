@@ -99,6 +99,8 @@ class Par4Node(Node):
     Attributes:
         PARAMETERS: the dataclass of its parameters, set by the subclass.
         REST: seconds between callbacks, for a node that takes many messages at a time.
+        LOOKS: most looks at what waits, `REST` apart, before the executor has another turn. A turn
+            costs more than a message; while a stream flows, looks do without it.
         parameters: their values.
         finished: set to True, by itself or by a signal, when its work is done; `run` then ends it.
         failure: why it ended without having done its work; `run` then tells it.
@@ -107,6 +109,7 @@ class Par4Node(Node):
 
     PARAMETERS: ClassVar[type[NodeParameters]]
     REST: ClassVar[float] = 0.0
+    LOOKS: ClassVar[int] = 0
 
     def __init__(self) -> None:
         super().__init__(self.PARAMETERS.NAME, automatically_declare_parameters_from_overrides=True)
@@ -115,6 +118,7 @@ class Par4Node(Node):
         self.finished = False
         self.counts: Counter[str] = Counter()
         self._arrivals: dict[str, Arrivals] = {}
+        self._inputs: list[Callable[[], bool]] = []
         self._reported: dict[str, int] = {}
         self._last_state = State(State.OK, 'running')
         self.failure: Par4Error | None = None
@@ -144,12 +148,18 @@ class Par4Node(Node):
 
         def take(message: Any, info: dict[str, Any]) -> None:
             accept_or_reject(message, info)
+            take_waiting()
+
+        def take_waiting() -> bool:
+            taken = False
             with subscription.handle:
                 for _ in range(topic.depth):
                     waiting = subscription.handle.take_message(subscription.msg_type, raw)
                     if waiting is None or self.finished:
                         break
                     accept_or_reject(*waiting)
+                    taken = True
+            return taken
 
         def accept_or_reject(message: Any, info: dict[str, Any]) -> None:
             arrivals.take(info['publication_sequence_number'])
@@ -159,6 +169,7 @@ class Par4Node(Node):
                 self.reject(topic, error)
 
         subscription = self._on_topic(self.create_subscription, topic, callback=take, raw=raw)
+        self._inputs.append(take_waiting)
         return subscription
 
     def subscribe_raw(self, topic: Topic, callback: Callable[[bytes, dict[str, Any]], None]
@@ -202,7 +213,8 @@ class Par4Node(Node):
         back = -jump.delta.nanoseconds / SECOND
         self.get_logger().warning(
             f'the clock jumped back by {back:.3f} s: the simulation was started again, or two '
-            f'publish {CLOCK.name}')
+            f'publish {CLOCK.name}', throttle_duration_sec=REPORT_PERIOD,
+            throttle_time_source_type=self.wall_clock)
         self.clock_jumped_back()
 
     def clock_jumped_back(self) -> None:
@@ -298,10 +310,19 @@ class Par4Node(Node):
         while not self.finished:
             executor.spin_once(timeout_sec=0.1)
             if self.REST > 0.0:
-                time.sleep(self.REST)
+                self._rest()
         executor.shutdown()
         if self.failure is not None:
             raise self.failure
+
+    def _rest(self) -> None:
+        """Rest, and again as long as something has come meanwhile, so many looks at the most."""
+        time.sleep(self.REST)
+        for _ in range(self.LOOKS):
+            taken = [take_waiting() for take_waiting in self._inputs]  # each is to be looked at
+            if not any(taken):
+                return
+            time.sleep(self.REST)
 
     def close(self) -> None:
         """Complete what the node writes and release what it holds; called once at the end."""

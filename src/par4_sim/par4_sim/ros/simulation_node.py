@@ -23,6 +23,7 @@ from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import SECOND
 from par4_kinematics.ros.node import Par4Node, State, run
+from par4_kinematics.ros.serialised_trajectory import read_serialised_trajectory, serialised_rest
 from par4_kinematics.workspace import home_pose
 from par4_sim.choices import LOOKED_AHEAD, PREDICTIVE
 from par4_sim.description import complete_description
@@ -31,7 +32,6 @@ from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
-from par4_sim.ros.serialised_trajectory import read_serialised_trajectory
 from par4_sim.ros.simulation_parameters import SimulationParameters
 from par4_sim.ros.zero_stamp import ZeroStamps
 from par4_sim.simulation import Sample, Simulation, build_simulation
@@ -48,7 +48,7 @@ STRANGE_NS = 1000 * SECOND
 class SimulationNode(Par4Node):
     """The node `par4_simulation`; `SimulationParameters` says what it does."""
 
-    REST = 0.001  # a turn of the executor costs more than a message
+    REST, LOOKS = 0.001, 10
     PARAMETERS = SimulationParameters
 
     def __init__(self) -> None:
@@ -85,9 +85,9 @@ class SimulationNode(Par4Node):
         """Return the limits, compiled before a reference could come too late for that."""
         limits = ReferenceLimits(self._robot)
         home = inverse_kinematics(self._robot.geometry, home_pose(self._robot))
-        points = np.zeros((2, 12))
-        points[:, :4] = home
-        limits.check(np.array((0.0, 1.0)), points)
+        for count in (1, 2):
+            points = read_serialised_trajectory(serialised_rest(home, count))
+            limits.check(points.times(0), np.hstack((points.q, points.qd, points.qdd)))
         return limits
 
     def _description(self) -> str:
