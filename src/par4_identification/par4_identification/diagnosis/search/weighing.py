@@ -39,6 +39,11 @@ class Weighing:
         self._joints = tuple(range(pool.evidence.observations.joints))
         self._law_errors: dict[frozenset[tuple[object, ...]], Hypothesis] = {}
 
+    @property
+    def _knows_the_machine(self) -> bool:
+        """Whether it is a Par4; the laws of an axis, which may be any machine, may err anyhow."""
+        return self._pool.evidence.observations.runs[0].state.geometry is not None
+
     @cached_property
     def _factors(self) -> list[tuple[Evidence, list[np.ndarray]]]:
         """What torques may be wrong by, on the rows to fit and on the rows held out."""
@@ -73,7 +78,8 @@ class Weighing:
             return min(fit_gain / needed.fit, gain / (needed.heldout + self._rules.margin))
         least_fit, least = needed.beside_law_error
         standing = min(fit_gain / needed.fit, gain / needed.heldout)
-        if standing > 1.0 or min(fit_gain / least_fit, gain / least) <= 1.0:
+        hopeless = min(fit_gain / least_fit, gain / least) <= 1.0
+        if standing > 1.0 or hopeless or not self._knows_the_machine:
             return standing
         return max(standing, self._standing_beside_law_error(cause, others, needed))
 
