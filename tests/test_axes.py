@@ -37,7 +37,7 @@ from par4_identification.reports.outcome.changes import payload_causes_json, phr
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis, source_of_order
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.plateaus import plateaus_of
-from par4_identification.signals.rows import Conditioning, finer
+from par4_identification.signals.rows import Conditioning, finer, runs_of_log
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis
@@ -316,6 +316,16 @@ def test_a_bag_of_a_few_samples_is_read_and_twins_of_an_axis_need_no_motion(tmp_
     rising = diagnosed(held_speeds(screw(1.2e-3, 1.0), SPEEDS, 1e-4, 1), [], axis())
     assert any(cause.twins for cause in rising.causes)
     assert next_experiment(rising, axis()) is None
+
+
+def test_stretches_that_the_filters_leave_no_rows_of_are_left_out():
+    """A slow log has slow filters: a second between two gaps is too short for them."""
+    log = recorded(BARE, there_and_back, 24.0, 100.0, counts=8192, noise=1e-3)
+    conditioning = conditioning_for([log], axis(), CONDITIONING, Chosen(cutoff_hz=1.5))
+    short, long = slice(0, 110), slice(120, len(log.t))
+    assert len(runs_of_log(replace(log, segments=(short, long)), axis(), conditioning)) == 1
+    with pytest.raises(InputError, match='no uninterrupted stretch of at least 2.4 s'):
+        runs_of_log(replace(log, segments=(short,)), axis(), conditioning)
 
 
 @pytest.mark.parametrize('speed', [0.2, 80.0])
