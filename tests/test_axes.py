@@ -428,6 +428,22 @@ def test_friction_that_rises_towards_standstill_shows_at_steady_speeds(seed, exp
     assert found.left_out == ('actuator_inertia',)
 
 
+@pytest.mark.parametrize('seed', [101, 104])
+def test_deviations_hold_the_law_of_a_rise_that_the_data_do_not_tell(seed):
+    """An exponential is told as the usual Gaussian, whose velocity is another."""
+    found = diagnosed(held_speeds(screw(6e-4, 1.0), SPEEDS, 1e-4, seed), [], axis())
+    parameters = next(cause for cause in found.causes
+                      if cause.effect.name == 'stribeck').parameters
+    exponent, velocity = parameters['exponent'], parameters['stribeck_velocity']
+    assert exponent.value[0] == 2.0
+    assert abs(exponent.value[0] - 1.0) < 2.0 * exponent.std[0]
+    assert velocity.std[0] > 0.3 * velocity.value[0]
+    told = diagnosed(held_speeds(screw(2.4e-3, 2.0), SPEEDS, 1e-5, seed), [], axis())
+    velocity = next(cause for cause in told.causes
+                    if cause.effect.name == 'stribeck').parameters['stribeck_velocity']
+    assert velocity.std[0] < 0.15 * velocity.value[0]
+
+
 @pytest.mark.parametrize('seed', range(3))
 def test_steady_speeds_of_plain_friction_are_clean(seed):
     def plain(speed):

@@ -63,6 +63,7 @@ from par4_identification.diagnosis.verdict.judgement import (
     judge,
     unnamed_cause,
 )
+from par4_identification.diagnosis.verdict.laws import with_doubt_of_law
 from par4_identification.diagnosis.verdict.loose_loads import cause_of, loose_loads
 from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.sure import without_doubtful_names
@@ -321,6 +322,7 @@ def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fi
     evidence, hypothesis = search.pool.evidence, judgement.hypothesis
     index = named.index(hypothesis)
     parameters = effect_parameters(evidence, hypothesis, fit, index, errors)
+    parameters = with_doubt_of_law(parameters, search, hypothesis, tuple(named), errors)
     if unnamed_of(model):
         parameters = with_doubt(parameters, effect_parameters(
             evidence, hypothesis, whole, model.index(hypothesis), errors))

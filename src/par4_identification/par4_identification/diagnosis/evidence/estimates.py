@@ -103,7 +103,7 @@ def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter]
         if name == 'phase':
             apart = np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi
         result[name] = parameter.model_copy(update={
-            'std': _nested(np.hypot(np.asarray(parameter.std, dtype=float), apart).tolist())})
+            'std': nested(np.hypot(np.asarray(parameter.std, dtype=float), apart).tolist())})
     return result
 
 
@@ -125,12 +125,12 @@ def with_doubt_of_time(parameters: dict[str, Parameter], observations: Observati
     orders = np.asarray(parameters['periods'].value, dtype=float)
     turned = np.reshape(orders * speed * late, (-1,) + (1,) * (std.ndim - 1))
     return {**parameters, 'phase': phase.model_copy(update={
-        'std': _nested(np.hypot(std, turned).tolist())})}
+        'std': nested(np.hypot(std, turned).tolist())})}
 
 
-def _nested(values: Any) -> Any:
+def nested(values: Any) -> Any:
     """Return lists of lists as tuples of tuples."""
-    return tuple(map(_nested, values)) if isinstance(values, list) else values
+    return tuple(map(nested, values)) if isinstance(values, list) else values
 
 
 def _numbers(value: np.ndarray, per_order: bool, single: bool) -> Number:
