@@ -234,6 +234,31 @@ def test_friction_never_builds_up_where_a_joint_only_jerks_back():
     assert len(Presliding().shapes(State(t, both, still, still))) > 5
 
 
+def trapezoids(speeds, lasting=2.0):
+    """Return positions that go there and back at one speed after the other."""
+    def reference(t):
+        share = t % lasting / lasting
+        course = np.tanh(12.0 * share) * np.tanh(12.0 * (0.5 - share)) * np.tanh(
+            12.0 * (1.0 - share))
+        return np.cumsum(np.array(speeds)[(t // lasting).astype(int) % len(speeds)] * course) * (
+            t[1] - t[0])
+    return reference
+
+
+@pytest.mark.parametrize(('other', 'names'), [(1e-3, ['viscous_asymmetry']), (1e-2, [])])
+def test_a_law_that_holds_but_for_some_percents_keeps_its_name(other, names):
+    """Little noise shows by how little; what is no law of the library has no name."""
+    motor, logs = Motor(5e-3, 0.04, 0.02), []
+    for seed, some in enumerate(((3.0, 1.2, 2.0), (2.2, 2.8, 1.0))):
+        log = recorded(motor, trapezoids(some), 12.0, 500.0, counts=200000, noise=1e-3,
+                       stiffness=40.0, seed=seed)
+        speed = np.gradient(log.q, log.period, axis=0)
+        logs.append(replace(log, tau=log.tau + 8e-3 * np.abs(speed) + other * np.sin(3.0 * speed)))
+    found = diagnosed(logs[:1], logs[1:], axis())
+    assert [cause.effect.name for cause in found.causes] == names
+    assert names or found.unnamed
+
+
 # -------------------------------------------------------------------- torque over the position
 
 
@@ -556,6 +581,8 @@ def test_measured_driver_at_high_speed_is_given_no_name(archives, tmp_path):
                              'time=1:s position=2:rad torque=4:A', '--motor-gain', '0.025'], LAAS,
                   ['accel'], [])
     assert found['causes'] == []
+    # it turns on and on
+    assert not any('spring' in item['acts_like'] for item in found['unnamed'])
 
 
 def test_measured_bare_motor_has_cogging_of_its_poles_and_slots(archives, tmp_path):

@@ -290,7 +290,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
                       or remaining.uneven or swing)
     return Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
-        rejected=tuple(search.journal.rejected),
+        rejected=search.journal.beside(item.label for item in named),
         holdout=_holdout(heldout.runs, blocks, before, after, floor), remaining=remaining,
         base_before=base_parameters(evidence, base_only),
         base_after=base_parameters(evidence, names_only), extended_model=extended,
