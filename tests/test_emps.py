@@ -5,11 +5,13 @@ The measured data stand outside the repository: PAR4_EMPS_DATA gives the path of
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from axis_scales import diagnosis_of_axis
+from click.testing import CliRunner
 from diagnosed import claims, error_as_diagnosed, steps
 from example import (
     PUBLISHED,
@@ -23,9 +25,11 @@ from remainder import low_speed_friction, strongest_periods
 
 from axis_simulation import simulated, synthetic_recording
 from own_recipe import own_estimates, values_by_name
+from par4_identification.commands.diagnose import diagnose_bags
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.logs.read_log import read_log
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import write_yaml
 from published_recipe import BY_DIRECTION, COLUMNS, published_estimate
 from recording import VARIABLE, data_path, read_recording, write_bag
 
@@ -133,6 +137,23 @@ def test_friction_by_direction_is_found_without_a_hint(measured, diagnosis):
     assert np.all(np.diff(errors) < 0.0)
     assert np.all(np.diff([step.moving.relative_error for step in ladder]) < 0.0)
     assert error_as_diagnosed(measured, diagnosis)[1] < 1.1 * ladder[-1].moving.relative_error
+
+
+def test_the_shipped_command_names_what_is_known(measured, tmp_path):
+    """With the scales that it chooses; the screw returns every 2.50 mm."""
+    write_bag(measured, tmp_path / 'bag')
+    write_yaml(tmp_path / 'emps.yaml', measured.axis.model_dump(by_alias=True))
+    CliRunner().invoke(diagnose_bags, [str(tmp_path / 'bag'), '--robot',
+                                       str(tmp_path / 'emps.yaml'), '--output',
+                                       str(tmp_path / 'out')], catch_exceptions=False)
+    found = json.loads((tmp_path / 'out' / 'diagnosis.json').read_text())
+    causes = {cause['effect']: cause['parameters'] for cause in found['causes']}
+    assert {'viscous_asymmetry', 'time_offset', 'cogging'} <= set(causes) <= {
+        'viscous_asymmetry', 'time_offset', 'cogging', 'nonlinear_viscous'}
+    slope = causes['viscous_asymmetry']['asymmetry']
+    published = 0.5 * (float(PUBLISHED_BY_DIRECTION['Fv+']) - float(PUBLISHED_BY_DIRECTION['Fv-']))
+    assert abs(slope['value'][0] - published) < 3.0 * slope['std'][0]
+    assert causes['cogging']['periods']['value'] == pytest.approx(2e3 * np.pi / 2.5, rel=2e-3)
 
 
 def test_friction_by_direction_is_found_with_the_scales_of_joints(measured):

@@ -120,6 +120,8 @@ class Effect(ABC):
             has names of its own.
         told_by_speeds: whether its torque is a function of the joint's speed alone, so that mean
             torques at steady speeds can tell it.
+        law: the shape parameter whose values are laws of the effect, of which data may not tell
+            which one holds; None where there is one law.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
     """
 
@@ -138,6 +140,7 @@ class Effect(ABC):
     needs_both_ways: ClassVar[bool] = False
     of_axis: ClassVar[bool] = False
     told_by_speeds: ClassVar[bool] = False
+    law: ClassVar[str | None] = None
     phrase: ClassVar[str]
 
     def shapes(self, state: State) -> tuple[Shape, ...]:

@@ -34,6 +34,7 @@ class Stribeck(Effect):
 
     name = 'stribeck'
     told_by_speeds = True
+    law = 'exponent'
     phrase = 'Stribeck friction'
     parameters = (EffectParameter('stribeck_torque', 'N m', 'joint'),
                   EffectParameter('stribeck_velocity', 'rad/s', 'joint', is_shape=True),

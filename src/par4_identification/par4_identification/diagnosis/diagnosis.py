@@ -64,6 +64,7 @@ from par4_identification.diagnosis.verdict.judgement import (
     judge,
     unnamed_cause,
 )
+from par4_identification.diagnosis.verdict.laws import with_doubt_of_law
 from par4_identification.diagnosis.verdict.loose_loads import cause_of, loose_loads
 from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.sure import without_doubtful_names
@@ -290,7 +291,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
                       or remaining.uneven or swing)
     return Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
-        rejected=tuple(search.journal.rejected),
+        rejected=search.journal.beside(item.label for item in named),
         holdout=_holdout(heldout.runs, blocks, before, after, floor), remaining=remaining,
         base_before=base_parameters(evidence, base_only),
         base_after=base_parameters(evidence, names_only), extended_model=extended,
@@ -323,6 +324,7 @@ def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fi
     index = named.index(hypothesis)
     parameters = effect_parameters(evidence, hypothesis, fit, index, errors)
     parameters = with_doubt_of_choice(parameters, evidence, hypothesis, named)
+    parameters = with_doubt_of_law(parameters, search, hypothesis, tuple(named), errors)
     if unnamed_of(model):
         parameters = with_doubt(parameters, effect_parameters(
             evidence, hypothesis, whole, model.index(hypothesis), errors))

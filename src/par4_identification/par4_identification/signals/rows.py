@@ -161,10 +161,11 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
     runs = [_run(fine, segment, machine, conditioning,
                  _white_floor(log.tau[measured], conditioning, log.period), log.period)
             for measured, segment in zip(long, fine.segments)]
-    if not runs:
-        raise InputError(f'{log.name}: no uninterrupted stretch of at least 1 s; record longer or '
-                         f'without gaps')
-    return runs
+    if not any(len(run.t) for run in runs):
+        least = max(1.0, 4.0 * conditioning.reach)
+        raise InputError(f'{log.name}: no uninterrupted stretch of at least {least:.1f} s, which '
+                         f'the filters need; record longer or without gaps')
+    return [run for run in runs if len(run.t)]
 
 
 def are_coarse(counts: int, conditioning: Conditioning, period: float) -> bool:

@@ -29,7 +29,7 @@ def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter]
         if name == 'phase':
             apart = np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi
         result[name] = parameter.model_copy(update={
-            'std': _nested(np.hypot(np.asarray(parameter.std, dtype=float), apart).tolist())})
+            'std': nested(np.hypot(np.asarray(parameter.std, dtype=float), apart).tolist())})
     return result
 
 
@@ -51,7 +51,7 @@ def with_doubt_of_time(parameters: dict[str, Parameter], observations: Observati
     orders = np.asarray(parameters['periods'].value, dtype=float)
     turned = np.reshape(orders * speed * late, (-1,) + (1,) * (std.ndim - 1))
     return {**parameters, 'phase': phase.model_copy(update={
-        'std': _nested(np.hypot(std, turned).tolist())})}
+        'std': nested(np.hypot(std, turned).tolist())})}
 
 
 def with_doubt_of_choice(parameters: dict[str, Parameter], evidence: Evidence,
@@ -87,10 +87,10 @@ def with_doubt_of_choice(parameters: dict[str, Parameter], evidence: Evidence,
             values = values - values[rest].mean()
         if values.shape != np.shape(parameter.value):
             values = values[list(hypothesis.joints)]
-        told[name] = parameter.model_copy(update={'value': _nested(values.tolist())})
+        told[name] = parameter.model_copy(update={'value': nested(values.tolist())})
     return with_doubt(parameters, told)
 
 
-def _nested(values: Any) -> Any:
+def nested(values: Any) -> Any:
     """Return lists of lists as tuples of tuples."""
-    return tuple(map(_nested, values)) if isinstance(values, list) else values
+    return tuple(map(nested, values)) if isinstance(values, list) else values

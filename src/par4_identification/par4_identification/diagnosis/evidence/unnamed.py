@@ -18,6 +18,7 @@ from numpy.polynomial.legendre import legvander
 
 from par4_dynamics.effects.cogging import HIGHEST_PERIODS, LEAST_TURNS, LOWEST_PERIODS
 from par4_dynamics.effects.effect import Shape
+from par4_dynamics.effects.position_torque import WIDEST
 from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State
@@ -32,8 +33,6 @@ RELAXATIONS = (0.1, 0.4, 1.6, 6.4)
 """s: times in which the force of a spring that creeps dies away."""
 READING_DEGREE = 3
 """Of the polynomial of a joint's position by which its reading may be wrong."""
-
-
 Periods = tuple[tuple[int, ...], ...]
 """Periods a turn, of each joint."""
 
@@ -223,9 +222,8 @@ def _gain(state: State, ranges: Ranges) -> np.ndarray:
 
 
 def _coupling(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
-    torque, joints = state.known.delivered, state.joints
-    others = [np.delete(np.arange(joints), joint) for joint in range(joints)]
-    return np.stack([torque[:, chosen] for chosen in others], axis=1)
+    torque = state.known.delivered
+    return np.stack([np.delete(torque, joint, axis=1) for joint in range(state.joints)], axis=1)
 
 
 def _drift(state: State, ranges: Ranges) -> np.ndarray:
@@ -354,9 +352,11 @@ class Kinds:
         periods: dict[Function, Periods] = {
             _periodic: _strongest_periods(observations, left, high - low),
             _torque: _strongest_periods(observations, load, high - low)}
+        wound = np.max(high - low) <= WIDEST  # no spring goes on turning
         return tuple(self._kind(kind, periods.get(kind.function, ())) for kind in KINDS
                      if (self.ranges.platform is not None or not kind.needs_platform)
-                     and (kind.told_by_speeds or not observations.steady))
+                     and (kind.told_by_speeds or not observations.steady)
+                     and (wound or kind.function is not _creep))
 
     def _kind(self, kind: Kind, periods: Periods) -> Kind:
         key = kind.name, periods

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -93,6 +93,18 @@ class Candidates:
         gains = [(0.5 * projection.gain(effect, shape), shape)
                  for shape in self._shapes.get(effect.name, ()) if shape]
         return [shape for gain, shape in sorted(gains, key=lambda item: -item[0]) if gain > least]
+
+    def by_other_laws(self, hypothesis: Hypothesis, projection: Projection) -> list[Hypothesis]:
+        """Return the same cause by each other law that was searched, in its best shape."""
+        effect = hypothesis.named
+        if effect.law is None:
+            return []
+        laws: dict[float | tuple[float, ...] | None, list[Shape]] = {}
+        for shape in self._shapes.get(effect.name, ()):
+            laws.setdefault(shape.get(effect.law), []).append(shape)
+        return [replace(hypothesis, shape=best_shape(
+                    effect, shapes, partial(projection.gains, effect))[0])
+                for law, shapes in laws.items() if law != hypothesis.shape.get(effect.law)]
 
     def _search(self, effect: Effect, projection: Projection) -> Candidate | None:
         if isinstance(effect, ElasticTransmission):

@@ -45,6 +45,11 @@ def polished(search: Search, model: Sequence[Hypothesis]) -> Model:
     return model
 
 
+def polished_alone(search: Search, item: Hypothesis, others: Model) -> Hypothesis:
+    """Return a hypothesis whose shape fits the fitted rows best beside others as they are."""
+    return _with_best_shape(search.pool, (*others, item), item)[-1]
+
+
 def _with_best_shape(pool: Pool, model: Model, item: Hypothesis) -> Model:
     for _ in range(STEPS):
         others, knobs = others_of(model, item), shape_knobs(item)

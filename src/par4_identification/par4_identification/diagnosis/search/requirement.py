@@ -53,14 +53,15 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
     base, only_named, whole = (pool.fit(part) for part in ((), named, model))
     common = _common(pool, model, cause)
     parts, causes, by_names = [], [], []
-    for torque, counted, rows, squares in zip(
+    for torque, counted, rows, squares, error in zip(
             pool.torque_squares, pool.counted_squares,
             (pool.evidence.rows, pool.heldout.rows), (
                 [fit.fit_squares for fit in (base, only_named, whole)],
-                [fit.heldout_squares for fit in (base, only_named, whole)])):
+                [fit.heldout_squares for fit in (base, only_named, whole)]),
+            _errors_of_named(pool, named, rules)):
         by_unnamed = max(squares[1] - squares[2], 0.0)
         by_named = max(squares[0] - squares[2] - by_unnamed, 0.0)
-        by_names.append(0.5 * rules.named_error ** 2 * by_named)
+        by_names.append(0.5 * error ** 2 * by_named)
         causes.append(by_names[-1] + 0.5 * (common * rules.unnamed_error) ** 2 * by_unnamed)
         parts.append(causes[-1] + 0.5 * (rules.base_error ** 2 * torque
                                          + rules.unnamed_error ** 2 * counted
@@ -83,9 +84,34 @@ def torque_errors(pool: Pool, named: Sequence[Hypothesis], unnamed: Sequence[Hyp
                for item, coefficients in zip(fit.hypotheses, fit.coefficients)]
     count = len(named)
     measured = evidence.whitened([run.tau for run in evidence.observations.runs])
-    shares = ((rules.base_error, [measured]), (rules.named_error, torques[:count]),
-              (rules.unnamed_error, torques[count:]))
-    return [share * np.sum(parts, axis=0) for share, parts in shares if parts]
+    wrong = [error_of(item, rules) * torque for item, torque in zip(named, torques)]
+    parts = ([rules.base_error * measured], wrong,
+             [rules.unnamed_error * torque for torque in torques[count:]])
+    return [np.sum(part, axis=0) for part in parts if part]
+
+
+def error_of(item: Hypothesis, rules: Rules) -> float:
+    """Return the share (rms) of the torque of a named cause that may be wrong.
+
+    That a machine may be any holds for its laws of friction, of springs and of gaps. A torque that
+    is read at another time is that torque, on any machine.
+    """
+    return min(rules.named_error, Rules.named_error) if item.named.retimes else rules.named_error
+
+
+def _errors_of_named(pool: Pool, named: Sequence[Hypothesis], rules: Rules) -> tuple[float, ...]:
+    """Return the share (rms) that may be wrong of all that names explain, fitted and held out.
+
+    Each name counts by what it explains beside the others.
+    """
+    errors = np.array([error_of(item, rules) for item in named])
+    if len(set(errors)) < 2:
+        error = float(errors[0]) if len(errors) else rules.named_error
+        return error, error
+    whole = np.array(pool.fit(named).squares)
+    own = np.array([np.maximum(pool.fit([other for other in named if other is not item]).squares
+                               - whole, 1e-30) for item in named])
+    return tuple(map(float, np.sqrt(errors ** 2 @ own / own.sum(axis=0))))
 
 
 def _common(pool: Pool, model: Sequence[Hypothesis], cause: Hypothesis | None) -> float:

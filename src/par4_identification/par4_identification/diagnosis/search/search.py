@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from par4_identification.diagnosis.search.causes import (
     named_of,
     names_of,
     others_of,
+    unnamed_of,
 )
 from par4_identification.diagnosis.search.counts import Counts
 from par4_identification.diagnosis.search.joints import with_acting_joints, with_needed_joints
@@ -61,6 +63,11 @@ class Journal:
         """Note why a hypothesis is no cause."""
         self.rejected.append(Rejected(hypothesis.label, reason))
 
+    def beside(self, told: Iterable[str]) -> tuple[Rejected, ...]:
+        """Return what was rejected, but for the labels that were told in the end."""
+        labels = set(told)
+        return tuple(item for item in self.rejected if item.label not in labels)
+
 
 class Search:
     """Finds causes: fitted rows suggest them, held-out rows confirm them.
@@ -101,7 +108,8 @@ class Search:
             visited.add(names_of(trial))
             if not grown:  # a swap is noted even if it comes to nothing, or it is tried for ever
                 visited.add(names_of(step))
-            if known or not self._does_as_well(trial, model):
+            if (known or not self._does_as_well(trial, model)
+                    or (grown and self._gives_names_away(trial, model))):
                 refused |= names_of(grown or ()) - names_of(model)
                 continue
             model = trial
@@ -125,6 +133,27 @@ class Search:
         dropped = len(names_of(model) - names_of(trial))
         loss = 0.5 * (sum(self.pool.fit(trial).squares) - sum(self.pool.fit(model).squares))
         return loss < dropped * (self.rules.evidence + self.rules.margin)
+
+    def _gives_names_away(self, trial: Model, model: Model) -> bool:
+        """Return whether a trial lacks names of a model for an unnamed cause that does little more.
+
+        A nameless function of the speed has the columns of every law of the speed in it, so that
+        beside it none explains anything of its own. It takes their place only if it explains
+        `Rules.better` more than they do, and if none of them alone explains what it does, but for
+        the share that may be wrong of it.
+        """
+        lost = [item for item in named_of(model) if item.effect.name not in names_of(trial)]
+        new = [item for item in unnamed_of(trial) if item.effect.name not in names_of(model)]
+        if not (self.rules.better and lost and new
+                and all(item.effect.told_by_speeds for item in (*lost, *new))):
+            return False
+        before, after = self.pool.fit(model).heldout_squares, self.pool.fit(trial).heldout_squares
+        if 0.5 * (before - after) < self.rules.better:
+            return True
+        kept = tuple(item for item in model if item not in lost)
+        most = max(self.weighing.gains(item, kept)[1] for item in lost)
+        whole = 0.5 * (self.pool.fit(kept).heldout_squares - after)
+        return most > (1.0 - self.rules.unnamed_error ** 2) * whole
 
     def _with_a_name(self, model: Model, refused: set[str]) -> Model | None:
         """Return the model with the most likely name that can be confirmed."""

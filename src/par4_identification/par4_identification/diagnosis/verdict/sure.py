@@ -21,9 +21,6 @@ from par4_identification.diagnosis.search.search import Search
 
 POSITION, PERIODIC = 'position', 'periodic'
 """Kinds of unnamed causes that are smooth functions and sums of waves of the position."""
-BETTER = 100.0
-"""Log-likelihood on rows that no fit has seen by which a nameless function in the place of a name
-explains more, beyond which the name is wrong. Laws that nearly hold lose some tens to it."""
 MOST_LEFT = 0.5
 """Error with the names over that without them, on rows held out, up to which they are told although
 what they leave is no noise."""
@@ -62,7 +59,7 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
     """Return the model without one of its names if this is doubtful, else None."""
     others = others_of(model, item)
     best = next(iter(_nameless(search, item, others)), None)
-    if best is not None and best[1] < -BETTER:
+    if best is not None and -best[1] > _law_may_lose(search, best[0], others):
         kind, margin = best
         search.journal.reject(item, f'{kind.effect.phrase} explains {-margin:.0f} more in its '
                                     f'place on rows held out')
@@ -75,6 +72,16 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
             search.journal.reject(item, 'its time depends on what unnamed causes have beside it')
             return others
     return None
+
+
+def _law_may_lose(search: Search, kind: Hypothesis, others: Model) -> float:
+    """Return by how much a nameless function may explain more than a name that is right.
+
+    A named torque may be wrong by a share of itself, which a nameless function need not be. In a
+    long log of little noise that share of the squares is much log-likelihood.
+    """
+    rules = search.rules
+    return max(rules.better, rules.named_error ** 2 * search.weighing.gains(kind, others)[1])
 
 
 def _nameless(search: Search, item: Hypothesis, others: Model
