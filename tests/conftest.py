@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 from collections.abc import Iterator
 from typing import Any
 
@@ -20,6 +21,12 @@ CALM = {'deadline': None, 'database': None,
 settings.register_profile('few', max_examples=5, derandomize=True, **CALM)
 settings.register_profile('fuzz', max_examples=2000, print_blob=True, **CALM)
 settings.load_profile('few')
+
+
+def pytest_configure() -> None:
+    """Hear Ctrl-C, and let children hear it: a script that runs tests with `&` has it ignored."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_finish() -> None:
