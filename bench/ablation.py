@@ -3,7 +3,8 @@
     python bench/ablation.py --recordings DIR DIR --limit 60
 
 Each number of `Rules` is switched off, halved and doubled, one at a time, and recordings that
-`blind_study.py record` keeps are scored again under each change. Recordings must be of development:
+`blind_study.py record` keeps are scored again under each change; `--changes off` and `--changes
+factor` take less time. Recordings must be of development:
 what is scored here is no longer unseen. Outcomes are appended to a file as they come; the same call
 goes on with what it holds, as long as the sources that decide are the same.
 """
@@ -36,21 +37,29 @@ from par4_identification.diagnosis.search.rules import Rules
 
 ROOT = Path(__file__).parents[1]
 FACTOR = 2.0
-OFF = {'floor_excess': 1e9}
-"""Values at which numbers decide nothing, where that is not zero."""
+OFF = {'evidence': 1.0, 'equal': 1e-9, 'floor_excess': 1e9}
+"""Values at which numbers decide nothing, where that is not zero: a log-likelihood of 1 is chance,
+and no two are equal."""
 UNCHANGED = 'as it is'
 Changes = dict[str, tuple[str, float]]
 """Name of a change -> the number that is moved, and to what."""
 Item = tuple[Path, str, tuple[str, float] | None]
 
 
-def changes_of_rules() -> Changes:
-    """Return each number switched off, halved and doubled."""
+def changes_of_rules(asked: str = 'all') -> Changes:
+    """Return each number switched off ('off'), halved and doubled ('factor'), or 'all' of these.
+
+    A number that is off anyway is left out.
+    """
     found = {}
     for name, value in asdict(Rules()).items():
-        found[f'{name} off'] = name, OFF.get(name, 0.0)
-        found[f'{name} / {FACTOR:g}'] = name, value / FACTOR
-        found[f'{name} x {FACTOR:g}'] = name, value * FACTOR
+        if value == OFF.get(name, 0.0):
+            continue
+        if asked != 'factor':
+            found[f'{name} off'] = name, OFF.get(name, 0.0)
+        if asked != 'off':
+            found[f'{name} / {FACTOR:g}'] = name, value / FACTOR
+            found[f'{name} x {FACTOR:g}'] = name, value * FACTOR
     return found
 
 
@@ -126,6 +135,7 @@ def parser_of_arguments() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--recordings', type=Path, nargs='+', required=True, help='their folders')
+    parser.add_argument('--changes', choices=('all', 'off', 'factor'), default='all')
     parser.add_argument('--kinds', type=kinds_of, default=list(KINDS), metavar='A,B')
     parser.add_argument('--limit', type=int, help='recordings of a folder, kinds in turn')
     parser.add_argument('--processes', type=int, default=os.cpu_count(), help='on this machine')
@@ -139,12 +149,12 @@ def parser_of_arguments() -> argparse.ArgumentParser:
 def main() -> None:
     """Score under each change and write the table."""
     arguments = parser_of_arguments().parse_args()
-    changes, key = changes_of_rules(), {'decisions': decisions()}
+    changes, key = changes_of_rules(arguments.changes), {'decisions': decisions()}
     told = read_outcomes(arguments.results)
     if not told or told[0] != key:
         arguments.results.write_text(json.dumps(key) + '\n', encoding='utf-8')
         told = [key]
-    outcomes = told[1:]
+    outcomes = [outcome for outcome in told[1:] if outcome['change'] in (UNCHANGED, *changes)]
     done = {(outcome['path'], outcome['change']) for outcome in outcomes}
     paths = chain.from_iterable(
         [path for path, _ in sampled_paths(folder, arguments.kinds, arguments.limit)]

@@ -35,7 +35,7 @@ SECTIONS = {
     'Reference': ('glossary', 'effects', 'api', 'model', 'interface',
                   *(f'reference/{package}' for package in PACKAGES)),
     'Development': ('architecture', 'CONTRIBUTING', 'dependencies', 'benchmarks', 'blind_study',
-                    'setup_study', 'CHANGELOG'),
+                    'ablation', 'setup_study', 'CHANGELOG'),
 }
 
 
