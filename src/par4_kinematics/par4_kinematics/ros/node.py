@@ -316,7 +316,11 @@ class Par4Node(Node):
             raise self.failure
 
     def _rest(self) -> None:
-        """Rest, and again as long as something has come meanwhile, so many looks at the most."""
+        """Rest, and again as long as something has come meanwhile, so many looks at the most.
+
+        What comes while the node rests is taken together: to wait for each message by itself is a
+        turn of the executor, which costs more than the message.
+        """
         time.sleep(self.REST)
         for _ in range(self.LOOKS):
             taken = [take_waiting() for take_waiting in self._inputs]  # each is to be looked at

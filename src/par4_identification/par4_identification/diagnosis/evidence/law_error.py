@@ -1,7 +1,8 @@
 """What the laws of named causes may get wrong of their own torque.
 
 The law of a library is never quite that of a machine. What it gets wrong follows the motion like
-the torque itself: more in one place, direction or at one speed than elsewhere, or a little earlier.
+the torque itself: more in one place, direction, at one speed or under one load than elsewhere, or a
+little earlier.
 Such an error is part of the covariance of the rows. Only a cause that resembles one of its shapes
 must therefore explain more than the error may make.
 """
@@ -27,6 +28,7 @@ SLOW = (0.01, 0.03, 0.1)
 
 
 def _of_rows(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    """Refuse: a law error has no columns of its own, whatever the motion is."""
     raise TypeError('the columns of a law error are made of the rows of its causes, see `put_in`')
 
 
