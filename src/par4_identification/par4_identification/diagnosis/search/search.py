@@ -175,7 +175,7 @@ class Search:
                 return None
             # of equals the first of the library, which is the simplest
             candidate = next(item for item in found if trimmed.get(
-                item.hypothesis.effect.name, (0.0,))[0] > most - self.rules.equal)
+                item.hypothesis.effect.name, (-np.inf,))[0] > most - self.rules.equal)
             found.remove(candidate)
             hypothesis = trimmed[candidate.hypothesis.effect.name][1]
             if self._is_confirmed(hypothesis, model):
