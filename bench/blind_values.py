@@ -28,6 +28,8 @@ HIDDEN_AS = {('theta_inertia', 'inertia'): 'theta_inertia',
 """(effect, diagnosed parameter) -> hidden one, where their names differ."""
 NOT_TOLD = {('rods', 'bar_mass')}
 """(kind, parameter) whose hidden value is not recorded."""
+ONLY_HIDDEN = {'damping_ratio'}
+"""Parameters with a default that a hidden machine may leave to it; then they are not compared."""
 FORMS = {'nonlinear_viscous': {'quadratic', 'torque', 'exponent'}}
 """Effect -> parameters of its several forms, of which a hidden one gives those of its own."""
 WIDTH = 1.96
@@ -68,6 +70,8 @@ def compared(outcome: dict[str, Any]) -> Iterator[Compared]:
             continue
         forms = set(item['values']) & FORMS.get(cause['effect'], set())
         for parameter, value in cause['values'].items():
+            if parameter in ONLY_HIDDEN - set(item['values']):
+                continue
             if (outcome['kind'], parameter) not in NOT_TOLD and (
                     not forms or parameter in forms):
                 yield from _numbers(cause, parameter, value, item['values'])

@@ -214,10 +214,8 @@ def played(simulation: Simulation, known: Model | None = None, duration: float =
         geometry = REFERENCE.geometry
         simulation.queue_effort(START + t, known.torque(state_of_joints(geometry, t, *motion)))
     period = simulation.sample_period
-    samples = [simulation.next_sample() for _ in range(round(duration / period))]
+    told = vars(simulation.next_samples(round(duration / period)))
     simulation.close()
-    told = {name: np.array([getattr(sample, name) for sample in samples])
-            for name in ('time_ns', 'q', 'qd', 'effort', 'voltage', 'true_torque', 'true_pose')}
     return told | {'t': 1e-9 * (told['time_ns'] - told['time_ns'][0])}
 
 

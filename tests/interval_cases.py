@@ -48,8 +48,11 @@ class Scores:
     textbook: np.ndarray
 
 
-def cases(count: int, first_seed: int) -> list[Case]:
-    """Return as many different cases: all combinations in turn, sizes at random."""
+def cases(count: int, first_seed: int, shortest: float = 10.0) -> list[Case]:
+    """Return as many different cases: all combinations in turn, sizes at random.
+
+    The longest log takes twice as long as the shortest, s.
+    """
     found = []
     for index in range(count):
         random = np.random.default_rng(first_seed + index)
@@ -59,7 +62,8 @@ def cases(count: int, first_seed: int) -> list[Case]:
             noise=float(np.exp(random.uniform(*np.log((0.05, 0.5))))),
             noise_time=index // 4 % 2 * float(np.exp(random.uniform(*np.log((0.002, 0.05))))),
             feedforward=bool(index // 8 % 2),
-            duration=float(np.round(random.uniform(10.0, 20.0), 1)), seed=first_seed + index))
+            duration=float(np.round(random.uniform(shortest, 2.0 * shortest), 1)),
+            seed=first_seed + index))
     return found
 
 

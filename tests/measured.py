@@ -55,13 +55,11 @@ def log_of_machine(robot: Robot, machine: Machine, model: Model, *, duration: fl
     if feedforward:
         state = state_of_joints(robot.geometry, motion.t, motion.q, motion.qd, motion.qdd)
         simulation.queue_effort(start + motion.t, model.torque(state))
-    samples = [simulation.next_sample()
-               for _ in range(round((motion.duration + 2 * DWELL) / 1e-3))]
-    q = np.array([sample.q for sample in samples])
-    tau = np.array([sample.effort for sample in samples])
+    told = simulation.next_samples(round((motion.duration + 2 * DWELL) / 1e-3))
     return Log(name=name or f'{robot.name} {seed}', joint_names=robot.joint_names,
-               start_stamp=samples[0].time_ns, period=1e-3, t=np.arange(len(samples)) * 1e-3,
-               q=q, tau=tau, segments=(slice(0, len(samples)),), reference=None, accounts=None)
+               start_stamp=int(told.time_ns[0]), period=1e-3,
+               t=np.arange(len(told.q)) * 1e-3, q=told.q, tau=told.effort,
+               segments=(slice(0, len(told.q)),), reference=None, accounts=None)
 
 
 def log_of_model(robot: Robot, model: Model, **options) -> Log:

@@ -88,11 +88,10 @@ def log_of(machine, *, fidelity='exact', duration=8.0, seed=0, feedforward=TABLE
         tau = feedforward.torque(state_of_joints(REFERENCE.geometry, motion.t, motion.q, motion.qd,
                                                  motion.qdd))
         simulation.queue_effort(start + motion.t, tau)
-    samples = [simulation.next_sample() for _ in range(round((duration + AHEAD) / 1e-3))]
+    told = simulation.next_samples(round((duration + AHEAD) / 1e-3))
     simulation.close()
-    return Log(name, REFERENCE.joint_names, 1, 1e-3, np.arange(len(samples)) * 1e-3,
-               np.array([sample.q for sample in samples]),
-               np.array([sample.effort for sample in samples]), (slice(0, len(samples)),),
+    return Log(name, REFERENCE.joint_names, 1, 1e-3, np.arange(len(told.q)) * 1e-3, told.q,
+               told.effort, (slice(0, len(told.q)),),
                Reference(AHEAD + motion.t, motion.q, motion.qd, motion.qdd, tau), None)
 
 

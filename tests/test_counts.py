@@ -10,6 +10,7 @@ from searches import EVERY, MODEL
 
 from par4_dynamics.base_terms import base_columns
 from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_identification.diagnosis.evidence.estimates import effect_parameters
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
@@ -118,3 +119,21 @@ def fitted_with(draw, evidence: Evidence, item: Hypothesis) -> float:
     design = np.vstack([np.hstack(parts) for parts in zip(base, own)])
     return float(np.linalg.lstsq(design, evidence.target, rcond=None)[0][base[0].shape[1]])
 
+
+
+def test_a_fit_is_brought_back_to_the_machine(motion):
+    """Counts bias a rod by many of its deviations; what they say of that is taken out."""
+    rods = model_with(MODEL, 'distributed_rods', rod_mass=0.3, bar_mass=0.0)
+    evidence = evidence_on(motion, counted=True, model=rods)
+    item = Hypothesis(CATALOGUE['distributed_rods'], {}, EVERY, (0,))
+    fit = solve(evidence, (item,))
+    counts = Counts(dithered(evidence.observations, COARSE).with_nominal(MODEL))
+    told = counts.corrected(evidence, fit)
+    off, left = (abs(part.coefficients[0][0, 0] - 0.3) for part in (fit, told))
+    assert off > 10.0 * np.sqrt(fit.covariance[fit.slices[0], fit.slices[0]][0, 0])
+    assert left < 0.4 * off
+    before, after = (effect_parameters(evidence, item, part, 0)['rod_mass']
+                     for part in (fit, told))
+    assert abs(before.value - 0.3) > 10.0 * before.std
+    assert abs(after.value - 0.3) < 2.0 * after.std
+    assert Counts(Dithered()).corrected(evidence, fit) is fit

@@ -19,6 +19,9 @@ from par4_identification.signals.rows import runs_of_log
 from par4_sim.machine_effects import machine_of_model
 from robots import REFERENCE, model_with
 
+FIT, HELD_OUT = 10.0, 7.0
+"""s, of the two logs of a diagnosis."""
+
 
 def draw(effect: str, seed: int) -> Known:
     """Return a machine with a hidden effect; how often such effects are found is test_hidden's."""
@@ -31,7 +34,7 @@ def logs_of(hidden, seed):
     """Return one log to learn from and one held out."""
     return [log_of_machine(hidden.robot, hidden.machine, hidden.model, duration=duration,
                            seed=seed + offset, noise=0.05, feedforward=True)
-            for duration, offset in ((16.0, 100), (10.0, 200))]
+            for duration, offset in ((FIT, 100), (HELD_OUT, 200))]
 
 
 def names(diagnosis):
@@ -45,7 +48,7 @@ def test_two_effects_are_both_named():
     machine = machine_of_model(REFERENCE, model)
     fit, heldout = (log_of_machine(REFERENCE, machine, read_model('table1', REFERENCE),
                                    duration=duration, seed=seed) for duration, seed in
-                    ((16.0, 31), (10.0, 32)))
+                    ((FIT, 31), (HELD_OUT, 32)))
     result = diagnose([fit], REFERENCE, holdout_logs=[heldout])
     assert set(names(result)) == {'cogging', 'stribeck'}
     cogging, = (cause for cause in result.causes if cause.effect.name == 'cogging')
@@ -96,15 +99,15 @@ def test_the_extended_model_helps_the_feedforward_of_the_machine():
     left = np.where(run.valid, run.tau - run.rows(extended.torque(state)), 0.0)
     assert np.sqrt(np.mean(left ** 2)) < 1.5 * np.sqrt(np.mean(result.holdout.extended_rms ** 2))
     twin = machine_of_model(hidden.robot, extended)
-    again = log_of_machine(hidden.robot, twin, hidden.model, duration=10.0, seed=205,
+    again = log_of_machine(hidden.robot, twin, hidden.model, duration=HELD_OUT, seed=205,
                            feedforward=True)
     assert np.sqrt(np.mean((again.q - heldout.q) ** 2)) < 2e-4
 
-    motion = excitation(hidden.robot.name, 10.0, 205)
+    motion = excitation(hidden.robot.name, HELD_OUT, 205)
     start = round(DWELL / 1e-3)
 
     def error(model):
-        log = log_of_machine(hidden.robot, hidden.machine, model, duration=10.0, seed=205,
+        log = log_of_machine(hidden.robot, hidden.machine, model, duration=HELD_OUT, seed=205,
                              feedforward=True)
         return np.sqrt(np.mean((log.q[start:start + len(motion.q)] - motion.q) ** 2))
 
@@ -134,7 +137,7 @@ def test_unfit_data_are_called_unusable(sound, spoil, words):
 
 def test_a_single_log_is_cut_and_its_last_third_held_out():
     hidden = draw('torque_offset', 3)
-    log = log_of_machine(hidden.robot, hidden.machine, hidden.model, duration=18.0, seed=81)
+    log = log_of_machine(hidden.robot, hidden.machine, hidden.model, duration=12.0, seed=81)
     result = diagnose([log], hidden.robot)
     assert names(result) == ['torque_offset']
     rows_fit = sum(run.valid.any(axis=1).sum() for run in result.fit_runs)

@@ -70,6 +70,24 @@ def test_autoregression_comes_back_and_whitens_with_rows_missing():
         assert abs(np.mean(kept[lag:] * kept[:-lag])) < 0.04
 
 
+def smooth_wandering(random):
+    """Return noise that remembers 20 rows, smooth like rows of a low-pass, and which are valid."""
+    share = np.exp(-1.0 / 20.0)
+    path = lfilter([np.sqrt(1.0 - share ** 2)], [1.0, -share], random.normal(size=15_000))
+    return (lfilter([0.3], [1.0, -0.7], path)[-1500:],
+            np.repeat(random.uniform(size=150) < 0.7, 10))
+
+
+def test_noise_that_wanders_is_as_large_elsewhere_as_it_is_told():
+    """With rows missing, as near reversals, Yule and Walker's variance is off tenfold, either way.
+    """
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        (fitted, rows), (other, others) = smooth_wandering(random), smooth_wandering(random)
+        white = fit_noise([fitted], [rows]).whiten(other[:, None], others)[others]
+        assert 0.6 < np.mean(white ** 2) < 1.6
+
+
 def test_whitening_is_the_gaussian_likelihood():
     """Sum of squares of whitened rows = r^T Omega^-1 r with Omega from the autocovariance."""
     noise = ArNoise(np.array((0.6, -0.2)), 0.5)
@@ -87,7 +105,7 @@ def test_parameters_come_back_within_their_intervals():
     inside, scores = 0, []
     for robot, model in ((REFERENCE, TABLE_1), (OTHER, other_model())):
         for seed in range(30):
-            log = log_of_model(robot, model, seed=seed, feedforward=seed % 2 == 1)
+            log = log_of_model(robot, model, duration=5.0, seed=seed, feedforward=seed % 2 == 1)
             identification = identify([log], robot)
             true = true_values(identification, model)
             np.testing.assert_allclose(identification.estimate.values, true, rtol=0.01)

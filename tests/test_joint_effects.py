@@ -38,7 +38,7 @@ EXAMPLES = {
     'actuator_lag': {'time_constant': 2e-3},
     'time_offset': {'delay': -3e-3},
     'torque_saturation': {'limit': 12.0},
-    'elastic_transmission': {'stiffness': (8e3, 2e4, 1.5e4, 1e4)},
+    'elastic_transmission': {'stiffness': (8e3, 2e4, 1.5e4, 1e4), 'damping_ratio': 0.08},
     'backlash': {'gap': (1e-3, 2e-3, 0.5e-3, 3e-3)},
     'quantization': {'step': 1e-4},
 }
@@ -138,8 +138,9 @@ def test_torque_is_columns_times_coefficients(case, name):
     _, _, state = case
     effect, values = CATALOGUE[name], arrays(EXAMPLES[name])
     coefficients = effect.coefficients(values)
-    shape = (effect.expansion(coefficients[:, 0]) if name == 'elastic_transmission' else
-             effect.shape_of({key: value[0] for key, value in values.items()}))
+    shape = effect.shape_of({key: value[0] for key, value in values.items()})
+    if name == 'elastic_transmission':
+        shape = effect.expansion(coefficients[:, 0], shape)
     columns = effect.columns(state, shape)
     assert columns.shape == (*state.q.shape, len(coefficients))
     torque = effect.torque(state, values, (0, 1, 2, 3))
@@ -299,12 +300,13 @@ def test_a_stiff_joint_beside_an_elastic_one_may_have_any_sign():
     for name, parameter, values, noise in (
             ('elastic_transmission', 'stiffness', (8e3, -3e5, 4e5, -2e6), 2e-6),
             ('backlash', 'gap', (2e-3, -1e-4, 5e-5, 0.0), 5e-5)):
-        full = arrays({parameter: values})
+        full = arrays({parameter: values, 'damping_ratio': DAMPING_RATIO})
         size = full[parameter]
         # the same noise of 1 / k on each joint
         spread = noise * size ** 2 if parameter == 'stiffness' else noise * np.ones(4)
         for share, fine in ((1.0, True), (0.1, False)):
-            reason = CATALOGUE[name].implausible(full, {parameter: share * spread}, arrays(BASE))
+            reason = CATALOGUE[name].implausible(
+                full, {parameter: share * spread, 'damping_ratio': np.zeros(4)}, arrays(BASE))
             assert (reason is None) == fine
 
 
@@ -793,6 +795,25 @@ def test_one_elastic_joint_moves_the_torque_of_all(case):
     assert rms(expected[INNER, 0]) > 0.05 * rms(expected[INNER, 1])
 
 
+def test_columns_of_a_swinging_transmission_are_its_slopes(case):
+    """Beside the compliances that they are exact at, the torque differs in second order only."""
+    robot, model, _ = case
+    effect, load = CATALOGUE['elastic_transmission'], waves(robot)
+    state = replace(load, nominal=model.nominal(load))
+    here = np.array((2e-4, 1e-4, 3e-4, 1.5e-4))
+    aside = np.array((1e-4, -2e-4, 1e-4, -2e-4))
+    aside -= here * (here @ aside) / (here @ here)
+    columns = effect.columns(state, effect.expansion(here))
+    errors = []
+    for share in (0.02, 0.01):
+        there = here + share * aside
+        torque = effect.torque(state, arrays({'stiffness': tuple(1.0 / there),
+                                              'damping_ratio': DAMPING_RATIO}), (0, 1, 2, 3))
+        errors.append(rms((columns @ there - torque)[INNER]))
+        assert errors[-1] < 0.1 * rms((columns @ (there - here))[INNER])
+    assert errors[1] < 0.3 * errors[0]
+
+
 def test_elastic_axis_is_two_masses_and_a_spring(axis_case):
     """Of the load torque T = J_l q_l'': J_m (q_l + T/k)'' + J_l q_l'' - J (q_l + T/k)''."""
     model, _ = axis_case
@@ -807,9 +828,14 @@ def test_elastic_axis_is_two_masses_and_a_spring(axis_case):
     np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize('given', [{}, {'damping_ratio': 0.2}])
 @pytest.mark.parametrize('speed', [0.5, 0.95, 1.5])
-def test_a_soft_axis_swings_as_a_damped_oscillator(axis_case, speed):
-    """q_l / q_m = (1 + 2 i d r) / (1 - r^2 + 2 i d r), r the frequency over the resonance."""
+def test_a_soft_axis_swings_as_a_damped_oscillator(axis_case, speed, given):
+    """q_l / q_m = (1 + 2 i d r) / (1 - r^2 + 2 i d r), r the frequency over the resonance.
+
+    The load swings against a resting motor: with a ratio smaller by the root of its share than
+    that with which the two swing against each other.
+    """
     model, _ = axis_case
     t = np.arange(0.0, 4.0, 5e-4)
     stiffness, j_l = 500.0, 0.1
@@ -817,9 +843,11 @@ def test_a_soft_axis_swings_as_a_damped_oscillator(axis_case, speed):
     w = r * np.sqrt(stiffness / j_l)
     wave = np.exp(1j * w * t)[:, None]
     state = State(t, wave.real, (1j * w * wave).real, (-w ** 2 * wave).real)
-    elastic = build_model(AXIS, axis_file(entry('elastic_transmission', {'stiffness': stiffness})))
+    elastic = build_model(AXIS, axis_file(entry('elastic_transmission', {
+        'stiffness': stiffness, **given})))
     found = (elastic.torque(state) - model.torque(state))[4000:-10]
-    loss = 2j * DAMPING_RATIO * r
+    ratio = given.get('damping_ratio', DAMPING_RATIO)
+    loss = 2j * np.sqrt(1.0 - MOTOR_SHARE) * ratio * r
     expected = (-j_l * w ** 2 * wave * ((1.0 + loss) / (1.0 - r ** 2 + loss) - 1.0)).real
     expected = expected[4000:-10]
     np.testing.assert_allclose(found, expected, atol=0.03 * np.abs(expected).max())

@@ -23,6 +23,7 @@ from experiments import (
 
 from par4_kinematics.position import inverse_kinematics
 from par4_sim.simulation import build_simulation
+from par4_sim.transmission import Transmission
 from robots import REFERENCE
 
 GEOMETRY = REFERENCE.geometry
@@ -194,7 +195,8 @@ def test_backlash_lies_on_the_side_of_the_load(fidelity, pull):
 def test_code_switches_a_transmission_on_as_a_model_does(fidelity):
     told = []
     for machine in (changed(machine_of(), 'transmission', stiffness=np.full(4, 2e4)),
-                    machine_of(entry('elastic_transmission', stiffness=2e4))):
+                    machine_of(entry('elastic_transmission', stiffness=2e4,
+                                     damping_ratio=Transmission().damping_ratio))):
         with plant_of(machine, fidelity, HOME) as plant:
             for _ in range(10):
                 plant.step((5.0, -5.0, 4.0, 0.0))

@@ -47,13 +47,10 @@ def log_of_motion(machine, motion, seed, noise=NOISE):
     simulation.queue_reference(start + motion.t, motion.q, motion.qd, motion.qdd)
     state = state_of_joints(REFERENCE.geometry, motion.t, motion.q, motion.qd, motion.qdd)
     simulation.queue_effort(start + motion.t, MODEL.torque(state))
-    samples = [simulation.next_sample()
-               for _ in range(round((motion.duration + 2 * DWELL) / 1e-3))]
+    told = simulation.next_samples(round((motion.duration + 2 * DWELL) / 1e-3))
     return Log(name=f'{motion.name} {seed}', joint_names=REFERENCE.joint_names, start_stamp=0,
-               period=1e-3, t=np.arange(len(samples)) * 1e-3,
-               q=np.array([sample.q for sample in samples]),
-               tau=np.array([sample.effort for sample in samples]),
-               segments=(slice(0, len(samples)),), reference=None, accounts=None)
+               period=1e-3, t=np.arange(len(told.q)) * 1e-3, q=told.q, tau=told.effort,
+               segments=(slice(0, len(told.q)),), reference=None, accounts=None)
 
 
 def circles(*sizes):

@@ -6,23 +6,31 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from searches import EVERY, OFFSET, cause, search_of
+from planned import evidence_of
+from searches import EVERY, MODEL, OFFSET, cause, log_with, search_of
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.geometry_error import DIMENSIONS
 from par4_dynamics.effects.stribeck import SPEEDS
-from par4_identification.diagnosis.evidence.doubt import with_doubt, with_doubt_of_choice
+from par4_dynamics.parameters import Parameter
+from par4_identification.diagnosis.evidence.doubt import (
+    with_doubt,
+    with_doubt_of_choice,
+    with_doubt_of_size,
+)
 from par4_identification.diagnosis.evidence.estimates import (
     LASTING,
     effect_parameters,
     estimated,
 )
-from par4_identification.diagnosis.evidence.fit import solve
+from par4_identification.diagnosis.evidence.fit import pinned, solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.search.joints import choices
+from par4_identification.diagnosis.search.joints import choices, with_needed_joints
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.verdict.agreement import parameters_by, with_disagreement
+from robots import REFERENCE
 
 ONE_ZERO = (0.0, 0.0, 0.004, 0.0)
 BETWEEN = float(np.sqrt(SPEEDS[5] * SPEEDS[6]))
@@ -114,8 +122,8 @@ def test_a_torque_error_widens_as_far_as_it_would_move_the_value():
 def test_a_model_may_be_wrong_of_each_torque_that_it_has():
     search = search_of(('torque_offset', {'offset': OFFSET}))
     item, rules = cause('torque_offset'), Rules()
-    measured, named = torque_errors(search.pool, (item,), (), rules)
     fit = solve(search.pool.evidence, (item,))
+    measured, named = torque_errors(search.pool.evidence, fit, rules)
     np.testing.assert_allclose(named, rules.named_error * (
         search.pool.evidence.columns(item) @ item.stacked(fit.coefficients[0])), rtol=1e-5)
     assert measured @ measured == pytest.approx(
@@ -151,7 +159,7 @@ def test_what_fewest_parts_leave_unsaid_is_in_the_deviation(effect, parameter, t
     evidence = search.pool.evidence
     item = replace(cause(effect, joints), sets=sets and (2,))
     plain = effect_parameters(evidence, item, solve(evidence, (item,)), 0)
-    wide = with_doubt_of_choice(plain, evidence, item, (item,))
+    wide = with_doubt_of_choice(plain, evidence, item, (item,), lambda fit: fit)
     value, std, doubted = (np.ravel(part)[0] for part in (
         plain[parameter].value, plain[parameter].std, wide[parameter].std))
     assert wide[parameter].value == plain[parameter].value
@@ -163,15 +171,17 @@ def test_a_cause_on_all_joints_is_in_no_doubt_of_choice():
     search = search_of(('torque_offset', {'offset': OFFSET}))
     item, evidence = cause('torque_offset'), search.pool.evidence
     plain = effect_parameters(evidence, item, solve(evidence, (item,)), 0)
-    assert with_doubt_of_choice(plain, evidence, item, (item,)) == plain
+    assert with_doubt_of_choice(plain, evidence, item, (item,), lambda fit: fit) == plain
 
 
 def test_a_transmission_that_twists_on_some_joints_is_expanded_on_these_only():
+    search = search_of(('elastic_transmission', {'stiffness': (0.0, 5e3, 0.0, 0.0)}),
+                       library=('elastic_transmission',))
     effect = CATALOGUE['elastic_transmission']
-    shape = effect.expansion(np.array((1e-4, 2e-4, 3e-4, 4e-4)))
-    for item in choices(Hypothesis(effect, shape, EVERY), EVERY):
-        assert item.shape == {f'expanded_at_{joint}': shape[f'expanded_at_{joint}']
-                              for joint in item.joints}
+    everywhere = effect.expansion(np.array((1e-6, 2e-4, 1e-6, 1e-6)))
+    item = with_needed_joints(search.pool, search.rules, Hypothesis(effect, everywhere, EVERY), ())
+    assert item.joints == (1,)
+    assert item.shape == {'expanded_at_1': 2e-4}
 
 
 @pytest.mark.parametrize(('apart', 'told_as'), [(0.009, 'quadratic'), (0.011, 'torque')])
@@ -201,3 +211,90 @@ def test_of_names_that_explain_alike_the_one_with_fewer_numbers_is_taken():
     swapped = search._with_a_swap((cause('encoder_eccentricity', (0, 3)),), set())
     assert swapped is not None
     assert [item.effect.name for item in swapped] == ['encoder_offset']
+
+
+def test_an_effect_that_comes_out_at_another_size_is_as_doubtful_as_that():
+    """The bristles that the machine has bend under less torque than its Coulomb friction."""
+    search = search_of(('presliding', {'distance': 0.01}), library=('presliding',))
+    item, evidence = cause('presliding', distance=0.01), search.pool.evidence
+    fit = solve(evidence, (item,))
+    plain = effect_parameters(evidence, item, fit, 0)
+    sure = with_doubt_of_size(plain, evidence, item, fit)['distance'].std
+    assert sure < 1.2 * plain['distance'].std
+    smaller = replace(fit, coefficients=(0.9 * fit.coefficients[0],))
+    told = with_doubt_of_size(plain, evidence, item, smaller)['distance']
+    assert told.std == pytest.approx(0.1 * plain['distance'].value, rel=0.1)
+
+
+def of(**values):
+    return {name: Parameter(value=value, std=std, unit='1')
+            for name, (value, std) in values.items()}
+
+
+def test_deviations_grow_by_what_two_estimates_disagree():
+    one = of(torque=((1.0, 2.0), (0.3, 0.4)), phase=(3.1, 0.3))
+    other = of(torque=((1.0 + 4.0 * 0.5, 2.0 - 4.0 * 0.5), (0.4, 0.3)),
+               phase=(3.1 - 2.0 * np.pi + 4.0 * 0.5, 0.4))  # each by four deviations
+    told = with_disagreement(one, one, other)
+    np.testing.assert_allclose(told['torque'].std, 4.0 * np.array((0.3, 0.4)))
+    assert told['phase'].std == pytest.approx(4.0 * 0.3)
+    assert with_disagreement(one, one, one) == one
+    fixed = of(exponent=(2.0, 0.0))
+    assert with_disagreement(fixed, fixed, of(exponent=(3.0, 0.0))) == fixed
+
+
+def test_other_rows_give_a_shape_of_their_own():
+    true = {'amplitude': 0.3, 'periods': 31.0, 'phase': (0.0, 1.0, 2.0, 3.0)}
+    shape = {'stribeck_velocity': 0.2}
+    search = search_of(('stribeck', {'stribeck_torque': 1.0, **shape}), ('cogging', true),
+                       library=('stribeck',))
+    evidence = search.pool.heldout
+    model = (cause('cogging', periods=31.0), cause('stribeck', stribeck_velocity=0.23))
+    told = parameters_by(evidence, model, 1)['stribeck_velocity']
+    np.testing.assert_allclose(told.value, 0.2, rtol=0.03)
+    amplitude = parameters_by(evidence, model, 0)['amplitude'].value
+    np.testing.assert_allclose(amplitude, 0.3, rtol=0.1)
+
+
+def test_a_law_that_one_motion_shows_otherwise_is_as_doubtful_as_that():
+    """Cogging of another size on the rows held out: the deviation holds both."""
+    small, large = ({'amplitude': size, 'periods': 31.0, 'phase': 0.0} for size in (0.30, 0.33))
+    evidence, heldout = (
+        evidence_of(log_with(('cogging', values), seed=seed), REFERENCE, MODEL)
+        for values, seed in ((small, 1), (large, 2)))
+    item = cause('cogging', periods=31.0)
+    one, other = (parameters_by(part, (item,), 0) for part in (evidence, heldout))
+    told = with_disagreement(one, one, other)
+    assert np.all(np.array(one['amplitude'].std) < 0.005)
+    assert np.all(np.array(told['amplitude'].std) > 0.01)
+
+
+def test_a_transmission_is_told_by_the_compliances_at_which_it_was_fitted():
+    """Columns that are slopes are exact there only; what is beside them is fitted to the rest."""
+    search = search_of(('elastic_transmission', {'stiffness': (0.0, 5e3, 0.0, 0.0)}),
+                       ('torque_offset', {'offset': OFFSET}))
+    evidence, effect = search.pool.evidence, CATALOGUE['elastic_transmission']
+    shape = effect.expansion(np.array((0.0, 2.3e-4, 0.0, 0.0)))  # not the best one
+    item = replace(cause('elastic_transmission', joints=(1,), **shape), sets=(1,))
+    free = solve(evidence, (item, cause('torque_offset')))
+    assert abs(free.coefficients[0][1, 0] - 2.3e-4) > 1e-5
+    fit = pinned(evidence, free)
+    assert fit.coefficients[0][1, 0] == pytest.approx(2.3e-4)
+    state = evidence.observations.runs[0].state
+    told = effect_parameters(evidence, item, fit, 0)
+    torque = effect.torque(state, arrays_of(told, 4, (1,)), (1,))
+    np.testing.assert_allclose(torque, np.einsum(
+        'njk,k->nj', effect.columns(state, shape), fit.coefficients[0][:, 0]), atol=1e-9)
+    rest = replace(evidence, target=evidence.target - evidence.columns(item)[:, 0] * 2.3e-4)
+    beside = solve(rest, (cause('torque_offset'),))
+    np.testing.assert_allclose(fit.base, beside.base, rtol=1e-6)
+    np.testing.assert_allclose(fit.coefficients[1], beside.coefficients[0], rtol=1e-6)
+
+
+def arrays_of(parameters, joints, acting):
+    """Return values as effects take them, zero on joints that do not act."""
+    values = {}
+    for name, parameter in parameters.items():
+        values[name] = np.zeros(joints)
+        values[name][list(acting) if np.ndim(parameter.value) else slice(None)] = parameter.value
+    return values

@@ -120,13 +120,16 @@ def _elastic(machine: Machine, values: Values) -> Machine:
     # a rigid joint in this machine stays rigid
     with np.errstate(divide='ignore'):
         stiffness = np.where(compliance > 0.0, 1.0 / compliance, machine.transmission.stiffness)
-    return part(machine, 'transmission', stiffness=stiffness)
+    return part(machine, 'transmission', stiffness=stiffness,
+                damping_ratio=values.get('damping_ratio', machine.transmission.damping_ratio))
 
 
 ELASTIC_TRANSMISSION = Hider(
     'elastic_transmission', _elastic,
-    lambda random, _known, joints: {'compliance': on(
-        joints, np.exp(-random.uniform(np.log(1e3), np.log(1e5), len(joints))))},
+    lambda random, _known, joints: {
+        'compliance': on(
+            joints, np.exp(-random.uniform(np.log(1e3), np.log(1e5), len(joints)))),
+        'damping_ratio': float(np.exp(random.uniform(np.log(0.01), np.log(0.1))))},
     ('compliance',),
     lambda _scene: [[
         Column({'compliance': on([joint], 1e-4)}, 0.0, 20.0) for joint in JOINTS]])

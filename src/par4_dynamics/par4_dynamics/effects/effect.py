@@ -159,6 +159,13 @@ class Effect(ABC):
         """Return the shape of a machine that has only some of the `separable` sets."""
         return shape
 
+    def exact_at(self, shape: Shape, joints: int) -> np.ndarray | None:
+        """Return the shared coefficients (K,) at which alone the columns of a shape are exact.
+
+        None where the torque is linear in the coefficients.
+        """
+        return None
+
     def terms(self, shape: Shape) -> int:
         """Return by how many coefficients a shape has more than the simplest one."""
         return 0

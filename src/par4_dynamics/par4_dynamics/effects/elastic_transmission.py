@@ -13,9 +13,11 @@ from par4_dynamics.effects.effect import (
     Signature,
     Values,
     beyond,
+    single,
 )
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.effects.transmission import (
+    DAMPING_RATIO,
     MOTOR_SHARE,
     Springs,
     one_a_joint,
@@ -26,6 +28,10 @@ from par4_dynamics.state import State
 
 STIFFNESSES = (1e2, 1e6)
 """N m/rad, of the arms of a Par4."""
+DAMPING_RATIOS = (2e-3, 0.7)
+"""Of a transmission, from a bare steel shaft to one that hardly swings."""
+STEP = 1e-3
+"""Of a compliance, for the slope of the torque."""
 RESONANCES = (1.0, 500.0)
 """Hz, of an axis, whose stiffness may be any: of its load, half of its inertia, on its spring."""
 
@@ -47,39 +53,62 @@ class ElasticTransmission(Effect):
 
     The load swings on its transmissions against motors that move as measured, lightly damped: the
     torque that twists them is integrated with the compliances 1/k that the shape holds, one
-    `expanded_at_<joint>` each, and is the nominal one without them. Columns are exact where the
-    coefficients equal those. A joint without elasticity has the stiffness 0 in its place.
+    `expanded_at_<joint>` each, and is the nominal one without them. Columns are the change of the
+    torque with each compliance there; what this first order misses is shared out among them, so
+    that they are exact where the coefficients equal those compliances. A joint without elasticity
+    has the stiffness 0 in its place. The damping ratio is over the critical damping with which the
+    two parts of the actuator's inertia, motor and arm, swing against each other.
     """
 
     name = 'elastic_transmission'
     phrase = 'elasticity of the transmission'
-    parameters = (EffectParameter('stiffness', 'N m/rad', 'joint'),)
+    parameters = (
+        EffectParameter('stiffness', 'N m/rad', 'joint'),
+        EffectParameter('damping_ratio', '1', 'machine', default=DAMPING_RATIO, is_shape=True))
     shared = True
     separable = ((0,), (1,), (2,), (3,))
     needs_nominal = True
     tolerance = 2.0
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        compliance = np.array([shape.get(name, 0.0) for name in _names(state.joints)])
-        return transmission_columns(state, -Springs(state).torque(compliance)[0])
+        compliance = self.exact_at(shape, state.joints)
+        if not np.any(compliance > 0.0):
+            return transmission_columns(state, -transmitted_torque(state))
+        damping_ratio, springs = _damping_ratio(shape), Springs(state)
+        spring, torque = springs.torque(compliance, damping_ratio)
+        columns = (np.zeros((*torque.shape, state.joints)) if np.all(compliance > 0.0)
+                   else transmission_columns(state, -spring))
+        for joint in np.flatnonzero(compliance > 0.0):
+            moved = compliance.copy()
+            moved[joint] *= 1.0 + STEP
+            columns[..., joint] = (springs.torque(moved, damping_ratio)[1] - torque) / (
+                STEP * compliance[joint])
+        missed = torque - columns @ compliance
+        return columns + missed[..., None] * compliance / (compliance @ compliance)
 
     def coefficients(self, values: Values) -> np.ndarray:
         return one_a_joint(_inverse(values['stiffness']))
 
     def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
-        return {'stiffness': _inverse(np.diagonal(coefficients))}
+        stiffness = _inverse(np.diagonal(coefficients))
+        return {'stiffness': stiffness,
+                'damping_ratio': np.full_like(stiffness, _damping_ratio(shape))}
 
-    def expansion(self, coefficients: np.ndarray) -> Shape:
-        """Return the shape that is exact at the coefficients (J,)."""
-        return dict(zip(_names(len(coefficients)), map(float, coefficients)))
+    def expansion(self, coefficients: np.ndarray, shape: Shape | None = None) -> Shape:
+        """Return the shape that is exact at the coefficients (J,), with the damping of `shape`."""
+        known = {name: value for name, value in (shape or {}).items() if name == 'damping_ratio'}
+        return {**dict(zip(_names(len(coefficients)), map(float, coefficients))), **known}
+
+    def exact_at(self, shape: Shape, joints: int) -> np.ndarray:
+        return np.array([single(shape.get(name, 0.0)) for name in _names(joints)])
 
     def shape_of_sets(self, shape: Shape, sets: tuple[int, ...]) -> Shape:
-        kept = [_name(joint) for joint in sets]
+        kept = [*map(_name, sets), 'damping_ratio']
         return {name: value for name, value in shape.items() if name in kept}
 
     def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
         compliance = self.coefficients(values)[:, 0]
-        return self.columns(state, self.expansion(compliance)) @ compliance
+        return Springs(state).torque(compliance, float(values['damping_ratio'][0]))[1]
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         compliance = _inverse(values['stiffness'])
@@ -88,6 +117,10 @@ class ElasticTransmission(Effect):
         if worst is not None:
             return (f'a transmission twists with its load, not against it: found a stiffness of '
                     f'{1.0 / compliance[worst]:.3g} N m/rad')
+        damping_ratio = values['damping_ratio'][:1]
+        if beyond(damping_ratio, std['damping_ratio'][:1], *DAMPING_RATIOS) is not None:
+            return (f'a damping ratio of {damping_ratio[0]:.3g} is not one of a transmission, '
+                    f'expected {DAMPING_RATIOS[0]:g} to {DAMPING_RATIOS[1]:g}')
         low, high = believed_stiffnesses(
             float(base['actuator_inertia'][0]) if FAST in base else None)
         softest = int(np.argmax(compliance))
@@ -103,6 +136,10 @@ class ElasticTransmission(Effect):
 
 def _names(joints: int) -> list[str]:
     return [_name(joint) for joint in range(joints)]
+
+
+def _damping_ratio(shape: Shape) -> float:
+    return single(shape.get('damping_ratio', DAMPING_RATIO))
 
 
 def _name(joint: int) -> str:

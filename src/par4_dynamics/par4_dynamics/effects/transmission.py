@@ -20,13 +20,11 @@ from par4_kinematics.linear_solve import solve_in_place
 MOTOR_SHARE = 0.5
 """Of the actuator inertia that turns with the encoder, before the transmission: assumed."""
 DAMPING_RATIO = 0.05
-"""Of a load that swings on its transmission against a motor at rest: assumed. With much less the
-noise of the encoders would swing it."""
+"""Of a transmission, over the critical damping of motor against arm: assumed where nothing tells.
+With much less the noise of the encoders would swing the load."""
 RUN_IN, RUN_IN_DAMPING = 1.0, 25.0
 """s before the motion, and times more damping at its start: the swing in which the integration
 starts dies away there. It fades to nothing without a kink, which would start another."""
-INERTIA_PERIOD = 0.05
-"""s between the poses whose inertia is computed."""
 
 
 def _motor_side(state: State, qdd: np.ndarray) -> np.ndarray:
@@ -64,11 +62,13 @@ def load_inertia(state: State, t: np.ndarray) -> np.ndarray:
 class Springs:
     """Loads that swing on their transmissions while the motors move as measured.
 
-    With the twist s of the joints, M(q) sdd = T_0 - T, T = s / c + d sd: T_0 is what rigid ones
-    would carry, M the inertia behind the transmissions. The motors move as measured whatever the
+    A twist s of the joints changes what the load takes to move, to first order in s by
+    -(M sdd + C sd + K s), and the springs carry T = T_0 - (M sdd + C sd + K s) = s / c + d sd.
+    T_0 is what rigid ones would carry; M, C and K are the derivatives of the load's torque by
+    acceleration, velocity and position along the motion. The motors move as measured whatever the
     twist, so that the load swings against motors at rest: at sqrt(1 / c M), which a light machine
-    may have far within the band of its torque. Terms of the velocities are left out, of the size
-    of the twist in rad.
+    may have far within the band of its torque. There C, some percent of M times that frequency,
+    damps or drives as much as the springs themselves do.
 
     Args:
         state: the motion with its nominal torque.
@@ -80,23 +80,25 @@ class Springs:
         if self._still:
             return
         self._period = (state.t[-1] - state.t[0]) / (len(state.t) - 1)
-        nodes = np.linspace(state.t[0], state.t[-1],
-                            2 + int((state.t[-1] - state.t[0]) / INERTIA_PERIOD))
-        self._inertia = load_inertia(state, nodes)
+        self._by_motion = np.stack((
+            state.torque_by_qdd - _motor_side(state, np.eye(state.joints)),
+            state.torque_by_qd, state.torque_by_q))
+        self._reduced = np.broadcast_to(
+            (1.0 - MOTOR_SHARE) * _motor_side(state, np.ones(state.joints)), state.joints)
         before = self._before = min(len(self._rigid) - 1, round(RUN_IN / self._period))
         self._load = np.concatenate((2.0 * self._rigid[0] - self._rigid[before:0:-1], self._rigid))
-        self._place = np.concatenate((
-            np.zeros(before), np.interp(state.t, nodes, np.arange(len(nodes)))))
+        self._place = np.concatenate((np.zeros(before, dtype=int), np.arange(len(self._rigid))))
         fade = np.concatenate((np.linspace(1.0, 0.0, before), np.zeros(len(self._rigid))))
         self._more = 1.0 + RUN_IN_DAMPING * fade ** 2
 
     def torque(self, compliance: np.ndarray, damping_ratio: float = DAMPING_RATIO, every: int = 1
                ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the torque s / c of springs that twist by s, and the change -M sdd of the load's.
+        """Return the torque s / c of springs that twist by s, and the change of the load's torque.
 
         Args:
             compliance: c, (J,), rad/(N m); at most zero is rigid.
-            damping_ratio: of each joint's swing by itself.
+            damping_ratio: over the critical damping with which the two parts of the actuator's
+                inertia, motor and arm, swing against each other on the spring.
             every: samples from step to step of the integration; more than one is quick and coarse.
 
         Returns:
@@ -106,13 +108,12 @@ class Springs:
             return self._rigid, np.zeros_like(self._rigid)
         soft = np.flatnonzero(compliance > 0.0)
         twisting = compliance[soft]
-        own = np.mean(self._inertia[:, soft, soft], axis=0)
-        lag = 2.0 * damping_ratio * np.sqrt(twisting * own)  # c d of each joint, s
+        lag = 2.0 * damping_ratio * np.sqrt(twisting * self._reduced[soft])  # c d, s
         steps = slice(None, None, every)
         load = np.ascontiguousarray(self._load[steps])
         spring, change = np.empty_like(load), np.empty_like(load)
-        _swing(load, self._place[steps], np.ascontiguousarray(self._inertia[:, :, soft]), soft,
-               twisting, lag, self._more[steps], every * self._period, spring, change)
+        _swing(load, self._place[steps], self._by_motion, soft, twisting, lag, self._more[steps],
+               every * self._period, spring, change)
         if every == 1:
             return spring[self._before:], change[self._before:]
         told = every * np.arange(len(load))
@@ -123,31 +124,32 @@ class Springs:
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _swing(load, place, inertia, soft, compliance, lag, more, h, spring, change):
-    """Integrate c M sdd + c d sd + s = c T_0 by the trapezoidal rule, stable however stiff.
+def _swing(load, place, by_motion, soft, compliance, lag, more, h, spring, change):
+    """Integrate c (M sdd + C sd + K s) + c d sd + s = c T_0 by the trapezoidal rule.
 
-    Only the `soft` joints (k,) twist. The inertia (nodes, J, k) is what it takes to accelerate each
-    of them, `compliance` and `lag` (k,) are theirs.
+    It is stable however stiff the springs are. Only the `soft` joints (k,) twist; `compliance` and
+    `lag` (k,) are theirs. M, C and K (3, n, J, J) of a row are those of its `place`.
     """
-    joints, count = inertia.shape[1:]
+    joints, count = load.shape[1], len(soft)
     twist, speed, rate = np.empty(count), np.zeros(count), np.zeros(count)
     for k in range(count):
         twist[k] = compliance[k] * load[0, soft[k]]
-    here = np.empty((joints, count))
     matrix, right = np.empty((count, count)), np.empty((count, 1))
     for row in range(len(load)):
-        node = min(int(place[row]), len(inertia) - 2)
-        share = place[row] - node
-        for i in range(joints):
-            for k in range(count):
-                here[i, k] = (1.0 - share) * inertia[node, i, k] + share * inertia[node + 1, i, k]
+        inertia, by_speed, by_twist = (
+            by_motion[0, place[row]], by_motion[1, place[row]], by_motion[2, place[row]])
         for k in range(count):
             twist[k] += h * speed[k] + 0.25 * h * h * rate[k]
             speed[k] += 0.5 * h * rate[k]
+        for k in range(count):
             slow = more[row] * lag[k]
             right[k, 0] = compliance[k] * load[row, soft[k]] - slow * speed[k] - twist[k]
             for other in range(count):
-                matrix[k, other] = compliance[k] * here[soft[k], other]
+                m = inertia[soft[k], soft[other]]
+                c = by_speed[soft[k], soft[other]]
+                s = by_twist[soft[k], soft[other]]
+                right[k, 0] -= compliance[k] * (c * speed[other] + s * twist[other])
+                matrix[k, other] = compliance[k] * (m + 0.5 * h * c + 0.25 * h * h * s)
             matrix[k, k] += 0.5 * h * slow + 0.25 * h * h
         if count == 1:
             right[0, 0] /= matrix[0, 0]
@@ -160,7 +162,8 @@ def _swing(load, place, inertia, soft, compliance, lag, more, h, spring, change)
         for i in range(joints):
             change[row, i] = 0.0
             for k in range(count):
-                change[row, i] -= here[i, k] * rate[k]
+                change[row, i] -= (inertia[i, soft[k]] * rate[k] + by_speed[i, soft[k]] * speed[k]
+                                   + by_twist[i, soft[k]] * twist[k])
             spring[row, i] = load[row, i] + change[row, i]
         for k in range(count):
             spring[row, soft[k]] = twist[k] / compliance[k]

@@ -20,6 +20,8 @@ from par4_sim.simulation import build_simulation
 
 PERIOD = 1e-3
 """s, of the simulated samples."""
+AT_A_TIME = 200
+"""Samples between two reports of progress."""
 BLEND = 0.5
 """Seconds from rest to the speed at which a stretch begins."""
 
@@ -56,10 +58,10 @@ def closed_loop(robot: Robot, model: Model, path: Reference, t: np.ndarray, fide
         count = int(np.ceil((shift + t[-1] - simulation.time) / PERIOD)) + 2
         told = simulation.time - shift + PERIOD * np.arange(count)
         q, tau = np.empty((2, count, LEGS))
-        for row in range(count):
-            sample = simulation.next_sample()
-            q[row], tau[row] = sample.q, sample.effort
-            if progress and row % 200 == 0:
+        for row in range(0, count, AT_A_TIME):
+            samples = simulation.next_samples(min(AT_A_TIME, count - row))
+            q[row:row + AT_A_TIME], tau[row:row + AT_A_TIME] = samples.q, samples.effort
+            if progress:
                 progress(row / count)
     finally:
         simulation.close()

@@ -15,6 +15,7 @@ from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.evidence.doubt import (
     with_doubt,
     with_doubt_of_choice,
+    with_doubt_of_size,
     with_doubt_of_time,
 )
 from par4_identification.diagnosis.evidence.estimates import effect_parameters
@@ -49,6 +50,7 @@ from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.whitening import quieter, whitener_of
+from par4_identification.diagnosis.verdict.agreement import parameters_by, with_disagreement
 from par4_identification.diagnosis.verdict.answer import (
     Cause,
     Diagnosis,
@@ -254,18 +256,20 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         model = without_doubtful_names(search, model)
     named = tuple(sorted(named_of(model), key=lambda item: -search.weighing.gains(
         item, others_of(model, item))[0]))
-    whole, names_only, base_only = (solve(evidence, part) for part in (model, named, ()))
+    whole, base_only = (solve(evidence, part) for part in (model, ()))
+    told = search.weighing.corrected(solve(evidence, named))
     progress('comparing each cause with what could stand in its place')
     blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
-    errors = torque_errors(pool, named, unnamed_of(model), rules)
-    causes = [_cause(judge(search, item, model), search, named, names_only, whole, blocks, model,
-                     errors) for item in named]
+    errors = [torque_errors(part, pool.solution(model), rules)
+              for part in (evidence, pool.heldout)]
+    causes = [_cause(judge(search, item, model), search, named, told, blocks, model, errors)
+              for item in named]
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
     progress('checking what remains')
     before, after, left = (residuals(heldout, part, fit) for part, fit in (
-        ((), base_only), (named, names_only), (model, whole)))
-    extended = extended_model(baseline, rigid_body, evidence, named, names_only)
+        ((), base_only), (named, told), (model, whole)))
+    extended = extended_model(baseline, rigid_body, evidence, named, told)
     # of effects with a nominal torque the noise of counts is left out of the floor
     simple = extended.model_copy(update={'effects': tuple(
         entry for entry in extended.effects if not effects[entry.effect].needs_nominal)})
@@ -294,7 +298,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         rejected=search.journal.beside(item.label for item in named),
         holdout=_holdout(heldout.runs, blocks, before, after, floor), remaining=remaining,
         base_before=base_parameters(evidence, base_only),
-        base_after=base_parameters(evidence, names_only), extended_model=extended,
+        base_after=base_parameters(evidence, told), extended_model=extended,
         fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses,
         doubts=tuple(pair for pair in doubts if pair is not None), effects=effects)
 
@@ -319,18 +323,24 @@ def _nearest(search: Search) -> Hypothesis | None:
 
 
 def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fit: Fit,
-           whole: Fit, blocks: Blocks, model: Model, errors: Sequence[np.ndarray]) -> Cause:
-    evidence, hypothesis = search.pool.evidence, judgement.hypothesis
+           blocks: Blocks, model: Model, errors: Sequence[Sequence[np.ndarray]]) -> Cause:
+    evidence, heldout = search.pool.evidence, search.pool.heldout
+    hypothesis, corrected = judgement.hypothesis, search.weighing.corrected
     index = named.index(hypothesis)
-    parameters = effect_parameters(evidence, hypothesis, fit, index, errors)
-    parameters = with_doubt_of_choice(parameters, evidence, hypothesis, named)
-    parameters = with_doubt_of_law(parameters, search, hypothesis, tuple(named), errors)
+    parameters = effect_parameters(evidence, hypothesis, fit, index, errors[0])
+    parameters = with_doubt_of_choice(parameters, evidence, hypothesis, named, corrected)
+    parameters = with_doubt_of_size(parameters, evidence, hypothesis, fit)
+    parameters = with_doubt_of_law(parameters, search, hypothesis, tuple(named), errors[0])
     if unnamed_of(model):
         parameters = with_doubt(parameters, effect_parameters(
-            evidence, hypothesis, whole, model.index(hypothesis), errors))
+            evidence, hypothesis, corrected(solve(evidence, model)), model.index(hypothesis),
+            errors[0]))
+    parameters = with_disagreement(parameters, *(
+        parameters_by(part, named, index, wrong)
+        for part, wrong in zip((evidence, heldout), errors)))
     if not goes_both_ways(evidence.observations):
         parameters = with_doubt_of_time(parameters, evidence.observations)
-    before, after = (left_by(search.pool.heldout, part, solve(evidence, part))
+    before, after = (left_by(heldout, part, solve(evidence, part))
                      for part in (others_of(model, hypothesis), model))
     return Cause(
         effect=hypothesis.named, joints=hypothesis.joints,

@@ -66,6 +66,6 @@ def simulated_log(log: Log, machine: Robot | Axis, model: Model) -> Log:
 
     count = int(np.ceil((shift + log.t[-1] - simulation.time) / PERIOD)) + 2
     t = simulation.time - shift + PERIOD * np.arange(count)
-    q = np.array([simulation.next_sample().q for _ in range(count)])
+    q = simulation.next_samples(count).q
     simulation.close()
     return replace(log, q=CubicSpline(t, q)(log.t))

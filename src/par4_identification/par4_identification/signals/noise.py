@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -158,8 +158,11 @@ def fit_noise(residuals: list[np.ndarray], valid: list[np.ndarray], parameters: 
               order: int = ORDER) -> ArNoise:
     """Return the autoregressive model of residual series (n_i,), rows not `valid` left out.
 
-    Yule-Walker on the pooled autocovariance of all series; nothing is joined. `parameters` is how
-    many of the fitted parameters fall on these rows, a correction of the variance.
+    Yule-Walker on the pooled autocovariance of all series; nothing is joined. With missing rows and
+    noise that wanders slowly, the variance of the innovations is so small a difference of large
+    numbers that it may come out a hundred times too small. It is therefore that of the innovations
+    themselves. `parameters` is how many of the fitted parameters fall on these rows, a correction
+    of the variance.
     """
     products, pairs = np.zeros(order + 1), np.zeros(order + 1)
     for residual, mask in zip(residuals, valid):
@@ -179,5 +182,10 @@ def fit_noise(residuals: list[np.ndarray], valid: list[np.ndarray], parameters: 
         variance = covariance[0] - coefficients @ covariance[1:used + 1]
         stable = np.max(np.abs(np.linalg.eigvals(_companion(coefficients)))) < 0.9999
         if variance > 0 and stable:
-            return ArNoise(np.concatenate((coefficients, np.zeros(order - used))), float(variance))
+            found = ArNoise(np.concatenate((coefficients, np.zeros(order - used))),
+                            float(variance))
+            squares = sum(float(np.sum(found.whiten(residual[:, None], mask) ** 2))
+                          for residual, mask in zip(residuals, valid))
+            return replace(found, variance=max(
+                found.variance * squares / max(count - parameters, 1.0), 1e-18))
     return ArNoise(np.zeros(order), float(floor))

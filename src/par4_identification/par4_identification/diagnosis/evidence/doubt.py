@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from par4_dynamics.parameters import Parameter
-from par4_identification.diagnosis.evidence.estimates import effect_parameters
+from par4_identification.diagnosis.evidence.estimates import effect_parameters, fixed_sizes
 from par4_identification.diagnosis.evidence.evidence import Evidence
-from par4_identification.diagnosis.evidence.fit import solve
+from par4_identification.diagnosis.evidence.fit import Fit, solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
 
@@ -55,40 +55,67 @@ def with_doubt_of_time(parameters: dict[str, Parameter], observations: Observati
 
 
 def with_doubt_of_choice(parameters: dict[str, Parameter], evidence: Evidence,
-                         hypothesis: Hypothesis, named: Sequence[Hypothesis]
-                         ) -> dict[str, Parameter]:
-    """Return the parameters of a cause told on some joints or with some of its sets.
+                         hypothesis: Hypothesis, named: Sequence[Hypothesis],
+                         corrected: Callable[[Fit], Fit]) -> dict[str, Parameter]:
+    """Return the parameters of a cause where causes are told on some joints or with some sets.
 
-    Its values hold if it has no more of them than it needs: the other joints are then alike and the
-    other dimensions right. What the data say without this assumption belongs to the deviations.
+    Their values hold if no cause has more of them than it needs: the other joints are then alike
+    and the other dimensions right. What the data say without this assumption belongs to the
+    deviations.
 
     Args:
         parameters: of the cause.
         evidence: rows that were fitted.
         hypothesis: the cause.
         named: all that were fitted together.
+        corrected: takes out of a fit what is known to be wrong with it.
     """
     effect = hypothesis.named
     joints = tuple(range(evidence.observations.joints))
-    rest = [joint for joint in joints if joint not in hypothesis.joints]
-    if effect.against_the_others and rest:
-        whole = replace(hypothesis, joints=joints)
-    elif hypothesis.sets is not None and not hypothesis.shape:
-        whole = replace(hypothesis, sets=None, joints=joints)
-    else:
+    together = [_whole(item, joints) for item in named]
+    if all(item is whole for item, whole in zip(named, together)):
         return parameters
     index = list(named).index(hypothesis)
-    together = [*named[:index], whole, *named[index + 1:]]
-    free = effect_parameters(evidence, whole, solve(evidence, together), index)
+    rest = [joint for joint in joints if joint not in hypothesis.joints]
+    free = effect_parameters(evidence, together[index], corrected(solve(evidence, together)),
+                             index)
     told = {}
     for name, parameter in parameters.items():
         values = np.asarray(free[name].value, dtype=float)
-        if effect.against_the_others:
+        if effect.against_the_others and rest:
             values = values - values[rest].mean()
-        if values.shape != np.shape(parameter.value):
-            values = values[list(hypothesis.joints)]
+        if values.shape != np.shape(parameter.value):  # the last axis has the joints
+            values = values[..., list(hypothesis.joints)].reshape(np.shape(parameter.value))
         told[name] = parameter.model_copy(update={'value': nested(values.tolist())})
     return with_doubt(parameters, told)
+
+
+def _whole(hypothesis: Hypothesis, joints: tuple[int, ...]) -> Hypothesis:
+    """Return a cause on all joints and with all its sets; itself where it has them."""
+    if not hypothesis.effect.shared:
+        return hypothesis if hypothesis.joints == joints else replace(hypothesis, joints=joints)
+    if hypothesis.sets is None or hypothesis.shape:
+        return hypothesis
+    return replace(hypothesis, sets=None, joints=joints)
+
+
+def with_doubt_of_size(parameters: dict[str, Parameter], evidence: Evidence,
+                       hypothesis: Hypothesis, fit: Fit) -> dict[str, Parameter]:
+    """Return the parameters of an effect whose coefficients are 1 on a machine that obeys its law.
+
+    That they come out at another size says by which share the law is wrong, and its numbers with
+    it.
+    """
+    if not hypothesis.named.fixed_coefficients:
+        return parameters
+    index = fit.hypotheses.index(hypothesis)
+    variance = np.mean(np.diag(fit.covariance)[fit.slices[index]])
+    squares = np.mean((fixed_sizes(evidence, hypothesis, fit, index) - 1.0) ** 2)
+    wrong = np.sqrt(max(float(squares - variance), 0.0))
+    return {name: parameter.model_copy(update={'std': nested(np.hypot(
+        np.asarray(parameter.std, dtype=float),
+        wrong * np.asarray(parameter.value, dtype=float)).tolist())})
+        for name, parameter in parameters.items()}
 
 
 def nested(values: Any) -> Any:

@@ -88,6 +88,19 @@ def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
         for name, slope in slopes.items()}
 
 
+def fixed_sizes(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int) -> np.ndarray:
+    """Return the coefficients (K, k) on its joints of an effect that has them 1, as fitted.
+
+    Its columns have the nominal friction; what they must reach is the refitted one.
+    """
+    observations = evidence.observations
+    acting = list(range(observations.joints) if hypothesis.effect.shared else hypothesis.joints)
+    nominal = observations.runs[0].state.known.values['coulomb_friction'][acting]
+    refitted, = (value for term, value in zip(observations.terms, fit.base)
+                 if term.name == 'coulomb_friction')
+    return np.asarray(fit.coefficients[index][:, acting] * nominal / refitted)
+
+
 def _numbers(value: np.ndarray, per_order: bool, single: bool) -> Number:
     """Return values (J,), or (J, K) of K orders, as a parameter has them."""
     if per_order and value.ndim == 2:
@@ -132,7 +145,8 @@ def _covariance(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
     In first order an error of the shape changes the torque by its slope, which is a column like
     any other. To the covariance C of least squares comes that of the torques that the model gets
     wrong: C (sum over blocks u u^T) C, u = X^T e of a block of rows, since such an error lasts
-    for a stretch of the motion and rows that follow each other share it.
+    for a stretch of the motion and rows that follow each other share it. Last comes what a
+    correction of the fitted values may get wrong.
     """
     parts = [evidence.design(fit.hypotheses)]
     if knobs:
@@ -150,6 +164,7 @@ def _covariance(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
         sums = np.add.reduceat(design * error[:, None], starts, axis=0)
         covariance += inverse @ (sums.T @ sums) @ inverse
     covariance /= np.outer(scale, scale)
+    covariance[:count, :count] += fit.doubt
     own = [*range(fit.slices[index].start, fit.slices[index].stop),
            *range(count, design.shape[1])]
     return covariance[np.ix_(own, own)]

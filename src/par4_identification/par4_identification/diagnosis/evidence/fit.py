@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from par4_identification.diagnosis.evidence.unnamed import Kind
 
 ROUNDING = 1e-11
 """Eigenvalues of scaled normal equations below which a direction is not told by the data."""
+DOUBT = 0.5
+"""Standard deviation of a correction of fitted values, over the correction."""
 
 
 def prior_weights(evidence: Evidence, hypotheses: Sequence[Hypothesis], coefficients: int
@@ -49,6 +51,8 @@ class Fit:
         covariance: of everything, in the order of the design, (c, c).
         slices: where the coefficients of each hypothesis are in it.
         hypotheses: that were fitted.
+        correction: what was added to the values of least squares, (c,), see `corrected`; empty
+            where nothing was.
     """
 
     base: np.ndarray
@@ -56,6 +60,14 @@ class Fit:
     covariance: np.ndarray
     slices: tuple[slice, ...]
     hypotheses: tuple[Hypothesis, ...]
+    correction: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def doubt(self) -> np.ndarray:
+        """Share of the covariance (c, c) that the correction has: it may be half wrong."""
+        if not len(self.correction):
+            return np.zeros_like(self.covariance)
+        return np.outer(DOUBT * self.correction, DOUBT * self.correction)
 
 
 def solve(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Fit:
@@ -91,11 +103,49 @@ def fit_of(evidence: Evidence, hypotheses: Sequence[Hypothesis], values: np.ndar
                tuple(hypotheses))
 
 
+def _values(fit: Fit) -> np.ndarray:
+    """Return all values of a fit, in the order of the design, (c,)."""
+    return np.concatenate([fit.base, *(item.stacked(coefficients) for item, coefficients in zip(
+        fit.hypotheses, fit.coefficients))])
+
+
+def pinned(evidence: Evidence, fit: Fit) -> Fit:
+    """Return a fit in which columns that are exact at some coefficients only have these.
+
+    The other values are those of least squares beside them.
+    """
+    joints, own, told = evidence.observations.joints, [np.empty(0, dtype=int)], [np.empty(0)]
+    for item, place in zip(fit.hypotheses, fit.slices):
+        exact = (None if isinstance(item.effect, Kind)
+                 else item.effect.exact_at(item.shape, joints))
+        if exact is not None:
+            own.append(np.arange(place.start, place.stop))
+            told.append(exact[item.columns])
+    pins, values = np.concatenate(own), _values(fit)
+    if not len(pins):
+        return fit
+    away = np.concatenate(told) - values[pins]
+    values = values + fit.covariance[:, pins] @ np.linalg.solve(
+        fit.covariance[np.ix_(pins, pins)], away)
+    return fit_of(evidence, fit.hypotheses, values, fit.covariance)
+
+
+def corrected(evidence: Evidence, fit: Fit, moment: np.ndarray) -> Fit:
+    """Return a fit whose normal equations have another right side.
+
+    Args:
+        evidence: rows that were fitted.
+        fit: by least squares.
+        moment: what to add to the products of the columns with the target, (c,).
+    """
+    correction = fit.covariance @ moment
+    return replace(fit_of(evidence, fit.hypotheses, _values(fit) + correction, fit.covariance),
+                   correction=correction)
+
+
 def left_by(evidence: Evidence, hypotheses: Sequence[Hypothesis], fit: Fit) -> np.ndarray:
     """Return the target minus a fit, (N,). The fit may have been made on other rows."""
-    values = [fit.base, *(item.stacked(coefficients) for item, coefficients in zip(
-        hypotheses, fit.coefficients))]
-    return evidence.target - evidence.design(hypotheses) @ np.concatenate(values)
+    return evidence.target - evidence.design(hypotheses) @ _values(fit)
 
 
 def residuals(observations: Observations, hypotheses: Sequence[Hypothesis], fit: Fit

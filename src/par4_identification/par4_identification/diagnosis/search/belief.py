@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from par4_dynamics.effects.effect import CERTAIN, FAST
-from par4_identification.diagnosis.evidence.estimates import estimated
+from par4_identification.diagnosis.evidence.estimates import estimated, fixed_sizes
 from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
@@ -79,16 +79,12 @@ class Belief:
         effect, evidence = hypothesis.named, self.pool.evidence
         acting = list(range(evidence.observations.joints) if effect.shared
                       else hypothesis.joints)
-        coefficients = fit.coefficients[-1][:, acting]
         level = {term.name: np.full(len(acting), value)
                  for term, value in zip(evidence.observations.terms, fit.base)}
         if evidence.observations.runs[0].state.geometry is None:
             level[FAST] = np.full(len(acting), self._fast_speed)
         if effect.fixed_coefficients:
-            # their columns have the nominal friction; what they must reach is the refitted one
-            nominal = evidence.observations.runs[0].state.known
-            found = coefficients * nominal.values['coulomb_friction'][acting] / (
-                level['coulomb_friction'])
+            found = fixed_sizes(evidence, hypothesis, fit, len(others))
             low, high = effect.fixed_range
             if found.min() < low or found.max() > high:
                 return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '

@@ -23,7 +23,7 @@ from par4_identification.diagnosis.search.shapes import (
     self_consistent,
     shapes_of,
 )
-from par4_identification.diagnosis.search.swing import TRIED, compliances
+from par4_identification.diagnosis.search.swing import TRIED, Swing, swing_in
 
 ONE_WAY = 0.1
 """Share of the travel that must go either way for a difference between the directions to show."""
@@ -64,6 +64,7 @@ class Candidates:
                         for name, effect in library.items()
                         if not effect.needs_both_ways or goes_both_ways(evidence.observations)}
         self._searched: dict[Any, Candidate | None] = {}
+        self._swing: Swing | None = None
         self.family = sum(len(shapes) for shapes in self._shapes.values())
 
     def best(self, effect: Effect, projection: Projection) -> Candidate | None:
@@ -146,12 +147,14 @@ class Candidates:
         """
         if 0.5 * projection.gain(effect, {}) < self._rules.evidence:
             return None
-        found = compliances(projection, 2.0 * self._rules.evidence)
+        found = swing_in(projection, 2.0 * self._rules.evidence, 2.0 * self._rules.price,
+                         self._swing)
         if found is None:
             return None
-        compliance, squares = found
-        hypothesis = Hypothesis(effect, effect.expansion(compliance), self._joints)
-        return Candidate(hypothesis, 0.5 * squares, TRIED * len(compliance))
+        self._swing = found
+        known = {} if found.damping_ratio is None else {'damping_ratio': found.damping_ratio}
+        hypothesis = Hypothesis(effect, effect.expansion(found.compliance, known), self._joints)
+        return Candidate(hypothesis, 0.5 * found.squares, TRIED * len(self._joints))
 
 
 def goes_both_ways(observations: Observations) -> bool:

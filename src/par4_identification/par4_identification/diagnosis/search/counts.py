@@ -18,8 +18,10 @@ from functools import partial
 import numpy as np
 
 from par4_dynamics.base_terms import base_columns
+from par4_dynamics.effects.effect import Shape
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.evidence import BASE, Evidence, Key, key_of
+from par4_identification.diagnosis.evidence.fit import Fit, corrected
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.diagnosis.search.law import Dithered, delivered
@@ -79,27 +81,49 @@ class Counts:
         without = found + share * added
         return 0.5 * float(found @ found - without @ without)
 
+    def corrected(self, evidence: Evidence, fit: Fit) -> Fit:
+        """Return a fit without the bias that counts give its values (errors in variables).
+
+        The products of the columns with the target lack those with the error of the model's
+        torque, which the draws tell; see Fuller, Measurement Error Models, 1987.
+        """
+        draws = len(self.dithered.draws)
+        if not draws:
+            return fit
+        moments = [self._mean(evidence, BASE, base_columns, draws).sum(axis=0)]
+        for item in fit.hypotheses:
+            own = np.concatenate([self._of_shape(evidence, item, shape, draws)
+                                  for shape in item.effect.parts(item.shape)], axis=1)
+            moments.append(_stacked(item, own))
+        return corrected(evidence, fit, np.concatenate(moments))
+
     def moment(self, evidence: Evidence, hypothesis: Hypothesis, draws: int) -> np.ndarray:
         """Return what brings the moment (k,) of a hypothesis's columns back to the machine's.
 
         It is the mean of so many draws.
         """
         if (hypothesis.key, draws) not in self._moments:
-            effect = hypothesis.effect
-            of_base = np.mean([self._of_draw(evidence, BASE, base_columns, draw).sum(axis=0)
-                               for draw in range(draws)], axis=0)
+            of_base = self._mean(evidence, BASE, base_columns, draws).sum(axis=0)
             fitted = np.linalg.lstsq(sum(evidence.products(BASE, BASE)), of_base, rcond=1e-12)[0]
-            parts = []
-            for shape in effect.parts(hypothesis.shape):
-                key, columns = key_of(effect, shape), partial(effect.columns, shape=shape)
-                own = np.mean([self._of_draw(evidence, key, columns, draw)
-                               for draw in range(draws)], axis=0)
-                parts.append(own - np.stack([products @ fitted for products in
-                                             evidence.products(key, BASE)]))
-            moment = np.concatenate(parts, axis=1)[:, hypothesis.columns]
-            self._moments[hypothesis.key, draws] = (
-                moment.sum(axis=0) if effect.shared else moment[list(hypothesis.joints)].ravel())
+            moment = np.concatenate([
+                self._of_shape(evidence, hypothesis, shape, draws) - np.stack([
+                    products @ fitted for products in evidence.products(
+                        key_of(hypothesis.effect, shape), BASE)])
+                for shape in hypothesis.effect.parts(hypothesis.shape)], axis=1)
+            self._moments[hypothesis.key, draws] = _stacked(hypothesis, moment)
         return self._moments[hypothesis.key, draws]
+
+    def _of_shape(self, evidence: Evidence, hypothesis: Hypothesis, shape: Shape, draws: int
+                  ) -> np.ndarray:
+        """Return Z^T e (J, k) of an effect's columns at a shape, the mean of so many draws."""
+        effect = hypothesis.effect
+        return self._mean(evidence, key_of(effect, shape), partial(effect.columns, shape=shape),
+                          draws)
+
+    def _mean(self, evidence: Evidence, key: Key, columns: Callable[[State], np.ndarray],
+              draws: int) -> np.ndarray:
+        return np.mean([self._of_draw(evidence, key, columns, draw) for draw in range(draws)],
+                       axis=0)
 
     def _of_draw(self, evidence: Evidence, key: Key, columns: Callable[[State], np.ndarray],
                  draw: int) -> np.ndarray:
@@ -115,3 +139,9 @@ class Counts:
             self._products[key, draw] = np.stack([
                 rows.T @ torque[first:last] for rows, first, last in zip(told, ends, ends[1:])])
         return self._products[key, draw]
+
+
+def _stacked(hypothesis: Hypothesis, moment: np.ndarray) -> np.ndarray:
+    """Return moments (J, K) of an effect's columns in the order of a hypothesis's, (k,)."""
+    own = moment[:, hypothesis.columns]
+    return own.sum(axis=0) if hypothesis.effect.shared else own[list(hypothesis.joints)].ravel()

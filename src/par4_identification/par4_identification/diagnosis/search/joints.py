@@ -42,7 +42,15 @@ def with_needed_joints(pool: Pool, rules: Rules, hypothesis: Hypothesis, others:
     most = min(fit.heldout_squares for fit in fits) + 2.0 * rules.margin * doubt
     losses = [0.5 * fit.fit_squares + price * pool.width(trial)
               if fit.heldout_squares <= most else np.inf for trial, fit in zip(trials, fits)]
-    return trials[int(np.argmin(np.round(losses, 6)))]  # of equals the first
+    return _by_itself(trials[int(np.argmin(np.round(losses, 6)))])  # of equals the first
+
+
+def _by_itself(hypothesis: Hypothesis) -> Hypothesis:
+    """Return a name with the shape that it has on a machine with only the sets that it has."""
+    if hypothesis.sets is None:
+        return hypothesis
+    return replace(hypothesis, shape=hypothesis.named.shape_of_sets(hypothesis.shape,
+                                                                    hypothesis.sets))
 
 
 def with_acting_joints(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Model
@@ -70,14 +78,14 @@ def choices(hypothesis: Hypothesis, everywhere: tuple[int, ...]) -> Iterator[Hyp
     if len(everywhere) == 1:
         return
     numbers = tuple(range(len(effect.separable))) if effect.shared else everywhere
-    of_joints = all(parameter.scope == 'joint' for parameter in effect.parameters)
+    of_joints = all(parameter.scope == 'joint' for parameter in effect.parameters
+                    if not parameter.is_shape)
     for count in range(1, len(numbers) + 1):
         for chosen in combinations(numbers, count):
             if not effect.shared:
                 yield replace(hypothesis, joints=chosen)
             else:
                 yield replace(hypothesis, sets=chosen,
-                              shape=effect.shape_of_sets(hypothesis.shape, chosen),
                               joints=chosen if of_joints else hypothesis.joints)
 
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_dynamics.effects.effect import single
 from par4_identification.diagnosis.evidence.estimates import shape_knobs, shape_slopes, turned
-from par4_identification.diagnosis.evidence.fit import left_by
+from par4_identification.diagnosis.evidence.evidence import Evidence
+from par4_identification.diagnosis.evidence.fit import Fit, left_by
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind
@@ -33,9 +33,11 @@ def polished(search: Search, model: Sequence[Hypothesis]) -> Model:
     a shape that has its default value keeps it unless `Rules.price` is gained, and none goes where
     no machine can be.
     """
-    model, pool = tuple(model), search.pool
+    model, pool = _sought_again(search, tuple(model)), search.pool
     for place, item in enumerate(model):
         if isinstance(item.effect, Kind) or order_name(item.named) or not shape_knobs(item):
+            continue
+        if item.named.exact_at(item.shape, pool.evidence.observations.joints) is not None:
             continue
         moved = _with_best_shape(pool, model, item)
         gain = 0.5 * (pool.fit(model).fit_squares - pool.fit(moved).fit_squares)
@@ -50,29 +52,66 @@ def polished_alone(search: Search, item: Hypothesis, others: Model) -> Hypothesi
     return _with_best_shape(search.pool, (*others, item), item)[-1]
 
 
+def _sought_again(search: Search, model: Model) -> Model:
+    """Return a model whose far from linear causes are sought once more, beside all others."""
+    for item in model:
+        if isinstance(item.effect, Kind) or item.named.exact_at(
+                item.shape, search.pool.evidence.observations.joints) is None:
+            continue
+        others = others_of(model, item)
+        found = search.candidates.best(item.named, search.weighing.beside(others))
+        if found is not None:
+            shape = found.hypothesis.shape
+            moved = replace(item, shape=shape if item.sets is None else
+                            item.named.shape_of_sets(shape, item.sets))
+            model = tuple(moved if other is item else other for other in model)
+    return model
+
+
 def _with_best_shape(pool: Pool, model: Model, item: Hypothesis) -> Model:
     for _ in range(STEPS):
-        others, knobs = others_of(model, item), shape_knobs(item)
-        fit = pool.solution((*others, item))
-        slope = shape_slopes(pool.evidence, item, fit.coefficients[-1], knobs)
-        design = pool.evidence.design((*others, item))
-        inside = design.T @ slope
-        curvature = slope.T @ slope - inside.T @ (fit.covariance @ inside)
-        inverse = np.linalg.pinv(curvature, rcond=1e-9, hermitian=True)
-        left = left_by(pool.evidence, (*others, item), fit)
-        step = inverse @ (slope.T @ left - inside.T @ (fit.covariance @ (design.T @ left)))
-        if np.all(np.abs(step) < SMALL * np.sqrt(np.maximum(np.diag(inverse), 0.0))):
+        others = others_of(model, item)
+        step, covariance = shape_step(pool.evidence, pool.solution((*others, item)), len(others))
+        if np.all(np.abs(step) < SMALL * np.sqrt(np.maximum(np.diag(covariance), 0.0))):
             break
-        moved = item
-        for knob, part in zip(knobs, step):
-            size = LARGEST * abs(single(moved.shape[knob[0]]))
-            moved = replace(moved, shape=turned(moved.shape, knob,
-                                                float(np.clip(part, -size, size))))
+        moved = stepped(item, step, LARGEST)
         trial = tuple(moved if other is item else other for other in model)
         if pool.fit(trial).fit_squares >= pool.fit(model).fit_squares:
             break
         model, item = trial, moved
     return model
+
+
+def shape_step(evidence: Evidence, fit: Fit, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the step of Gauss and Newton of the numbers of a shape, and their covariance.
+
+    All coefficients of the fit move with them.
+
+    Args:
+        evidence: rows that were fitted.
+        fit: of all causes.
+        index: of the cause whose shape it is; `shape_knobs` are the numbers.
+
+    Returns:
+        (k,) and (k, k).
+    """
+    item = fit.hypotheses[index]
+    slope = shape_slopes(evidence, item, fit.coefficients[index], shape_knobs(item))
+    design, left = evidence.design(fit.hypotheses), left_by(evidence, fit.hypotheses, fit)
+    inside = design.T @ slope
+    covariance = np.linalg.pinv(slope.T @ slope - inside.T @ (fit.covariance @ inside),
+                                rcond=1e-9, hermitian=True)
+    return covariance @ (slope.T @ left - inside.T @ (fit.covariance @ (design.T @ left))
+                         ), covariance
+
+
+def stepped(item: Hypothesis, step: np.ndarray, largest: float) -> Hypothesis:
+    """Return a cause whose shape went a step (k,), at most this share of each number."""
+    moved = item
+    for knob, part in zip(shape_knobs(item), step):
+        size = largest * abs(float(np.atleast_1d(item.shape[knob[0]])[knob[1] or 0]))
+        moved = replace(moved, shape=turned(moved.shape, knob, float(np.clip(part, -size, size))))
+    return moved
 
 
 def _is_usual(item: Hypothesis) -> bool:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from par4_identification.diagnosis.evidence.evidence import Evidence
+from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind
@@ -71,22 +73,20 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
                        1.0 + causes[0] / rules.evidence)
 
 
-def torque_errors(pool: Pool, named: Sequence[Hypothesis], unnamed: Sequence[Hypothesis],
-                  rules: Rules) -> list[np.ndarray]:
-    """Return the torques by which a model may be wrong, on the whitened fitted rows, (N,) each.
+def torque_errors(evidence: Evidence, fit: Fit, rules: Rules) -> list[np.ndarray]:
+    """Return the torques by which a model may be wrong, on whitened rows, (N,) each.
 
     There are up to three: the share of the measured torque, of that of the named causes and of that
-    of the unnamed causes that `Rules` says may be wrong.
+    of the unnamed causes that `Rules` says may be wrong. The rows may be others than were fitted.
     """
-    evidence = pool.evidence
-    fit = pool.solution([*named, *unnamed])
     torques = [evidence.columns(item) @ item.stacked(coefficients)
                for item, coefficients in zip(fit.hypotheses, fit.coefficients)]
-    count = len(named)
+    kinds = [isinstance(item.effect, Kind) for item in fit.hypotheses]
     measured = evidence.whitened([run.tau for run in evidence.observations.runs])
-    wrong = [error_of(item, rules) * torque for item, torque in zip(named, torques)]
+    wrong = [error_of(item, rules) * torque
+             for item, torque, kind in zip(fit.hypotheses, torques, kinds) if not kind]
     parts = ([rules.base_error * measured], wrong,
-             [rules.unnamed_error * torque for torque in torques[count:]])
+             [rules.unnamed_error * torque for torque, kind in zip(torques, kinds) if kind])
     return [np.sum(part, axis=0) for part in parts if part]
 
 

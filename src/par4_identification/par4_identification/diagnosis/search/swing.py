@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from par4_dynamics.effects.elastic_transmission import (
+    DAMPING_RATIOS,
     ElasticTransmission,
     believed_stiffnesses,
 )
@@ -21,8 +23,8 @@ TRIED = 19
 """Compliances of a joint that are tried: a resonance apart at the coarse damping."""
 VISIBLE = 10.0
 """The stiffest of them over the stiffest that is believed."""
-COARSE_DAMPING = 0.1
-"""Of the first search: wide resonances overlap, and so do the basins of the fit."""
+COARSE_DAMPING = 0.2
+"""Ratio in the first search: wide resonances overlap, and so do the basins of the fit."""
 COARSE_STEP = 2
 """Samples from step to step of the integration in the first search."""
 SWEEPS, TRIALS = 3, 40
@@ -32,17 +34,37 @@ SETTLED = 1e-4
 TINY = 1e-12
 """rad/(N m): what is rigid, where a logarithm is taken."""
 CHANGE = 1e-3
-"""Of log compliance, for its derivative."""
+"""Of the logarithms of compliances and damping, for derivatives."""
 WIDEST = 0.7
-"""First step of log compliance at the most."""
+"""First step of these logarithms at the most."""
 
 
-def compliances(projection: Projection, least: float) -> tuple[np.ndarray, float] | None:
-    """Return the compliances (J,), rad/(N m), whose torque the target has, and what that explains.
+@dataclass(frozen=True)
+class Swing:
+    """Transmissions that twist.
 
-    The second is twice the gain in log-likelihood with the torque as large as the compliances make
-    it, so that noise in the columns cannot pass as a twist of another size or sign. None where no
-    compliance explains more than `least` at a first look.
+    Attributes:
+        compliance: (J,), rad/(N m).
+        damping_ratio: None where the data do not tell it from the usual one.
+        squares: twice the gain in log-likelihood with the torque as large as these make it, so
+            that noise in the columns cannot pass as a twist of another size or sign.
+    """
+
+    compliance: np.ndarray
+    damping_ratio: float | None
+    squares: float
+
+
+def swing_in(projection: Projection, least: float, price: float, known: Swing | None = None
+             ) -> Swing | None:
+    """Return the transmissions whose torque the target of a projection has.
+
+    Args:
+        projection: whose residual is the target.
+        least: twice the gain in log-likelihood that a first look must promise; else None.
+        price: the same that a damping ratio of its own must be worth.
+        known: what was found beside other causes. Where the way down from there ends below what
+            the first look promises, that is the answer, which is much quicker.
     """
     evidence, target = projection.evidence, projection.residual
     springs = {id(run.state): Springs(run.state) for run in evidence.observations.runs}
@@ -53,11 +75,16 @@ def compliances(projection: Projection, least: float) -> tuple[np.ndarray, float
         return springs[id(state)].torque(np.array(compliance), damping, every)[1]
 
     def torques(trials: np.ndarray, damping: float) -> np.ndarray:
-        known = np.exp(np.round(np.log(trials + TINY), 9)) * (trials > 0.0)
-        return evidence.torques([(ElasticTransmission, (damping, *row)) for row in known], torque)
+        rounded = np.exp(np.round(np.log(trials + TINY), 9)) * (trials > 0.0)
+        return evidence.torques([(ElasticTransmission, (damping, *row)) for row in rounded],
+                                torque)
 
     def left(damping: float, trials: np.ndarray) -> np.ndarray:
         return target[:, None] - projection.rest(torques(np.exp(trials), damping))
+
+    def left_by_all(trials: np.ndarray) -> np.ndarray:
+        return np.concatenate([left(float(np.exp(trial[-1])), trial[None, :-1])
+                               for trial in trials], axis=1)
 
     joints, state = evidence.observations.joints, evidence.observations.runs[0].state
     soft, stiff = believed_stiffnesses(
@@ -69,11 +96,29 @@ def compliances(projection: Projection, least: float) -> tuple[np.ndarray, float
     if worth <= least:
         return None
     believed = np.log((2.0 / stiff, 1.0 / soft))
-    start = np.array([np.log(3.0 / stiff if index is None else grid[index]) for index in chosen])
-    found = np.clip(start, *believed)
+    with_damping = np.stack([np.append(np.full(joints, compliance), damping)
+                             for compliance, damping in zip(believed, np.log(DAMPING_RATIOS))])
+
+    def damped_as_usual(start: np.ndarray, damping: float) -> tuple[np.ndarray, Swing]:
+        found, squares = _descended(partial(left, damping), start, believed)
+        return found, Swing(np.exp(found), None, _square(target) - squares)
+
+    def damped(start: np.ndarray, damping: float) -> Swing:
+        found, squares = _descended(left_by_all, np.append(start, np.log(damping)), with_damping)
+        return Swing(np.exp(found[:-1]), float(np.exp(found[-1])), _square(target) - squares)
+
+    if known is not None:
+        start = np.clip(np.log(known.compliance), *believed)
+        again = (damped_as_usual(start, DAMPING_RATIO)[1] if known.damping_ratio is None
+                 else damped(start, known.damping_ratio))
+        if again.squares > worth:
+            return again
+    found = np.clip([np.log(3.0 / stiff if index is None else grid[index]) for index in chosen],
+                    *believed)
     for damping in (COARSE_DAMPING, DAMPING_RATIO):
-        found, best = _descended(partial(left, damping), found, believed)
-    return np.exp(found), _square(target) - best
+        found, usual = damped_as_usual(found, damping)
+    freed = damped(found, DAMPING_RATIO)
+    return freed if freed.squares - usual.squares > price else usual
 
 
 def _first_look(alone: np.ndarray, target: np.ndarray, joints: int
@@ -107,9 +152,9 @@ def _first_look(alone: np.ndarray, target: np.ndarray, joints: int
 
 def _descended(left: Callable[[np.ndarray], np.ndarray], start: np.ndarray, believed: np.ndarray
                ) -> tuple[np.ndarray, float]:
-    """Return the minimum of |left(x)|^2 near `start` (J,), within what is believed, and its value.
+    """Return the minimum of |left(x)|^2 near `start` (p,), within what is believed, and its value.
 
-    `left` (n, k) is that of k trials (k, J). `believed` has the lowest and the highest x; `start`
+    `left` (n, k) is that of k trials (k, p). `believed` has the lowest and the highest x; `start`
     lies between them.
 
     The box of the first step is `WIDEST`, so that the search stays in the basin where it begins.

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from par4_identification.diagnosis.evidence.evidence import Evidence
+from par4_identification.diagnosis.evidence.fit import Fit, pinned
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.law_error import factors_of, law_error_of, put_in
 from par4_identification.diagnosis.evidence.pool import Pool
@@ -61,6 +62,14 @@ class Weighing:
         fit_gain, gain = self.gains(cause, others)
         by_counts = self._by_counts(cause, others)
         return fit_gain - by_counts[0], gain - by_counts[1]
+
+    def corrected(self, fit: Fit) -> Fit:
+        """Return a fit of the rows to fit with the values that are told.
+
+        They are without what encoder counts make of them, and those of a torque that is not linear
+        in them are those at which it was fitted.
+        """
+        return self._counts.corrected(self._pool.evidence, pinned(self._pool.evidence, fit))
 
     def requirement(self, model: Model, cause: Hypothesis | None = None) -> Requirement:
         """Return what a cause must gain in a model."""

@@ -45,8 +45,9 @@ def with_doubt_of_law(parameters: dict[str, Parameter], search: Search, cause: H
     gains = np.array([weighing.gains(item, others)[0] for item in (cause, *laws)])
     weights = np.exp((gains - gains.max()) / weighing.requirement(model, cause).inflation)
     weights /= weights.sum()
-    told = [effect_parameters(pool.evidence, item, pool.solution((*others, item)), len(others),
-                              errors) for item in laws]
+    told = [effect_parameters(
+        pool.evidence, item, weighing.corrected(pool.solution((*others, item))), len(others),
+        errors) for item in laws]
     return {name: parameter.model_copy(update={'std': _spread(
         parameter, [other[name] for other in told], weights)})
         for name, parameter in parameters.items()}

@@ -1,0 +1,71 @@
+"""Deviations that hold how far rows held out disagree with the rows that were fitted.
+
+What a law leaves out goes with the motion, so that another motion of the same machine gives other
+values. Where two estimates lie farther apart than their deviations allow, the deviations are too
+small, by the root of the mean square of the differences over their own deviation (Birge 1932).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from par4_dynamics.parameters import Parameter
+from par4_identification.diagnosis.evidence.doubt import nested
+from par4_identification.diagnosis.evidence.estimates import effect_parameters, shape_knobs
+from par4_identification.diagnosis.evidence.evidence import Evidence
+from par4_identification.diagnosis.evidence.fit import solve
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.search.polish import shape_step, stepped
+from par4_identification.diagnosis.search.shapes import order_name
+
+LARGEST = 0.5
+"""Step of a number of a shape, over the number, that its slope still tells."""
+
+
+def with_disagreement(parameters: dict[str, Parameter], fitted: dict[str, Parameter],
+                      other: dict[str, Parameter]) -> dict[str, Parameter]:
+    """Return parameters whose deviations are as much larger as two estimates disagree.
+
+    Args:
+        parameters: as told.
+        fitted: of least squares on the rows to fit.
+        other: of least squares on other rows.
+    """
+    squares = []
+    for name, one in fitted.items():
+        apart = np.asarray(one.value, dtype=float) - np.asarray(other[name].value, dtype=float)
+        if name == 'phase':
+            apart = np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi
+        variance = (np.asarray(one.std, dtype=float) ** 2
+                    + np.asarray(other[name].std, dtype=float) ** 2)
+        told = np.ravel(variance > 0.0) & np.ravel(apart != 0.0)  # not what both share
+        squares.append(np.ravel(apart ** 2)[told] / np.ravel(variance)[told])
+    ratios = np.concatenate(squares)
+    ratio = float(np.sqrt(np.mean(ratios))) if len(ratios) else 1.0
+    if ratio <= 1.0:
+        return parameters
+    return {name: parameter.model_copy(update={
+        'std': nested((ratio * np.asarray(parameter.std, dtype=float)).tolist())})
+        for name, parameter in parameters.items()}
+
+
+def parameters_by(evidence: Evidence, hypotheses: Sequence[Hypothesis], index: int,
+                  errors: Sequence[np.ndarray] = ()) -> dict[str, Parameter]:
+    """Return the parameters that rows give one of several causes, its shape one step from its own.
+
+    Orders of periodic torques stay whole numbers.
+
+    Args:
+        evidence: the rows.
+        hypotheses: all causes.
+        index: of the one.
+        errors: torques by which the model may be wrong on these rows.
+    """
+    hypotheses = list(hypotheses)
+    fit = solve(evidence, hypotheses)
+    if shape_knobs(hypotheses[index]) and order_name(hypotheses[index].named) is None:
+        hypotheses[index] = stepped(hypotheses[index], shape_step(evidence, fit, index)[0], LARGEST)
+        fit = solve(evidence, hypotheses)
+    return effect_parameters(evidence, hypotheses[index], fit, index, errors)
