@@ -21,6 +21,7 @@ from singular_log import singular_log
 from par4_dynamics.model import read_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.setup_check.check import check_setup
+from par4_identification.setup_check.clustered import clustered_covariance, clusters_of
 from par4_identification.setup_check.drive_answer import answer_of
 from par4_identification.setup_check.equations import equations_of, stretches_of
 from par4_identification.setup_check.finding import Amount, Finding, SetupCheck
@@ -180,6 +181,27 @@ def test_a_wrong_dimension_is_measured(clean, name, error):
     true = getattr(REFERENCE.geometry, name)
     assert getattr(check.machine.geometry, name) == pytest.approx(true, abs=0.004)
     assert f'{name}: ' in check.findings[0].mend
+
+
+def test_deviations_hold_what_lasts():
+    """An error that lasts half a second, as what a model lacks does, is one error, not fifty."""
+    t = 0.01 * np.arange(3000)
+    slopes, valid = np.sin(3.0 * t)[:, None] * np.ones((1, 2)), np.ones((3000, 2), dtype=bool)
+    design = np.concatenate(slopes.T)[:, None]
+    cluster = clusters_of(t, np.zeros(3000), valid)
+    ratios = []
+    for seed in range(60):
+        lasting = np.repeat(np.random.default_rng(seed).normal(size=60), 50)
+        residual = np.concatenate((lasting, lasting))  # both joints miss the same
+        error = float(design[:, 0] @ residual / (design[:, 0] @ design[:, 0]))
+        ratios.append(error ** 2 / clustered_covariance(design, residual, cluster)[0, 0])
+    assert 0.7 < np.sqrt(np.mean(ratios)) < 1.3
+
+
+def test_a_small_error_is_not_told_as_a_larger_one_of_another_dimension(clean):
+    """It is the diagnosis's to name; a forearm that is some 12 mm too short imitates it."""
+    kinds, _ = found(clean, mistakes.other_dimensions(REFERENCE, base_radius=-0.007))
+    assert 'wrong_dimensions' not in {kind for kind, _ in kinds}
 
 
 @pytest.mark.parametrize('gains', [(1.41, 1.0, 0.88, 1.0), (1.0, 0.6, 1.0, 1.3)])

@@ -26,7 +26,7 @@ FIRST = 'Before anything else: '
 def right(tmp_path_factory):
     """Return the messages of a good bag."""
     folder = tmp_path_factory.mktemp('right')
-    return read_bag(simulated(folder, 'right', read_model('table1', REFERENCE), 5))
+    return read_bag(simulated(folder, 'right', read_model('table1', REFERENCE), 5, 10.0))
 
 
 Message = tuple[int, str, int, np.ndarray | tuple, np.ndarray | tuple]
@@ -168,7 +168,7 @@ CLOCKS = {
 def clocks(right, tmp_path_factory):
     """Return a bag of each case, by its name; those of two sources are of another motion."""
     folder = tmp_path_factory.mktemp('clocks')
-    other = read_bag(simulated(folder, 'other', read_model('table1', REFERENCE), 6))
+    other = read_bag(simulated(folder, 'other', read_model('table1', REFERENCE), 6, 10.0))
     return {case: written(folder / case.replace(' ', '_'), change(messages_of(
         other if case.startswith('a second') else right))) for case, (change, _) in CLOCKS.items()}
 

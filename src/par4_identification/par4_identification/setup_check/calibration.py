@@ -52,6 +52,10 @@ EACH = 1.025
 """Factor on what is left that makes up for one error more."""
 FEWER = 0.985
 """Most of the squared error that a mistake may leave."""
+ONLY_DIFFERENCE = 'base_radius'
+"""The motion shows its difference from the platform's radius alone: either may be wrong."""
+HALF_SURE = math.sqrt(0.5)
+"""Deviation, over its size, of an error that is there or not, either as likely."""
 PLAIN = 1.06
 """Most that a plain machine may leave, in what a rich one leaves, to be believed."""
 ODD_POSES = 0.002
@@ -172,18 +176,34 @@ def _plain_or_rich(plain: Placement, start: np.ndarray,
 
 
 def _best(placement: Placement, nothing: Solution) -> Solution | None:
-    """Return the hypothesis that explains most, if it explains decisively more than none."""
+    """Return the hypothesis that explains most, if it explains decisively more than none.
+
+    None, too, where an error too small for a mistake of the setup explains more: a larger one of
+    another dimension would only imitate it.
+    """
     least_sure, least_large = WORTH_FITTING
     poor = placement.relative(nothing) > UNEXPLAINED
     worth = [group for group, (values, std) in zip(
         HYPOTHESES, placement.linear(nothing, HYPOTHESES), strict=True)
         if poor or ((np.abs(values) > least_sure * std)
                     & (np.abs(values) > least_large * SMALLEST[list(group)])).any()]
-    found = [_pruned(placement, placement.solve(group, nothing.values), group) for group in worth]
+    solved = [(placement.solve(group, nothing.values), list(group)) for group in worth]
+    found = [_pruned(placement, solution, group) for solution, group in solved]
     best = min((solution for solution in found if solution is not None),
-               key=lambda solution: solution.left * EACH ** np.count_nonzero(solution.values),
-               default=nothing)
-    return best if best.left < FEWER * nothing.left else None
+               key=_weighed, default=nothing)
+    small = min((_weighed(solution) for (solution, group), pruned in zip(solved, found)
+                 if pruned is None and _is_sure(solution, group)), default=np.inf)
+    return best if best.left < FEWER * nothing.left and _weighed(best) < small else None
+
+
+def _weighed(solution: Solution) -> float:
+    """Return what errors leave, the more of them the dearer."""
+    return float(solution.left * EACH ** np.count_nonzero(solution.values))
+
+
+def _is_sure(solution: Solution, free: Sequence[int]) -> bool:
+    """Return whether one of the errors is surely not zero."""
+    return bool(np.any(np.abs(solution.values[free]) >= DEVIATIONS_ALONE * solution.std[free]))
 
 
 def _pruned(placement: Placement, solution: Solution, free: Sequence[int]) -> Solution | None:
@@ -193,7 +213,7 @@ def _pruned(placement: Placement, solution: Solution, free: Sequence[int]) -> So
         values, std = np.abs(solution.values[free]), solution.std[free]
         size = values / np.maximum(SMALLEST[free], DEVIATIONS_BESIDE * std)
         if size.min() >= 1.0:
-            return solution if (values >= DEVIATIONS_ALONE * std).any() else None
+            return solution if _is_sure(solution, free) else None
         start = solution.values.copy()
         start[free.pop(int(np.argmin(size)))] = 0.0
         if free:
@@ -244,11 +264,13 @@ def calibration_findings(calibration: Calibration, robot: Robot) -> list[Finding
         lines = ', '.join(f'{name}: {getattr(robot.geometry, name) + error:.4f}'
                           for name, error, _ in wrong)
         radius = (' (or platform_radius changed by as much the other way: only their difference '
-                  'shows)' if any(name == 'base_radius' for name, _, _ in wrong) else '')
+                  'shows)' if any(name == ONLY_DIFFERENCE for name, _, _ in wrong) else '')
         found.append(Finding(
             'wrong_dimensions', tuple(range(LEGS)), None,
             f'the robot file has {listed(sizes)}; {gain}',
             f'Measure the machine and set geometry: {{{lines}}}{radius} in the robot file.', True,
             amount=Amount('geometry_error', (), {
-                name: Parameter(value=error, std=std, unit='m') for name, error, std in wrong})))
+                name: Parameter(value=error, unit='m', std=math.hypot(
+                    std, HALF_SURE * error if name == ONLY_DIFFERENCE else 0.0))
+                for name, error, std in wrong})))
     return found

@@ -24,6 +24,7 @@ import numpy as np
 
 from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
 from par4_dynamics.state import State
+from par4_identification.setup_check.clustered import clustered_covariance, clusters_of
 from par4_identification.setup_check.equations import (
     Equations,
     Stretch,
@@ -47,8 +48,6 @@ LONGEST_STEP = np.array((np.radians(5.0),) * LEGS + (0.025,) * len(DIMENSIONS))
 STEPS = 8
 SETTLED = 1e-4
 """rad and m."""
-CLUSTER = 0.5
-"""s of residuals that count as one where a standard deviation is taken."""
 FEWEST = 100
 """Rows of each joint that are needed."""
 SPACING = 0.75
@@ -116,9 +115,7 @@ class Placement:
         self._rows, self._loads = rows, loads
         self._torque = _stacked(rows.tau, self._valid)
         self.torque = float(np.sqrt(np.mean(self._torque ** 2)))
-        clusters = np.floor(rows.t / CLUSTER) + 1e6 * rows.log
-        self._cluster = np.unique(np.concatenate([clusters[valid] for valid in self._valid.T]),
-                                  return_inverse=True)[1]
+        self._cluster = clusters_of(rows.t, rows.log, self._valid)
         self._take_out(rows.columns[..., list(JOINT_ALONE)])
 
     def beside_much(self) -> Placement:
@@ -240,10 +237,7 @@ class Placement:
 
     def _std(self, slopes: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Return clustered standard deviations of values with these slopes (m, k)."""
-        inverse = np.linalg.pinv(slopes.T @ slopes, rcond=1e-10, hermitian=True)
-        scores = np.zeros((self._cluster.max() + 1, slopes.shape[1]))
-        np.add.at(scores, self._cluster, slopes * residual[:, None])
-        return np.sqrt(np.diag(inverse @ (scores.T @ scores) @ inverse))
+        return np.sqrt(np.diag(clustered_covariance(slopes, residual, self._cluster)))
 
 
 def placement_at(stretches: Sequence[Stretch], geometry: Geometry, start: np.ndarray
