@@ -176,7 +176,7 @@ def main() -> None:
         parser.error(f'seconds: expected 0.1 to 100000, found {asked.seconds:g}')
     kept = False
     print(f'load of this machine before {os.getloadavg()[0]:.2f}')
-    os.environ |= {'ROS_DOMAIN_ID': '77', 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    os.environ |= {'ROS_DOMAIN_ID': '101', 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
     nodes = [subprocess.Popen([sys.executable, '-m', node, '--ros-args', *given,
                                '-p', 'fidelity:=exact'][:None if 'sim.' in node else -2])
              for node, given in NODES.items()]

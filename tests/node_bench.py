@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+from node_server import MODULES, ForkedNode
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import JointState
@@ -56,14 +57,6 @@ DOMAINS = 100
 """ROS domains from 1 on that tests may use; above 101 their ports are ephemeral ones."""
 COUNTER = itertools.count(11 * os.getpid())
 """Every bench begins to look for a domain one further than the one before it."""
-MODULES = {
-    'par4_kinematics': 'par4_kinematics.ros.kinematics_node',
-    'par4_motion': 'par4_kinematics.ros.motion_node',
-    'par4_feedforward': 'par4_dynamics.ros.feedforward_node',
-    'par4_simulation': 'par4_sim.ros.simulation_node',
-    'par4_record': 'par4_identification.ros.record_node',
-    'par4_monitor': 'par4_identification.ros.monitor_node',
-}
 SIMULATED = {'use_sim_time': 'true'}
 MILLISECOND = 1_000_000
 
@@ -103,26 +96,33 @@ class Bench:
         self.domain = self._domain.number
         self.environment = os.environ | {'ROS_DOMAIN_ID': str(self.domain),
                                          'ROS_LOG_DIR': str(folder / 'log')}
-        self.children: list[subprocess.Popen] = []
+        self.children: list[ForkedNode | subprocess.Popen] = []
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=self.domain)
         self.node = rclpy.create_node('bench', context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
 
-    def start(self, node: str, remap: tuple[str, ...] = (), **parameters: Any
-              ) -> subprocess.Popen:
+    def start(self, node: str, remap: tuple[str, ...] = (), **parameters: Any) -> ForkedNode:
         """Start a node with parameters and names that are changed."""
-        arguments = [part for name, value in parameters.items()
-                     for part in ('-p', f'{name}:={value}')]
-        arguments += [part for rule in remap for part in ('-r', rule)]
-        with (self.folder / f'{node}_{len(self.children)}.txt').open('w') as output:
-            child = subprocess.Popen(
-                [sys.executable, '-m', MODULES[node], *(['--ros-args'] if arguments else []),
-                 *arguments], env=self.environment, cwd=self.folder, stdout=output,
-                stderr=subprocess.STDOUT)
+        output = self._output(node)
+        output.touch()
+        child = ForkedNode(MODULES[node], _ros_arguments(remap, parameters), self.environment,
+                           self.folder, output)
         self.children.append(child)
         return child
+
+    def execute(self, node: str, **parameters: Any) -> subprocess.Popen:
+        """Start a node as `start` does, but by itself: it imports what it needs, as a user's."""
+        with self._output(node).open('w') as output:
+            child = subprocess.Popen(
+                [sys.executable, '-m', MODULES[node], *_ros_arguments((), parameters)],
+                env=self.environment, cwd=self.folder, stdout=output, stderr=subprocess.STDOUT)
+        self.children.append(child)
+        return child
+
+    def _output(self, node: str) -> Path:
+        return self.folder / f'{node}_{len(self.children)}.txt'
 
     def said(self) -> str:
         """Return what the nodes printed."""
@@ -144,6 +144,14 @@ class Bench:
         self.node.create_subscription(message_type(topic), name or topic.name, messages.append,
                                       qos_of(topic))
         return messages
+
+    def drain(self, messages: list) -> None:
+        """Serve callbacks until no more of these messages wait: a busy client lags behind."""
+        seen = -1
+        while len(messages) > seen:
+            seen = len(messages)
+            for _ in range(100):
+                self.executor.spin_once(timeout_sec=0.005)
 
     def publisher(self, topic: Topic) -> Publisher:
         """Return a publisher of the topic that a node listens to."""
@@ -188,7 +196,7 @@ class Bench:
         """Return the newest counts of a node on /diagnostics, empty if there are none."""
         return (self.reports(diagnostics, node) or [{}])[-1]
 
-    def ended(self, child: subprocess.Popen) -> int:
+    def ended(self, child: ForkedNode | subprocess.Popen) -> int:
         """Return the exit code of a node that is ending."""
         self.wait(lambda: child.poll() is not None, 'the end of a node')
         return child.returncode
@@ -209,6 +217,13 @@ class Bench:
         self.node.destroy_node()
         rclpy.try_shutdown(context=self.context)
         self._domain.leave()
+
+
+def _ros_arguments(remap: tuple[str, ...], parameters: dict[str, Any]) -> list[str]:
+    """Return the command line that gives a node these parameters and names."""
+    arguments = [part for name, value in parameters.items() for part in ('-p', f'{name}:={value}')]
+    arguments += [part for rule in remap for part in ('-r', rule)]
+    return [*(['--ros-args'] if arguments else []), *arguments]
 
 
 def joint_state(q, stamp_ns: int = SECOND, names=JOINT_NAMES) -> JointState:
@@ -245,14 +260,20 @@ def torque_of(model: str | Path, motion: Motion) -> np.ndarray:
         state_of_joints(ROBOT.geometry, motion.t, motion.q, motion.qd, motion.qdd))
 
 
+EVERY_MILLISECOND = {'publish_rate_hz': 1000.0}
+"""What the simulation publishes by default; for tests that look at each sample."""
+SELDOM = {'publish_rate_hz': 200.0}
+"""For all other tests: hearing a thousand samples a second takes longer than simulating them."""
+
+
 class Simulated:
-    """A running simulation and what it publishes."""
+    """A running simulation and what it publishes, `SELDOM` unless told otherwise."""
 
     def __init__(self, bench: Bench, **parameters: Any) -> None:
         self.bench = bench
         self.diagnostics = bench.listen(DIAGNOSTICS)
         self.states = bench.listen(JOINT_STATES)
-        self.child = bench.start('par4_simulation', **({'fidelity': 'exact'} | parameters))
+        self.child = bench.start('par4_simulation', **({'fidelity': 'exact'} | SELDOM | parameters))
         self.now_ns()
 
     def now_ns(self) -> int:

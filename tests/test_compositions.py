@@ -6,6 +6,7 @@ import dataclasses
 import os
 import runpy
 import signal
+import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -230,6 +231,40 @@ def test_when_a_part_is_killed_all_end_and_it_is_said_which(bench):
     assert [process.returncode for process in processes] == [0, -9, 0]
 
 
+def still_runs(process: int) -> bool:
+    """Return whether a process of that number is there and has not ended."""
+    try:
+        told = Path(f'/proc/{process}/stat').read_text()
+    except OSError:
+        return False
+    return told.rpartition(')')[2].split()[0] != 'Z'
+
+
+def test_when_who_runs_them_is_killed_the_nodes_brake_and_end(bench):
+    states = bench.listen(interface.JOINT_STATES)
+    log = bench.folder / 'nodes.log'
+    runner = subprocess.Popen(
+        [sys.executable, '-m', 'par4_sim.commands.cell', 'cell', 'fidelity:=exact',
+         'motion:=circle', 'duration:=60.0', f'record:={bench.folder / "bag"}',
+         '--log', str(log)], env=bench.environment)
+    bench.children.append(runner)
+    bench.wait(lambda: states and abs(joint_values(states[-1], 'position') - HOME_Q).max() > 0.1,
+               'a motion')
+    nodes = [int(number) for number in Path(
+        f'/proc/{runner.pid}/task/{runner.pid}/children').read_text().split()]
+    runner.kill()
+    bench.wait(lambda: not any(map(still_runs, nodes)), 'the end of all nodes')
+    bench.drain(states)
+    said = log.read_text()
+    assert len(nodes) == said.count('the process that runs this node has ended') == 5
+    assert 'Traceback' not in said
+    speeds = np.abs([joint_values(message, 'velocity') for message in states]).max(axis=1)
+    assert speeds.max() > 0.3
+    assert speeds[-1] < 0.05, 'it was left in motion'
+    recorded = read_log(bench.folder / 'bag', REFERENCE)
+    assert not recorded.accounts.unreadable
+
+
 def test_an_interrupt_of_all_at_once_leaves_no_robot_in_motion_and_a_whole_bag(bench):
     """As Ctrl-C below `ros2 launch`: every node is interrupted at the same time."""
     states, voltages = bench.listen(interface.JOINT_STATES), bench.listen(
@@ -246,7 +281,7 @@ def test_an_interrupt_of_all_at_once_leaves_no_robot_in_motion_and_a_whole_bag(b
         for _, process in cell.processes:
             bench.ended(process)
         assert [process.returncode for _, process in cell.processes] == [0] * 5, log.read_text()
-    bench.executor.spin_once(timeout_sec=0.5)
+    bench.drain(states)
     said = log.read_text()
     assert 'Traceback' not in said
     assert 'error' not in said.lower(), said

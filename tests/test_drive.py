@@ -112,6 +112,22 @@ def test_a_torque_serves_one_point_and_the_newest_of_one_time_rules():
     assert given[2] == 2.0
 
 
+def test_torques_of_references_that_never_come_are_forgotten():
+    """As where the drives have tripped and a stream goes on: they must not pile up."""
+    queue = ReferenceQueue(np.zeros(4))
+    now = 0.0
+    for step in range(5000):
+        now = 1e-3 * step
+        queue.queue_effort(np.array((now + 0.5,)), np.ones((1, 4)))
+        queue.use_until(now)
+    assert queue.waiting == pytest.approx(1500, abs=2)
+    late = np.array((now + 0.3, now + 0.4))
+    still = np.zeros((2, 4))
+    queue.queue(now, late, still, still, still)
+    np.testing.assert_array_equal(queue.points[-2:, 12], 1.0)
+    assert queue.waiting == pytest.approx(1498, abs=2)
+
+
 def test_torques_in_any_order_and_pieces_meet_their_points():
     random = np.random.default_rng(5)
     t = np.arange(0.0, 2.0, 1e-3)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from experiments import MOTION, entry, machine_of
@@ -12,7 +14,8 @@ from par4_kinematics.errors import UnreachableError
 from par4_sim.driven import can_be_driven
 from par4_sim.exact import ExactPlant
 from par4_sim.noise import Noise
-from par4_sim.simulation import Simulation
+from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.simulation import Samples, Simulation
 from robots import REFERENCE
 
 TABLE_1 = read_model('table1', REFERENCE)
@@ -29,10 +32,12 @@ class Stepped(ExactPlant):
     """The same plant; nothing compiled knows it, so that it is stepped from Python."""
 
 
-def simulation_with(plant, machine):
-    return Simulation(REFERENCE, plant(machine), 1e-3, REFERENCE.drives.torque_limit,
+def simulation_with(plant, machine, period=1e-3, limits=None):
+    noise = Noise(torque_noise=0.1, correlation_time=0.01, position_noise=1e-5,
+                  stamp_jitter=0.1 * period)
+    return Simulation(REFERENCE, plant(machine), period, REFERENCE.drives.torque_limit,
                       holding_torque(REFERENCE, TABLE_1), machine.amplifier, machine.sensors,
-                      Noise(torque_noise=0.1), seed=3)
+                      noise, seed=3, limits=limits)
 
 
 @pytest.mark.parametrize('name', MACHINES)
@@ -51,7 +56,43 @@ def test_every_sample_is_the_same_to_the_last_digit(name):
         np.testing.assert_array_equal(driven, stepped)
 
 
-def test_out_of_reach_is_said_at_the_same_time():
+@pytest.mark.parametrize('name', MACHINES)
+@pytest.mark.parametrize('period', [1e-3, 2.5e-4])
+def test_many_samples_at_once_are_those_of_one_after_the_other(name, period):
+    """A stream that ends in motion, so that the drives brake; and single samples in between."""
+    machine, told, counts = machine_of(*MACHINES[name]), [], []
+    for pieces in ((1,) * 1200, (1, 7, 392, 1, 1, 798)):
+        simulation = simulation_with(ExactPlant, machine, period, ReferenceLimits(REFERENCE))
+        part = slice(0, round(600 * period / MOTION.period))
+        start = simulation.time + 0.02
+        simulation.queue_reference(start + MOTION.t[part], MOTION.q[part], MOTION.qd[part],
+                                   MOTION.qdd[part])
+        simulation.queue_effort(start + MOTION.t[part][::2], np.ones((len(MOTION.t[part][::2]), 4)))
+        samples = [simulation.next_sample() if count == 1 else simulation.next_samples(count)
+                   for count in pieces]
+        told.append([np.concatenate([np.reshape(getattr(sample, field.name), (
+            (-1, 4) if field.name != 'time_ns' else -1)) for sample in samples])
+            for field in fields(Samples)])
+        counts.append(simulation.counts)
+    assert counts[0] == counts[1]
+    assert counts[0]['interrupted_references'] == 1
+    assert counts[0]['missing_effort'] > 50
+    for one_by_one, at_once in zip(*told, strict=True):
+        assert len(at_once) == 1200
+        np.testing.assert_array_equal(at_once, one_by_one)
+
+
+def test_many_samples_of_a_plant_that_is_not_compiled():
+    one, many = (simulation_with(Stepped, machine_of()) for _ in range(2))
+    samples = [one.next_sample() for _ in range(50)]
+    told = many.next_samples(50)
+    for field in fields(Samples):
+        np.testing.assert_array_equal(getattr(told, field.name), [
+            getattr(sample, field.name) for sample in samples])
+
+
+@pytest.mark.parametrize('at_once', [False, True])
+def test_out_of_reach_is_said_at_the_same_time(at_once):
     said = []
     for plant in (ExactPlant, Stepped):
         simulation = simulation_with(plant, machine_of())
@@ -59,6 +100,8 @@ def test_out_of_reach_is_said_at_the_same_time():
         q = np.stack((simulation.q, simulation.q + (1.5, -1.5, 1.5, -1.5)))
         simulation.queue_reference(simulation.time + there, q, np.zeros((2, 4)), np.zeros((2, 4)))
         with pytest.raises(UnreachableError, match='out of reach') as error:
+            if at_once:
+                simulation.next_samples(2000)
             for _ in range(2000):
                 simulation.next_sample()
         said.append((str(error.value), simulation.plant.steps))

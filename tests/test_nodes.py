@@ -17,6 +17,7 @@ from sensor_msgs.msg import JointState
 from node_bench import (
     AWAY_Q,
     DEADLINE,
+    EVERY_MILLISECOND,
     GAIN,
     HOME_Q,
     MILLISECOND,
@@ -242,7 +243,7 @@ def test_what_a_node_cannot_start_with_is_said_in_one_line(bench, node, paramete
 def test_signals_end_every_node_properly(bench, number):
     diagnostics = bench.listen(DIAGNOSTICS)
     own = {'par4_simulation': {'fidelity': 'exact'}, 'par4_motion': SIMULATED}
-    children = {node: bench.start(node, **own.get(node, {})) for node in MODULES}
+    children = {node: bench.execute(node, **own.get(node, {})) for node in MODULES}
     bench.wait(lambda: {message.status[0].name for message in diagnostics} == {
         f'/{node}' for node in MODULES}, 'diagnostics of every node')
     for child in children.values():
@@ -280,7 +281,7 @@ def test_the_simulation_follows_a_reference(bench, fidelity):
 
 
 def test_effort_and_voltage_agree_and_the_truth_comes_on_request_only(bench):
-    simulated = Simulated(bench)
+    simulated = Simulated(bench, **EVERY_MILLISECOND)
     volts = bench.listen(AMPLIFIER_VOLTAGE)
     clock, description = bench.listen(CLOCK), bench.listen(ROBOT_DESCRIPTION)
     assert TRUE_POSE.name not in simulated.fresh_counts()
@@ -308,7 +309,7 @@ def test_effort_and_voltage_agree_and_the_truth_comes_on_request_only(bench):
 
 def test_passive_joints_come_with_a_sample_at_a_lower_rate(bench):
     """After the arms, about 30 times a second, without a second sample of any time."""
-    simulated = Simulated(bench)
+    simulated = Simulated(bench, **EVERY_MILLISECOND)
     poses = bench.listen(TRUE_POSE, 'par4_simulation/true_pose')
     motion = quintic_motion(HOME_Q + 0.2)
     references = bench.publisher(REFERENCE)
@@ -461,7 +462,7 @@ def lag_over_topics(bench, simulated, motion, inputs=(REFERENCE,)):
 def test_the_papers_run_over_topics_in_pybullet_is_that_without_ros(bench):
     """15 G under the loops alone (Fig. 4): the lag of D in the accurate plant, told by topics."""
     motion = adept_motion(ROBOT, period=1e-3)
-    simulated = Simulated(bench, fidelity='accurate', real_time_factor=SLOW)
+    simulated = Simulated(bench, fidelity='accurate', real_time_factor=SLOW, **EVERY_MILLISECOND)
     lag = lag_over_topics(bench, simulated, motion)
     rms = np.sqrt(np.mean(np.sum(lag ** 2, axis=1)))
     machine = read_model('table1_full', ROBOT)
@@ -475,7 +476,7 @@ def test_the_papers_run_over_topics_in_pybullet_is_that_without_ros(bench):
     {'drive_mode': 'torque'}, {'controller': 'predictive'}],
     ids=lambda drives: next(iter(drives.values())))
 def test_lost_torque_is_counted_and_the_loop_takes_over(bench, drives):
-    simulated = Simulated(bench, **drives)
+    simulated = Simulated(bench, **drives, **EVERY_MILLISECOND)
     voltages = bench.listen(AMPLIFIER_VOLTAGE)
     references, efforts = bench.publisher(REFERENCE), bench.publisher(FEEDFORWARD_TORQUE)
     motion = quintic_motion(AWAY_Q)
@@ -511,7 +512,7 @@ def test_predictive_control_over_topics_is_that_without_ros(bench):
                 torque_factor=2.0, **SIMULATED)
     simulated = Simulated(bench, robot_file='weak.yaml', controller='predictive',
                           controller_model='table1_full', feedforward_timeout=DEADLINE,
-                          real_time_factor=SLOW)
+                          real_time_factor=SLOW, **EVERY_MILLISECOND)
     motion = adept_motion(ROBOT, period=1e-3, jerk=30_000.0)
     lag = lag_over_topics(bench, simulated, motion, (REFERENCE, FEEDFORWARD_TORQUE))
     peak = np.linalg.norm(lag, axis=1).max()
@@ -648,7 +649,7 @@ def test_a_full_disk_ends_the_recorder_with_one_line_and_a_bag_to_mend(bench):
         soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
         try:
-            return Bench.start(bench, node, **parameters)
+            return bench.execute(node, **parameters)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import subprocess
+import sys
 from threading import Thread
 
 import numpy as np
@@ -13,6 +16,8 @@ from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.ros.convert import SECOND, Trajectory
 from par4_kinematics.workspace import home_pose
 from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.reference_points import ROOM
+from par4_sim.ros.inbox import MOST, Inbox
 from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.simulation import Sample, Simulation, build_simulation
@@ -49,6 +54,17 @@ class Run:
         self.loop.run(lambda: len(self.times) >= end)
 
 
+def restarted(after: int) -> Run:
+    """Return a loop that was restarted after so many samples."""
+    run = Run()
+    run.go_on(after)
+    restart = Thread(target=run.loop.restart)
+    restart.start()
+    while restart.is_alive():
+        run.go_on(1)
+    return run
+
+
 def rest_at_home(start: float, count: int = 5) -> Trajectory:
     times = np.arange(count) * PERIOD_NS + round(start * SECOND)
     still = np.zeros((count, 4))
@@ -82,12 +98,7 @@ def test_time_goes_on_after_a_restart_and_the_machine_is_at_home(other):
 
 
 def test_references_are_queued_by_the_time_that_is_published():
-    run = Run()
-    run.go_on(10)
-    restart = Thread(target=run.loop.restart)
-    restart.start()
-    while restart.is_alive():
-        run.go_on(1)
+    run = restarted(10)
     start_ns = run.loop.now_ns + 50 * PERIOD_NS
     points = rest_at_home(0.0, count=400)
     ramp = points.q.copy()
@@ -264,18 +275,58 @@ def test_one_message_of_a_burst_that_tears_is_refused_alone():
 
 
 def test_a_flood_does_not_stop_the_clock():
-    run = Run()
-    still = rest_at_home(1.0, count=1)
+    inbox = Inbox()
 
     class Flood:
-        """Points without end: each that is taken brings the next."""
+        """A point without end: each look at it brings the next."""
 
-        q, qd, qdd = still.q, still.qd, still.qdd
+        rows = np.zeros((1, 16))
 
-        def times(self, start_ns: int) -> np.ndarray:
-            run.loop.queue_reference(0, self)
-            return still.times(start_ns)
+        @property
+        def times(self) -> np.ndarray:
+            inbox.put(0, Flood())
+            return np.ones(1)
 
-    run.loop.queue_reference(0, Flood())
-    run.go_on(5)
-    assert len(run.times) == 5
+    inbox.put(0, Flood())
+    assert 1 < sum(len(group) for group in inbox.take(0)) <= MOST
+
+
+def test_many_points_are_followed_like_few_and_a_restart_keeps_their_times():
+    """More than are moved in memory, behind others and before others, their torques in parts."""
+    t = PERIOD_NS // 4 * np.arange(3 * ROOM)
+    phase = 2.0 * np.pi * t / SECOND
+    q, qd, qdd = (0.05 * part[:, None] + np.zeros(4) for part in (
+        1.0 - np.cos(phase), 2.0 * np.pi * np.sin(phase), 4.0 * np.pi ** 2 * np.cos(phase)))
+    whole = Trajectory(0, t, HOME_Q + q, qd, qdd, 2.0 + np.sin(phase)[:, None] * np.ones(4))
+    told = []
+    for borders in ([0, len(t)], [0, 100, len(t) - 100, len(t)],
+                    [0, *range(1, len(t), 500), len(t)]):
+        run = restarted(3)
+        start_ns = run.loop.now_ns + 40 * PERIOD_NS
+        for first, end in itertools.pairwise(borders):
+            part = slice(first, end)
+            points = Trajectory(0, t[part] - t[first], whole.q[part], whole.qd[part],
+                                whole.qdd[part], whole.effort[part])
+            run.loop.queue_reference(start_ns + int(t[first]), points)
+            run.loop.queue_effort(start_ns + int(t[first]), points)
+        run.go_on(40 + len(t) // 4 - 10)  # it ends in motion: not to where it is braked
+        assert not run.refused
+        assert run.loop.counts['missing_effort'] == run.loop.counts['late_points'] == 0
+        told.append(np.array([np.concatenate((sample.q, sample.effort))
+                              for sample in run.samples[-len(t) // 4:]]))
+    np.testing.assert_allclose(told[1], told[0], atol=1e-9)
+    np.testing.assert_allclose(told[2], told[0], atol=1e-9)
+    assert np.ptp(told[0], axis=0).min() > 0.08
+
+
+def test_all_that_a_reference_needs_is_compiled_before_a_node_can_be_found():
+    """In a process of its own, where nothing else has compiled or loaded it."""
+    told = subprocess.run(
+        [sys.executable, '-c',
+         'from par4_kinematics.robot import read_robot\n'
+         'from par4_sim import reference, waiting_torque\n'
+         'from par4_sim.ros.simulation_node import compiled_limits\n'
+         'compiled_limits(read_robot("reference"))\n'
+         'print(len(waiting_torque._give.signatures), len(reference._pass.signatures))'],
+        capture_output=True, text=True, check=True).stdout
+    assert [int(count) > 0 for count in told.split()] == [True, True]

@@ -19,7 +19,7 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from par4_kinematics.arrays import as_matching_rows
+from par4_kinematics.arrays import as_matching_rows, as_rows
 from par4_kinematics.geometry import LEGS, Geometry
 from par4_kinematics.position import forearm, inverse_kinematics
 from par4_kinematics.velocity import arm_tangent, joint_velocity
@@ -137,22 +137,22 @@ def passive_rates(geometry: Geometry, x: ArrayLike, xd: ArrayLike) -> np.ndarray
     return rates.reshape((*leading, GROUPS, 3))
 
 
-def passive_friction_force(geometry: Geometry, x: ArrayLike, xd: ArrayLike, coulomb: float,
+def passive_friction_force(geometry: Geometry, x: ArrayLike, rates: np.ndarray, coulomb: float,
                            viscous: float, slip_rate: float = 0.0) -> np.ndarray:
     """Return the force (..., 4) on D and about theta that overcomes friction in all 20 joints.
 
     Args:
         geometry: dimensions.
-        x, xd: poses and velocities (..., 4) of D and theta.
+        x: poses (..., 4) of D and theta.
+        rates: (..., 9, 3), rad/s, as `passive_rates` returns them.
         coulomb, viscous: of one ball or pivot, N m and N m s/rad.
         slip_rate: see `passive_force_sample`, rad/s.
 
     Raises:
         UnreachableError: a pose that a leg cannot reach.
     """
-    (x_rows, xd_rows), leading = as_matching_rows({'pose x': x, 'velocity xd': xd})
-    rates = passive_rates(geometry, x_rows, xd_rows)
+    x_rows, leading = as_rows(x, 'pose x')
     force = np.empty_like(x_rows)
-    _force_rows(geometry.packed, x_rows, inverse_kinematics(geometry, x_rows), rates, coulomb,
-                viscous, slip_rate, force)
+    _force_rows(geometry.packed, x_rows, inverse_kinematics(geometry, x_rows),
+                rates.reshape((-1, GROUPS, 3)), coulomb, viscous, slip_rate, force)
     return force.reshape((*leading, LEGS))

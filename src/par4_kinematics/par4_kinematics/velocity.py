@@ -66,14 +66,19 @@ def jacobian_rates_sample(packed, x, xd, q, qd, point, j_x_rate, j_q_rate):
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _jacobian_rows(packed, x, q, point, j_x, j_q, jacobian):
-    matrix = np.empty((4, 4))
+def _part_rows(packed, x, q, point, j_x, j_q):
     for row in range(x.shape[0]):
         jacobians_sample(packed, x[row], q[row], point, j_x[row], j_q[row])
-        matrix[:] = j_x[row]
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _jacobian_rows(packed, x, q, point, jacobian):
+    matrix, j_q = np.empty((4, 4)), np.empty(4)
+    for row in range(x.shape[0]):
+        jacobians_sample(packed, x[row], q[row], point, matrix, j_q)
         jacobian[row] = 0.0
         for leg in range(4):
-            jacobian[row, leg, leg] = j_q[row, leg]
+            jacobian[row, leg, leg] = j_q[leg]
         solve_in_place(matrix, jacobian[row])
 
 
@@ -107,7 +112,7 @@ def jacobian_parts(geometry: Geometry, x: ArrayLike, point: float = AT_D
     rows, leading = as_rows(x, 'pose x')
     q = inverse_kinematics(geometry, rows)
     j_x, j_q = np.empty((len(rows), LEGS, LEGS)), np.empty_like(rows)
-    _jacobian_rows(geometry.packed, rows, q, point, j_x, j_q, np.empty_like(j_x))
+    _part_rows(geometry.packed, rows, q, point, j_x, j_q)
     return j_x.reshape((*leading, LEGS, LEGS)), j_q.reshape((*leading, LEGS))
 
 
@@ -122,8 +127,7 @@ def jacobian(geometry: Geometry, x: ArrayLike, point: float = AT_D) -> np.ndarra
     rows, leading = as_rows(x, 'pose x')
     q = inverse_kinematics(geometry, rows)
     result = np.empty((len(rows), LEGS, LEGS))
-    _jacobian_rows(geometry.packed, rows, q, point, np.empty_like(result), np.empty_like(rows),
-                   result)
+    _jacobian_rows(geometry.packed, rows, q, point, result)
     return result.reshape((*leading, LEGS, LEGS))
 
 

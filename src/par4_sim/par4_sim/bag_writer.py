@@ -12,10 +12,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 from rosbags.interfaces import (
+    Connection,
     Qos,
     QosDurability,
     QosHistory,
@@ -25,6 +27,7 @@ from rosbags.interfaces import (
 )
 from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 from rosbags.rosbag2.storage_mcap import McapWriter
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 from rosbags.typesys import (
     Stores,
     TypesysError,
@@ -38,12 +41,17 @@ from par4_kinematics.interface import JOINT_STATES, REFERENCE
 from par4_sim.choices import STORAGES
 from par4_sim.message_layout import JointStateTemplate
 
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Msg
+
 FLUSH_PERIOD = 1.0
 """Seconds after which written messages are handed to the operating system."""
 _FOREVER = QosTime(9223372036, 854775807)
 _QOS = Qos(QosHistory.KEEP_LAST, JOINT_STATES.depth, QosReliability.RELIABLE,
            QosDurability.VOLATILE, _FOREVER, _FOREVER, QosLiveliness.AUTOMATIC, _FOREVER, False)
 _NANOSECONDS = 1_000_000_000
+Numbers = Sequence[float] | np.ndarray
+"""Values of the joints of a message, (J,) or empty."""
 
 
 class BagWriter:
@@ -75,8 +83,9 @@ class BagWriter:
         if storage not in STORAGES:
             raise InputError(f'storage {storage!r}: unknown; give one of {", ".join(STORAGES)}')
         self._typestore = get_typestore(Stores.ROS2_JAZZY)
-        self._connections: dict[str, object] = {}
-        self._templates: dict[tuple, JointStateTemplate] = {}
+        self._connections: dict[str, Connection] = {}
+        self._templates: dict[tuple[tuple[str, ...], tuple[int, ...]],
+                              JointStateTemplate] = {}
         try:
             self._writer = Writer(self.path, version=9, storage_plugin=StoragePlugin[
                 storage.upper()])
@@ -140,11 +149,11 @@ class BagWriter:
             self.flush()
 
     def write_joint_state(self, topic: str, stamp: int, names: Sequence[str],
-                          position: ArrayLike = (), velocity: ArrayLike = (),
-                          effort: ArrayLike = (), received: int | None = None) -> None:
+                          position: Numbers = (), velocity: Numbers = (),
+                          effort: Numbers = (), received: int | None = None) -> None:
         """Write one JointState stamped `stamp`, ns; received then, or at `received`, ns."""
         parts = (position, velocity, effort)
-        shape = (tuple(names), *map(len, parts))
+        shape = tuple(names), tuple(map(len, parts))
         if shape not in self._templates:
             message = self._typestore.types[JOINT_STATES.type](
                 self._header(0), list(names), *(np.zeros(len(part)) for part in parts))
@@ -192,9 +201,9 @@ class BagWriter:
         """
         storage = self._writer.storage
         try:
-            if not isinstance(storage, McapWriter):
+            if isinstance(storage, Sqlite3Writer):
                 storage.conn.commit()
-            else:
+            if isinstance(storage, McapWriter):
                 if storage.chunk.msgs:
                     storage.close_chunk()
                 storage.bio.flush()
@@ -226,7 +235,7 @@ class BagWriter:
         return InputError(f'{self.path}: cannot be written ({error}); free space and run '
                           f'par4_record --repair {self.path}')
 
-    def _header(self, stamp: int) -> object:
+    def _header(self, stamp: int) -> Msg:
         types = self._typestore.types
         return types['std_msgs/msg/Header'](
             types['builtin_interfaces/msg/Time'](*divmod(int(stamp), _NANOSECONDS)), '')

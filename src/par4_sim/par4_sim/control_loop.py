@@ -67,8 +67,20 @@ def _between(history, position, values):
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _record(history, sample_step, shifts, encoders, torque_step, q, qd, torque_noise,
-            position_noise, told):
+def record_sample(history, sample_step, shifts, encoders, torque_step, q, qd, torque_noise,
+                  position_noise, told):
+    """Write what is recorded at the beginning of a step: see `ControlLoop.record`.
+
+    Args:
+        history: (2, n, 4) command and torque.
+        sample_step: number of the step.
+        shifts: steps from the sample back to where command and torque are read, (2,).
+        encoders: as `read_encoders` takes them.
+        torque_step: of the recorded torque, (4,) N m.
+        q, qd: true positions and velocities there (4,).
+        torque_noise, position_noise: added before rounding (4,), N m, rad.
+        told: (4, 4), written.
+    """
     read_encoders(encoders, q, qd, position_noise, told[0], told[1])
     _between(history[COMMAND], sample_step - shifts[COMMAND], told[2])
     _between(history[TORQUE], sample_step - shifts[TORQUE], told[3])
@@ -112,6 +124,11 @@ class ControlLoop:
         """What `control_step` takes from here, in its order; the lead last."""
         return (self._encoders, self._law, self._amplifier, self._lag, self.controller.state,
                 self._currents, self.controller.counts, self._history, self._lead)
+
+    @property
+    def recorder_state(self) -> tuple[object, ...]:
+        """What `record_sample` takes from here behind the number of the step, in its order."""
+        return self._shifts, self._encoders, self._torque_step
 
     def restart(self, q: np.ndarray, holding: np.ndarray) -> None:
         """Begin settled at positions q (4,) with the commands `holding` (4,), N m."""
@@ -159,6 +176,6 @@ class ControlLoop:
             (4, 4): encoder positions and velocities, recorded torque, true torque.
         """
         told = np.empty((4, LEGS))
-        _record(self._history, step, self._shifts, self._encoders, self._torque_step, q, qd,
-                torque_noise, position_noise, told)
+        record_sample(self._history, step, self._shifts, self._encoders, self._torque_step, q, qd,
+                      torque_noise, position_noise, told)
         return told

@@ -89,6 +89,23 @@ class NoiseSource:
         stamps = noise.stamp_jitter * self._stamp.standard_normal(DRAWN)
         self._stamps_ns = np.rint(1e9 * np.clip(stamps, -self._bound, self._bound)).astype(int)
 
+    def take(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Go `count` samples on and return their noise.
+
+        Returns:
+            On the torques (count, 4), N m, and on the positions (count, 4), rad; errors of the
+            stamps (count,), ns.
+        """
+        parts = []
+        while count > 0:
+            self.advance()
+            rows = slice(self._row, min(self._row + count, DRAWN))
+            parts.append((self._torques[rows], self._positions[rows], self._stamps_ns[rows]))
+            self._row = rows.stop - 1
+            count -= len(parts[-1][0])
+        torque, position, stamp_ns = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return torque, position, stamp_ns
+
     @property
     def torque(self) -> np.ndarray:
         """On the recorded torque (4,), N m."""

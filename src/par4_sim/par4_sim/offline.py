@@ -27,6 +27,8 @@ DWELL = 0.5
 """Seconds of rest before and after the motion: they show the noise of a resting machine."""
 CHUNK = 0.25
 """Seconds of reference a message."""
+AT_A_TIME = 200
+"""Samples that are simulated before they are written."""
 SECOND = 1_000_000_000
 
 
@@ -74,14 +76,14 @@ def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: 
             if tau is not None:
                 bag.write_trajectory(f'/{FEEDFORWARD_TORQUE.name}', stamp, JOINT_NAMES, *points,
                                      effort=tau[part], received=received)
-        for index in range(samples):
-            sample = simulation.next_sample()
-            stamp = began + sample.time_ns
-            bag.write_joint_state(f'/{JOINT_STATES.name}', stamp, JOINT_NAMES, sample.q, sample.qd,
-                                  sample.effort)
-            bag.write_joint_state(f'/{AMPLIFIER_VOLTAGE.name}', stamp, JOINT_NAMES,
-                                  effort=sample.voltage)
-            if progress and index % 200 == 0:
-                progress(index / samples)
+        for done in range(0, samples, AT_A_TIME):
+            told = simulation.next_samples(min(AT_A_TIME, samples - done))
+            for row, stamp in enumerate((began + told.time_ns).tolist()):
+                bag.write_joint_state(f'/{JOINT_STATES.name}', stamp, JOINT_NAMES, told.q[row],
+                                      told.qd[row], told.effort[row])
+                bag.write_joint_state(f'/{AMPLIFIER_VOLTAGE.name}', stamp, JOINT_NAMES,
+                                      effort=told.voltage[row])
+            if progress:
+                progress(done / samples)
     simulation.close()
     return simulation.counts

@@ -7,11 +7,14 @@ import math
 import numba
 import numpy as np
 
-from par4_kinematics.geometry import LEGS
 from par4_sim.reference_curve import COLUMNS, NO_TORQUE, ReferenceLimits, between
+from par4_sim.reference_points import ReferencePoints
+from par4_sim.waiting_torque import WaitingTorque
 
-MATCH = 1e-4
-"""Effort belongs to the reference point within this time, s."""
+MEMORY = 1.0
+"""Seconds for which a torque waits that came after its time."""
+SPENT = 2000
+"""Passed points that are kept before they are forgotten."""
 TARGET = 20
 """What a drive follows at one time: q_ref, qd_ref, feedforward torque and qdd_ref of four joints at
 that time, and the feedforward torque at the time at which the command acts."""
@@ -75,11 +78,6 @@ def _torque_at(times, points, t, torque):
         torque[joint] = value if math.isfinite(value) else 0.0
 
 
-def _slots(times: np.ndarray) -> np.ndarray:
-    """Return times (n,), s, in whole units of MATCH."""
-    return np.rint(np.asarray(times) / MATCH).astype(np.int64)
-
-
 @numba.njit(cache=True, error_model='numpy')
 def _pass(times, points, used, now):
     """Return how many points lie before `now` and how many of those from `used` on lack torque."""
@@ -120,20 +118,32 @@ class ReferenceQueue:
 
     def restart(self, q: np.ndarray) -> None:
         """Forget every queued point and hold at q (4,) from time 0; the counts stay."""
-        self._follow(np.zeros(1), _standing(q))
-        # torques that no point has taken yet, by time in units of MATCH, ascending
-        self._slots = np.empty(0, dtype=np.int64)
-        self._efforts = np.empty((0, LEGS))
+        self._follow(ReferencePoints(np.zeros(1), _standing(q)))
+        self._waiting = WaitingTorque()
         self._used = 1
 
-    def _follow(self, times: np.ndarray, points: np.ndarray) -> None:
+    def _follow(self, points: ReferencePoints) -> None:
         """Follow these points, without a ramp so far."""
-        self.times, self.points, self._ramp = times, points, 0
+        self._points, self._ramp = points, 0
         self.starved = False
 
+    @property
+    def times(self) -> np.ndarray:
+        """Of the points, ascending, (n,), s."""
+        return self._points.times
+
+    @property
+    def points(self) -> np.ndarray:
+        """The points (n, COLUMNS)."""
+        return self._points.rows
+
     def queue(self, now: float, times: np.ndarray, q: np.ndarray, qd: np.ndarray,
-              qdd: np.ndarray, looked_at: bool = True) -> None:
-        """Replace every point from times[0] on by the points (n, 4) at `times` (n,), s.
+              qdd: np.ndarray) -> None:
+        """Queue points (n, 4) at `times` (n,), s; see `queue_points`."""
+        self.queue_points(now, ReferencePoints.of_motion(times, q, qd, qdd))
+
+    def queue_points(self, now: float, added: ReferencePoints, looked_at: bool = True) -> None:
+        """Replace every point from the first of these on by these, which are not to be used again.
 
         Points before `now` are dropped and counted. From where the reference is at `now` a drive
         that rests or brakes goes to the first point smoothly.
@@ -144,48 +154,49 @@ class ReferenceQueue:
                 stays as it is. The points themselves are not looked at: see
                 `ReferenceLimits.check`.
         """
-        late = int(np.searchsorted(times, now))
-        if late == len(times):
+        late = int(np.searchsorted(added.times, now))
+        if late == len(added):
             self.late_points += late
             return
-        if late > 0:
-            times, q, qd, qdd = times[late:], q[late:], qd[late:], qdd[late:]
-        added = np.full((len(times), COLUMNS), np.nan)
-        added[:, :4], added[:, 4:8], added[:, 8:12] = q, qd, qdd
-        given = len(self.times) - self._ramp
-        keep = int(np.searchsorted(self.times[:given], times[0] - 1e-9))
-        kept_times, kept, used = self.times[:keep], self.points[:keep], min(self._used, keep)
+        added.forget_before(late)
+        times, given = self.times, len(self.times) - self._ramp
+        first = added.times[0]
+        keep = int(np.searchsorted(times[:given], first - 1e-9))
         here = None
-        if keep == 0 or kept_times[-1] < now:
+        if keep == 0 or times[keep - 1] < now:
             here = self._state(now)
         if self._limits is not None:
             if not looked_at:
-                self._limits.check_way(times, added)
+                self._limits.check_way(added.times, added.rows)
             if here is None:
-                self._limits.check_join(kept_times[-1], kept[-1], times[0], added[0], late > 0)
+                self._limits.check_join(times[keep - 1], self.points[keep - 1], first,
+                                        added.rows[0], late > 0)
             else:
-                self._limits.check_join(now, here[0], times[0], added[0], late > 0)
+                self._limits.check_join(now, here[0], first, added.rows[0], late > 0)
         self.late_points += late
-        if here is not None and times[0] > now:
-            kept_times, kept, used = np.array([now]), here, 1
-        elif here is not None:
-            kept_times, kept, used = np.empty(0), np.empty((0, COLUMNS)), 0
-        self._used = used
-        self._follow(np.concatenate((kept_times, times)), np.concatenate((kept, added)))
-        self._match()
+        self._waiting.serve(added.times, added.rows)
+        if here is None:
+            self._used = min(self._used, keep)
+            self._points.forget_from(keep)
+            added = self._points.followed_by(added)
+        elif first > now:
+            self._used = 1
+            added = ReferencePoints(np.array([now]), here).followed_by(added)
+        else:
+            self._used = 0
+        self._follow(added)
 
     def brake(self, now: float, q: np.ndarray, qd: np.ndarray) -> None:
         """Forget every queued point and come to rest from q, qd (4,) at time `now`."""
         self.restart(q)
         point = _standing(q)
         point[0, 4:8] = qd
-        self._follow(np.array([now]), point)
+        self._follow(ReferencePoints(np.array([now]), point))
         self.foresee(now)
 
     def end_here(self, now: float) -> None:
         """Forget every point after `now`, as if none had come: what moves there ends in a ramp."""
-        here = self._state(now)
-        self._follow(np.array([now]), here)
+        self._follow(ReferencePoints(np.array([now]), self._state(now)))
         self._used = 1
         self.foresee(now)
 
@@ -196,8 +207,7 @@ class ReferenceQueue:
             return
         times, ramp = self._limits.ramp(self.times[-1], self.points[-1])
         if len(ramp):
-            self.times = np.concatenate((self.times, times))
-            self.points = np.concatenate((self.points, ramp))
+            self._points.append(times, ramp)
             self._ramp = len(ramp)
 
     def _state(self, now: float) -> np.ndarray:
@@ -217,25 +227,12 @@ class ReferenceQueue:
 
     def queue_effort(self, times: np.ndarray, tau: np.ndarray) -> None:
         """Fill the torque tau (n, 4), N m, of the points at `times` (n,), now or when they come."""
-        # reversed, so that the newest of one time is the one that `unique` keeps
-        slots = np.concatenate((_slots(times)[::-1], self._slots))
-        self._slots, newest = np.unique(slots, return_index=True)
-        self._efforts = np.concatenate((np.asarray(tau)[::-1], self._efforts))[newest]
-        self._match()
+        self._waiting.add(times, tau, self.times, self.points)
 
-    def _match(self) -> None:
-        """Give the torques that wait to points without; each serves one point, the exact first."""
-        for shift in (0, -1, 1):
-            if len(self._slots) == 0:
-                return
-            rows = np.flatnonzero(np.isnan(self.points[:, 12]))
-            wanted = _slots(self.times[rows]) + shift
-            place = np.minimum(np.searchsorted(self._slots, wanted), len(self._slots) - 1)
-            fits = self._slots[place] == wanted
-            taken, first = np.unique(place[fits], return_index=True)
-            self.points[rows[fits][first], 12:] = self._efforts[taken]
-            self._slots = np.delete(self._slots, taken)
-            self._efforts = np.delete(self._efforts, taken, axis=0)
+    @property
+    def waiting(self) -> int:
+        """How many torques no point has taken yet."""
+        return len(self._waiting)
 
     def use_until(self, now: float) -> None:
         """Count the points passed by `now` without torque and forget what lies behind."""
@@ -245,12 +242,11 @@ class ReferenceQueue:
         if self._ramp and not self.starved and now > self.times[-1 - self._ramp] + 1e-9:
             self.starved = True
             self.interrupted += 1
-        if passed > 2000:
+        self._waiting.forget_before(now - MEMORY)
+        if passed > SPENT:
             # one point more than the current segment needs: rounding may put now just before it
-            self.times, self.points = self.times[passed - 2:], self.points[passed - 2:]
+            self._points.forget_before(passed - 2)
             self._used = 2
-            recent = self._slots > round((now - 1.0) / MATCH)
-            self._slots, self._efforts = self._slots[recent], self._efforts[recent]
 
     def uncovered(self, until: float) -> bool:
         """Return whether a point that will be used by `until` still lacks its torque."""

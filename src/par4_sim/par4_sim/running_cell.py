@@ -1,4 +1,7 @@
-"""Runs a session of `cell.py` without `ros2 launch`: all parts start, and all parts end."""
+"""Runs a session of `cell.py` without `ros2 launch`: all parts start, and all parts end.
+
+Where this process is killed, the nodes notice (`par4_kinematics/runner.py`) and end by themselves.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from pathlib import Path
 
 from par4_kinematics.errors import InputError
 from par4_kinematics.held_signals import held_back
+from par4_kinematics.runner import run_by_this_process
 from par4_sim.cell import NodePart, Session, ToolPart, Value
 
 PATIENCE = 20.0
@@ -79,7 +83,7 @@ class RunningCell:
               held_back(*ENDING)):
             for part, line in zip(self._session.nodes, lines, strict=True):
                 self.processes.append((part, subprocess.Popen(
-                    line, stdout=output, stderr=output, env=dict(environment),
+                    line, stdout=output, stderr=output, env=run_by_this_process(environment),
                     process_group=group)))
 
     def played(self) -> bool:

@@ -14,7 +14,7 @@ from par4_dynamics.effects.effect import (
     beyond,
 )
 from par4_dynamics.state import State
-from par4_kinematics.passive import passive_friction_force
+from par4_kinematics.passive import passive_friction_force, passive_rates
 
 TYPICAL_RATE = 3.0
 """rad/s of a rod."""
@@ -38,8 +38,9 @@ class PassiveJointFriction(Effect):
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         geometry, x, xd, _ = state.platform
+        rates = passive_rates(geometry, x, xd)
         return np.stack([
-            state.torque_of_force(passive_friction_force(geometry, x, xd, *unit))
+            state.torque_of_force(passive_friction_force(geometry, x, rates, *unit))
             for unit in ((1.0, 0.0), (0.0, 1.0))], axis=-1)
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:

@@ -24,6 +24,7 @@ class FeedforwardNode(Par4Node):
 
     REST, LOOKS = 0.0005, 20
     PARAMETERS = FeedforwardParameters
+    parameters: FeedforwardParameters
 
     def __init__(self) -> None:
         super().__init__()
@@ -41,11 +42,12 @@ class FeedforwardNode(Par4Node):
 
     def _torque(self, points: Trajectory) -> np.ndarray:
         """Return the torques (n, 4), N m, of the points; a stream of single ones is quick."""
-        motion = (points.q, points.qd, points.qdd)
-        if len(points.q) == 1:
-            motion = tuple(part[0] for part in motion)
-        times = points.times(points.stamp_ns).reshape(motion[0].shape[:-1])
-        return self._model.torque_of_joints(self._robot.geometry, *motion, times).reshape(-1, LEGS)
+        q, qd, qdd = points.motion()
+        if len(q) == 1:
+            q, qd, qdd = q[0], qd[0], qdd[0]
+        times = points.times(points.stamp_ns).reshape(q.shape[:-1])
+        return self._model.torque_of_joints(self._robot.geometry, q, qd, qdd,
+                                            times).reshape(-1, LEGS)
 
     def _reload_model(self) -> str:
         self._model = read_model(self.parameters.model_file, self._robot)
@@ -58,7 +60,7 @@ class FeedforwardNode(Par4Node):
         """Return a serialised reference with its torques."""
         reference = SerialisedTrajectory(message)
         points = reference.read()
-        check_points(self._robot, points.q, points.qd, points.qdd)
+        check_points(self._robot, *points.motion())
         effort = self._torque(points)
         limit = self._model.torque_limit or self._robot.drives.torque_limit
         check_torque(self._robot, effort, self.parameters.torque_factor * limit)

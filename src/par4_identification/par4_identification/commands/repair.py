@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
@@ -23,6 +23,6 @@ def repair(**options: Any) -> None:
     click.echo(repaired(**options))
 
 
-def main() -> None:
-    """Run the command."""
+def main() -> NoReturn:
+    """Run the command and exit."""
     run(repair)

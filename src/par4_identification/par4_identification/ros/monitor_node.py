@@ -27,6 +27,7 @@ class MonitorNode(Par4Node):
     """The node `par4_monitor`; `MonitorParameters` says what it does."""
 
     PARAMETERS = MonitorParameters
+    parameters: MonitorParameters
     REST = 0.01  # a turn of the executor costs more than a message: take them by the dozen
 
     def __init__(self) -> None:

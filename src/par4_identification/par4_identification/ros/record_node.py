@@ -30,12 +30,14 @@ class RecordNode(Par4Node):
     """The node `par4_record`; `RecordParameters` says what it does."""
 
     PARAMETERS = RecordParameters
+    parameters: RecordParameters
     REST = 0.005  # a turn of the executor costs more than a message: take them by the dozen
 
     def __init__(self) -> None:
         super().__init__()
         self._bags = 0
         self._recorder: Recorder | None = None
+        self._path = Path(self.parameters.output)
         self._received: Counter[str] = Counter()
         self._numbering: defaultdict[str, Numbering] = defaultdict(Numbering)
         self._newest: dict[str, float] = {}
@@ -78,8 +80,8 @@ class RecordNode(Par4Node):
     def _start(self) -> str:
         if self._recorder is not None:
             return f'recording {self._path} already'
-        output = self.parameters.output
-        self._path = Path(output if self._bags == 0 else f'{output}_{self._bags + 1}')
+        if self._bags > 0:
+            self._path = Path(f'{self.parameters.output}_{self._bags + 1}')
         self._recorder = Recorder(self._path, self.parameters.storage)
         self._bags += 1
         self._received.clear()
@@ -121,6 +123,14 @@ class RecordNode(Par4Node):
                                       throttle_duration_sec=REPORT_PERIOD,
                                       throttle_time_source_type=self.wall_clock)
 
+    def dead_inputs(self) -> list[str]:
+        """Return which topics of the robot, or the clock, came and come no more."""
+        if self._recorder is None:
+            return []
+        return [name for name in (JOINT_STATES.name, AMPLIFIER_VOLTAGE.name)
+                if time.monotonic() - self._newest.get(name, math.inf) > SILENCE
+                ] + super().dead_inputs()
+
     def state(self) -> State:
         """Return whether the node records, and whether what it records still comes."""
         state = super().state()
@@ -128,11 +138,6 @@ class RecordNode(Par4Node):
             return state
         if self._recorder is None:
             return State(State.OK, 'stopped')
-        robot = (JOINT_STATES.name, AMPLIFIER_VOLTAGE.name)
-        dead = [name for name in robot
-                if time.monotonic() - self._newest.get(name, math.inf) > SILENCE]
-        if dead:
-            return State(State.WARN, f'dead input: {", ".join(dead)} came, but no more')
         if JOINT_STATES.name not in self._newest:
             return State(State.OK, f'waiting for {JOINT_STATES.name}')
         return State(State.OK, f'recording {self._path}')
@@ -160,7 +165,7 @@ def main() -> int:
     """Run the node, or mend a bag with `--repair BAG [--output OUT]`; return the exit code."""
     if any(argument.split('=')[0] == '--repair' for argument in sys.argv[1:]):
         from par4_identification.commands import repair  # the node needs no command line
-        return repair.main()
+        repair.main()
     return run(RecordNode)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,6 +47,25 @@ class Trajectory:
         """Return the absolute time of each point (n,), s, if the trajectory starts at `start_ns`.
         """
         return (start_ns + self.from_start_ns) / SECOND
+
+    def rows(self, field: str) -> np.ndarray:
+        """Return the rows (n, 4) of a field of the points that was asked for, such as 'effort'.
+
+        Raises:
+            KeyError: it was not asked for.
+        """
+        rows: np.ndarray | None = getattr(self, ATTRIBUTE[field])
+        if rows is None:
+            raise KeyError(field)
+        return rows
+
+    def motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return q, qd, qdd, (n, 4) each, of points that were asked for `REFERENCE_FIELDS`.
+
+        Raises:
+            KeyError: one of them was not asked for.
+        """
+        return self.rows('positions'), self.rows('velocities'), self.rows('accelerations')
 
 
 def time_ns(stamp: Any) -> int:
@@ -131,7 +150,7 @@ def write_joint_state(message: Any, stamp_ns: int, position: ArrayLike | None = 
         message.effort = _doubles(effort)
 
 
-def _doubles(values: ArrayLike) -> array:
+def _doubles(values: ArrayLike) -> array[float]:
     # an array of doubles passes a message's setter without a check of every element
     return array('d', np.ascontiguousarray(values, dtype=float).tobytes())
 
@@ -193,7 +212,8 @@ def write_effort(message: Any, effort: np.ndarray, joint_names: Sequence[str] = 
         point.effort = _doubles(row)
 
 
-def write_pose(message: Any, stamp_ns: int, x: ArrayLike, rotation_amplification: float) -> None:
+def write_pose(message: Any, stamp_ns: int, x: Iterable[float], rotation_amplification: float
+               ) -> None:
     """Set a PoseStamped in `base` to the pose x (4,): D, turned about z by the tool angle."""
     write_time(message.header.stamp, stamp_ns)
     message.header.frame_id = BASE_FRAME

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ActionServer, CancelResponse, GoalResponse
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -88,8 +88,8 @@ def goal_motion(goal: Any, robot: Robot, q_now: np.ndarray) -> Motion:
         if any(given):
             fields.append(field)
     points = read_trajectory(trajectory, fields)
-    return splined_motion('goal', robot, q_now, points.from_start_ns / SECOND, points.q,
-                          points.qd, points.qdd)
+    return splined_motion('goal', robot, q_now, points.from_start_ns / SECOND,
+                          points.rows('positions'), points.qd, points.qdd)
 
 
 class GoalServer:
@@ -139,6 +139,7 @@ class GoalServer:
 
     async def _execute(self, handle: Any) -> Any:
         self._handle, self._broken, self._ended = handle, None, Future()
+        assert self._motion is not None  # the judged one
         self._play(self._motion)
         outcome = await self._ended
         getattr(handle, outcome.end)()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 
@@ -20,18 +21,19 @@ class KinematicsNode(Par4Node):
     """The node `par4_kinematics`; `KinematicsParameters` says what it does."""
 
     PARAMETERS = KinematicsParameters
+    parameters: KinematicsParameters
 
     def __init__(self) -> None:
         super().__init__()
         self._geometry = read_robot(self.parameters.robot_file).geometry
-        self._last_pose = HOME
+        self._last_pose = np.array(HOME)
         self._message = PoseStamped()
         self._publisher = self.publisher_of(PLATFORM_POSE)
         self.subscribe(JOINT_STATES, self._on_joint_state, stream=True)
 
     def clock_jumped_back(self) -> None:
         """Look for the next pose from home: the robot may be anywhere."""
-        self._last_pose = HOME
+        self._last_pose = np.array(HOME)
 
     def _on_joint_state(self, message: JointState) -> None:
         if is_foreign(message):

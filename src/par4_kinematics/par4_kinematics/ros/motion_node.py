@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from dataclasses import dataclass
 
 import numpy as np
 from sensor_msgs.msg import JointState
@@ -62,10 +63,30 @@ DISCOVERY = 3.5
 """Seconds of wall time in which listeners are found: a lost packet is repeated after 3 s."""
 
 
+@dataclass
+class Played:
+    """A motion that is being sent.
+
+    Attributes:
+        motion: with the approach from where the robot stood.
+        start_ns: time of its first sample, ns.
+        times_ns: of the points, (n,) ns; those of a way to rest once it brakes.
+        points: q, qd, qdd of the points, (n, 4) each.
+        sent: how many of the points have been sent.
+    """
+
+    motion: Motion
+    start_ns: int
+    times_ns: np.ndarray
+    points: tuple[np.ndarray, ...]
+    sent: int = 0
+
+
 class MotionNode(Par4Node):
     """The node `par4_motion`; `MotionParameters` says what it does."""
 
     PARAMETERS = MotionParameters
+    parameters: MotionParameters
 
     def __init__(self) -> None:
         super().__init__()
@@ -83,14 +104,11 @@ class MotionNode(Par4Node):
         self._goals: GoalServer | None = None
         self._ending = False
         self._fed_back = 0.0
-        self._times_ns: np.ndarray | None = None
-        self._points: tuple[np.ndarray, ...] = ()
+        self._played: Played | None = None
         self._braking = False
-        self._start_ns = 0
         self._standstill: Standstill | None = None
         self._rests_between_ns = 0, 0
         self._ahead_ns = LEAD_NS
-        self._sent = 0
         self._pace = 1.0
         self._stop_asked = False
         self._patient_until = math.inf
@@ -116,10 +134,10 @@ class MotionNode(Par4Node):
 
     def clock_jumped_back(self) -> None:
         """Abort a motion that is being played: the robot is not where it was."""
-        if self._times_ns is not None and not self.finished:
+        if self._played is not None and not self.finished:
             self._fail(InputError(
-                f'{self._motion.name} aborted: the clock jumped back, so that the simulation was '
-                f'started again; play it anew'))
+                f'{self._played.motion.name} aborted: the clock jumped back, so that the '
+                f'simulation was started again; play it anew'))
 
     def _check_clock(self, now_ns: int) -> None:
         """Refuse to play on another clock than the robot's.
@@ -139,50 +157,60 @@ class MotionNode(Par4Node):
 
     def _tick(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
-        if self._times_ns is None:
-            self._waits_for = self._missing(now_ns)
-            if self._waits_for:
-                if self._motion is None:
-                    return
+        if self._played is None:
+            motion, robot_at, self._waits_for = self._motion, self._robot_at, self._missing(now_ns)
+            if motion is None:
+                return
+            if self._waits_for or robot_at is None:
                 self.get_logger().info(f'waiting for {self._waits_for}', throttle_duration_sec=5.0,
                                        throttle_time_source_type=self.wall_clock)
                 return
             try:
                 self._check_clock(now_ns)
-                self._begin(now_ns)
+                self._played = self._begin(motion, robot_at, now_ns)
             except Par4Error as error:
                 self._fail(error)
                 return
+        played = self._played
         if self._stop_asked and not self._braking:
             self._braking = True
-            if self._sent == 0:
+            if played.sent == 0:
                 self._over(0)
                 return
-            self._brake(now_ns)
-        while self._sent < len(self._times_ns) and (
-                self._times_ns[self._sent] <= now_ns + self._ahead_ns):
-            self._send_chunk()
-        self._feed_back(now_ns)
+            self._brake(played, now_ns)
+        while played.sent < len(played.times_ns) and (
+                played.times_ns[played.sent] <= now_ns + self._ahead_ns):
+            if not (self._braking or self._robot_is_there()):
+                self._fail(InputError(
+                    f'{played.motion.name} aborted: nobody publishes {JOINT_STATES.name} any '
+                    f'more, so that the robot or its driver has ended; play it anew'))
+                return
+            self._send_chunk(played)
+        self._feed_back(played, now_ns)
         if self._standstill is not None:
-            self._look_for_rest(now_ns, self._standstill)
-        elif now_ns > self._times_ns[-1]:
-            self._over(now_ns - int(self._times_ns[-1]))
+            self._look_for_rest(played, now_ns, self._standstill)
+        elif now_ns > played.times_ns[-1]:
+            self._over(now_ns - int(played.times_ns[-1]))
+
+    def _robot_is_there(self) -> bool:
+        """Return whether a robot tells of itself: one that comes anew stands somewhere else."""
+        return self.count_publishers(self.resolve_topic_name(JOINT_STATES.name)) > 0
 
     def _play(self, motion: Motion) -> None:
         """Play the motion of a goal from the next look at the clock on."""
         self._motion = motion
 
-    def _feed_back(self, now_ns: int) -> None:
+    def _feed_back(self, played: Played, now_ns: int) -> None:
         if self._goals is None or time.monotonic() - self._fed_back < FEEDBACK:
             return
         self._fed_back = time.monotonic()
-        elapsed_ns = int(np.clip(self._stamp_ns, self._times_ns[0], self._times_ns[-1])
-                         - self._start_ns)
+        elapsed_ns = int(np.clip(self._stamp_ns, played.times_ns[0], played.times_ns[-1])
+                         - played.start_ns)
         at = elapsed_ns / SECOND
-        told = (self._times_ns - self._start_ns) / SECOND
+        told = (played.times_ns - played.start_ns) / SECOND
         self._goals.follow(now_ns, elapsed_ns, tuple(
             np.array([np.interp(at, told, column) for column in part.T])
-            for part in self._points))
+            for part in played.points))
 
     def _over(self, late_ns: int) -> None:
         """End what was played, `late_ns` after its last point."""
@@ -200,8 +228,8 @@ class MotionNode(Par4Node):
 
     def _rest(self) -> None:
         """Wait for the next goal, or end where that was asked."""
-        self._motion = self._times_ns = None
-        self._sent, self._braking, self._stop_asked = 0, False, False
+        self._motion = self._played = None
+        self._braking = self._stop_asked = False
         self._standstill = None
         self.finished = self._ending
 
@@ -217,23 +245,23 @@ class MotionNode(Par4Node):
 
     def end(self) -> None:
         """Brake on the path of the motion, then end; at once if it does not play yet."""
-        if self._times_ns is None:
+        if self._played is None:
             self.finished = True
         self._stop_asked = self._ending = True
 
-    def _brake(self, now_ns: int) -> None:
+    def _brake(self, played: Played, now_ns: int) -> None:
         """Replace what is queued by ways to rest, of which one is in time."""
-        now, sent = (float(at_ns - self._start_ns) / SECOND
-                     for at_ns in (now_ns, self._times_ns[self._sent - 1]))
-        ways = ways_to_rest(self._motion, now, max(1.0, self._pace) * BRAKING_LEAD, sent)
-        ends = [way[0][-1] for way in ways] or [self._motion.duration]
-        self._rests_between_ns = (self._start_ns + round(ends[0] * SECOND),
-                                  self._start_ns + round(ends[-1] * SECOND) + UNSEEN_NS)
+        now, sent = (float(at_ns - played.start_ns) / SECOND
+                     for at_ns in (now_ns, played.times_ns[played.sent - 1]))
+        ways = ways_to_rest(played.motion, now, max(1.0, self._pace) * BRAKING_LEAD, sent)
+        ends = [way[0][-1] for way in ways] or [played.motion.duration]
+        self._rests_between_ns = (played.start_ns + round(ends[0] * SECOND),
+                                  played.start_ns + round(ends[-1] * SECOND) + UNSEEN_NS)
         for times, *points in reversed(ways):
-            self._times_ns = self._start_ns + np.rint(times * SECOND).astype(np.int64)
-            self._points, self._sent = tuple(points), 0
-            while self._sent < len(self._times_ns):
-                self._send_chunk()
+            played.times_ns = played.start_ns + np.rint(times * SECOND).astype(np.int64)
+            played.points, played.sent = tuple(points), 0
+            while played.sent < len(played.times_ns):
+                self._send_chunk(played)
         self._standstill = Standstill()
         if self._goals is None:
             self._robot_listener = self.subscribe(JOINT_STATES, self._on_joint_state)
@@ -241,13 +269,13 @@ class MotionNode(Par4Node):
             self._rests_between_ns[1] - now_ns) / SECOND / min(1.0, self._pace)
         self.get_logger().warning('asked to stop: braking on the path of the motion')
 
-    def _look_for_rest(self, now_ns: int, standstill: Standstill) -> None:
+    def _look_for_rest(self, played: Played, now_ns: int, standstill: Standstill) -> None:
         """End when the robot has come to rest, or when it cannot be hoped for any more."""
         first_ns, last_ns = self._rests_between_ns
         if standstill.reached(first_ns):
-            after = ((standstill.since_ns or 0) - self._start_ns) / SECOND
+            after = ((standstill.since_ns or 0) - played.start_ns) / SECOND
             self.get_logger().warning(f'stopped: at rest {after:.3f} s after the start, of '
-                                      f'{self._motion.duration:.3f} s')
+                                      f'{played.motion.duration:.3f} s')
         elif self._publisher.get_subscription_count() == 0:
             self.get_logger().warning(
                 f'stopped: nobody takes {REFERENCE.name} any more; the drives must brake')
@@ -278,40 +306,42 @@ class MotionNode(Par4Node):
             return f'subscribers of {REFERENCE.name}{found}'
         return ''
 
-    def _begin(self, now_ns: int) -> None:
+    def _begin(self, motion: Motion, robot_at: np.ndarray, now_ns: int) -> Played:
         if self._goals is None:
             self.destroy_subscription(self._robot_listener)
-        self._motion = with_approach(self._motion, self._robot, self._robot_at)
-        self._points = (self._motion.q, self._motion.qd, self._motion.qdd)
+        motion = with_approach(motion, self._robot, robot_at)
         pace = (now_ns - self._settling_since_ns) / (time.monotonic() - self._settling_since)
         self._pace = pace / SECOND
         lead_ns = max(LEAD_NS, round(pace * WALL_LEAD))
         if pace > FAST * SECOND:
             self._ahead_ns = FAR_NS
         # a whole millisecond, so that samples of the usual rates fall on the points
-        self._start_ns = (now_ns + lead_ns) // MILLISECOND * MILLISECOND
-        self._times_ns = self._start_ns + np.rint(self._motion.t * SECOND).astype(np.int64)
-        self.get_logger().info(f'playing {self._motion.name}, {self._motion.duration:.3f} s')
+        start_ns = (now_ns + lead_ns) // MILLISECOND * MILLISECOND
+        self.get_logger().info(f'playing {motion.name}, {motion.duration:.3f} s')
+        return Played(motion, start_ns, start_ns + np.rint(motion.t * SECOND).astype(np.int64),
+                      (motion.q, motion.qd, motion.qdd))
 
-    def _send_chunk(self) -> None:
-        first, times_ns = self._sent, self._times_ns
-        self._sent = int(np.searchsorted(times_ns, times_ns[first] + CHUNK_NS))
-        part = slice(first, self._sent)
+    def _send_chunk(self, played: Played) -> None:
+        first, times_ns = played.sent, played.times_ns
+        played.sent = int(np.searchsorted(times_ns, times_ns[first] + CHUNK_NS))
+        part = slice(first, played.sent)
         write_trajectory(self._message, JointTrajectoryPoint, Trajectory(
             int(times_ns[0]), times_ns[part] - times_ns[0],
-            *(values[part] for values in self._points)))
+            *(values[part] for values in played.points)))
         self._publisher.publish(self._message)
 
     def state(self) -> State:
-        """Return whether the node waits, plays or brakes."""
-        if self._times_ns is None:
-            return State(State.OK, f'waiting for {self._waits_for or "its first second"}')
-        return State(State.WARN if self._braking else State.OK,
-                     f'{"braking" if self._braking else "playing"} {self._motion.name}')
+        """Return whether the node waits, plays or brakes, and whether its clock goes."""
+        common = super().state()
+        does = (f'waiting for {self._waits_for or "its first second"}' if self._played is None
+                else f'{"braking" if self._braking else "playing"} {self._played.motion.name}')
+        if common.level != State.OK:
+            return State(common.level, f'{does}; {common.text}')
+        return State(State.WARN if self._braking else State.OK, does)
 
     def traffic(self) -> dict[str, int]:
         """Return how many points have been sent."""
-        return {'sent_points': self._sent}
+        return {'sent_points': 0 if self._played is None else self._played.sent}
 
 
 def main() -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import signal
@@ -17,7 +18,8 @@ from typing import Any, ClassVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
+from rclpy.clock import Clock, JumpThreshold, TimeJump
+from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
@@ -26,7 +28,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
-from rclpy.utilities import remove_ros_args
+from rclpy.utilities import remove_ros_args, try_shutdown
 from std_srvs.srv import Trigger
 
 from par4_kinematics.errors import InputError, Par4Error, UnreachableError, one_line
@@ -35,14 +37,15 @@ from par4_kinematics.ros.convert import SECOND, write_time
 from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.parameters import NodeParameters, answered, declare
 from par4_kinematics.ros.qos import message_type, qos_of
+from par4_kinematics.runner import runner_has_ended
 
 NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_messages',
               'skipped_windows')
 """Faults that are logged when they happen, or that a busy machine has all the time."""
 PATIENCE = 3.0
 """Seconds that a node has to end in before another signal interrupts it."""
-SILENCE = 1.0
-"""Seconds of wall time after which a stream that flowed counts as dead."""
+SILENCE = 0.95
+"""Seconds of wall time after which a stream that flowed, or the clock, counts as dead."""
 REPORT_PERIOD = 1.0
 """Seconds of wall time between diagnostics, and at the least between warnings of one topic."""
 
@@ -101,13 +104,14 @@ class Par4Node(Node):
         REST: seconds between callbacks, for a node that takes many messages at a time.
         LOOKS: most looks at what waits, `REST` apart, before the executor has another turn. A turn
             costs more than a message; while a stream flows, looks do without it.
-        parameters: their values.
+        parameters: their values; a subclass annotates them with its dataclass.
         finished: set to True, by itself or by a signal, when its work is done; `run` then ends it.
         failure: why it ended without having done its work; `run` then tells it.
         counts: what went wrong so far, by name.
     """
 
     PARAMETERS: ClassVar[type[NodeParameters]]
+    parameters: NodeParameters
     REST: ClassVar[float] = 0.0
     LOOKS: ClassVar[int] = 0
 
@@ -121,6 +125,8 @@ class Par4Node(Node):
         self._inputs: list[Callable[[], bool]] = []
         self._reported: dict[str, int] = {}
         self._last_state = State(State.OK, 'running')
+        self._clock_ns, self._clock_moved = 0, math.inf
+        self._alone = False
         self.failure: Par4Error | None = None
         self._jumps = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
@@ -240,11 +246,33 @@ class Par4Node(Node):
                                       f'simulation, or give each a ROS_DOMAIN_ID of its own')
         waiting = [name for name, input_ in self._arrivals.items()
                    if input_.stream and input_.age is None]
-        dead = [name for name, input_ in self._arrivals.items()
-                if input_.stream and input_.age is not None and input_.age > SILENCE]
+        dead = self.dead_inputs()
         if dead:
             return State(State.WARN, f'dead input: {", ".join(dead)} came, but no more')
         return State(State.OK, f'waiting for {", ".join(waiting)}' if waiting else 'running')
+
+    def dead_inputs(self) -> list[str]:
+        """Return the topics of which there was much and is nothing any more, the clock the last."""
+        dead = [name for name, input_ in self._arrivals.items()
+                if input_.stream and input_.age is not None and input_.age > SILENCE]
+        if self.simulated_time and time.monotonic() - self._clock_moved > SILENCE:
+            dead.append(CLOCK.name)
+        return dead
+
+    def _look_at_runner(self) -> None:
+        """Begin to end where who runs this node was killed: nobody else would end it."""
+        if self._alone or not runner_has_ended():
+            return
+        self._alone = True
+        self.get_logger().error('the process that runs this node has ended; so does the node')
+        self.end()
+
+    def _look_at_clock(self) -> None:
+        """Note when the clock moved; before its first time it is waited for."""
+        now_ns = self.get_clock().now().nanoseconds
+        if now_ns in (0, self._clock_ns):
+            return
+        self._clock_ns, self._clock_moved = now_ns, time.monotonic()
 
     def faults(self) -> dict[str, int]:
         """Return what the diagnostics tell of things that went wrong, by name."""
@@ -272,6 +300,8 @@ class Par4Node(Node):
         return self.get_clock().now().nanoseconds
 
     def _report(self) -> None:
+        self._look_at_runner()
+        self._look_at_clock()
         faults = self.faults()
         new = {name: count - self._reported.get(name, 0) for name, count in faults.items()
                if count > self._reported.get(name, 0)}
@@ -378,13 +408,14 @@ def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
         node = node_class()
         if asked_at < math.inf:
             node.end()
+        gc.freeze()  # what is loaded stays: a full collection of it would stop the node for 0.1 s
         yield node
     finally:
         if node is not None:
             node.finished = True
             node.close()
             node.destroy_node()
-        rclpy.try_shutdown()
+        try_shutdown()
 
 
 def run(node_class: type[Par4Node]) -> int:

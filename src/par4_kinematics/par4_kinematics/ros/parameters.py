@@ -15,6 +15,7 @@ if TYPE_CHECKING:  # help is told without loading ROS
     from rclpy.node import Node
 
 
+@dataclasses.dataclass(frozen=True)
 class NodeParameters:
     """The parameters of a node, a dataclass whose docstring says what the node does.
 
@@ -51,7 +52,7 @@ def declare(node: Node, parameters: type[Parameters]) -> Parameters:
         InputError: a value of another type, out of range or not among the choices.
     """
     fields = dataclasses.fields(parameters)
-    given = {name: value.value for name, value in node.get_parameters_by_prefix('').items()}
+    given = {name: node.get_parameter(name).value for name in node.get_parameters_by_prefix('')}
     unknown = sorted(name for name in given
                      if name not in {field.name for field in fields}
                      and name not in _OF_ROS and not name.startswith('qos_overrides.'))
@@ -69,7 +70,7 @@ def declare(node: Node, parameters: type[Parameters]) -> Parameters:
     return parameters(**values)
 
 
-def _checked(field: dataclasses.Field, value: Any) -> Any:
+def _checked(field: dataclasses.Field[Any], value: Any) -> Any:
     wanted = type(field.default)
     if wanted is float and type(value) is int:
         value = float(value)
@@ -109,14 +110,14 @@ def answered(parameters: type[NodeParameters], arguments: list[str]) -> bool:
     return False
 
 
-def usage(parameters: type) -> str:
+def usage(parameters: type[NodeParameters]) -> str:
     """Return one line for each parameter: name, default, description, choices or range."""
     return '\n'.join(f'  {field.name}:={_written(field.default)}  '
                      f'{field.metadata["description"]}{_bounds(field)}'
                      for field in dataclasses.fields(parameters))
 
 
-def config(node: str, parameters: type) -> str:
+def config(node: str, parameters: type[NodeParameters]) -> str:
     """Return a parameter file (YAML) of a node with the defaults, for --params-file."""
     lines = [f'# Parameters of {node}, with their defaults: --ros-args --params-file THIS_FILE',
              '/**:', '  ros__parameters:']
@@ -132,7 +133,7 @@ def _written(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _bounds(field: dataclasses.Field) -> str:
+def _bounds(field: dataclasses.Field[Any]) -> str:
     if field.metadata['choices']:
         return f' (one of {", ".join(field.metadata["choices"])})'
     bounds = [f'{word} {bound:g}' for word, bound in (
@@ -141,7 +142,7 @@ def _bounds(field: dataclasses.Field) -> str:
     return f' ({", ".join(bounds)})' if bounds else ''
 
 
-def _descriptor(field: dataclasses.Field) -> ParameterDescriptor:
+def _descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
     from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
     descriptor = ParameterDescriptor(description=field.metadata['description'], read_only=True)

@@ -1,55 +1,83 @@
-"""Trajectories that wait for the physics, put together so that a stream costs what a chunk does."""
+"""What waits for the physics, put together so that a stream costs what a chunk does."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from queue import Empty, SimpleQueue
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from par4_kinematics.ros.convert import Trajectory
+from par4_kinematics.ros.convert import SECOND
+from par4_sim.reference_points import ROOM
 
 MOST = 1000
-"""Trajectories taken at a time: a flood of them must not stop the clock."""
-Batch = tuple[np.ndarray, list[np.ndarray]]
-"""Times (n,), s, and arrays (n, 4)."""
+"""Points after which no more are taken at a time: a flood of them must not stop the clock."""
 
 
-class Inbox:
-    """Trajectories from one thread for another, in the order in which they came.
+class Timed(Protocol):
+    """What waits: rows (n, -) at ascending times (n,), s."""
 
-    Args:
-        fields: attributes of a Trajectory that the receiver wants.
+    @property
+    def times(self) -> np.ndarray: ...
+
+    @property
+    def rows(self) -> np.ndarray: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Torques:
+    """Feedforward torques.
+
+    Attributes:
+        times: ascending, (n,), s.
+        rows: (n, 4), N m.
     """
 
-    def __init__(self, *fields: str) -> None:
-        self._fields = fields
-        self._waiting: SimpleQueue[tuple[int, Trajectory]] = SimpleQueue()
+    times: np.ndarray
+    rows: np.ndarray
 
-    def put(self, start_ns: int, trajectory: Trajectory) -> None:
-        """Leave a trajectory that starts at `start_ns`."""
-        self._waiting.put((start_ns, trajectory))
 
-    def take(self, epoch_ns: int) -> list[list[Batch]]:
-        """Return what waits, with times after `epoch_ns`: groups that go on in time."""
-        groups: list[list[Batch]] = []
-        end = np.inf
-        for _ in range(MOST):
+Kind = TypeVar('Kind', bound=Timed)
+
+
+class Inbox(Generic[Kind]):
+    """Rows from one thread for another, in the order in which they came."""
+
+    def __init__(self) -> None:
+        self._waiting: SimpleQueue[tuple[int, Kind]] = SimpleQueue()
+
+    def put(self, epoch_ns: int, rows: Kind) -> None:
+        """Leave rows whose times count from `epoch_ns`."""
+        self._waiting.put((epoch_ns, rows))
+
+    def take(self, epoch_ns: int) -> list[list[Kind]]:
+        """Return what waits, with times from `epoch_ns` on: groups that go on in time.
+
+        Many rows are a group of their own, which need not be put together.
+        """
+        groups: list[list[Kind]] = []
+        end, count = np.inf, 0
+        while count < MOST:
             try:
-                start_ns, trajectory = self._waiting.get_nowait()
+                since_ns, rows = self._waiting.get_nowait()
             except Empty:
                 break
-            times = trajectory.times(start_ns - epoch_ns)
-            if times[0] <= end:
+            times = rows.times
+            if since_ns != epoch_ns:
+                times += (since_ns - epoch_ns) / SECOND
+            many = len(times) > ROOM
+            if many or times[0] <= end:
                 groups.append([])
-            groups[-1].append((times, [getattr(trajectory, field) for field in self._fields]))
-            end = times[-1]
+            groups[-1].append(rows)
+            count += len(times)
+            end = np.inf if many else times[-1]
         return groups
 
 
-def joined(group: list[Batch]) -> Batch:
-    """Return the trajectories of a group as one."""
+def joined(group: list[Kind]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times and rows of a group as one."""
     if len(group) == 1:
-        return group[0]
-    return (np.concatenate([times for times, _ in group]),
-            [np.concatenate(parts) for parts in zip(*(arrays for _, arrays in group),
-                                                    strict=True)])
+        return group[0].times, group[0].rows
+    return (np.concatenate([part.times for part in group]),
+            np.concatenate([part.rows for part in group]))

@@ -110,16 +110,15 @@ class _Launched:
 def _rviz(view: Path | None, robot_file: str, session: Session) -> list[Node]:
     """Return robot_state_publisher, whose own description goes nowhere, and RViz."""
     clock = {'use_sim_time': True}
-    place = {'namespace': session.namespace or None, 'remappings': list(session.remappings)}
+    namespace, remappings = session.namespace or None, list(session.remappings)
     return [
         Node(package='robot_state_publisher', executable='robot_state_publisher',
-             on_exit=Shutdown(reason='robot_state_publisher has ended'),
+             on_exit=Shutdown(reason='robot_state_publisher has ended'), namespace=namespace,
+             remappings=[*remappings, ('robot_description', '~/robot_description')],
              parameters=[clock, {
                  'robot_description': ParameterValue(complete_description(
                      read_robot(robot_file)), value_type=str),
-                 'publish_frequency': PICTURES_HZ}],
-             **{**place, 'remappings': [*place['remappings'],
-                                        ('robot_description', '~/robot_description')]}),
+                 'publish_frequency': PICTURES_HZ}]),
         Node(package='rviz2', executable='rviz2', arguments=['-d', str(view)],
-             parameters=[clock], **place),
+             parameters=[clock], namespace=namespace, remappings=remappings),
     ]

@@ -12,7 +12,8 @@ import numpy as np
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import SECOND, Trajectory
-from par4_sim.ros.inbox import Batch, Inbox, joined
+from par4_sim.reference_points import ReferencePoints
+from par4_sim.ros.inbox import MOST, Inbox, Torques, joined
 from par4_sim.ros.pace import Pace
 from par4_sim.simulation import Sample, Simulation
 
@@ -76,7 +77,8 @@ class PhysicsLoop:
         self._feedforward_timeout = feedforward_timeout
         self._started_ns = 0
         self._standing_since: float | None = None
-        self._references, self._efforts = Inbox('q', 'qd', 'qdd'), Inbox('effort')
+        self._references: Inbox[ReferencePoints] = Inbox()
+        self._efforts: Inbox[Torques] = Inbox()
         self._orders: SimpleQueue[Callable[[], None]] = SimpleQueue()
 
     @property
@@ -107,11 +109,17 @@ class PhysicsLoop:
 
     def queue_reference(self, start_ns: int, points: Trajectory) -> None:
         """Queue reference points that start at `start_ns`."""
-        self._references.put(start_ns, points)
+        epoch_ns = self._started_ns
+        self._references.put(epoch_ns, ReferencePoints.of_motion(
+            points.times(start_ns - epoch_ns), *points.motion()))
 
     def queue_effort(self, start_ns: int, points: Trajectory) -> None:
         """Queue feedforward torques that start at `start_ns`."""
-        self._efforts.put(start_ns, points)
+        epoch_ns = self._started_ns
+        times, torques = points.times(start_ns - epoch_ns), points.rows('effort')
+        for first in range(0, len(times), MOST):
+            part = slice(first, first + MOST)
+            self._efforts.put(epoch_ns, Torques(times[part], torques[part]))
 
     def restart(self, simulation: Simulation | None = None) -> None:
         """Put the machine, or another one, at rest at home; return when it is done.
@@ -173,20 +181,20 @@ class PhysicsLoop:
     def _take_in(self) -> None:
         """Hand what came to the simulation, what goes on in time at once."""
         for group in self._references.take(self._started_ns):
-            if not (len(group) > 1 and self._follows([joined(group)], looked_at=False)):
+            if not (len(group) > 1 and self._follows([ReferencePoints(*joined(group))],
+                                                     looked_at=False)):
                 self._follows(group)
-        for group in self._efforts.take(self._started_ns):
-            times, (effort,) = joined(group)
-            self._simulation.queue_effort(times, effort)
+        for torques in self._efforts.take(self._started_ns):
+            self._simulation.queue_effort(*joined(torques))
 
-    def _follows(self, batches: list[Batch], looked_at: bool = True) -> bool:
+    def _follows(self, references: list[ReferencePoints], looked_at: bool = True) -> bool:
         """Queue reference points and return whether none was refused; tell unless to be retried."""
         kept = True
-        for times, motion in batches:
+        for points in references:
             try:
                 if self.fault or self._braked:
                     raise InputError(f'not followed: {self.fault or "the simulation is ending"}')
-                self._simulation.queue_reference(times, *motion, looked_at)
+                self._simulation.queue_points(points, looked_at)
             except Par4Error as error:
                 kept = False
                 if looked_at:  # a group is tried again one by one

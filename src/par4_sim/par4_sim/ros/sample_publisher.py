@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import contextlib
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from rclpy.publisher import Publisher
+from rclpy.serialization import serialize_message
 
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import LEGS, Geometry
@@ -27,10 +29,11 @@ from par4_kinematics.interface import (
     Topic,
 )
 from par4_kinematics.robot import JOINT_NAMES, Robot
-from par4_kinematics.ros.convert import write_joint_state, write_pose, write_time
+from par4_kinematics.ros.convert import write_pose, write_time
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.qos import message_type
 from par4_kinematics.workspace import home_pose
+from par4_sim.message_layout import JointStateTemplate
 from par4_sim.robot_tree import tree_joint_positions
 from par4_sim.simulation import Sample
 
@@ -41,6 +44,9 @@ PASSIVE_PERIOD_NS = 33_000_000
 
 class SamplePublisher:
     """The publishers of the simulation; messages are reused, publishing copies them.
+
+    Joint states are written over in their serialised form: to turn a message object into bytes
+    takes as long as to publish them.
 
     Attributes:
         published: messages sent so far, by topic.
@@ -57,51 +63,58 @@ class SamplePublisher:
         topics = (JOINT_STATES, AMPLIFIER_VOLTAGE, ROBOT_DESCRIPTION, TRUE_TORQUE, TRUE_POSE, CLOCK)
         self._publishers: dict[Topic, Publisher] = {
             topic: node.publisher_of(topic) for topic in topics}
-        self._messages: dict[Topic, Any] = {topic: message_type(topic)() for topic in topics}
-        for topic in (JOINT_STATES, AMPLIFIER_VOLTAGE, TRUE_TORQUE):
-            self._messages[topic].name = list(JOINT_NAMES)
-            self._messages[topic].header.frame_id = BASE_FRAME
-        self._with_passive = message_type(JOINT_STATES)()
-        self._with_passive.name = list(tree_joint_positions(robot.geometry, home_pose(robot)))
-        self._with_passive.header.frame_id = BASE_FRAME
+        self._messages: dict[Topic, Any] = {
+            topic: message_type(topic)() for topic in (ROBOT_DESCRIPTION, TRUE_POSE, CLOCK)}
+        self._arms = _template(JOINT_NAMES, 3)
+        self._effort_alone = _template(JOINT_NAMES, 1)
+        self._with_passive = _template(
+            list(tree_joint_positions(robot.geometry, home_pose(robot))), 3)
         self._messages[ROBOT_DESCRIPTION].data = description
-        self._send(ROBOT_DESCRIPTION)
+        self._send(ROBOT_DESCRIPTION, self._messages[ROBOT_DESCRIPTION])
 
-    def _send(self, topic: Topic, message: Any = None) -> None:
-        self._publishers[topic].publish(self._messages[topic] if message is None else message)
+    def _send(self, topic: Topic, message: Any) -> None:
+        """Publish a message or the bytes of one."""
+        self._publishers[topic].publish(message)
         self.published[topic.name] += 1
 
     def publish(self, now_ns: int, sample: Sample) -> None:
         """Publish a sample valid at `now_ns`; the clock at 100 Hz, the truth if someone listens."""
         self._send(JOINT_STATES, self._joint_state(now_ns, sample))
-        write_joint_state(self._messages[AMPLIFIER_VOLTAGE], now_ns, effort=sample.voltage)
-        self._send(AMPLIFIER_VOLTAGE)
+        self._send(AMPLIFIER_VOLTAGE,
+                   self._effort_alone.filled(now_ns, ((), (), sample.voltage)))
         if now_ns >= self._clock_due_ns:
             self._clock_due_ns = now_ns + CLOCK_PERIOD_NS
             self._tested = frozenset(topic for topic in (TRUE_TORQUE, TRUE_POSE)
                                      if self._publishers[topic].get_subscription_count() > 0)
             if self._publish_clock:
                 write_time(self._messages[CLOCK].clock, now_ns)
-                self._send(CLOCK)
+                self._send(CLOCK, self._messages[CLOCK])
         if TRUE_TORQUE in self._tested:
-            write_joint_state(self._messages[TRUE_TORQUE], now_ns, effort=sample.true_torque)
-            self._send(TRUE_TORQUE)
+            self._send(TRUE_TORQUE,
+                       self._effort_alone.filled(now_ns, ((), (), sample.true_torque)))
         if TRUE_POSE in self._tested:
             write_pose(self._messages[TRUE_POSE], now_ns, sample.true_pose,
                        self._geometry.rotation_amplification)
-            self._send(TRUE_POSE)
+            self._send(TRUE_POSE, self._messages[TRUE_POSE])
 
-    def _joint_state(self, now_ns: int, sample: Sample) -> Any:
+    def _joint_state(self, now_ns: int, sample: Sample) -> bytes:
         """Return the joint state of a sample, with the passive joints when they are due."""
         if now_ns >= self._passive_due_ns:
             self._passive_due_ns = now_ns + PASSIVE_PERIOD_NS
             with contextlib.suppress(UnreachableError):  # a machine unlike its description
-                write_joint_state(self._with_passive, now_ns,
-                                  *joints_with_passive(self._geometry, sample))
-                return self._with_passive
-        message = self._messages[JOINT_STATES]
-        write_joint_state(message, now_ns, sample.q, sample.qd, sample.effort)
-        return message
+                return self._with_passive.filled(now_ns,
+                                                 joints_with_passive(self._geometry, sample))
+        return self._arms.filled(now_ns, (sample.q, sample.qd, sample.effort))
+
+
+def _template(names: Sequence[str], arrays: int) -> JointStateTemplate:
+    """Return a joint state in the base frame that tells the last so many of its arrays."""
+    message = message_type(JOINT_STATES)()
+    message.header.frame_id = BASE_FRAME
+    message.name = list(names)
+    for field in ('position', 'velocity', 'effort')[-arrays:]:
+        setattr(message, field, [0.0] * len(names))
+    return JointStateTemplate(serialize_message(message))
 
 
 def joints_with_passive(geometry: Geometry, sample: Sample

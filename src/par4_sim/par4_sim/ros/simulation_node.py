@@ -20,7 +20,7 @@ from par4_kinematics.interface import (
 )
 from par4_kinematics.limits import check_torque
 from par4_kinematics.position import inverse_kinematics
-from par4_kinematics.robot import read_robot
+from par4_kinematics.robot import Robot, read_robot
 from par4_kinematics.ros.convert import SECOND
 from par4_kinematics.ros.node import Par4Node, State, run
 from par4_kinematics.ros.serialised_trajectory import read_serialised_trajectory, serialised_rest
@@ -28,6 +28,7 @@ from par4_kinematics.workspace import home_pose
 from par4_sim.choices import LOOKED_AHEAD, PREDICTIVE
 from par4_sim.description import complete_description
 from par4_sim.laws import KNOWING
+from par4_sim.reference import ReferenceQueue
 from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
@@ -45,11 +46,30 @@ STRANGE_NS = 1000 * SECOND
 """How far ahead of the clock no reference starts that is meant for this clock."""
 
 
+def compiled_limits(robot: Robot) -> ReferenceLimits:
+    """Return the limits of references, all that these need compiled.
+
+    A reference would come too late if it had to wait for that.
+    """
+    limits = ReferenceLimits(robot)
+    home = inverse_kinematics(robot.geometry, home_pose(robot))
+    queue = ReferenceQueue(home, limits)
+    for count in (1, 2):
+        points = read_serialised_trajectory(serialised_rest(home, count))
+        motion = points.motion()
+        limits.check(points.times(0), np.hstack(motion))
+        queue.queue(0.0, points.times(count * SECOND), *motion)
+        queue.queue_effort(points.times(count * SECOND), motion[0])
+        queue.use_until(float(count))
+    return limits
+
+
 class SimulationNode(Par4Node):
     """The node `par4_simulation`; `SimulationParameters` says what it does."""
 
     REST, LOOKS = 0.001, 10
     PARAMETERS = SimulationParameters
+    parameters: SimulationParameters
 
     def __init__(self) -> None:
         super().__init__()
@@ -59,7 +79,7 @@ class SimulationNode(Par4Node):
         if asked.window:
             self._window = Window(self._robot, home_pose(self._robot))
             self.create_timer(1.0, self._notice_closed_window, clock=self.wall_clock)
-        self._limits = self._compiled_limits()
+        self._limits = compiled_limits(self._robot)
         simulation = self._build()
         self._samples = SamplePublisher(self, self._robot, self._description(),
                                         asked.publish_clock)
@@ -80,15 +100,6 @@ class SimulationNode(Par4Node):
             f'robot {self._robot.name}, machine {asked.model_file}, fidelity {asked.fidelity}, '
             f'{asked.publish_rate_hz:g} Hz, {asked.real_time_factor:g} x real time, '
             f'drives: {asked.law}')
-
-    def _compiled_limits(self) -> ReferenceLimits:
-        """Return the limits, compiled before a reference could come too late for that."""
-        limits = ReferenceLimits(self._robot)
-        home = inverse_kinematics(self._robot.geometry, home_pose(self._robot))
-        for count in (1, 2):
-            points = read_serialised_trajectory(serialised_rest(home, count))
-            limits.check(points.times(0), np.hstack((points.q, points.qd, points.qdd)))
-        return limits
 
     def _description(self) -> str:
         """Return the URDF, without masses where those of rods and bars do not fit the machine."""
@@ -128,7 +139,7 @@ class SimulationNode(Par4Node):
 
     def _on_reference(self, message: bytes) -> None:
         points = read_serialised_trajectory(message)
-        self._limits.check(points.times(0), np.hstack((points.q, points.qd, points.qdd)))
+        self._limits.check(points.times(0), np.hstack(points.motion()))
         start_ns = self._zero_stamps.start_ns(REFERENCE, points, self._physics.now_ns)
         if start_ns - self._physics.now_ns > STRANGE_NS:
             raise InputError(
@@ -139,7 +150,7 @@ class SimulationNode(Par4Node):
     def _on_effort(self, message: bytes) -> None:
         points = read_serialised_trajectory(message, ('effort',))
         factor = LOOKED_AHEAD if self.parameters.law == PREDICTIVE else 1.0
-        check_torque(self._robot, points.effort, factor * self._physics.torque_limit)
+        check_torque(self._robot, points.rows('effort'), factor * self._physics.torque_limit)
         self._physics.queue_effort(
             self._zero_stamps.start_ns(FEEDFORWARD_TORQUE, points, self._physics.now_ns), points)
 

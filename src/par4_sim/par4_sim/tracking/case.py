@@ -86,31 +86,44 @@ class Plan:
             InputError: as `record_run`, or a controller without the model it needs.
             UnreachableError: the machine was driven out of its workspace.
         """
-        if model is None and controller in NEED_MODEL:
-            raise InputError(f'controller {controller}: it needs a model, found none; give one')
-        torque = None if model is None else feedforward_of(self.robot, model, self.motion)
-        learned: tuple[Cycle, ...] = ()
         if controller == LEARNING:
-            learning = learn(self.robot, self.machine, self.motion, torque, model,
-                             self.learning_cycles, self.fidelity)
-            run, learned = learning.run, learning.cycles
-        else:
-            run = record_run(self.robot, self.machine, self.motion, torque, self.fidelity,
-                             controller, model)
-        return Case(controller, name, run, tracking_of(run, self.cycles, self.band,
-                                                       self.robot.limits.workspace), learned)
+            return self._learned(name, _needed(controller, model))
+        if controller in NEED_MODEL:
+            model = _needed(controller, model)
+        torque = None if model is None else feedforward_of(self.robot, model, self.motion)
+        run = record_run(self.robot, self.machine, self.motion, torque, self.fidelity, controller,
+                         model)
+        return Case(controller, name, run, self._tracking(run))
+
+    def _learned(self, name: str, model: Model) -> Case:
+        learning = learn(self.robot, self.machine, self.motion,
+                         feedforward_of(self.robot, model, self.motion), model,
+                         self.learning_cycles, self.fidelity)
+        return Case(LEARNING, name, learning.run, self._tracking(learning.run), learning.cycles)
+
+    def _tracking(self, run: Run) -> Tracking:
+        return tracking_of(run, self.cycles, self.band, self.robot.limits.workspace)
 
     def margin(self, controller: str, model: Model | None) -> Margin | None:
         """Return the margin of a controller's feedback over the workspace, where no limit acts.
         """
         if controller == 'torque':
             return None
+        known: Model | None
         if controller in KNOWING:
-            gains, known = gains_of_computed_torque(self.robot, model), model
+            known = _needed(controller, model)
+            gains = gains_of_computed_torque(self.robot, known)
         else:
-            gains, known = gains_of_loops(self.robot.drives), None
+            known = None
+            gains = gains_of_loops(self.robot.drives)
         return margin_over(gains, inertias_of_workspace(self.robot, self.machine, known), STEP,
                            self.robot.drives.current_lag)
+
+
+def _needed(controller: str, model: Model | None) -> Model:
+    if model is None:
+        raise InputError(f'controller {controller}: it needs a model, found none; give one')
+    return model
 
 
 def model_name(name_or_path: str) -> str:

@@ -88,29 +88,30 @@ def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bo
         timing: what the motion of the plan has.
         acceleration, jerk: limits of the motion asked of the joints, rad/s2, rad/s3.
     """
-    def tried(pace: float) -> tuple[Case | None, str]:
+    def tried(pace: float) -> Case | str:
+        """Return the case of a pace, or what breaks."""
         asked = replace(plan, motion=at_pace(plan.motion, pace))
         try:
             check_limits(asked.motion, plan.robot, acceleration, jerk)
             case = asked.case(controller, name, model)
         except Par4Error as error:
-            return None, str(error)
-        return case, _broken(case, peak)
+            return str(error)
+        return _broken(case, peak) or case
 
     high = plan.motion.duration / bound
-    low, (case, broken) = min(1.0, high), tried(min(1.0, high))
-    reason = 'the bound of time-optimal motion'
-    while broken:
-        high, reason = low, broken
+    low = min(1.0, high)
+    case, reason = tried(low), 'the bound of time-optimal motion'
+    while isinstance(case, str):
+        high, reason = low, case
         if low < SLOWEST:
-            return Unreached(timing, controller, name, broken)
+            return Unreached(timing, controller, name, reason)
         low *= 0.7
-        case, broken = tried(low)
+        case = tried(low)
     while high / low > 1.0 + RESOLUTION:
         middle = 0.5 * (low + high)
-        found, broken = tried(middle)
-        if broken:
-            high, reason = middle, broken
+        found = tried(middle)
+        if isinstance(found, str):
+            high, reason = middle, found
         else:
             low, case = middle, found
     axis = longest_axis(case.run)

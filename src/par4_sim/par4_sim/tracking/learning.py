@@ -77,20 +77,24 @@ def learn(robot: Robot, machine: Model, motion: Motion, feedforward: np.ndarray,
         fidelity: of the plant.
     """
     inertia = joint_mass_matrix(robot.geometry, model.lumped_bodies(), motion.x)
-    best, history, cutoff_hz = None, [], CUTOFF_HZ
-    for _ in range(cycles):
-        run = record_run(robot, machine, motion, feedforward, fidelity)
-        error = _joint_error(run)
-        moving = error[:len(motion.t)]
-        cycle = Cycle(float(np.sqrt(np.mean(np.sum(errors_of(run) ** 2, axis=1)))),
-                      float(np.sqrt(np.mean(moving ** 2))), float(np.abs(moving).max()))
-        if best is None or cycle.joint_rms < min(past.joint_rms for past in history):
-            best = run
+    best, given = record_run(robot, machine, motion, feedforward, fidelity), feedforward
+    history, cutoff_hz = [_cycle_of(best)], CUTOFF_HZ
+    for _ in range(cycles - 1):
+        corrected = _corrected(best, given, inertia, cutoff_hz)
+        run = record_run(robot, machine, motion, corrected, fidelity)
+        cycle = _cycle_of(run)
+        if cycle.joint_rms < min(past.joint_rms for past in history):
+            best, given = run, corrected
         else:
             cutoff_hz *= 0.5
         history.append(cycle)
-        feedforward = _corrected(best, _joint_error(best), inertia, cutoff_hz)
     return Learning(best, tuple(history))
+
+
+def _cycle_of(run: Run) -> Cycle:
+    moving = _joint_error(run)[:len(run.motion.t)]
+    return Cycle(float(np.sqrt(np.mean(np.sum(errors_of(run) ** 2, axis=1)))),
+                 float(np.sqrt(np.mean(moving ** 2))), float(np.abs(moving).max()))
 
 
 def _joint_error(run: Run) -> np.ndarray:
@@ -101,16 +105,16 @@ def _joint_error(run: Run) -> np.ndarray:
     return wanted - _at(t, run.t, run.q)
 
 
-def _corrected(run: Run, error: np.ndarray, inertia: np.ndarray, cutoff_hz: float
-               ) -> np.ndarray:
-    """Return the torques (m, 4), N m, of the next cycle."""
+def _corrected(run: Run, given: np.ndarray, inertia: np.ndarray, cutoff_hz: float) -> np.ndarray:
+    """Return the torques (m, 4), N m, that correct a run which `given` torques (m, 4) were for."""
     motion = run.motion
     width = math.sqrt(math.log(2.0)) / (2.0 * math.pi * cutoff_hz)  # s, standard deviation
-    given = _at(run.t, motion.t, run.feedforward)
-    feedback = gaussian_filter1d(run.command - given, width / STEP, axis=0, mode='nearest')
-    missing = gaussian_filter1d(error, width / motion.period, axis=0, order=2, mode='nearest')
+    feedback = gaussian_filter1d(run.command - _at(run.t, motion.t, given), width / STEP, axis=0,
+                                 mode='nearest')
+    missing = gaussian_filter1d(_joint_error(run), width / motion.period, axis=0, order=2,
+                                mode='nearest')
     missing = missing[:len(motion.t)] / motion.period ** 2
-    learned = (run.feedforward + _at(motion.t, run.t, feedback)
+    learned = (given + _at(motion.t, run.t, feedback)
                + np.einsum('nij,nj->ni', inertia, missing))
     # what holds the machine at rest before and after: nothing is left to the integrals
     learned[[0, -1]] = run.command[[0, -1]]

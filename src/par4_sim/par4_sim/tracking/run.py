@@ -81,19 +81,12 @@ def record_run(robot: Robot, machine: Model, motion: Motion, feedforward: np.nda
         first = -round(RECORDED_REST / STEP)
         before = round(REST / STEP) + first
         count = round((motion.duration + SETTLING) / STEP) + 1 - first
-        for _ in range(before):
-            simulation.next_sample()
-        told = np.empty((5, count, 4))
-        for row in range(count):
-            sample = simulation.next_sample()
-            for part, values in zip(told, (sample.true_pose, sample.q, sample.qd, sample.effort,
-                                           sample.true_torque), strict=True):
-                part[row] = values
+        simulation.next_samples(before)
+        told = simulation.next_samples(count)
         counts = simulation.counts
     finally:
         simulation.close()
     if feedforward is None:
         counts.pop('missing_effort')
-    pose, q, qd, command, torque = told
-    return Run(motion, STEP * np.arange(first, first + count), pose, q, qd, command, torque,
-               feedforward, counts)
+    return Run(motion, STEP * np.arange(first, first + count), told.true_pose, told.q, told.qd,
+               told.effort, told.true_torque, feedforward, counts)

@@ -89,7 +89,7 @@ class Fastest:
         return sum(way.duration for way in self.ways)
 
 
-class _Limited(LinearConstraint):
+class _Limited(LinearConstraint):  # type: ignore[misc]  # toppra tells no types
     """low <= a u + b x + c <= high and x <= fastest, at the points of the grid."""
 
     def __init__(self, a: np.ndarray, b: np.ndarray, c: np.ndarray, low: np.ndarray,
@@ -101,7 +101,8 @@ class _Limited(LinearConstraint):
         bounds = np.stack((np.zeros(len(a)), fastest), axis=1)
         self._params = (a, b, c, size, np.hstack((high, -low)), None, bounds)
 
-    def compute_constraint_params(self, path, gridpoints, *_args, **_kwargs):  # noqa: ARG002
+    def compute_constraint_params(self, *_args: object, **_kwargs: object
+                                  ) -> tuple[np.ndarray | None, ...]:
         """Return what toppra asks for."""
         return self._params
 
@@ -137,13 +138,13 @@ def fastest_along(robot: Robot, model: Model, motion: Motion, limits: PathLimits
 
 def motion_of(fastest: Fastest, robot: Robot, name: str, period: float = 1e-3) -> Motion:
     """Return the time-optimal motion, stretched by a fraction of a period between two rests."""
-    parts = []
+    parts: list[list[np.ndarray]] = []
     for way in fastest.ways:
         steps = int(np.ceil(way.duration / period - 1e-9))
         pace = way.duration / (steps * period)
-        part = joints_over_time(way, pace * period * np.arange(steps + 1))
-        part = [pace ** order * values for order, values in enumerate(part)]
-        parts.append([values[1:] if parts else values for values in part])
+        first = 1 if parts else 0  # the rest between two ways belongs to the way before
+        parts.append([pace ** order * values[first:] for order, values in enumerate(
+            joints_over_time(way, pace * period * np.arange(steps + 1)))])
     q, qd, qdd = (np.concatenate(column) for column in zip(*parts, strict=True))
     qdd[[0, -1]] = 0.0  # as every motion here: at rest before its first sample and after its last
     return motion_of_joints(name, robot.geometry, period * np.arange(len(q)), q, qd, qdd)

@@ -1,0 +1,89 @@
+"""Compile the numeric kernels in two processes, so that no later command waits for that.
+
+Numba keeps what it compiled beside the sources. Each job calls what a user will call, for a moment.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from par4_dynamics.mechanism import joint_mass_matrix
+from par4_dynamics.model import Model, build_model, read_model
+from par4_dynamics.model_file import EffectEntry, read_model_file
+from par4_dynamics.state import state_of_joints
+from par4_identification.diagnosis.diagnosis import diagnose
+from par4_identification.logs.log import Log
+from par4_identification.logs.read_log import read_log
+from par4_kinematics.excitation import excitation_motion
+from par4_kinematics.robot import read_robot
+from par4_kinematics.ros.serialised_trajectory import SerialisedTrajectory, serialised_rest
+from par4_kinematics.velocity import jacobian_rate
+from par4_sim.offline import simulate_to_bag
+from par4_sim.ros.simulation_node import compiled_limits
+from par4_sim.simulation import build_simulation
+
+ROBOT = read_robot('reference')
+MODEL = read_model('table1', ROBOT)
+SOFT = build_model(ROBOT, read_model_file('table1').model_copy(update={'effects': (EffectEntry(
+    effect='elastic_transmission', joints=None, parameters={
+        'stiffness': {'value': 1e4, 'unit': 'N m/rad'}}),)}))
+MOTION = excitation_motion(ROBOT, 6.0, seed=1)
+
+
+def mechanics() -> None:
+    """Compile what commands and nodes read a motion with."""
+    geometry = ROBOT.geometry
+    jacobian_rate(geometry, MOTION.x[:2], MOTION.xd[:2])
+    joint_mass_matrix(geometry, MODEL.lumped_bodies(), MOTION.x[:2])
+    compiled_limits(ROBOT)
+    for count in (1, 2):
+        message = SerialisedTrajectory(serialised_rest(MOTION.q[0], count))
+        points = message.read()
+        message.with_effort(points.q)
+        MODEL.torque_of_joints(geometry, points.q[0], points.qd[0], points.qdd[0], 0.0)
+
+
+def diagnosis() -> None:
+    """Compile what a diagnosis computes with, on torque that the model itself asks for."""
+    state = state_of_joints(ROBOT.geometry, MOTION.t, MOTION.q, MOTION.qd, MOTION.qdd)
+    SOFT.torque(state)
+    torque = MODEL.torque(state)
+    noisy = torque + 0.1 * np.random.default_rng(1).standard_normal(torque.shape)
+    diagnose([Log(name='torque', joint_names=ROBOT.joint_names, start_stamp=0,
+                  period=MOTION.period, t=MOTION.t, q=MOTION.q, tau=noisy,
+                  segments=(slice(0, len(MOTION.t)),), reference=None, accounts=None)], ROBOT)
+
+
+def simulation() -> None:
+    """Compile the simulated machine, with soft transmissions and drives that look ahead too."""
+    _sample(MODEL, law='predictive')
+    _sample(MODEL, 'fast')
+    _sample(SOFT)
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder) / 'bag'
+        simulate_to_bag(build_simulation(ROBOT, MODEL, 'exact'),
+                        MOTION, ROBOT, bag)
+        read_log(bag, ROBOT)
+
+
+def _sample(model: Model, fidelity: str = 'exact', law: str = 'loops') -> None:
+    machine = build_simulation(ROBOT, model, fidelity, law=law, known=MODEL)
+    try:
+        machine.queue_reference(0.1 + MOTION.t, MOTION.q, MOTION.qd, MOTION.qdd)
+        for _ in range(200):
+            machine.next_sample()
+    finally:
+        machine.close()
+
+
+JOBS: tuple[Callable[[], None], ...] = (simulation, diagnosis, mechanics)
+
+if __name__ == '__main__':
+    with ProcessPoolExecutor(2) as pool:
+        for done in [pool.submit(job) for job in JOBS]:
+            done.result()
