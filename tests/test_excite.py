@@ -223,7 +223,7 @@ def test_repeats_of_a_simulated_log_show_the_noise_floor():
     simulation = build_simulation(quiet, model, 'exact', 1e-3, 0, torque_noise=0.2)
     motion, fast = result.motion, result.fast
     simulation.queue_reference(simulation.time + motion.t, motion.q, motion.qd, motion.qdd)
-    tau = np.array([simulation.next_sample().effort for _ in motion.t])
+    tau = simulation.next_samples(len(motion.t)).effort
     # the drives settle into the periodic motion within the first periods
     block = tau[fast.first:fast.first + fast.count * fast.samples].reshape(
         fast.count, fast.samples, 4)[2:]
