@@ -77,6 +77,19 @@ def test_a_drift_is_told_with_joint_kind_size_and_time(sign):
     assert f'{sign * 0.5:+.1f}'[0] in str(drift)
 
 
+@pytest.mark.parametrize('seed', range(20))
+def test_a_strong_drift_acts_like_what_has_most_torque(seed):
+    """Far beyond the scatter of every word; only the torque along each tells them apart."""
+    watch, random = DriftWatch(4, learning=10), np.random.default_rng(seed)
+    watched(random, 30, watch)
+    shift = np.zeros((4, 4))
+    shift[2] = 20.0, 50.0, 44.0, -15.0
+    watched(random, 15, watch, shift)
+    drift, = watch.drifts
+    assert (drift.joint, drift.acts_like) == (2, 'Coulomb friction')
+    assert drift.size == pytest.approx(5.0, rel=0.1)  # a window or two before it may count
+
+
 def test_one_odd_window_is_no_drift_and_a_machine_that_is_mended_none_more():
     watch, random = DriftWatch(4), np.random.default_rng(5)
     watched(random, 100, watch)

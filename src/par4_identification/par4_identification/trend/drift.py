@@ -5,7 +5,9 @@ on what a joint can do that a model does not know: a constant torque, Coulomb fr
 friction, inertia. The first windows say how these projections scatter on this machine on its own
 work, errors of the model included. From then on each runs in two cumulative sums (Page 1954), one
 upward and one downward: they add up what lies more than SLACK standard deviations from the mean,
-and alarm at LEVEL. A sum tells since when it has been growing.
+and alarm at LEVEL. A sum tells since when it has been growing. It does not tell what the residual
+acts like: beside a strong cause every sum that resembles it grows as fast as CLIP lets it. That is
+the word along which most torque has come together since its sum began to grow.
 """
 
 from __future__ import annotations
@@ -106,6 +108,7 @@ class DriftWatch:
         self._mean = self._scatter = np.zeros((joints, len(WORDS)))
         self._sums = np.zeros((2, joints, len(WORDS)))
         self._since = np.zeros((2, joints, len(WORDS)))
+        self._excess = np.zeros((2, joints, len(WORDS)))
         self._size = np.zeros((2, joints, len(WORDS)))
         self._grown = np.zeros((2, joints, len(WORDS)))
 
@@ -126,24 +129,25 @@ class DriftWatch:
                 self._scatter = np.std(self._learnt, axis=0, ddof=1)
             return
         there = ~np.isnan(projected)
-        deviation = np.where(there, (projected - self._mean) / self._scatter, 0.0)
-        size = np.where(there, (projected - self._mean) / lengths, 0.0)
+        excess = np.where(there, projected - self._mean, 0.0)
+        size = np.where(there, excess / lengths, 0.0)
         for side, sign in enumerate((1.0, -1.0)):
-            step = np.where(there, np.minimum(sign * deviation, CLIP) - SLACK, 0.0)
+            step = np.where(there, np.minimum(sign * excess / self._scatter, CLIP) - SLACK, 0.0)
             self._sums[side] = np.maximum(0.0, self._sums[side] + step)
             rests = self._sums[side] == 0.0
             self._since[side][rests & there] = end
             self._grown[side] = np.where(rests, 0.0, self._grown[side] + there)
+            self._excess[side] = np.where(rests, 0.0, self._excess[side] + excess)
             self._size[side] = np.where(rests, 0.0, self._size[side] + size)
 
     @property
     def drifts(self) -> list[Drift]:
-        """What alarms now, one a joint: what its residual acts like most."""
+        """What alarms now, one a joint: along what most torque has come together."""
         found = []
         highest = self._sums.max(axis=(0, 2))
         for joint in np.flatnonzero(highest >= LEVEL):
-            side, kind = np.unravel_index(np.argmax(self._sums[:, joint]),
-                                          self._sums[:, joint].shape)
+            side, kind = np.unravel_index(np.argmax(np.abs(self._excess[:, joint])),
+                                          self._excess[:, joint].shape)
             found.append(Drift(int(joint), list(WORDS)[kind],
                                float(self._size[side, joint, kind]
                                      / self._grown[side, joint, kind]),
