@@ -81,6 +81,7 @@ class State:
         x, xd, xdd: pose of D and theta, (n, 4).
         nominal: the torque of this motion as far as known, None where only motion is.
         hanging: how gravity loads a single axis, None where it does not or with a geometry.
+        told_hz: up to which the positions are motion and hardly noise of the encoders.
     """
 
     t: np.ndarray
@@ -93,6 +94,7 @@ class State:
     xdd: np.ndarray | None = None
     nominal: Nominal | None = None
     hanging: Hanging | None = None
+    told_hz: float = np.inf
 
     @property
     def joints(self) -> int:

@@ -21,8 +21,8 @@ from par4_dynamics.effects.transmission import (
     MOTOR_SHARE,
     Springs,
     one_a_joint,
+    told_torque,
     transmission_columns,
-    transmitted_torque,
 )
 from par4_dynamics.state import State
 
@@ -73,7 +73,7 @@ class ElasticTransmission(Effect):
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         compliance = self.exact_at(shape, state.joints)
         if not np.any(compliance > 0.0):
-            return transmission_columns(state, -transmitted_torque(state))
+            return transmission_columns(state, -told_torque(state))
         damping_ratio, springs = _damping_ratio(shape), Springs(state)
         spring, torque = springs.torque(compliance, damping_ratio)
         columns = (np.zeros((*torque.shape, state.joints)) if np.all(compliance > 0.0)
@@ -130,7 +130,7 @@ class ElasticTransmission(Effect):
         return None
 
     def signature(self, state: State) -> Signature:
-        twist = time_rate(state, time_rate(state, transmitted_torque(state)))
+        twist = time_rate(state, time_rate(state, told_torque(state)))
         return Signature(twist, 'curvature of the load torque in time, N m/s2')
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numba
 import numpy as np
+from scipy.signal import butter, sosfiltfilt
 
 from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
@@ -22,6 +23,9 @@ MOTOR_SHARE = 0.5
 DAMPING_RATIO = 0.05
 """Of a transmission, over the critical damping of motor against arm: assumed where nothing tells.
 With much less the noise of the encoders would swing the load."""
+ORDER, FOLDED = 4, 0.4
+"""Of the filter, either way, that ends what encoders tell; share of the sample rate from which on
+there is nothing to end."""
 RUN_IN, RUN_IN_DAMPING = 1.0, 25.0
 """s before the motion, and times more damping at its start: the swing in which the integration
 starts dies away there. It fades to nothing without a kink, which would start another."""
@@ -59,6 +63,23 @@ def load_inertia(state: State, t: np.ndarray) -> np.ndarray:
     return rest.torque_by_qdd - _motor_side(state, np.eye(state.joints))
 
 
+def told_torque(state: State) -> np.ndarray:
+    """Return `transmitted_torque` (n, J) up to the frequency to which encoders tell the motion.
+
+    A load that swings makes of a little noise beyond it a large torque. Nor is that noise one of
+    its own: the drives answer encoder counts, so that motors move with what they misread.
+    """
+    torque = transmitted_torque(state)
+    if len(state.t) < 2:
+        return torque
+    period = (state.t[-1] - state.t[0]) / (len(state.t) - 1)
+    if state.told_hz * period >= FOLDED:
+        return torque
+    sections = butter(ORDER, state.told_hz, fs=1.0 / period, output='sos')
+    reach = min(len(torque) - 1, round(3.0 / (state.told_hz * period)))
+    return np.asarray(sosfiltfilt(sections, torque, axis=0, padlen=reach))
+
+
 class Springs:
     """Loads that swing on their transmissions while the motors move as measured.
 
@@ -75,7 +96,7 @@ class Springs:
     """
 
     def __init__(self, state: State) -> None:
-        self._rigid = transmitted_torque(state)
+        self._rigid = told_torque(state)
         self._still = len(state.t) < 2
         if self._still:
             return

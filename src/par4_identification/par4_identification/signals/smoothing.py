@@ -25,8 +25,10 @@ CHANCE = 3.0
 """Deviations of a spectrum, which is a mean of so many that overlap by half, within which what it
 has beyond that of the noise may be none."""
 KNOWN = 0.8
-"""Least share of what is told that is motion, of the joint in the middle, up to the highest
-frequency at which the motion is known."""
+"""Least share of what is told that is motion, up to the highest frequency at which the motion is
+known."""
+NEARLY_ALL = 0.98
+"""The same for what swings: a resonance makes hundreds of times the power of what excites it."""
 LEAST_CHANGE = 1e-6
 """Of a count, for a position to count as changed."""
 WHOLE, ALL = 0.1, 0.9
@@ -51,10 +53,13 @@ class Smoother:
         """Return the best estimate of a motion (n, J) from positions as told."""
         return _filtered(values, self.taps)
 
-    def known_hz(self, period: float) -> float:
-        """Return the frequency, Hz, up to which most of what is told is motion; inf if all is."""
+    def known_hz(self, period: float, least: float = KNOWN) -> float:
+        """Return the frequency, Hz, up to which that share of what is told is motion, inf if all.
+
+        It is that of the joint in the middle.
+        """
         share = np.median(np.abs(np.fft.rfft(self.taps, axis=0)), axis=1)
-        lost = np.flatnonzero(share < KNOWN)
+        lost = np.flatnonzero(share < least)
         return float(np.fft.rfftfreq(len(self.taps), period)[lost[0]]) if len(lost) else np.inf
 
     def likely(self, values: np.ndarray) -> np.ndarray:

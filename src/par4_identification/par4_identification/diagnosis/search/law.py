@@ -117,9 +117,10 @@ def dithered_state(run: Run, state: State, counts: int, random: np.random.Genera
     missed = run.smoother(told) - true
     dither, missed = (low_pass(part, run.conditioning.position_cutoff_hz, period)
                       for part in (missed if run.coarse else told - true, missed))
-    return state_of_joints(state.geometry, state.t, state.q + dither,
-                           state.qd + central_difference(dither, period),
-                           state.qdd + second_difference(missed, period))
+    return replace(state_of_joints(state.geometry, state.t, state.q + dither,
+                                   state.qd + central_difference(dither, period),
+                                   state.qdd + second_difference(missed, period)),
+                   told_hz=state.told_hz)
 
 
 def delivered(state: State) -> np.ndarray:
