@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -179,9 +180,25 @@ def test_a_transmission_that_twists_on_some_joints_is_expanded_on_these_only():
                        library=('elastic_transmission',))
     effect = CATALOGUE['elastic_transmission']
     everywhere = effect.expansion(np.array((1e-6, 2e-4, 1e-6, 1e-6)))
-    item = with_needed_joints(search.pool, search.rules, Hypothesis(effect, everywhere, EVERY), ())
+    item = with_needed_joints(search.pool, search.belief, Hypothesis(effect, everywhere, EVERY), ())
     assert item.joints == (1,)
     assert item.shape == {'expanded_at_1': 2e-4}
+
+
+def test_a_joint_that_no_machine_could_have_goes_if_it_is_worth_little():
+    """A small error of a strong cause looks like one joint more, with an impossible value."""
+    offset = (0.5, 0.0, 0.0045, 0.0)  # the third is worth little more than its price
+    search = search_of(('torque_offset', {'offset': offset}), library=('torque_offset',))
+    item, pool = Hypothesis(CATALOGUE['torque_offset'], {}, EVERY), search.pool
+
+    def needed(impossible):
+        belief = SimpleNamespace(rules=search.rules, objection=lambda item, _others: (
+            'impossible' if impossible in item.joints else None))
+        return with_needed_joints(pool, belief, item, ()).joints
+
+    assert needed(3) == (0, 2)
+    assert needed(2) == (0,)
+    assert needed(0) == (0, 2)  # nothing else does nearly as well: that it is refused is said
 
 
 @pytest.mark.parametrize(('apart', 'told_as'), [(0.009, 'quadratic'), (0.011, 'torque')])

@@ -11,27 +11,31 @@ import numpy as np
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind
+from par4_identification.diagnosis.search.belief import Belief
 from par4_identification.diagnosis.search.causes import Model
 from par4_identification.diagnosis.search.requirement import requirement_of
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import order_name
 
 
-def with_needed_joints(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Model
+def with_needed_joints(pool: Pool, belief: Belief, hypothesis: Hypothesis, others: Model
                        ) -> Hypothesis:
     """Return a name with only those joints and parts that are worth their price.
 
     Joints share the base parameters, so that an effect on one leaves a trace on all, and what all
     have in common belongs to the base: every set of joints is tried. So is, of a shared effect,
     every choice of its separable sets: one dimension that is wrong looks like several. What rows
-    held out miss is needed, whatever its price.
+    held out miss is needed, whatever its price. A joint that is worth little more than its price
+    goes, too, if no machine could have its value: small errors of a strong cause look like that.
 
     Args:
         pool: fits.
-        rules: the price of a coefficient, and what rows held out must gain.
+        belief: what a machine can have; its rules have the price of a coefficient, what rows held
+            out must gain, and how much worse a set of joints may be to be believed.
         hypothesis: an effect on all joints.
         others: the causes beside it.
     """
+    rules = belief.rules
     hypothesis = _with_confirmed_orders(pool, rules, hypothesis, others)
     # what the causes get wrong may look like one more joint, though not all of it
     doubt = np.sqrt(requirement_of(pool, (*others, hypothesis), rules).inflation)
@@ -40,9 +44,14 @@ def with_needed_joints(pool: Pool, rules: Rules, hypothesis: Hypothesis, others:
     trials = list(choices(hypothesis, everywhere)) or [hypothesis]
     fits = [pool.fit((*others, trial)) for trial in trials]
     most = min(fit.heldout_squares for fit in fits) + 2.0 * rules.margin * doubt
-    losses = [0.5 * fit.fit_squares + price * pool.width(trial)
-              if fit.heldout_squares <= most else np.inf for trial, fit in zip(trials, fits)]
-    return _by_itself(trials[int(np.argmin(np.round(losses, 6)))])  # of equals the first
+    losses = np.array([0.5 * fit.fit_squares + price * pool.width(trial)
+                       if fit.heldout_squares <= most else np.inf
+                       for trial, fit in zip(trials, fits)]).round(6)
+    ranks = np.argsort(losses, kind='stable')  # of equals the first
+    near = ranks[losses[ranks] <= losses[ranks[0]] + rules.twin]
+    found = (_by_itself(trials[rank]) for rank in near)
+    return next((item for item in found if belief.objection(item, others) is None),
+                _by_itself(trials[ranks[0]]))
 
 
 def _by_itself(hypothesis: Hypothesis) -> Hypothesis:

@@ -218,7 +218,7 @@ class Search:
         return (*model, hypothesis)
 
     def _with_needed_joints(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
-        return with_needed_joints(self.pool, self.rules, hypothesis, others)
+        return with_needed_joints(self.pool, self.belief, hypothesis, others)
 
     def _is_confirmed(self, hypothesis: Hypothesis, others: Model) -> bool:
         """Return whether a candidate could be real and is confirmed by rows held out."""
