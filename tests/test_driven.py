@@ -15,7 +15,7 @@ from par4_sim.driven import can_be_driven
 from par4_sim.exact import ExactPlant
 from par4_sim.noise import Noise
 from par4_sim.reference_curve import ReferenceLimits
-from par4_sim.simulation import Samples, Simulation
+from par4_sim.simulation import Simulation, Told
 from robots import REFERENCE
 
 TABLE_1 = read_model('table1', REFERENCE)
@@ -72,7 +72,7 @@ def test_many_samples_at_once_are_those_of_one_after_the_other(name, period):
                    for count in pieces]
         told.append([np.concatenate([np.reshape(getattr(sample, field.name), (
             (-1, 4) if field.name != 'time_ns' else -1)) for sample in samples])
-            for field in fields(Samples)])
+            for field in fields(Told)])
         counts.append(simulation.counts)
     assert counts[0] == counts[1]
     assert counts[0]['interrupted_references'] == 1
@@ -86,7 +86,7 @@ def test_many_samples_of_a_plant_that_is_not_compiled():
     one, many = (simulation_with(Stepped, machine_of()) for _ in range(2))
     samples = [one.next_sample() for _ in range(50)]
     told = many.next_samples(50)
-    for field in fields(Samples):
+    for field in fields(Told):
         np.testing.assert_array_equal(getattr(told, field.name), [
             getattr(sample, field.name) for sample in samples])
 
