@@ -79,6 +79,7 @@ class Accounts:
             clock, s.
         other_source: messages with positions from a second source with another clock, dropped.
         mixed: start and end, s, of stretches that were left out because two sources talk there.
+        jumps: times, s, at which several positions jump from one sample to the next.
     """
 
     bag: str
@@ -104,6 +105,7 @@ class Accounts:
     clock_offset: float = 0.0
     other_source: int = 0
     mixed: tuple[tuple[float, float], ...] = ()
+    jumps: tuple[float, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the accounts as plain dicts, lists, numbers and strings."""
@@ -125,6 +127,11 @@ class Accounts:
                          'fewer are left out')
         found += [f'two machines or simulations talk on {self.position.topic} from {start:.4g} to '
                   f'{end:.4g} s; that stretch is left out' for start, end in self.mixed]
+        if self.jumps:
+            more = f' and {len(self.jumps) - 1} times more' if len(self.jumps) > 1 else ''
+            found.append(f'positions on {self.position.topic} jump within a sample at '
+                         f'{self.jumps[0]:.4g} s{more}, as where two recordings are joined or '
+                         f'samples are missing without a gap in the stamps; the log is cut there')
         return tuple(found)
 
     def findings(self) -> tuple[str, ...]:

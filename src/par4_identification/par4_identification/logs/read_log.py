@@ -7,8 +7,8 @@ was received only orders the messages and tells where the clock was set back.
 The order of the repairs, for positions and torque alike: joints by name; samples without stamp;
 messages of a second source; a clock set back (the part behind it becomes a segment of its own, its
 time continued); sorting; repeated stamps; gaps counted; NaN. Positions then give the grid: their
-own stamps if these are even, else as many evenly spaced ones. Short gaps are filled, long ones cut
-the log into segments, which are never joined.
+own stamps if these are even, else as many evenly spaced ones. Short gaps are filled; long ones, and
+jumps of several positions at once, cut the log into segments, which are never joined.
 """
 
 from __future__ import annotations
@@ -106,6 +106,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
                                     - set(joints))),
         ignored_topics=bag.ignored, unreadable=bag.unreadable, reference=reference_note,
         clock_offset=offset, other_source=len(rows.stamp) - len(own.stamp),
-        mixed=tuple((1e-9 * first, 1e-9 * last) for first, last in source.mixed))
+        mixed=tuple((1e-9 * first, 1e-9 * last) for first, last in source.mixed),
+        jumps=tuple(1e-9 * time for time in grid.jumps))
     return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,
                tuple(slice(start, end) for start, end in pairwise(ends)), reference, accounts)
