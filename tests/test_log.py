@@ -651,3 +651,35 @@ def test_a_sample_of_elsewhere_at_the_beginning_is_cut_off(tmp_path):
     log = read_log(bag(tmp_path / 'bag', stamp, position), ROBOT)
     assert stamps_of(log)[0] == stamp[1]
     assert_true(log)
+
+
+@pytest.mark.parametrize('turn', [2.0 * np.pi, 360.0])
+def test_a_reading_that_wraps_round_is_put_together(tmp_path, turn):
+    """No encoder is said to have slipped, and radians beyond half a turn are not degrees."""
+    stamp = even()
+    position = true_position(stamp) * turn / (2.0 * np.pi)
+    wrapped = position.copy()
+    wrapped[:, 1] = position[:, 1] % turn
+    log = read_log(bag(tmp_path / 'wraps', stamp, wrapped), ROBOT)
+    np.testing.assert_allclose(log.q, position, rtol=0, atol=1e-9)
+    wraps = np.count_nonzero(np.abs(np.diff(wrapped[:, 1])) > 0.5 * turn)
+    assert log.bag_accounts.wraps == {JOINT_NAMES[1]: wraps}
+    said, = log.bag_accounts.of_clocks()
+    assert f'{JOINT_NAMES[1]} on /joint_states jumps by a whole turn {wraps} times' in said
+    assert log.bag_accounts.jumps == ()
+
+
+def test_numbers_that_no_sensor_tells_are_dropped(tmp_path):
+    stamp = even()
+    voltage = true_torque(stamp) / GAIN
+    voltage[100::400, 2] = 1e300
+    log = read_log(bag(tmp_path / 'damaged', stamp, voltage=voltage), ROBOT)
+    assert log.bag_accounts.torque.not_finite == 5
+    assert_true(log, torque_error=TORQUE_CURVATURE * (1e-9 * PERIOD) ** 2)
+
+
+def test_a_joint_without_numbers_is_said(tmp_path):
+    position = true_position(even())
+    position[:, 2] = np.nan
+    with pytest.raises(InputError, match='2000 not finite.*record every joint as a number'):
+        read_log(bag(tmp_path / 'nan', even(), position), ROBOT)

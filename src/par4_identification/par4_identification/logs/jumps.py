@@ -21,6 +21,12 @@ ALONE = 3.0
 beyond the scatter, too, but smooth."""
 WIDEST = 3
 """Samples after which what jumps back is no spike."""
+TURNS = 2.0 * np.pi, 360.0
+"""rad, and degrees where these stand for radians by mistake."""
+NEAR_TURN = 0.02
+"""Most that a step may be off whole turns, in turns: what a joint travels from sample to sample."""
+LONGEST_STEP = 4.5
+"""Periods; readings so far apart belong to stretches of their own."""
 FEWEST_HELD, STOPPED = 4, 3.0
 """Samples in a row that a logger repeats, and counts of the last step before, from which on a
 machine did not come to rest by itself."""
@@ -49,6 +55,30 @@ def jumps_of(q: np.ndarray, width: np.ndarray | float = 1.0) -> tuple[np.ndarray
     size = np.pad(np.abs(off), 2)
     beside = np.maximum(size[:-4], size[4:])
     return off, (np.abs(off) > least) & (np.abs(off) > ALONE * beside)
+
+
+def without_turns(q: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return readings (n, J) that wrap round by whole turns put together, and how often each does.
+
+    They come back within half a turn of zero, in the middle, as those of an arm are.
+
+    Args:
+        q: rad, or degrees by mistake.
+        width: of the steps, in periods, (n - 1,); what happens in longer gaps stays.
+    """
+    step, often = np.diff(q, axis=0), np.zeros(q.shape[1], dtype=int)
+    for turn in TURNS:
+        turns = np.round(step / turn)
+        wraps = (np.abs(step - turn * turns) < NEAR_TURN * turn) & (turns != 0.0)
+        wraps &= (width < LONGEST_STEP)[:, None]
+        joints = wraps.any(axis=0)
+        if joints.any():
+            q = q.copy()
+            q[1:] -= turn * np.cumsum(np.where(wraps, turns, 0.0), axis=0)
+            q[:, joints] -= turn * np.round(np.median(q[:, joints], axis=0) / turn)
+            often += np.count_nonzero(wraps, axis=0)
+            step = np.diff(q, axis=0)
+    return q, often
 
 
 def joints_of_recordings(q: np.ndarray, width: np.ndarray) -> np.ndarray:
