@@ -683,3 +683,12 @@ def test_a_joint_without_numbers_is_said(tmp_path):
     position[:, 2] = np.nan
     with pytest.raises(InputError, match='2000 not finite.*record every joint as a number'):
         read_log(bag(tmp_path / 'nan', even(), position), ROBOT)
+
+
+def test_a_position_that_no_encoder_tells_is_dropped(tmp_path):
+    stamp = np.delete(even(), 500)
+    position = true_position(stamp)
+    position[502, 1] = -1e160
+    log = read_log(bag(tmp_path / 'damaged', stamp, position), ROBOT)
+    assert log.bag_accounts.position.not_finite == 1
+    assert np.abs(log.q).max() < 0.5
