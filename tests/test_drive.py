@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from experiments import IDEAL, MOTION, entry, model_of
 from flywheels import spinning
 
 from par4_dynamics.model import read_model
@@ -276,6 +277,25 @@ def test_effort_is_gain_times_voltage_and_stamps_are_even():
     assert samples[0].time_ns > 0
     simulation.reset()
     assert simulation.next_sample().time_ns == samples[0].time_ns
+
+
+@pytest.mark.parametrize('delay', [0.0, 1.4e-3, -1.4e-3])
+@pytest.mark.parametrize('rate', [500, 200, 50])
+def test_samples_at_a_low_rate_are_some_of_those_at_a_high_one(rate, delay):
+    """Torques as well as positions: the steps between two samples do not overwrite what is told."""
+    told = []
+    for own in (1000, rate):
+        simulation = build_simulation(IDEAL, model_of(entry('time_offset', delay=delay)),
+                                      'exact', 1.0 / own)
+        simulation.queue_reference(0.1 + MOTION.t, MOTION.q, MOTION.qd, MOTION.qdd)
+        told.append(simulation.next_samples(round(0.6 * own)))
+    many, few = told
+    same = np.searchsorted(many.time_ns, few.time_ns)
+    np.testing.assert_array_equal(many.time_ns[same], few.time_ns)
+    assert np.ptp(many.effort, axis=0).min() > 2.0
+    for name in ('q', 'effort', 'true_torque'):
+        np.testing.assert_allclose(getattr(few, name), getattr(many, name)[same], rtol=0,
+                                   atol=1e-9)
 
 
 def test_a_resting_machine_stays_at_home():

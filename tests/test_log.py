@@ -606,3 +606,89 @@ def test_single_axis(tmp_path):
     log = read_log(tmp_path / 'bag', axis)
     np.testing.assert_array_equal(log.q, true_position(even())[:, :1])
     np.testing.assert_array_equal(log.tau, 35.15 * true_torque(even())[:, :1])
+
+
+@pytest.mark.parametrize('jitter', [0, 20_000])
+def test_two_recordings_joined_without_a_gap_are_cut_where_positions_jump(tmp_path, jitter):
+    """Nothing is filtered across the joint, and no encoder is said to have slipped there."""
+    stamp = even() + np.random.default_rng(1).integers(-jitter, jitter + 1, COUNT)
+    later = even() + 3_700 * PERIOD * (np.arange(COUNT) >= 1200)
+    log = read_log(bag(tmp_path / 'joined', stamp, true_position(later), voltage=true_torque(
+        later) / GAIN), ROBOT)
+    assert [segment.stop - segment.start for segment in log.segments] == [
+        pytest.approx(1200, abs=2), pytest.approx(800, abs=2)]
+    said, = log.bag_accounts.of_clocks()
+    assert 'jump within a sample at 1.2 s' in said
+    true = true_position(later)[np.searchsorted(stamp, stamps_of(log)).clip(0, COUNT - 1)]
+    assert np.abs(log.q - true).max() < 0.01
+
+
+@pytest.mark.parametrize('case', ['a slip', 'a spike of all', 'held', 'a quick motion'])
+def test_what_is_no_joint_of_recordings_does_not_cut_the_log(tmp_path, case):
+    stamp = even()
+    position, torque = true_position(stamp), true_torque(stamp)
+    if case == 'a slip':
+        position[900:, 1] += 0.05
+    elif case == 'a spike of all':
+        position[900:902] += 0.3
+    elif case == 'held':
+        position[900:930], torque[900:930] = position[900], torque[900]
+    else:  # after a long rest in which readings flicker
+        share = np.clip((stamp[:, None] - stamp[1500]) / (7.0 * PERIOD), 0.0, 1.0)
+        position = (position[:1] + 0.1 * np.sin(0.5 * np.pi * share) ** 2
+                    + 1e-5 * np.random.default_rng(2).integers(0, 2, position.shape))
+    log = read_log(bag(tmp_path / 'bag', stamp, position, voltage=torque / GAIN), ROBOT)
+    assert len(log.segments) == 1
+    assert log.bag_accounts.jumps == ()
+    assert len(log.t) == COUNT
+
+
+def test_a_sample_of_elsewhere_at_the_beginning_is_cut_off(tmp_path):
+    """As where a clock that was set back gives one sample the stamp of the first one."""
+    stamp = even()
+    position = true_position(stamp)
+    position[0] += 0.4
+    log = read_log(bag(tmp_path / 'bag', stamp, position), ROBOT)
+    assert stamps_of(log)[0] == stamp[1]
+    assert_true(log)
+
+
+@pytest.mark.parametrize('turn', [2.0 * np.pi, 360.0])
+def test_a_reading_that_wraps_round_is_put_together(tmp_path, turn):
+    """No encoder is said to have slipped, and radians beyond half a turn are not degrees."""
+    stamp = even()
+    position = true_position(stamp) * turn / (2.0 * np.pi)
+    wrapped = position.copy()
+    wrapped[:, 1] = position[:, 1] % turn
+    log = read_log(bag(tmp_path / 'wraps', stamp, wrapped), ROBOT)
+    np.testing.assert_allclose(log.q, position, rtol=0, atol=1e-9)
+    wraps = np.count_nonzero(np.abs(np.diff(wrapped[:, 1])) > 0.5 * turn)
+    assert log.bag_accounts.wraps == {JOINT_NAMES[1]: wraps}
+    said, = log.bag_accounts.of_clocks()
+    assert f'{JOINT_NAMES[1]} on /joint_states jumps by a whole turn {wraps} times' in said
+    assert log.bag_accounts.jumps == ()
+
+
+def test_numbers_that_no_sensor_tells_are_dropped(tmp_path):
+    stamp = even()
+    voltage = true_torque(stamp) / GAIN
+    voltage[100::400, 2] = 1e300
+    log = read_log(bag(tmp_path / 'damaged', stamp, voltage=voltage), ROBOT)
+    assert log.bag_accounts.torque.not_finite == 5
+    assert_true(log, torque_error=TORQUE_CURVATURE * (1e-9 * PERIOD) ** 2)
+
+
+def test_a_joint_without_numbers_is_said(tmp_path):
+    position = true_position(even())
+    position[:, 2] = np.nan
+    with pytest.raises(InputError, match='2000 not finite.*record every joint as a number'):
+        read_log(bag(tmp_path / 'nan', even(), position), ROBOT)
+
+
+def test_a_position_that_no_encoder_tells_is_dropped(tmp_path):
+    stamp = np.delete(even(), 500)
+    position = true_position(stamp)
+    position[502, 1] = -1e160
+    log = read_log(bag(tmp_path / 'damaged', stamp, position), ROBOT)
+    assert log.bag_accounts.position.not_finite == 1
+    assert np.abs(log.q).max() < 0.5

@@ -20,18 +20,22 @@ from singular_log import singular_log
 
 from par4_dynamics.model import read_model
 from par4_dynamics.parameters import Parameter
+from par4_identification.logs.log import Log
 from par4_identification.setup_check.check import check_setup
-from par4_identification.setup_check.clustered import clustered_covariance, clusters_of
+from par4_identification.setup_check.clustered import basis_of, clustered_std, clusters_of
 from par4_identification.setup_check.drive_answer import answer_of
 from par4_identification.setup_check.equations import equations_of, stretches_of
 from par4_identification.setup_check.finding import Amount, Finding, SetupCheck
 from par4_identification.setup_check.repair import filled
-from par4_identification.setup_check.samples import Held, held_stretches
+from par4_identification.setup_check.samples import Held, held_stretches, spikes
 from par4_identification.setup_check.total import total_lines, totals
 from par4_identification.signals.rows import runs_of_log
+from par4_kinematics.approach import with_approach
+from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.position import closes
 from par4_kinematics.robot import Axis, Drives
 from par4_sim.noise import Noise
+from par4_sim.simulation import build_simulation
 from robots import REFERENCE
 
 TABLE = read_model('table1', REFERENCE)
@@ -194,8 +198,49 @@ def test_deviations_hold_what_lasts():
         lasting = np.repeat(np.random.default_rng(seed).normal(size=60), 50)
         residual = np.concatenate((lasting, lasting))  # both joints miss the same
         error = float(design[:, 0] @ residual / (design[:, 0] @ design[:, 0]))
-        ratios.append(error ** 2 / clustered_covariance(design, residual, cluster)[0, 0])
+        left = residual - error * design[:, 0]
+        ratios.append((error / clustered_std(design, left, cluster, design[:, :0])[0]) ** 2)
     assert 0.7 < np.sqrt(np.mean(ratios)) < 1.3
+
+
+def test_deviations_of_few_clusters_are_not_too_small():
+    """Beside ten columns, eight half seconds of coloured error hide most of what they lack."""
+    random = np.random.default_rng(5)
+    cluster = np.repeat(np.arange(8), 50)
+    ratios = []
+    for _ in range(200):
+        waves = np.cumsum(random.standard_normal((400, 11)), axis=0)  # as slow as the clusters
+        basis, slopes = basis_of(waves[:, :10]), waves[:, 10:]
+        own = slopes - basis @ (basis.T @ slopes)
+        error = np.repeat(random.standard_normal(8), 50)
+        error -= basis @ (basis.T @ error)
+        value = float(own[:, 0] @ error / (own[:, 0] @ own[:, 0]))
+        left = error - own[:, 0] * value
+        ratios.append(abs(value) / clustered_std(slopes, left, cluster, basis)[0])
+    assert np.median(ratios) < 1.0
+    assert np.mean(np.array(ratios) > 4.0) < 0.01
+
+
+@pytest.mark.parametrize('seed', [29, 30])
+def test_a_short_log_has_no_wrong_zeros_but_those_that_are(seed):
+    """What a fit of three seconds of motion leaves says little of what it got wrong."""
+    simulation = build_simulation(REFERENCE, TABLE, 'exact', seed=seed, torque_noise=0.1)
+    motion = with_approach(excitation_motion(REFERENCE, 6.0, seed=seed), REFERENCE, simulation.q)
+    simulation.queue_reference(0.5 + motion.t, motion.q, motion.qd, motion.qdd)
+    told = simulation.next_samples(3502)
+    short = Log('short', REFERENCE.joint_names, 0, 1e-3, 1e-9 * told.time_ns, told.q, told.effort,
+                (slice(0, 3502),), None, None)
+    assert found(short)[0] == []
+    assert found(mistakes.zero_off(short, np.radians((0.0, 0.0, 0.0, 5.0))))[0] == [
+        ('zero_error', (3,))]
+
+
+def test_what_hangs_on_one_cluster_has_no_deviation():
+    cluster = np.repeat(np.arange(6), 20)
+    slopes = np.where(cluster == 2, 1.0, 0.0)[:, None]
+    left = np.random.default_rng(1).standard_normal(120)
+    left -= slopes[:, 0] * (slopes[:, 0] @ left) / (slopes[:, 0] @ slopes[:, 0])
+    assert clustered_std(slopes, left, cluster, slopes[:, :0]).tolist() == [np.inf]
 
 
 def test_a_small_error_is_not_told_as_a_larger_one_of_another_dimension(clean):
@@ -326,6 +371,18 @@ def test_spikes_are_interpolated(clean, column, size):
     kinds, check = found(mistakes.spiked(clean, column, 3, times, sizes))
     assert kinds == [('spikes', (3,))]
     assert np.abs(getattr(check.logs[0], column) - getattr(clean, column)).max() < 0.05 * size
+
+
+def test_a_quick_turn_at_a_low_rate_is_no_spike(clean):
+    """Beside a long rest it stands out of its neighbours' median, but goes round smoothly."""
+    t = 0.005 * np.arange(2000)
+    turn = 0.1 * np.exp(-0.5 * ((t - 9.0) / 0.02) ** 2)
+    log = replace(clean, period=0.005, t=t, q=turn[:, None] * np.ones((1, 4)),
+                  tau=np.zeros((2000, 4)), segments=(slice(0, 2000),), reference=None)
+    assert not spikes(log, 'q').any()
+    wrong = log.q.copy()
+    wrong[1800, 2] += 0.03
+    assert np.argwhere(spikes(replace(log, q=wrong), 'q')).tolist() == [[1800, 2]]
 
 
 def test_a_clipped_torque_does_not_count(clean):

@@ -120,6 +120,18 @@ def test_stamps_in_milliseconds_end_in_no_error(bag, tmp_path, monkeypatch):
     said_first(done, tmp_path, 'wrong_unit', 'validation.json')
 
 
+def test_a_model_of_torques_in_another_unit_is_not_to_be_used(right, tmp_path):
+    bag = written(tmp_path / 'mNm', [
+        (received, topic, stamp, position, 1e3 * np.asarray(effort))
+        for received, topic, stamp, position, effort in messages_of(right)])
+    done = run(identify, bag, '--robot', 'reference', '--output', tmp_path / 'out', '--no-report')
+    assert done.code == 0, done.err
+    assert done.out.startswith(f'{FIRST}torques reach ')
+    assert 'as mN m they would be' in ' '.join(done.out.split())
+    assert 'do not use this model' in done.out
+    assert 'can be trusted' not in done.out
+
+
 SECOND = 1_000_000_000
 
 

@@ -96,14 +96,15 @@ class ControlLoop:
         controller: their law.
         amplifier, sensors: as they truly are.
         plant: for the times at which its readings and torques are valid.
+        substeps: physics steps from sample to sample, all done before a sample is recorded.
 
     Attributes:
         controller: the law and what it counts.
-        steps_ahead: physics steps from a sample to where everything it tells is known.
+        steps_ahead: physics steps from the beginning of a sample to where it is recorded.
     """
 
     def __init__(self, drives: Drives, controller: Controller, amplifier: Amplifier,
-                 sensors: Sensors, plant: Plant) -> None:
+                 sensors: Sensors, plant: Plant, substeps: int) -> None:
         self.controller = controller
         self._law = controller.law
         self._encoders = sensors.encoders(drives.encoder_counts)
@@ -114,7 +115,7 @@ class ControlLoop:
         # steps from the row that is valid at a sample's time to the sample's own
         shift = plant.torque_offset / plant.dt
         self._shifts = np.round((shift + sensors.torque_delay / plant.dt, shift), 9)
-        self.steps_ahead = max(1, math.ceil(-self._shifts.min()) + 1)
+        self.steps_ahead = max(substeps, math.ceil(-self._shifts.min()) + 1)
         rows = self.steps_ahead + max(0, math.ceil(self._shifts.max())) + SPARE
         self._history = np.zeros((2, rows, LEGS))
         self._currents = np.zeros((2, LEGS))

@@ -114,9 +114,9 @@ class Simulation:
         self._holding_torque = holding_torque
         self._loop = ControlLoop(
             robot.drives, controller or DriveLoops(robot.drives, torque_limit, plant.dt), amplifier,
-            sensors, plant)
+            sensors, plant, self._substeps)
         self._driven = plant if can_be_driven(plant, self._loop) else None
-        self._ahead = max(self._substeps, self._loop.steps_ahead)
+        self._ahead = self._loop.steps_ahead
         self._pose = home_pose(robot) if pose is None else pose
         plant.reset(self._pose)
         self._reference = ReferenceQueue(plant.q, limits)

@@ -79,7 +79,8 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: R
         mass_remarks, mass_fields = weighed_payload(
             identification.runs, [log for log in logs if log.name in loaded], machine, rigid_body)
         found = (*gain_remarks, *mass_remarks)
-        outcome = outcome_of_identification(identification, floor, machine, bare)
+        outcome = outcome_of_identification(identification, floor, machine, bare,
+                                            bool(check.useless))
         outcome = with_setup(replace(outcome, remarks=(*outcome.remarks, *found)), check,
                              'identification')
         table = table_of_parameters(identification, machine, truth)

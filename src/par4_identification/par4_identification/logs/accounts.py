@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from par4_kinematics.interface import REFERENCE
@@ -26,7 +27,7 @@ class SampleCounts:
         repeated: sent again with the same stamp and values, dropped.
         conflicting: with the stamp of another sample but other values, dropped.
         crowded: closer than a quarter of a period behind another, dropped.
-        not_finite: NaN or infinite, dropped.
+        not_finite: NaN, infinite or beyond what any sensor tells, dropped.
         out_of_order: received after a later one, sorted in.
         gaps: spacings of more than 1.5 periods.
         longest_gap: s.
@@ -79,6 +80,8 @@ class Accounts:
             clock, s.
         other_source: messages with positions from a second source with another clock, dropped.
         mixed: start and end, s, of stretches that were left out because two sources talk there.
+        wraps: how often the reading of a joint jumps by a whole turn; put together.
+        jumps: times, s, at which several positions jump from one sample to the next.
     """
 
     bag: str
@@ -104,6 +107,8 @@ class Accounts:
     clock_offset: float = 0.0
     other_source: int = 0
     mixed: tuple[tuple[float, float], ...] = ()
+    wraps: Mapping[str, int] = field(default_factory=dict)
+    jumps: tuple[float, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the accounts as plain dicts, lists, numbers and strings."""
@@ -125,6 +130,14 @@ class Accounts:
                          'fewer are left out')
         found += [f'two machines or simulations talk on {self.position.topic} from {start:.4g} to '
                   f'{end:.4g} s; that stretch is left out' for start, end in self.mixed]
+        found += [f'the position of {joint} on {self.position.topic} jumps by a whole turn '
+                  f'{count} time{"s" if count > 1 else ""}, as a reading that wraps round; put '
+                  'together' for joint, count in self.wraps.items()]
+        if self.jumps:
+            more = f' and {len(self.jumps) - 1} times more' if len(self.jumps) > 1 else ''
+            found.append(f'positions on {self.position.topic} jump within a sample at '
+                         f'{self.jumps[0]:.4g} s{more}, as where two recordings are joined or '
+                         f'samples are missing without a gap in the stamps; the log is cut there')
         return tuple(found)
 
     def findings(self) -> tuple[str, ...]:

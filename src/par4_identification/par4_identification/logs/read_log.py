@@ -7,12 +7,13 @@ was received only orders the messages and tells where the clock was set back.
 The order of the repairs, for positions and torque alike: joints by name; samples without stamp;
 messages of a second source; a clock set back (the part behind it becomes a segment of its own, its
 time continued); sorting; repeated stamps; gaps counted; NaN. Positions then give the grid: their
-own stamps if these are even, else as many evenly spaced ones. Short gaps are filled, long ones cut
-the log into segments, which are never joined.
+own stamps if these are even, else as many evenly spaced ones. Short gaps are filled; long ones, and
+jumps of several positions at once, cut the log into segments, which are never joined.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from par4_identification.logs.accounts import SHORTEST_SEGMENT, Accounts
 from par4_identification.logs.bag import read_bag
 from par4_identification.logs.clock import Clock
 from par4_identification.logs.grid import EVEN, grid_of
+from par4_identification.logs.jumps import without_turns
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import count, stretches
 from par4_identification.logs.measured_torque import measured_torque
@@ -71,6 +73,10 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     refuse_two_sources(path, position)
     torque, torque_source, disagreement, offset = measured_torque(path, bag, machine, clock,
                                                                   source)
+    wraps: tuple[int, ...] = ()
+    if isinstance(machine, Robot) or machine.kind == 'revolute':
+        values, often = without_turns(position.values, np.diff(position.stamp) / position.period)
+        position, wraps = replace(position, values=values), tuple(often.tolist())
     grid = grid_of(position)
 
     parts, short, without_torque = [], grid.short, 0
@@ -106,6 +112,8 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
                                     - set(joints))),
         ignored_topics=bag.ignored, unreadable=bag.unreadable, reference=reference_note,
         clock_offset=offset, other_source=len(rows.stamp) - len(own.stamp),
-        mixed=tuple((1e-9 * first, 1e-9 * last) for first, last in source.mixed))
+        mixed=tuple((1e-9 * first, 1e-9 * last) for first, last in source.mixed),
+        wraps={joint: count for joint, count in zip(joints, wraps, strict=False) if count},
+        jumps=tuple(1e-9 * time for time in grid.jumps))
     return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,
                tuple(slice(start, end) for start, end in pairwise(ends)), reference, accounts)

@@ -19,6 +19,8 @@ FILLED = 3
 """Most missing samples in a row that interpolation fills; more cut the log."""
 FEWEST_SAMPLES = 20
 """Samples below which a log is refused: a steady speed at a few hertz has no more."""
+LARGEST = 1e30
+"""rad or N m; no sensor tells more, and the squares of damaged numbers are none."""
 MOST_CONFLICTS = 0.05
 """Fraction of samples with the stamp but not the values of another above which a log is refused."""
 MOST_TO_AND_FRO = 0.05
@@ -61,15 +63,18 @@ def series_of(path: str | Path, rows: StampedRows, clock: Clock) -> Series:
     received_order = stamp[np.sort(order)]
     out_of_order = count(received_order < np.maximum.accumulate(received_order))
     spacing = spacing_counts(stamp[order], clock.run(stamp[order]))
-    finite = np.isfinite(rows.values).all(axis=1)[order]
+    finite = (np.abs(rows.values) < LARGEST).all(axis=1)[order]
     counts = SampleCounts(
         topic=rows.topic, **rows.dropped, repeated=repeated, conflicting=conflicting,
         crowded=count(crowded), not_finite=count(~finite),
         out_of_order=out_of_order, **vars(spacing))
     order = order[finite]
     if len(order) < 2 or not counts.period:
-        raise InputError(f'{path}: {len(order)} usable samples on {rows.topic}, at least '
-                         f'{FEWEST_SAMPLES} are needed; record a longer bag')
+        lost = f' of {counts.read} ({counts.not_finite} not finite)' if counts.not_finite else ''
+        advice = ('record every joint as a number' if counts.not_finite > FEWEST_SAMPLES else
+                  'record a longer bag')
+        raise InputError(f'{path}: {len(order)} usable samples{lost} on {rows.topic}, at least '
+                         f'{FEWEST_SAMPLES} are needed; {advice}')
     return Series(taken(stamp, order), taken(rows.values, order), 1e9 * counts.period, counts)
 
 

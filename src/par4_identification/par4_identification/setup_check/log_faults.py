@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from par4_identification.logs.jumps import resolution
 from par4_identification.logs.log import Log
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_identification.setup_check.repair import (
@@ -20,7 +21,6 @@ from par4_identification.setup_check.samples import (
     Held,
     flat_tops,
     held_stretches,
-    resolution,
     slips,
     spikes,
 )

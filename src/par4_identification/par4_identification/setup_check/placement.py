@@ -3,8 +3,8 @@
 The torque is linear in base parameters and in what effects of the library add; it is not in the
 zeros of the encoders and the dimensions of the robot file. Gauss and Newton move these, with the
 kinematics solved anew at every step; everything linear is refitted each time (variable projection,
-Golub and Pereyra 1973). Standard deviations are clustered by half seconds (Liang and Zeger 1986):
-what the model lacks is coloured, and counts as often as it comes, not as often as it is sampled.
+Golub and Pereyra 1973). Standard deviations are clustered by half seconds (see `clustered`): what
+the model lacks is coloured, and counts as often as it comes, not as often as it is sampled.
 
 What is refitted beside the bodies: inertia and friction that all joints share, which is all that a
 machine without other faults needs; or as much as the library knows and more: on each joint an
@@ -24,7 +24,7 @@ import numpy as np
 
 from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
 from par4_dynamics.state import State
-from par4_identification.setup_check.clustered import clustered_covariance, clusters_of
+from par4_identification.setup_check.clustered import basis_of, clustered_std, clusters_of
 from par4_identification.setup_check.equations import (
     Equations,
     Stretch,
@@ -127,7 +127,7 @@ class Placement:
 
     def _take_out(self, columns: np.ndarray) -> None:
         """Take columns (n, J, k), which no error moves, out of the torque and of the bodies'."""
-        self._beside = _basis(_stacked(columns, self._valid))
+        self._beside = basis_of(_stacked(columns, self._valid))
         self._target = self._reduced(self._torque)
 
     def _reduced(self, values: np.ndarray) -> np.ndarray:
@@ -196,7 +196,7 @@ class Placement:
         for group in groups:
             own = slopes[:, list(group)]
             step = np.linalg.lstsq(own, nothing.residual, rcond=1e-6)[0]
-            found.append((step, self._std(own, nothing.residual - own @ step)))
+            found.append((step, self._std(nothing, own, nothing.residual - own @ step)))
         return found
 
     def solve(self, free: Sequence[int], start: np.ndarray) -> Solution:
@@ -219,7 +219,7 @@ class Placement:
             if settled:
                 break
         std = np.zeros(ERRORS)
-        std[free] = self._std(self._slopes(now, free), now.residual)
+        std[free] = self._std(now, self._slopes(now, free), now.residual)
         return replace(now, std=std)
 
     def _descended(self, now: Solution, free: Sequence[int], step: np.ndarray) -> Solution | None:
@@ -235,9 +235,10 @@ class Placement:
                 return trial
         return None
 
-    def _std(self, slopes: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    def _std(self, solution: Solution, slopes: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Return clustered standard deviations of values with these slopes (m, k)."""
-        return np.sqrt(np.diag(clustered_covariance(slopes, residual, self._cluster)))
+        beside = np.column_stack((self._beside, solution.basis))
+        return clustered_std(slopes, residual, self._cluster, beside)
 
 
 def placement_at(stretches: Sequence[Stretch], geometry: Geometry, start: np.ndarray
@@ -320,12 +321,3 @@ def _polynomials(q: np.ndarray) -> np.ndarray:
 def _stacked(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
     """Return values (n, J, ...) at rows that count (n, J), joint after joint."""
     return np.concatenate([values[valid[:, joint], joint] for joint in range(LEGS)])
-
-
-def _basis(columns: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis (m, r) of what columns (m, k) span."""
-    sizes = np.linalg.norm(columns, axis=0)
-    columns = columns[:, sizes > 1e-12] / sizes[sizes > 1e-12]
-    values, vectors = np.linalg.eigh(columns.T @ columns)
-    kept = values > 1e-9 * values[-1]
-    return columns @ (vectors[:, kept] / np.sqrt(values[kept]))

@@ -11,16 +11,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter, rank_filter
+from scipy.ndimage import median_filter
 
+from par4_identification.logs.jumps import (
+    AROUND,
+    BEYOND,
+    COUNTS,
+    SMALLEST,
+    WIDEST,
+    jumps_of,
+    resolution,
+)
 from par4_identification.logs.log import Log
 
 FEWEST = 4
 """Samples in a row that a held reading repeats."""
-AROUND = 5
-"""Samples on either side from which the speed of a joint is taken."""
-COUNTS = 6.0
-"""Counts of an encoder above which a change is a jump."""
 FASTER = 3.0
 """Ratio of a jump to what the joint travels in a sample, beside it."""
 BRIEF, UNMOVED = 0.06, 4.0
@@ -36,10 +41,6 @@ LONG_TRAVEL = 0.4
 """The same where a reading never changes."""
 UNSLOWED = 0.5
 """Least part of the speed before it that the last step of a reading that stopped at once has."""
-SMALLEST_SLIP = 3e-3
-"""rad; what is smaller belongs to the noise of a reading."""
-BEYOND = 12.0
-"""Ratio of a wrong sample to the scatter about the median of its neighbours."""
 OFTEN = 0.01
 """Share of samples from which deviations are no spikes but noise."""
 PART_OF_RANGE = 0.45
@@ -47,8 +48,6 @@ PART_OF_RANGE = 0.45
 give pulses of a tenth, loads that rattle of a third."""
 RARE = 4.0
 """Ratio of a torque's spike to what two samples in a thousand exceed: gaps and springs ring."""
-WIDEST = 3
-"""Samples of one spike."""
 AGREE = 0.3
 """Most by which the neighbours of a spike may differ, of its size."""
 FLAT, FLATS, FLAT_RUNS = 4, 20, 3
@@ -131,13 +130,6 @@ def _distinct(found: list[Held]) -> list[Held]:
     return sorted(kept, key=lambda held: held.start)
 
 
-def resolution(q: np.ndarray) -> float:
-    """Return the smallest usual step of a reading (n,), rad; one count of an encoder."""
-    steps = np.abs(np.diff(q))
-    steps = steps[steps > 0.0]
-    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
-
-
 def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, int, bool]]:
     """Return the runs over which a joint's reading repeats though the joint must move.
 
@@ -183,24 +175,10 @@ def slips(log: Log) -> list[tuple[int, int, float]]:
         if len(q) < 4 * AROUND:
             continue
         for joint in range(q.shape[1]):
-            own = np.diff(q[:, joint])
-            usual = _neighbours(own)
-            jump = own - usual
-            scatter = np.quantile(np.abs(jump), 0.995)
-            for row in np.flatnonzero(np.abs(jump) > max(
-                    SMALLEST_SLIP, BEYOND * scatter, COUNTS * resolution(q[:, joint]))):
-                if row >= AROUND and row < len(own) - AROUND:
-                    found.append((segment.start + int(row) + 1, joint, float(jump[row])))
+            off, large = jumps_of(q[:, joint])
+            found += [(segment.start + int(row) + 1, joint, float(off[row]))
+                      for row in np.flatnonzero(large) if AROUND <= row < len(off) - AROUND]
     return found
-
-
-def _neighbours(values: np.ndarray) -> np.ndarray:
-    """Return the median of the neighbours of each value (n,), itself left out."""
-    below, middle, above = (rank_filter(values, rank, 2 * AROUND + 1, mode='nearest')
-                            for rank in (AROUND - 1, AROUND, AROUND + 1))
-    # of the others, without a value above, below or at the median of all
-    return 0.5 * (np.where(values < middle, above, below)
-                  + np.where(values == middle, above, middle))
 
 
 def spikes(log: Log, column: str) -> np.ndarray:
@@ -215,7 +193,7 @@ def spikes(log: Log, column: str) -> np.ndarray:
             size = np.ascontiguousarray(part[:, joint])
             own = np.abs(size - median_filter(size, 2 * WIDEST + 1, mode='mirror'))
             scatter = max(1.4826 * float(np.median(own)), float(np.quantile(own, 0.99)) / 2.6)
-            least = max(BEYOND * scatter, max(SMALLEST_SLIP, COUNTS * resolution(size))
+            least = max(BEYOND * scatter, max(SMALLEST, COUNTS * resolution(size))
                         if column == 'q' else
                         max(PART_OF_RANGE * float(np.quantile(np.abs(size), 0.999)),
                             RARE * float(np.quantile(own, 0.998))))
@@ -231,9 +209,21 @@ def spikes(log: Log, column: str) -> np.ndarray:
                 peak = own[start:end].max()
                 off = np.abs(size[start:end] - 0.5 * sum(beside)).min()
                 if (end - start <= WIDEST and abs(beside[1] - beside[0]) < AGREE * peak
-                        and off > 0.5 * peak):
+                        and off > 0.5 * peak and _off_the_curve(size, start, end) > 0.5 * peak):
                     found[segment.start + start:segment.start + end, joint] = True
     return found
+
+
+def _off_the_curve(values: np.ndarray, start: int, end: int) -> float:
+    """Return by how much values between two rows are off the cubic through two on either side.
+
+    At a low rate the quick turn of a joint stands out of the median of its neighbours, too, but
+    the curve through them goes round with it.
+    """
+    rows = np.array([start - 2, start - 1, end, end + 1])
+    rows = rows[(rows >= 0) & (rows < len(values))]
+    curve = np.polynomial.Polynomial.fit(rows, values[rows], len(rows) - 1)
+    return float(np.abs(values[start:end] - curve(np.arange(start, end))).min())
 
 
 def flat_tops(log: Log) -> np.ndarray:

@@ -65,10 +65,10 @@ def scale_findings(check: SetupCheck, model: Model | None) -> SetupCheck:
         return check.after([Finding(
             'wrong_unit', joints, None,
             f'torques reach {number(largest, 3)} N m, the drives of the robot file at most '
-            f'{number(limit, 3)} N m; divided by the gain of {number(gain, 3)} N m/V they would '
-            f'reach {number(largest / gain, 3)} N m',
-            'If amplifier_voltage carries N m, write volts into it or set drives.gain to 1; else '
-            'check drives.gain and drives.torque_limit of the robot file.', False, True)])
+            f'{number(limit, 3)} N m; {_smaller(largest, limit, gain)}',
+            'If amplifier_voltage carries N m, write volts into it or set drives.gain to 1; if '
+            'effort carries mN m, write N m into it; else check drives.gain and '
+            'drives.torque_limit of the robot file.', False, True)])
     answer = answer_of(check.logs, machine.drives)
     told = '' if answer is None else (
         f'the drives answer a step of their encoders by {number(answer.measured, 2)} N m/rad, '
@@ -93,6 +93,14 @@ def scale_findings(check: SetupCheck, model: Model | None) -> SetupCheck:
             'as amplifier_voltage; else check drives.gain and bodies of the robot file.', False,
             True)])
     return check
+
+
+def _smaller(largest: float, limit: float, gain: float) -> str:
+    """Return which unit's mistake would make torques what the drives can give, in words."""
+    if largest > BEYOND_LIMIT * limit * gain:
+        return f'as mN m they would be {number(1e-3 * largest, 3)} N m'
+    return f'divided by the gain of {number(gain, 3)} N m/V they would reach ' \
+           f'{number(largest / gain, 3)} N m'
 
 
 def _plain_values(rows: Equations) -> np.ndarray:

@@ -15,7 +15,7 @@ import scipy
 
 from par4_dynamics.parameters import Parameter
 from par4_identification.logs.log import Log
-from par4_identification.setup_check.clustered import clustered_covariance, clusters_of
+from par4_identification.setup_check.clustered import basis_of, clustered_std, clusters_of
 from par4_identification.setup_check.equations import Equations, Fit
 from par4_identification.setup_check.finding import Amount, Finding
 from par4_sim.report.words import number, percent
@@ -180,8 +180,8 @@ def _refined(rows: Equations, torque: _Torque, delay: float, middle: float, drif
         values[:free] += np.clip(step, -0.5 * GRID, 0.5 * GRID)
     late = values[0] + values[1] * (rows.t - middle)
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    std[0] = np.sqrt(clustered_covariance(
-        system, left, clusters_of(rows.t, rows.log, rows.valid))[-free, -free])
+    std[0] = clustered_std(system[:, -free:], left, clusters_of(rows.t, rows.log, rows.valid),
+                           basis_of(system[:, :-free]))[0]
     return (float(values[0]), float(values[1]), float(std[0]),
             float(std[1]) if drifts else 0.0, rows.fit(torque.at(late)))
 

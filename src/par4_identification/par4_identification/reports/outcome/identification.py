@@ -137,7 +137,8 @@ def _left_out_remarks(identification: Identification) -> list[Remark]:
 
 
 def outcome_of_identification(identification: Identification, floor: np.ndarray,
-                              machine: Robot | Axis, logs: Sequence[Log]) -> Outcome:
+                              machine: Robot | Axis, logs: Sequence[Log],
+                              useless: bool = False) -> Outcome:
     """Return whether the identified model can be trusted, why, and what to do next.
 
     Args:
@@ -145,6 +146,7 @@ def outcome_of_identification(identification: Identification, floor: np.ndarray,
         floor: noise floor of each joint, (J,), N m.
         machine: that was identified.
         logs: behind the fit.
+        useless: whether a finding about the setup forbids to use them.
     """
     estimate, unit = identification.estimate, unit_on(machine, 'N m')
     relative = {name: _relative(parameter) for name, parameter in identification.parameters.items()}
@@ -163,6 +165,9 @@ def outcome_of_identification(identification: Identification, floor: np.ndarray,
         f'recording to {percent(max(relative.values()))} or better; they leave {number(rms, 2)} '
         f'{unit} rms, {percent(estimate.relative_error)} of the {torque_name(machine)}, the noise '
         f'floor being {number(noise, 2)} {unit}')
+    if useless:
+        return Outcome(f'{sentence}: do not use this model, what was found before anything else '
+                       f'forbids it.', 'bad', remarks)
     if (estimate.relative_error > LARGEST_ERROR
             or condition > WORST_CONDITION):
         return Outcome(f'{sentence}: do not use this model.', 'bad', remarks)

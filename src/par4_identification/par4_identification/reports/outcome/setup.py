@@ -33,6 +33,8 @@ def with_setup(outcome: Outcome, check: SetupCheck, work: str) -> Outcome:
     lines = setup_lines(check, work)
     if lines and standing == 'good':
         standing = 'fair'
+    if check.useless:
+        standing = 'bad'
     return replace(outcome, first=lines, standing=standing,
                    remarks=(*outcome.remarks, *remarks))
 

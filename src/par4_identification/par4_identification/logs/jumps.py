@@ -1,0 +1,129 @@
+"""Jumps of positions from one sample to the next: what no machine does.
+
+One joint that jumps and stays is a slipped encoder. Several that jump together are two recordings
+joined, or samples that are missing without a gap in the stamps: the log is cut there.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+AROUND = 5
+"""Samples on either side from which the speed of a joint is taken."""
+COUNTS = 6.0
+"""Counts of an encoder above which a change is a jump."""
+SMALLEST = 3e-3
+"""rad; what is smaller belongs to the noise of a reading."""
+BEYOND = 12.0
+"""Ratio of a wrong sample to the scatter about the median of its neighbours."""
+ALONE = 3.0
+"""Ratio of a jump to what the steps two samples away are off: a quick motion after a long rest is
+beyond the scatter, too, but smooth."""
+WIDEST = 3
+"""Samples after which what jumps back is no spike."""
+TURNS = 2.0 * np.pi, 360.0
+"""rad, and degrees where these stand for radians by mistake."""
+NEAR_TURN = 0.02
+"""Most that a step may be off whole turns, in turns: what a joint travels from sample to sample."""
+LONGEST_STEP = 4.5
+"""Periods; readings so far apart belong to stretches of their own."""
+FEWEST_HELD, STOPPED = 4, 3.0
+"""Samples in a row that a logger repeats, and counts of the last step before, from which on a
+machine did not come to rest by itself."""
+
+
+def resolution(q: np.ndarray) -> float:
+    """Return the smallest usual step of a reading (n,), rad; one count of an encoder."""
+    steps = np.abs(np.diff(q))
+    steps = steps[steps > 0.0]
+    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
+
+
+def jumps_of(q: np.ndarray, width: np.ndarray | float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return by how much each step of a reading differs from those around it, and which jump.
+
+    Args:
+        q: of one joint, (n,) rad.
+        width: of the steps, in periods, (n - 1,) or one for all.
+
+    Returns:
+        (n - 1,) rad, and a mask.
+    """
+    rate = np.diff(q) / width
+    off = (rate - _median_of_others(rate)) * width
+    least = max(SMALLEST, BEYOND * float(np.quantile(np.abs(off), 0.995)), COUNTS * resolution(q))
+    size = np.pad(np.abs(off), 2)
+    beside = np.maximum(size[:-4], size[4:])
+    return off, (np.abs(off) > least) & (np.abs(off) > ALONE * beside)
+
+
+def without_turns(q: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return readings (n, J) that wrap round by whole turns put together, and how often each does.
+
+    They come back within half a turn of zero, in the middle, as those of an arm are.
+
+    Args:
+        q: rad, or degrees by mistake.
+        width: of the steps, in periods, (n - 1,); what happens in longer gaps stays.
+    """
+    step, often = np.diff(q, axis=0), np.zeros(q.shape[1], dtype=int)
+    for turn in TURNS:
+        turns = np.round(step / turn)
+        wraps = (np.abs(step - turn * turns) < NEAR_TURN * turn) & (turns != 0.0)
+        wraps &= (width < LONGEST_STEP)[:, None]
+        joints = wraps.any(axis=0)
+        if joints.any():
+            q = q.copy()
+            q[1:] -= turn * np.cumsum(np.where(wraps, turns, 0.0), axis=0)
+            q[:, joints] -= turn * np.round(np.median(q[:, joints], axis=0) / turn)
+            often += np.count_nonzero(wraps, axis=0)
+            step = np.diff(q, axis=0)
+    return q, often
+
+
+def joints_of_recordings(q: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """Return the rows before which several positions jump and stay, or any beside an end.
+
+    A jump so near an end cannot be told from a wrong reading; what lies beyond is too short to
+    be used.
+
+    Args:
+        q: (n, J) rad.
+        width: of the steps, in periods, (n - 1,).
+    """
+    if len(q) < 4 * AROUND:
+        return np.zeros(0, dtype=int)
+    found = [jumps_of(own, width) for own in q.T]
+    off, large = (np.stack(part, axis=1) for part in zip(*found, strict=True))
+    rows = np.arange(len(off))
+    beside = (rows < AROUND) | (rows >= len(off) - AROUND)
+    return np.array([row + 1 for row in rows[large.any(axis=1)]
+                     if beside[row] or (_stays(off, large, row) >= 2 and not _held(q, row))],
+                    dtype=int)
+
+
+def _stays(off: np.ndarray, large: np.ndarray, row: int) -> int:
+    """Return how many joints jump in a row and are not back a few samples later."""
+    near = off[max(row - WIDEST, 0):row + WIDEST + 1].sum(axis=0)
+    return int(np.count_nonzero(large[row] & (np.abs(near) > 0.5 * np.abs(off[row]))))
+
+
+def _held(q: np.ndarray, row: int) -> bool:
+    """Return whether all readings repeat up to a row though the machine moved."""
+    first = row
+    while first > 0 and (q[first - 1] == q[row]).all():
+        first -= 1
+    last_step = np.abs(q[first] - q[first - 1]) if first else np.zeros(q.shape[1])
+    counts = np.array([resolution(own) for own in q.T])
+    return row - first + 1 >= FEWEST_HELD and bool((last_step > STOPPED * counts).any())
+
+
+def _median_of_others(values: np.ndarray) -> np.ndarray:
+    """Return the median of the neighbours of each value (n,), itself left out."""
+    from scipy.ndimage import rank_filter  # slow to load, and not always needed
+
+    below, middle, above = (rank_filter(values, rank, 2 * AROUND + 1, mode='mirror')
+                            for rank in (AROUND - 1, AROUND, AROUND + 1))
+    # of the others, without a value above, below or at the median of all
+    return np.asarray(0.5 * (np.where(values < middle, above, below)
+                             + np.where(values == middle, above, middle)))
