@@ -12,6 +12,7 @@ from measured import DWELL, excitation, log_of_machine, log_of_model
 
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file
+from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.verdict.answer import Unusable
@@ -41,18 +42,41 @@ def names(diagnosis):
     return [cause.effect.name for cause in diagnosis.causes]
 
 
-def test_two_effects_are_both_named():
+@pytest.fixture(scope='module')
+def cogged_and_sticky():
+    """Return two logs of a machine with cogging on two joints and Stribeck friction."""
     model = read_model('table1', REFERENCE)
     model = model_with(model, 'cogging', (0, 1), amplitude=0.4, periods=31.0, phase=(0, 1, 2, 3))
     model = model_with(model, 'stribeck', stribeck_torque=0.9, stribeck_velocity=0.12)
     machine = machine_of_model(REFERENCE, model)
-    fit, heldout = (log_of_machine(REFERENCE, machine, read_model('table1', REFERENCE),
-                                   duration=duration, seed=seed) for duration, seed in
-                    ((FIT, 31), (HELD_OUT, 32)))
+    return [log_of_machine(REFERENCE, machine, read_model('table1', REFERENCE),
+                           duration=duration, seed=seed) for duration, seed in
+            ((FIT, 31), (HELD_OUT, 32))]
+
+
+def test_two_effects_are_both_named(cogged_and_sticky):
+    fit, heldout = cogged_and_sticky
     result = diagnose([fit], REFERENCE, holdout_logs=[heldout])
     assert set(names(result)) == {'cogging', 'stribeck'}
     cogging, = (cause for cause in result.causes if cause.effect.name == 'cogging')
     assert cogging.joints == (0, 1)
+    assert not any(cause.is_nothing for cause in result.causes)
+
+
+def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monkeypatch):
+    """What two motions say of it may contradict each other; what it explains stays to be told."""
+    def doubted(parameters, *_):
+        return {name: parameter.model_copy(update={
+            'std': tuple(2.0 * np.abs(parameter.value)) if name == 'stribeck_torque'
+            else parameter.std}) for name, parameter in parameters.items()}
+
+    monkeypatch.setattr(diagnosis, 'with_disagreement', doubted)
+    fit, heldout = cogged_and_sticky
+    result = diagnose([fit], REFERENCE, holdout_logs=[heldout])
+    assert names(result) == ['cogging']
+    assert result.verdict == 'partly_explained'
+    assert any(item.label.startswith('stribeck') and 'zero within' in item.reason
+               for item in result.rejected)
 
 
 def test_an_effect_below_the_noise_is_not_named():

@@ -264,6 +264,11 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
               for part in (evidence, pool.heldout)]
     causes = [_cause(judge(search, item, model), search, named, told, blocks, model, errors)
               for item in named]
+    for item, cause in zip(reversed(named), reversed(causes)):  # the weakest first
+        if cause.is_nothing:
+            search.journal.reject(item, 'all its values are zero within their deviations')
+            return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
+                           rigid_body, effects, fit_runs, progress)
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
     progress('checking what remains')

@@ -115,9 +115,8 @@ class Search:
             model = trial
             refused.clear()  # beside other causes a candidate may look better
 
-    def nameless(self) -> Model:
-        """Return the unnamed causes that explain the data without any name."""
-        model: Model = ()
+    def with_nameless(self, model: Model) -> Model:
+        """Return a model with the unnamed causes that explain what it leaves."""
         while grown := self._with_unnamed(model, set()):
             trial = self.tested(grown)
             if len(trial) <= len(model):

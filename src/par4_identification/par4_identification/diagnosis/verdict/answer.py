@@ -55,6 +55,14 @@ class Cause:
     gain: Gain
     predictable: bool = True
 
+    @property
+    def is_nothing(self) -> bool:
+        """Whether all sizes that it is told with are zero within their deviations."""
+        sizes = [self.parameters[parameter.name] for parameter in self.effect.parameters
+                 if not parameter.is_shape and parameter.name in self.parameters]
+        return bool(sizes) and all(np.all(np.abs(np.asarray(size.value, dtype=float))
+                                          < np.asarray(size.std, dtype=float)) for size in sizes)
+
 
 @dataclass(frozen=True)
 class Holdout:

@@ -44,7 +44,7 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
         for item in named_of(model):
             search.journal.reject(item, 'the names together leave most of an error that is no '
                                         'noise')
-        return search.nameless() or tuple(unnamed_of(model))
+        return search.with_nameless(()) or tuple(unnamed_of(model))
     while True:
         for item in named_of(model):
             trial = _replaced(search, item, model)
