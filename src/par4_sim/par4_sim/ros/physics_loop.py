@@ -127,8 +127,6 @@ class PhysicsLoop:
         Raises:
             InputError: the loop has ended.
         """
-        done = Event()
-
         def order() -> None:
             next_ns = self._started_ns + round(self._simulation.time * SECOND)
             if simulation is not None:
@@ -137,9 +135,33 @@ class PhysicsLoop:
             self._simulation.reset()
             self.fault = ''
             self._started_ns = next_ns - round(self._simulation.time * SECOND)
+
+        self._have_done(order)
+
+    def pause(self) -> None:
+        """Let the simulation stand; return when its last sample is published.
+
+        Raises:
+            InputError: the loop has ended.
+        """
+        def order() -> None:
+            self.paused = True
+
+        self._have_done(order)
+
+    def _have_done(self, order: Callable[[], None]) -> None:
+        """Have an order carried out between two samples; return when it is done.
+
+        Raises:
+            InputError: the loop has ended.
+        """
+        done = Event()
+
+        def carried_out() -> None:
+            order()
             done.set()
 
-        self._orders.put(order)
+        self._orders.put(carried_out)
         if not done.wait(timeout=PATIENCE):
             raise InputError('the simulation has ended; start it again')
 
@@ -166,7 +188,7 @@ class PhysicsLoop:
                 self._come_to_an_end(self._end_asked)
             self._take_in()
             self._carry_out_orders(standing)
-            if standing:
+            if standing or self.paused:
                 deadline = time.monotonic()
                 continue
             began = time.monotonic()

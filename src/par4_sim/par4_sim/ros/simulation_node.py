@@ -163,7 +163,7 @@ class SimulationNode(Par4Node):
         return f'read {self.parameters.model_file}; at rest at home'
 
     def _pause(self) -> str:
-        self._physics.paused = True
+        self._physics.pause()
         return 'paused'
 
     def _resume(self) -> str:
