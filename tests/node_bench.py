@@ -171,9 +171,14 @@ class Bench:
             for _ in range(100):
                 self.executor.spin_once(timeout_sec=0.005)
 
-    def publisher(self, topic: Topic, listeners: int = 1) -> Publisher:
-        """Return a publisher of the topic that so many nodes, or more, listen to."""
-        publisher = self.node.create_publisher(message_type(topic), topic.name, qos_of(topic))
+    def publisher(self, topic: Topic, listeners: int = 1, depth: int | None = None) -> Publisher:
+        """Return a publisher of the topic that so many nodes, or more, listen to.
+
+        Of what is not heard yet it keeps `depth` messages, by default as many as the nodes do.
+        """
+        profile = qos_of(topic)
+        profile.depth = depth or profile.depth
+        publisher = self.node.create_publisher(message_type(topic), topic.name, profile)
         self.wait(lambda: publisher.get_subscription_count() >= listeners,
                   f'subscribers of {topic.name}')
         return publisher

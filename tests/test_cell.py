@@ -28,6 +28,7 @@ from node_bench import (
     ROBOT,
     SELDOM,
     SIMULATED,
+    UNHEARD,
     Bench,
     Simulated,
     quintic_motion,
@@ -57,6 +58,7 @@ from par4_kinematics.ros.convert import SECOND, joint_values, time_ns, write_joi
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.parameters import config
 from par4_kinematics.workspace import inside
+from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.simulation_node import SimulationNode
 
 OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
@@ -302,6 +304,18 @@ def test_late_steps_are_worth_a_warning_from_a_share_on():
     assert not worrying(node, {})
 
 
+def test_the_simulation_ends_once_its_last_samples_have_arrived():
+    """They go with their publisher; it does not wait for ever for a listener that was killed."""
+    publishers = {topic: mock.Mock() for topic in (JOINT_STATES, AMPLIFIER_VOLTAGE)}
+    samples = SimpleNamespace(_publishers=publishers)
+    SimulationNode.close(SimpleNamespace(
+        _samples=SimpleNamespace(close=lambda: SamplePublisher.close(samples)),
+        _physics=mock.Mock(), _window=None))
+    for publisher in publishers.values():
+        patience, = publisher.wait_for_all_acked.call_args.args
+        assert 0 < patience.nanoseconds < 2 * SECOND
+
+
 SOURCES = Path(__file__).parents[1] / 'src'
 DRIVER = Path(__file__).parents[1] / 'examples' / 'driver' / 'driver.py'
 
@@ -409,8 +423,9 @@ def test_a_foreign_robot_is_moved_recorded_and_identified(bench):
 def test_the_monitor_tells_which_joint_drifts_and_what_it_acts_like(bench):
     """A machine by its stamps, faster than the wall clock: healthy, then stiff in joint 2."""
     diagnostics = bench.listen(DIAGNOSTICS)
-    bench.start('par4_monitor', model_file='table1', learning=10)
-    states = bench.publisher(JOINT_STATES)
+    bench.start('par4_monitor', model_file='table1', learning=10, **{
+        f'qos_overrides./{JOINT_STATES.name}.subscription.depth': UNHEARD})
+    states = bench.publisher(JOINT_STATES, depth=UNHEARD)  # it hears all, however fast it comes
     motion = named_motion('excitation', ROBOT, 40.0)
     rows = slice(1000, len(motion.t) - 1000, 8)
     torque = torque_of('table1', motion)[rows]

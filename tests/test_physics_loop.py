@@ -268,6 +268,30 @@ def test_a_loop_does_not_wait_for_rest_or_torque_or_a_pause_for_ever(monkeypatch
     assert run.loop.ended == 'paused'
 
 
+@pytest.mark.parametrize(('latest', 'samples'), [(60.0, 25), (1.0, 10)])
+def test_a_loop_with_few_turns_has_more_time_to_end_in(monkeypatch, latest, samples):
+    """A second of the wall clock brings it 0.02 s further here."""
+    run, now = Run(), 0.0
+    monkeypatch.setattr('par4_sim.ros.physics_loop.GRACE', np.inf)
+    monkeypatch.setattr('par4_sim.ros.physics_loop.LONGEST_END', 25.5 * PERIOD_NS / SECOND)
+    monkeypatch.setattr('par4_sim.ros.physics_loop.LATEST_END', latest + 0.05)
+    run.loop.queue_reference(0, wave(60.0))
+    run.go_on(100)
+    monkeypatch.setattr('time.monotonic', lambda: now)
+    publish = run.loop._publish
+
+    def slowly(time_ns: int, sample: Sample) -> None:
+        nonlocal now
+        now += 0.1
+        publish(time_ns, sample)
+
+    run.loop._publish, run.loop._factor = slowly, 1.0
+    run.loop.end()
+    run.loop.run(lambda: False)
+    assert run.loop.ended.startswith('in motion')
+    assert len(run.times) == 100 + samples + 2  # noted with the next sample, ended behind it
+
+
 def test_a_stream_of_single_points_is_what_they_are_at_once():
     """Many messages between two samples: the same motion as in one, however they are grouped."""
     t = np.arange(0, 400) * PERIOD_NS

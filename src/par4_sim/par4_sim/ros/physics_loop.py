@@ -25,8 +25,9 @@ PATIENCE = 5.0
 """Seconds to wait for an order to be carried out."""
 GRACE = 0.5
 """Seconds of wall time in which, before the end, whoever moves the machine may brake it."""
-LONGEST_END = 2.5
-"""Seconds of wall time after which the loop ends even if the machine moves."""
+LONGEST_END, LATEST_END = 2.5, 7.5
+"""Seconds after which the loop ends even if the machine moves: of its own time at the pace that is
+asked, and of wall time where a busy machine gives it fewer turns than that takes."""
 SETTLED_NS = SECOND // 20
 """How long a machine must have rested to count as at rest."""
 
@@ -66,6 +67,7 @@ class PhysicsLoop:
         self.late_steps = 0
         self.ended = ''
         self._end_asked: float | None = None
+        self._end_asked_ns = 0
         self._braked = False
         self._rests_since_ns: int | None = None
         self._simulation = simulation
@@ -172,6 +174,7 @@ class PhysicsLoop:
         by themselves.
         """
         if self._end_asked is None:
+            self._end_asked_ns = self.now_ns
             self._end_asked = time.monotonic()
 
     def run(self, finished: Callable[[], bool]) -> None:
@@ -246,13 +249,15 @@ class PhysicsLoop:
             self._rests_since_ns = None
         elif self._rests_since_ns is None:
             self._rests_since_ns = self.now_ns
-        elapsed = time.monotonic() - asked
+        elapsed = simulated = time.monotonic() - asked
+        if self._factor > 0.0:
+            simulated = (self.now_ns - self._end_asked_ns) / SECOND / self._factor
         if self.paused:
             self.ended = 'paused'
         elif (self._rests_since_ns is not None
                 and self.now_ns - self._rests_since_ns >= SETTLED_NS):
             self.ended = 'at rest, braked by the drives' if self._braked else 'at rest'
-        elif elapsed > LONGEST_END:
+        elif simulated > LONGEST_END or elapsed > LATEST_END:
             self.ended = 'in motion: the time to brake in was over'
         elif elapsed > GRACE and not self._braked:
             self._simulation.end_reference()

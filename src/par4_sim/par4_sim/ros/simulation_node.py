@@ -262,7 +262,8 @@ class SimulationNode(Par4Node):
             self.get_logger().warning(f'asked to end in motion; ended {ended}')
 
     def close(self) -> None:
-        """Release the plant and the window."""
+        """Release the plant and the window; who listens hears how it ended."""
+        self._samples.close()
         self._physics.close()
         if self._window is not None:
             self._window.close()
