@@ -222,7 +222,7 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     assert 'use_sim_time:=true' in bench.said()
     recorder = bench.start('par4_record', output='bag', **SIMULATED)
     bench.start('par4_feedforward', **SIMULATED)
-    player = bench.start('par4_motion', motion='excitation', duration=20.0, **SIMULATED)
+    player = bench.start('par4_motion', motion='excitation', duration=60.0, **SIMULATED)
     wait_for_state(bench, diagnostics, 'par4_feedforward', OK, '')
     wait_for_state(bench, diagnostics, 'par4_motion', OK, 'playing')
     wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
