@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import runpy
 import shutil
 import signal
 import subprocess
@@ -378,6 +379,21 @@ def test_a_flood_of_references_is_followed_and_loses_nothing(bench):
     assert not {'missed_messages', 'rejected_messages'} & counts.keys()
 
 
+@pytest.mark.parametrize(('late', 'turns'), [(0.5, 1), (-0.5, 2)])
+def test_a_driver_that_is_late_listens_all_the_same(late, turns):
+    driver = SimpleNamespace(now=5.0 + late)
+
+    def spin(timeout_sec: float) -> None:
+        told.append(timeout_sec)
+        driver.now += 0.75 * timeout_sec if len(told) == 1 else timeout_sec
+
+    told: list[float] = []
+    runpy.run_path(str(DRIVER))['Driver'].listen_until(
+        driver, 5.0, SimpleNamespace(spin_once=spin))
+    assert len(told) == turns
+    assert min(told) == max(0.0, -0.25 * late)
+
+
 def test_a_foreign_robot_is_moved_recorded_and_identified(bench):
     """The driver of docs/hardware.md, on the wall clock: no simulation takes part."""
     told = bench.folder / 'driver.txt'
@@ -389,7 +405,7 @@ def test_a_foreign_robot_is_moved_recorded_and_identified(bench):
     bench.start('par4_feedforward')
     recorder = bench.start('par4_record', output='bag')
     bench.wait(lambda: len(states) > 5, 'the robot')
-    player = bench.start('par4_motion', motion='excitation', duration=6.0)
+    player = bench.start('par4_motion', motion='excitation', duration=6.0, listeners=3)
     assert bench.ended(player) == 0
     recorder.send_signal(signal.SIGINT)
     assert bench.ended(recorder) == 0

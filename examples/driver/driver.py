@@ -108,6 +108,13 @@ class Driver:
         """Seconds since the start."""
         return (time.time_ns() - self.began_ns) / SECOND
 
+    def listen_until(self, now: float, executor: SingleThreadedExecutor) -> None:
+        """Serve callbacks until a time, at least one: who is late must not be deaf as well."""
+        while True:
+            executor.spin_once(timeout_sec=max(0.0, now - self.now))
+            if self.now >= now:
+                return
+
     def cycle(self, now: float) -> None:
         """Read, publish, follow: once a period."""
         self.queue.foresee(now)
@@ -135,8 +142,7 @@ def main() -> None:
     while rest_from is None or cycles * PERIOD < rest_from + REST:
         cycles = max(cycles + 1, int(driver.now / PERIOD) - 250)  # never catch up for long
         now = cycles * PERIOD
-        while (wait := now - driver.now) > 0.0:
-            executor.spin_once(timeout_sec=wait)
+        driver.listen_until(now, executor)
         if asked and rest_from is None:
             target = driver.queue.target(now)
             driver.stopping = True
