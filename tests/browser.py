@@ -56,7 +56,7 @@ def told_by_browser(page: str, window: tuple[int, tuple[str, ...]] = WIDE) -> di
         shown = subprocess.run(
             [BROWSER, *FLAGS, f'--user-data-dir={folder}/profile', f'--window-size={width},900',
              '--virtual-time-budget=5000', *options, '--dump-dom', path.as_uri()],
-            capture_output=True, text=True, check=True, timeout=120)
+            capture_output=True, text=True, check=True, timeout=400)
     found = re.search(r'<html[^>]* data-told="([^"]*)"', shown.stdout)
     assert found, shown.stderr
     return json.loads(html.unescape(found[1]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import runpy
 import shutil
 import signal
 import subprocess
@@ -12,6 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -27,16 +29,20 @@ from node_bench import (
     ROBOT,
     SELDOM,
     SIMULATED,
+    UNHEARD,
     Bench,
     Simulated,
     quintic_motion,
     reference_message,
     torque_of,
+    torque_steps,
 )
 from par4_dynamics.model import read_model
 from par4_identification.fitting.identification import identify
 from par4_identification.logs.read_log import read_log
 from par4_kinematics.adept import adept_motion
+from par4_kinematics.approach import with_approach
+from par4_kinematics.errors import InputError
 from par4_kinematics.files import read_yaml
 from par4_kinematics.interface import (
     AMPLIFIER_VOLTAGE,
@@ -53,6 +59,7 @@ from par4_kinematics.ros.convert import SECOND, joint_values, time_ns, write_joi
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.parameters import config
 from par4_kinematics.workspace import inside
+from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.simulation_node import SimulationNode
 
 OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
@@ -77,21 +84,11 @@ def first_part(motion: Motion, share: float) -> Motion:
                                  for name in ('t', 'q', 'qd', 'qdd', 'x', 'xd', 'xdd')))
 
 
-def torque_steps(voltages: list, since_ns: int) -> np.ndarray:
-    """Return how much the commanded torques change within a millisecond, N m, (n, 4)."""
-    told = {time_ns(message.header.stamp): GAIN * joint_values(message, 'effort')
-            for message in voltages}
-    stamps = np.array(sorted(stamp for stamp in told if stamp >= since_ns))
-    torque = np.array([told[stamp] for stamp in stamps])
-    return np.abs(np.diff(torque, axis=0))[np.diff(stamps) == MILLISECOND]
-
-
 def test_references_beyond_the_limits_are_refused_and_interrupted_ones_are_braked(bench):
     bench.start('par4_feedforward', model_file='table1_full', **SIMULATED)
     simulated = Simulated(bench, **EVERY_MILLISECOND)
     voltages, answers = bench.listen(AMPLIFIER_VOLTAGE), bench.listen(FEEDFORWARD_TORQUE)
-    references = bench.publisher(REFERENCE)
-    bench.wait(lambda: references.get_subscription_count() == 2, 'both subscribers')
+    references = bench.publisher(REFERENCE, 2)
     motion = quintic_motion(AWAY_Q)
 
     def changed(field: str, value: float) -> Any:
@@ -99,15 +96,18 @@ def test_references_beyond_the_limits_are_refused_and_interrupted_ones_are_brake
         setattr(message.points[7], field, [*HOME_Q[:3], value])
         return message
 
-    # a jump, which only the drives see; and an acceleration that only a model can judge
-    torn = reference_message(motion, simulated.now_ns() + SECOND // 2)
-    for point in torn.points[len(motion.t) // 2:]:
-        point.positions = [value + 0.1 for value in point.positions]
-    steep = reference_message(motion, simulated.now_ns() + SECOND // 2)
+    # an acceleration that only a model can judge: for the drives its time is over
+    steep = reference_message(motion, 1)
     steep.points[7].accelerations = [9000.0] * 4
-    for message in (changed('positions', 2.9), changed('velocities', 1e160),
-                    changed('accelerations', -1e160), torn):
-        references.publish(message)
+    simulated.wait_until(round(motion.duration * SECOND) + SECOND)
+    with simulated.standing(reference=4):
+        # a jump, which only the drives see
+        torn = reference_message(motion, simulated.now_ns() + SECOND // 2)
+        for point in torn.points[len(motion.t) // 2:]:
+            point.positions = [value + 0.1 for value in point.positions]
+        for message in (changed('positions', 2.9), changed('velocities', 1e160),
+                        changed('accelerations', -1e160), torn):
+            references.publish(message)
     bench.wait(lambda: simulated.fresh_counts().get('rejected_messages') == 4, 'refusals')
     simulated.fresh_counts()  # refusals of a topic are told once a second
     references.publish(steep)
@@ -128,8 +128,7 @@ def test_references_beyond_the_limits_are_refused_and_interrupted_ones_are_brake
     references.publish(reference_message(first_part(motion, 0.5), 0))
     status = wait_for_state(bench, diagnostics, 'par4_simulation', WARN, 'starved: reference')
     assert 'interrupted_references' in {pair.key for pair in status.values}
-    told_ns = simulated.now_ns()
-    simulated.wait_until(told_ns + SECOND)
+    simulated.wait_until(simulated.current_ns() + SECOND)
     assert torque_steps(voltages, asked_ns).max() < 15.0
     rest = joint_values(simulated.states[-1], 'position')
     assert np.abs(joint_values(simulated.states[-1], 'velocity')).max() < 0.05
@@ -149,9 +148,10 @@ def test_references_beyond_the_limits_are_refused_and_interrupted_ones_are_brake
 def test_motion_brakes_on_its_path_on_ctrl_c_and_on_stop(bench):
     simulated = Simulated(bench, **EVERY_MILLISECOND)
     voltages = bench.listen(AMPLIFIER_VOLTAGE)
-    path = named_motion('excitation', ROBOT, 20.0)
+    excitation = named_motion('excitation', ROBOT, 20.0)
     for stop in (lambda child: child.send_signal(signal.SIGINT),
                  lambda _: bench.call('par4_motion/stop')):
+        simulated.current_ns()
         before = joint_values(simulated.states[-1], 'position')
         child = bench.start('par4_motion', motion='excitation', duration=20.0, **SIMULATED)
         bench.wait(lambda start=before: np.abs(
@@ -159,10 +159,11 @@ def test_motion_brakes_on_its_path_on_ctrl_c_and_on_stop(bench):
         began_ns = simulated.now_ns()
         stop(child)
         assert bench.ended(child) == 0
-        simulated.wait_until(simulated.now_ns() + SECOND)
+        simulated.wait_until(simulated.current_ns() + SECOND)
         assert np.abs(joint_values(simulated.states[-1], 'velocity')).max() < 0.05
         assert torque_steps(voltages, began_ns).max() < 15.0
-        # the path of the motion was not left
+        # the path of the motion, or the approach to it, was not left
+        path = with_approach(excitation, ROBOT, before)
         rest = joint_values(simulated.states[-1], 'position')
         assert np.abs(path.q - rest).max(axis=1).min() < 0.02
         counts = simulated.fresh_counts()  # no way to rest helps who gets no turn for a second
@@ -193,14 +194,13 @@ def test_diagnostics_tell_pace_ages_and_dead_inputs_and_foreign_joints_are_no_fa
     child = bench.start('par4_record', output='bag', **SIMULATED)
     diagnostics = simulated.diagnostics
     gripper = JointState(name=['finger'], position=[0.01], velocity=[0.0], effort=[0.0])
-    fingers = bench.publisher(JOINT_STATES)
-    bench.wait(lambda: fingers.get_subscription_count() == 3, 'nodes and bench as subscribers')
+    fingers = bench.publisher(JOINT_STATES, 3)  # nodes and bench
     wait_for_state(bench, diagnostics, 'par4_kinematics', OK, 'running')
     for _ in range(40):
         fingers.publish(gripper)
-    status = wait_for_state(bench, diagnostics, 'par4_simulation', OK, 'running')
-    told = {pair.key: pair.value for pair in status.values}
-    assert float(told['real_time_factor']) > 0.0
+    wait_for_state(bench, diagnostics, 'par4_simulation', OK, 'running')
+    bench.wait(lambda: float(simulated.measures()['real_time_factor']) > 0.0, 'a measured pace')
+    told = simulated.measures()
     assert told['reference_age'] == 'none yet'
     assert told['reference_received'] == '0'
     wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
@@ -223,7 +223,7 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     assert 'use_sim_time:=true' in bench.said()
     recorder = bench.start('par4_record', output='bag', **SIMULATED)
     bench.start('par4_feedforward', **SIMULATED)
-    player = bench.start('par4_motion', motion='excitation', duration=20.0, **SIMULATED)
+    player = bench.start('par4_motion', motion='excitation', duration=60.0, **SIMULATED)
     wait_for_state(bench, diagnostics, 'par4_feedforward', OK, '')
     wait_for_state(bench, diagnostics, 'par4_motion', OK, 'playing')
     wait_for_state(bench, diagnostics, 'par4_record', OK, 'recording')
@@ -241,9 +241,17 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     assert 'bag holds more than one run' in said
     assert 'Traceback' not in said
     # a reference meant for another clock is refused
-    references = bench.publisher(REFERENCE)
-    references.publish(reference_message(quintic_motion(AWAY_Q), 1_800_000_000 * SECOND))
-    wait_for_state(bench, diagnostics, 'par4_simulation', WARN, '1 rejected_messages')
+    references, refusals = bench.publisher(REFERENCE), []
+    diagnostics.clear()
+    strange = reference_message(quintic_motion(AWAY_Q), 1_800_000_000 * SECOND)
+
+    def refused() -> bool:
+        refusals.extend(status for status in bench.statuses(diagnostics, 'par4_simulation')
+                        if status.level == WARN and 'rejected_messages' in status.message)
+        return bool(refusals)
+
+    # the first to listen may be another than the new simulation
+    bench.until_answered(lambda: refused() or references.publish(strange), refusals)
     bench.start('par4_simulation', fidelity='exact', publish_clock='true',
                 publish_rate_hz=100)
     for node in ('par4_simulation', 'par4_record'):
@@ -272,6 +280,10 @@ def test_two_robots_in_two_namespaces_do_not_hear_each_other(bench):
     player = bench.start('par4_motion', motion='circle', duration=1.0, listeners=1, **SIMULATED,
                          remap=('__ns:=/robot_a', '/clock:=/robot_a/clock'))
     assert bench.ended(player) == 0
+    bench.wait(lambda: np.ptp([joint_values(message, 'position') for message in states['robot_a']],
+                              axis=0).max() > 0.1, 'what the robot told of it')
+    heard = len(states['robot_b'])
+    bench.wait(lambda: len(states['robot_b']) > heard, 'the other robot')
     moved = {name: np.ptp([joint_values(message, 'position') for message in messages], axis=0)
              for name, messages in states.items()}
     assert moved['robot_a'].max() > 0.1
@@ -293,8 +305,29 @@ def test_late_steps_are_worth_a_warning_from_a_share_on():
     assert not worrying(node, {})
 
 
+def test_the_simulation_ends_once_its_last_samples_have_arrived():
+    """They go with their publisher; it does not wait for ever for a listener that was killed."""
+    publishers = {topic: mock.Mock() for topic in (JOINT_STATES, AMPLIFIER_VOLTAGE)}
+    samples = SimpleNamespace(_publishers=publishers)
+    SimulationNode.close(SimpleNamespace(
+        _samples=SimpleNamespace(close=lambda: SamplePublisher.close(samples)),
+        _physics=mock.Mock(), _window=None))
+    for publisher in publishers.values():
+        patience, = publisher.wait_for_all_acked.call_args.args
+        assert 0 < patience.nanoseconds < 2 * SECOND
+
+
 SOURCES = Path(__file__).parents[1] / 'src'
 DRIVER = Path(__file__).parents[1] / 'examples' / 'driver' / 'driver.py'
+SLOW_DRIVER = f"""
+import sys
+sys.path.insert(0, {str(DRIVER.parent)!r})
+import driver
+driver.PERIOD, driver.BACKLOG = 0.005, 10**9
+driver.main()
+"""
+"""It leaves out no cycle of which it is late: what it follows and tells is that of a quick machine.
+"""
 
 
 def test_a_resting_node_looks_again_while_something_comes_but_not_for_ever():
@@ -315,6 +348,17 @@ def test_a_resting_node_looks_again_while_something_comes_but_not_for_ever():
     assert looks(0, 0) == 1
     assert looks(3, 0) == looks(0, 3) == 4
     assert looks(10**6, 0) == 10, 'then services and timers have their turn'
+
+
+def test_a_node_that_another_one_ended_says_that_who_ran_them_has_ended(monkeypatch):
+    """`par4_motion` fails where the simulation has noticed it first."""
+    told = []
+    node = SimpleNamespace(finished=True, failure=InputError('nobody publishes joint_states'),
+                           _look_at_runner=lambda: told.append('the runner has ended'))
+    monkeypatch.setattr('par4_kinematics.ros.node.SingleThreadedExecutor', mock.Mock())
+    with pytest.raises(InputError, match='nobody publishes'):
+        Par4Node.work(node)
+    assert told
 
 
 def test_a_flood_of_references_is_followed_and_loses_nothing(bench):
@@ -344,19 +388,36 @@ def test_a_flood_of_references_is_followed_and_loses_nothing(bench):
     assert not {'missed_messages', 'rejected_messages'} & counts.keys()
 
 
+@pytest.mark.parametrize(('late', 'turns'), [(0.5, 1), (-0.5, 2)])
+def test_a_driver_that_is_late_listens_all_the_same(late, turns):
+    driver = SimpleNamespace(now=5.0 + late)
+
+    def spin(timeout_sec: float) -> None:
+        told.append(timeout_sec)
+        driver.now += 0.75 * timeout_sec if len(told) == 1 else timeout_sec
+
+    told: list[float] = []
+    runpy.run_path(str(DRIVER))['Driver'].listen_until(
+        driver, 5.0, SimpleNamespace(spin_once=spin))
+    assert len(told) == turns
+    assert min(told) == max(0.0, -0.25 * late)
+
+
 def test_a_foreign_robot_is_moved_recorded_and_identified(bench):
     """The driver of docs/hardware.md, on the wall clock: no simulation takes part."""
     told = bench.folder / 'driver.txt'
     with told.open('w') as output:
-        child = subprocess.Popen([sys.executable, str(DRIVER)], env=bench.environment,
+        child = subprocess.Popen([sys.executable, '-c', SLOW_DRIVER], env=bench.environment,
                                  cwd=bench.folder, stdout=output, stderr=subprocess.STDOUT)
     bench.children.append(child)
     states = bench.listen(JOINT_STATES)
     bench.start('par4_feedforward')
     recorder = bench.start('par4_record', output='bag')
     bench.wait(lambda: len(states) > 5, 'the robot')
-    player = bench.start('par4_motion', motion='excitation', duration=6.0)
+    player = bench.start('par4_motion', motion='excitation', duration=6.0, listeners=3)
     assert bench.ended(player) == 0
+    now_ns = time.time_ns()
+    bench.wait(lambda: time_ns(states[-1].header.stamp) > now_ns, 'the end of the motion')
     recorder.send_signal(signal.SIGINT)
     assert bench.ended(recorder) == 0
     assert 'Traceback' not in bench.said()
@@ -387,8 +448,9 @@ def test_a_foreign_robot_is_moved_recorded_and_identified(bench):
 def test_the_monitor_tells_which_joint_drifts_and_what_it_acts_like(bench):
     """A machine by its stamps, faster than the wall clock: healthy, then stiff in joint 2."""
     diagnostics = bench.listen(DIAGNOSTICS)
-    bench.start('par4_monitor', model_file='table1', learning=10)
-    states = bench.publisher(JOINT_STATES)
+    bench.start('par4_monitor', model_file='table1', learning=10, **{
+        f'qos_overrides./{JOINT_STATES.name}.subscription.depth': UNHEARD})
+    states = bench.publisher(JOINT_STATES, depth=UNHEARD)  # it hears all, however fast it comes
     motion = named_motion('excitation', ROBOT, 40.0)
     rows = slice(1000, len(motion.t) - 1000, 8)
     torque = torque_of('table1', motion)[rows]

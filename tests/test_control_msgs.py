@@ -92,7 +92,7 @@ def test_goals_of_real_messages_are_followed_cancelled_and_held_to_their_toleran
     bench.wait(cancelled.cancel_goal_async().done, 'the answer to a cancel')
     end = client.ended(cancelled)
     assert end.status == CANCELED
-    simulated.wait_until(simulated.now_ns() + SECOND)
+    simulated.wait_until(simulated.current_ns() + SECOND)
     assert np.abs(joint_values(simulated.states[-1], 'velocity')).max() < 0.05
     assert np.abs(joint_values(simulated.states[-1], 'position') - HOME_Q).max() > 0.03
 

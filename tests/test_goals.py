@@ -9,8 +9,10 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Iterator
+from functools import partial
 from types import ModuleType, SimpleNamespace
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -19,11 +21,13 @@ from rclpy.action import CancelResponse, GoalResponse
 from rclpy.signals import SignalHandlerOptions
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from node_bench import AWAY_Q, HOME_Q, ROBOT, Simulated, joint_values
+from node_bench import AWAY_Q, HOME_Q, ROBOT, Simulated, joint_state, joint_values
 from par4_kinematics.errors import InputError
+from par4_kinematics.motion import Motion
+from par4_kinematics.motion_file import named_motion
 from par4_kinematics.ros import goal_server
-from par4_kinematics.ros.convert import SECOND, time_ns, write_time
-from par4_kinematics.ros.motion_node import MotionNode
+from par4_kinematics.ros.convert import SECOND, write_time
+from par4_kinematics.ros.motion_node import MotionNode, Played
 from par4_kinematics.splined import splined_motion
 
 MIDDLE_Q = 0.5 * (HOME_Q + AWAY_Q) + np.array((0.03, -0.02, 0.01, 0.0))
@@ -152,15 +156,20 @@ def goal(*points: np.ndarray, seconds: float = 0.4, path: float = 0.0, last: flo
                            goal_time_tolerance=SimpleNamespace(sec=0, nanosec=200_000_000))
 
 
-@pytest.fixture
-def server(bench, monkeypatch) -> Iterator[Server]:
-    """Yield the action of a `par4_motion` that runs in this process beside a simulation."""
+def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stand in for the type of the action and its server."""
     module = ModuleType('control_msgs.action')
     module.FollowJointTrajectory = SimpleNamespace(
         Result=lambda **fields: SimpleNamespace(**fields), Feedback=Feedback)
     monkeypatch.setitem(sys.modules, 'control_msgs', ModuleType('control_msgs'))
     monkeypatch.setitem(sys.modules, 'control_msgs.action', module)
     monkeypatch.setattr(goal_server, 'ActionServer', Server)
+
+
+@pytest.fixture
+def server(bench, monkeypatch) -> Iterator[Server]:
+    """Yield the action of a `par4_motion` that runs in this process beside a simulation."""
+    stand_in(monkeypatch)
     rclpy.init(args=['--ros-args', '-p', 'motion:=action', '-p', 'use_sim_time:=true'],
                domain_id=bench.domain, signal_handler_options=SignalHandlerOptions.NO)
     node = MotionNode()
@@ -182,27 +191,35 @@ def test_goals_are_followed_cancelled_and_held_to_their_tolerances(bench, server
     assert server.name == '~/follow_joint_trajectory'
     assert server.send(goal(AWAY_Q)) is None, 'it is not known where the robot stands'
     simulated = Simulated(bench)
-    first = bench.wait(lambda: server.send(goal(MIDDLE_Q, AWAY_Q, path=0.3, last=0.02)), 'a robot')
+    bench.wait(lambda: server.node._robot_at is not None and server.node.now_ns() > 0, 'a robot')
+    simulated.pause()
+    first = server.send(goal(MIDDLE_Q, AWAY_Q, path=0.3, last=0.02))
     assert server.send(goal(AWAY_Q)) is None, 'one at a time'
+    bench.wait(lambda: len(first.feedback) > 3, 'feedback of the first goal')
+    simulated.resume()
     bench.wait(first.task.done, 'the end of the first goal')
     result = first.task.result()
     assert (first.end, result.error_code) == ('succeeded', 0), result
-    assert len(first.feedback) > 3
-    # 0.8 s of motion, 0.2 s of tolerance; a busy machine may hear of that later than of the end
-    simulated.wait_until(time_ns(first.feedback[0].header.stamp) + 6 * SECOND // 5)
+    simulated.current_ns()
     np.testing.assert_allclose(joint_values(simulated.states[-1], 'position'), AWAY_Q, atol=0.01)
-    told = np.array([item.error.positions for item in first.feedback])
-    assert 1e-4 < np.abs(told).max() < 0.3, 'the loops alone lag, but follow'
 
-    cancelled = server.send(goal(HOME_Q, seconds=4.0))
-    moved = bench.wait(lambda: len(simulated.states) and np.abs(
+    cancelled = server.send(goal(HOME_Q, seconds=8.0))
+    bench.wait(lambda: np.abs(
         joint_values(simulated.states[-1], 'position') - AWAY_Q).max() > 0.03, 'a motion')
-    assert moved
+    simulated.pause()
+    stands = joint_values(simulated.states[-1], 'position')
+    bench.wait(lambda: cancelled.feedback and np.array_equal(
+        cancelled.feedback[-1].actual.positions, stands), 'feedback of where it stands')
+    told = cancelled.feedback[-1]
+    error = np.subtract(told.desired.positions, told.actual.positions)
+    np.testing.assert_array_equal(told.error.positions, error)
+    assert 0.0 < np.abs(error).max() < 0.3, 'the loops alone lag, but follow'
+    simulated.resume()
     cancelled.is_cancel_requested = True
     assert server.cancel(cancelled) == CancelResponse.ACCEPT
     bench.wait(cancelled.task.done, 'the end of the cancelled goal')
     assert cancelled.end == 'canceled'
-    simulated.wait_until(simulated.now_ns() + SECOND)
+    simulated.wait_until(simulated.current_ns() + SECOND)
     rest = joint_values(simulated.states[-1], 'position')
     assert np.abs(joint_values(simulated.states[-1], 'velocity')).max() < 0.05
     assert np.abs(rest - HOME_Q).max() > 0.03, 'it was stopped on its way'
@@ -218,6 +235,95 @@ def test_goals_are_followed_cancelled_and_held_to_their_tolerances(bench, server
     dated = goal(HOME_Q)
     write_time(dated.trajectory.header.stamp, SECOND)
     assert [server.send(item) for item in (unknown, dated, goal(np.full(4, 1.7)))] == [None] * 3
+
+
+def played(motion: Motion) -> Played:
+    """Return a motion that starts at 1 s and of which a second has been sent."""
+    return Played(motion, SECOND, SECOND + np.rint(motion.t * SECOND).astype(np.int64),
+                  (motion.q, motion.qd, motion.qdd), sent=min(1000, len(motion.t)))
+
+
+@pytest.fixture
+def following(monkeypatch) -> SimpleNamespace:
+    """Return the state of a `par4_motion` that follows a goal; the test calls its callbacks."""
+    stand_in(monkeypatch)
+    node = SimpleNamespace(
+        _robot_at=HOME_Q, _stamp_ns=0, _standstill=None, _braking=False, stopped=0,
+        _arrivals={'joint_states': SimpleNamespace(age=0.1)}, get_logger=mock.Mock(),
+        _rest=lambda: None)
+    for name in ('_asked', '_over', '_fail'):
+        setattr(node, name, partial(getattr(MotionNode, name), node))
+
+    def stop() -> None:
+        node.stopped += 1
+
+    goals = node._goals = goal_server.GoalServer(node, ROBOT, lambda: node._robot_at,
+                                                 lambda _: None, stop)
+    assert goals._judge(goal(AWAY_Q, path=0.05, last=0.02)) == GoalResponse.ACCEPT
+    goals._execute(Handle()).send(None)
+    node._played = played(goals._motion)
+    return node
+
+
+def test_one_joint_state_beyond_the_path_is_enough_however_soon_a_better_one_comes(following):
+    for q in (HOME_Q, HOME_Q + 0.04):
+        MotionNode._on_joint_state(following, joint_state(q, SECOND))
+    assert following.stopped == 0
+    for q in (HOME_Q - 0.06, HOME_Q):
+        MotionNode._on_joint_state(following, joint_state(q, SECOND))
+    assert following.stopped == 1
+    assert following._goals._broken.code == goal_server.PATH_BROKEN
+
+
+def test_the_end_of_a_goal_is_judged_by_what_the_robot_tells_of_it(following):
+    """Not by where it was told to be when the clock reached that time."""
+    following._goals._path = np.full(4, np.inf)
+    end_ns, ended = int(following._played.times_ns[-1]), following._goals._ended
+    for q, stamp_ns in ((HOME_Q, end_ns - SECOND // 10), (AWAY_Q - 0.01, end_ns)):
+        MotionNode._on_joint_state(following, joint_state(q, stamp_ns))
+        MotionNode._look_for_end(following, following._played, end_ns + 9 * SECOND)
+        assert not ended.done()
+    MotionNode._on_joint_state(following, joint_state(AWAY_Q, end_ns + 1))
+    MotionNode._look_for_end(following, following._played, end_ns + 9 * SECOND)
+    assert ended.result().end == 'succeed'
+
+
+def test_a_goal_of_a_robot_that_tells_no_more_is_aborted(following):
+    following._arrivals['joint_states'].age = 10.0
+    MotionNode._look_for_end(following, following._played,
+                             int(following._played.times_ns[-1]) + 1)
+    assert following._goals._ended.result().end == 'abort'
+    assert 'joint_states came, but no more' in following._goals._ended.result().words
+
+
+def test_rest_is_looked_for_until_the_robot_has_told_of_the_time_after_it():
+    """What it says comes late to a busy node, whose clock goes on."""
+    over, said = [], mock.Mock()
+    node = SimpleNamespace(
+        _rests_between_ns=(SECOND, 2 * SECOND), _stamp_ns=SECOND, _patient_until=np.inf,
+        _publisher=SimpleNamespace(get_subscription_count=lambda: 1),
+        get_logger=lambda: said, _over=over.append)
+    moves = SimpleNamespace(reached=lambda _: False)
+    look = partial(MotionNode._look_for_rest, node, None, standstill=moves)
+    look(now_ns=9 * SECOND)
+    assert not over
+    node._stamp_ns = 2 * SECOND + 1
+    look(now_ns=9 * SECOND)
+    node._stamp_ns, node._patient_until = SECOND, 0.0
+    look(now_ns=9 * SECOND)
+    look(now_ns=SECOND)
+    assert len(over) == 3
+    told = [call.args[0] for call in said.error.call_args_list]
+    expected = 'not seen to come to rest', 'no joint_states tell', 'clock stands'
+    assert all(words in text for text, words in zip(told, expected, strict=True))
+
+
+def test_a_motion_that_began_while_the_clock_stood_can_be_braked():
+    node = SimpleNamespace(
+        _pace=0.0, _goals=object(), get_logger=mock.Mock(),
+        _send_chunk=lambda sent: setattr(sent, 'sent', len(sent.times_ns)))
+    MotionNode._brake(node, played(named_motion('excitation', ROBOT, 5.0)), SECOND)
+    assert np.isfinite(node._patient_until)
 
 
 def test_without_control_msgs_the_action_is_refused_in_one_line():

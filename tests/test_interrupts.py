@@ -49,7 +49,7 @@ sys.argv = {[name, *ARGUMENTS.get(name, '').split()]!r}
 sys.exit(start())
 """
     return subprocess.run([sys.executable, '-c', code], cwd=folder, capture_output=True, text=True,
-                          check=False, timeout=90)
+                          check=False, timeout=200)
 
 
 def test_every_tool_is_interrupted():
@@ -83,7 +83,7 @@ sys.argv = ['par4_cell', 'cell', 'motion:=adept']
 cell()
 """
     done = subprocess.run([sys.executable, '-c', code], cwd=bench.folder, env=bench.environment,
-                          capture_output=True, text=True, check=False, timeout=90,
+                          capture_output=True, text=True, check=False, timeout=200,
                           start_new_session=True)
     assert (done.returncode, done.stderr) == (130, '')
     nodes = [int(line) for line in done.stdout.splitlines()]

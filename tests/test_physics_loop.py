@@ -97,6 +97,31 @@ def test_time_goes_on_after_a_restart_and_the_machine_is_at_home(other):
     assert run.samples[-1].time_ns < run.times[-1]
 
 
+def test_a_pause_is_answered_once_the_last_sample_is_out():
+    """It is asked for while a sample is on its way."""
+    run, out = Run(), []
+
+    def pause() -> None:
+        run.loop.pause()
+        out.append(len(run.times))
+
+    asking = Thread(target=pause)
+
+    def publish(time_ns: int, sample: Sample) -> None:
+        if len(run.times) == 20:
+            asking.start()
+            while asking.is_alive() and run.loop._orders.empty():
+                pass
+        run.publish(time_ns, sample)
+
+    run.loop._publish = publish
+    run.loop.run(lambda: len(run.times) > 20 and not asking.is_alive())
+    assert out == [21]
+    looks = iter(range(3))
+    run.loop.run(lambda: next(looks) == 2)
+    assert len(run.times) == 21
+
+
 def test_references_are_queued_by_the_time_that_is_published():
     run = restarted(10)
     start_ns = run.loop.now_ns + 50 * PERIOD_NS
@@ -216,6 +241,8 @@ def test_a_loop_ends_where_others_have_braked(monkeypatch):
 
 
 def test_a_loop_does_not_wait_for_rest_or_torque_or_a_pause_for_ever(monkeypatch):
+    monkeypatch.setattr('par4_sim.ros.physics_loop.GRACE', np.inf)
+    monkeypatch.setattr('par4_sim.ros.physics_loop.LONGEST_END', np.inf)
     run = Run(feedforward_timeout=3600.0)
     run.loop.queue_reference(0, rest_at_home(0.1))
     looks = iter(range(60))
@@ -239,6 +266,30 @@ def test_a_loop_does_not_wait_for_rest_or_torque_or_a_pause_for_ever(monkeypatch
     run.loop.end()
     run.loop.run(lambda: False)
     assert run.loop.ended == 'paused'
+
+
+@pytest.mark.parametrize(('latest', 'samples'), [(60.0, 25), (1.0, 10)])
+def test_a_loop_with_few_turns_has_more_time_to_end_in(monkeypatch, latest, samples):
+    """A second of the wall clock brings it 0.02 s further here."""
+    run, now = Run(), 0.0
+    monkeypatch.setattr('par4_sim.ros.physics_loop.GRACE', np.inf)
+    monkeypatch.setattr('par4_sim.ros.physics_loop.LONGEST_END', 25.5 * PERIOD_NS / SECOND)
+    monkeypatch.setattr('par4_sim.ros.physics_loop.LATEST_END', latest + 0.05)
+    run.loop.queue_reference(0, wave(60.0))
+    run.go_on(100)
+    monkeypatch.setattr('time.monotonic', lambda: now)
+    publish = run.loop._publish
+
+    def slowly(time_ns: int, sample: Sample) -> None:
+        nonlocal now
+        now += 0.1
+        publish(time_ns, sample)
+
+    run.loop._publish, run.loop._factor = slowly, 1.0
+    run.loop.end()
+    run.loop.run(lambda: False)
+    assert run.loop.ended.startswith('in motion')
+    assert len(run.times) == 100 + samples + 2  # noted with the next sample, ended behind it
 
 
 def test_a_stream_of_single_points_is_what_they_are_at_once():

@@ -38,6 +38,7 @@ from par4_sim.reference import ReferenceQueue
 from par4_sim.reference_curve import ReferenceLimits
 
 PERIOD = 2e-3
+BACKLOG = 250  # cycles that are made up for on a busy machine; those beyond are left out
 REST = 0.3  # s at rest before the end, for all who listen
 ROBOT = read_robot('reference')
 GAIN = np.asarray(ROBOT.drives.gain)
@@ -70,6 +71,7 @@ class Driver:
         # a reference that ends in motion ends in a ramp to rest: nobody else stops the machine
         self.queue = ReferenceQueue(self.amplifiers.q, self.limits)
         self.stopping = False
+        self.followed = 0.0  # the newest cycle, s since the start
         self.began_ns = time.time_ns()  # doubles would not tell nanoseconds since 1970 apart
         for topic, take in ((REFERENCE, self.reference), (FEEDFORWARD_TORQUE, self.effort)):
             self.node.create_subscription(JointTrajectory, topic.name, take, qos_of(topic))
@@ -90,7 +92,7 @@ class Driver:
             points = read_trajectory(message)
             times = self.times(points)
             self.limits.check(times, np.hstack((points.q, points.qd, points.qdd)))
-            self.queue.queue(self.now, times, points.q, points.qd, points.qdd)
+            self.queue.queue(self.followed, times, points.q, points.qd, points.qdd)
         except Par4Error as error:
             self.node.get_logger().error(f'{REFERENCE.name}: {error}')
 
@@ -108,8 +110,16 @@ class Driver:
         """Seconds since the start."""
         return (time.time_ns() - self.began_ns) / SECOND
 
+    def listen_until(self, now: float, executor: SingleThreadedExecutor) -> None:
+        """Serve callbacks until a time, at least one: who is late must not be deaf as well."""
+        while True:
+            executor.spin_once(timeout_sec=max(0.0, now - self.now))
+            if self.now >= now:
+                return
+
     def cycle(self, now: float) -> None:
         """Read, publish, follow: once a period."""
+        self.followed = now
         self.queue.foresee(now)
         target = self.queue.target(now)
         self.queue.use_until(now)
@@ -133,10 +143,9 @@ def main() -> None:
     rest_from, cycles = None, 0
     # all times are the cycles': on a busy machine the wall clock is ahead of what was followed
     while rest_from is None or cycles * PERIOD < rest_from + REST:
-        cycles = max(cycles + 1, int(driver.now / PERIOD) - 250)  # never catch up for long
+        cycles = max(cycles + 1, int(driver.now / PERIOD) - BACKLOG)
         now = cycles * PERIOD
-        while (wait := now - driver.now) > 0.0:
-            executor.spin_once(timeout_sec=wait)
+        driver.listen_until(now, executor)
         if asked and rest_from is None:
             target = driver.queue.target(now)
             driver.stopping = True

@@ -146,8 +146,27 @@ class GoalServer:
         self._handle = self._motion = None
         return self._type.Result(error_code=outcome.code, error_string=outcome.words)
 
+    @property
+    def bounded(self) -> bool:
+        """Whether a goal is followed that has a tolerance of its path."""
+        return self._handle is not None and bool(np.isfinite(self._path).any())
+
+    def hold_to_path(self, desired: np.ndarray) -> None:
+        """Brake where a joint is beyond its tolerance of what is asked, (4,)."""
+        actual = self._position()
+        if actual is None or self._broken is not None:
+            return
+        error = desired - actual
+        beyond = np.abs(error) > self._path
+        if beyond.any():
+            joint = int(np.argmax(beyond))
+            self._broken = Outcome('abort', PATH_BROKEN, (
+                f'{JOINT_NAMES[joint]} is {abs(error[joint]):.3g} rad from its path, '
+                f'{self._path[joint]:.3g} rad are allowed'))
+            self._stop()
+
     def follow(self, stamp_ns: int, elapsed_ns: int, desired: tuple[np.ndarray, ...]) -> None:
-        """Tell what is asked, (4,) of q, qd, qdd, and what is there; brake beyond a tolerance."""
+        """Tell what is asked, (4,) of q, qd, qdd, and what is there."""
         actual = self._position()
         if self._handle is None or actual is None:
             return
@@ -162,13 +181,6 @@ class GoalServer:
         for point in (feedback.desired, feedback.actual, feedback.error):
             write_time(point.time_from_start, elapsed_ns)
         self._handle.publish_feedback(feedback)
-        beyond = np.abs(error) > self._path
-        if beyond.any() and self._broken is None:
-            joint = int(np.argmax(beyond))
-            self._broken = Outcome('abort', PATH_BROKEN, (
-                f'{JOINT_NAMES[joint]} is {abs(error[joint]):.3g} rad from its path, '
-                f'{self._path[joint]:.3g} rad are allowed'))
-            self._stop()
 
     def over(self, late_ns: int, stopped: bool) -> bool:
         """Return whether a goal has ended, `late_ns` after its motion did, and tell its client."""

@@ -40,6 +40,8 @@ WALL_LEAD = 1.0
 """Seconds of wall time from the first message to its first point where the clock runs faster."""
 FAST = 1.5
 """Pace of the clock over the wall's that no robot has: a simulation, far on after a moment."""
+SLOWEST = 0.05
+"""Pace of the clock that is counted on at the least: it may have stood when the motion began."""
 FAR_NS = 100 * SECOND
 """How far ahead of a fast clock points are sent; the queues hold that many messages."""
 CHUNK_NS = SECOND // 4
@@ -56,7 +58,8 @@ UNSEEN_NS = SECOND // 2
 STRANGE_NS = 100 * SECOND
 """Difference between the robot's stamps and the node's clock that no clock of a robot has."""
 STANDSTILL = 3.0
-"""Seconds of wall time beyond the braking for which a clock that stands is waited for."""
+"""Seconds of wall time for which a clock that stands, or what a robot says of the end, is waited
+for."""
 FEEDBACK = 0.05
 """Seconds of wall time between two feedbacks of a goal."""
 DISCOVERY = 3.5
@@ -131,6 +134,10 @@ class MotionNode(Par4Node):
             self._stamp_ns = time_ns(message.header.stamp)
             if self._standstill is not None:
                 self._standstill.take(self._stamp_ns, self._robot_at)
+            if (self._goals is not None and self._goals.bounded and self._played is not None
+                    and not self._braking):
+                _, (q, *_) = self._asked(self._played)
+                self._goals.hold_to_path(q)
 
     def clock_jumped_back(self) -> None:
         """Abort a motion that is being played: the robot is not where it was."""
@@ -190,7 +197,7 @@ class MotionNode(Par4Node):
         if self._standstill is not None:
             self._look_for_rest(played, now_ns, self._standstill)
         elif now_ns > played.times_ns[-1]:
-            self._over(now_ns - int(played.times_ns[-1]))
+            self._look_for_end(played, now_ns)
 
     def _robot_is_there(self) -> bool:
         """Return whether a robot tells of itself: one that comes anew stands somewhere else."""
@@ -204,13 +211,27 @@ class MotionNode(Par4Node):
         if self._goals is None or time.monotonic() - self._fed_back < FEEDBACK:
             return
         self._fed_back = time.monotonic()
+        self._goals.follow(now_ns, *self._asked(played))
+
+    def _asked(self, played: Played) -> tuple[int, tuple[np.ndarray, ...]]:
+        """Return the time since the start, ns, of the newest joint state, and q, qd, qdd there."""
         elapsed_ns = int(np.clip(self._stamp_ns, played.times_ns[0], played.times_ns[-1])
                          - played.start_ns)
         at = elapsed_ns / SECOND
         told = (played.times_ns - played.start_ns) / SECOND
-        self._goals.follow(now_ns, elapsed_ns, tuple(
-            np.array([np.interp(at, told, column) for column in part.T])
-            for part in played.points))
+        return elapsed_ns, tuple(np.array([np.interp(at, told, column) for column in part.T])
+                                 for part in played.points)
+
+    def _look_for_end(self, played: Played, now_ns: int) -> None:
+        """End after the last point; a goal, where the robot tells of a time after it."""
+        last_ns = int(played.times_ns[-1])
+        if self._goals is None:
+            self._over(now_ns - last_ns)
+        elif self._stamp_ns > last_ns:
+            self._over(self._stamp_ns - last_ns)
+        elif (self._arrivals[JOINT_STATES.name].age or 0.0) > STANDSTILL:
+            self._fail(InputError(f'{played.motion.name} aborted: {JOINT_STATES.name} came, but no '
+                                  f'more, so that it is not known where the robot is'))
 
     def _over(self, late_ns: int) -> None:
         """End what was played, `late_ns` after its last point."""
@@ -266,7 +287,7 @@ class MotionNode(Par4Node):
         if self._goals is None:
             self._robot_listener = self.subscribe(JOINT_STATES, self._on_joint_state)
         self._patient_until = time.monotonic() + STANDSTILL + (
-            self._rests_between_ns[1] - now_ns) / SECOND / min(1.0, self._pace)
+            self._rests_between_ns[1] - now_ns) / SECOND / min(1.0, max(SLOWEST, self._pace))
         self.get_logger().warning('asked to stop: braking on the path of the motion')
 
     def _look_for_rest(self, played: Played, now_ns: int, standstill: Standstill) -> None:
@@ -279,10 +300,13 @@ class MotionNode(Par4Node):
         elif self._publisher.get_subscription_count() == 0:
             self.get_logger().warning(
                 f'stopped: nobody takes {REFERENCE.name} any more; the drives must brake')
-        elif now_ns > last_ns:
+        elif self._stamp_ns > last_ns:  # as the robot says; what it says may come late
             self.get_logger().error('stopped, but the robot was not seen to come to rest')
         elif time.monotonic() > self._patient_until:
-            self.get_logger().error('the clock stands: the robot may not have braked')
+            self.get_logger().error('the clock stands: the robot may not have braked'
+                                    if now_ns <= last_ns else
+                                    f'stopped, but no {JOINT_STATES.name} tell whether the robot '
+                                    f'came to rest')
         else:
             return
         self._over(0)

@@ -342,6 +342,7 @@ class Par4Node(Node):
             if self.REST > 0.0:
                 self._rest()
         executor.shutdown()
+        self._look_at_runner()  # whose end may have ended this node by that of another
         if self.failure is not None:
             raise self.failure
 

@@ -25,8 +25,9 @@ PATIENCE = 5.0
 """Seconds to wait for an order to be carried out."""
 GRACE = 0.5
 """Seconds of wall time in which, before the end, whoever moves the machine may brake it."""
-LONGEST_END = 2.5
-"""Seconds of wall time after which the loop ends even if the machine moves."""
+LONGEST_END, LATEST_END = 2.5, 7.5
+"""Seconds after which the loop ends even if the machine moves: of its own time at the pace that is
+asked, and of wall time where a busy machine gives it fewer turns than that takes."""
 SETTLED_NS = SECOND // 20
 """How long a machine must have rested to count as at rest."""
 
@@ -66,6 +67,7 @@ class PhysicsLoop:
         self.late_steps = 0
         self.ended = ''
         self._end_asked: float | None = None
+        self._end_asked_ns = 0
         self._braked = False
         self._rests_since_ns: int | None = None
         self._simulation = simulation
@@ -127,8 +129,6 @@ class PhysicsLoop:
         Raises:
             InputError: the loop has ended.
         """
-        done = Event()
-
         def order() -> None:
             next_ns = self._started_ns + round(self._simulation.time * SECOND)
             if simulation is not None:
@@ -137,9 +137,33 @@ class PhysicsLoop:
             self._simulation.reset()
             self.fault = ''
             self._started_ns = next_ns - round(self._simulation.time * SECOND)
+
+        self._have_done(order)
+
+    def pause(self) -> None:
+        """Let the simulation stand; return when its last sample is published.
+
+        Raises:
+            InputError: the loop has ended.
+        """
+        def order() -> None:
+            self.paused = True
+
+        self._have_done(order)
+
+    def _have_done(self, order: Callable[[], None]) -> None:
+        """Have an order carried out between two samples; return when it is done.
+
+        Raises:
+            InputError: the loop has ended.
+        """
+        done = Event()
+
+        def carried_out() -> None:
+            order()
             done.set()
 
-        self._orders.put(order)
+        self._orders.put(carried_out)
         if not done.wait(timeout=PATIENCE):
             raise InputError('the simulation has ended; start it again')
 
@@ -150,6 +174,7 @@ class PhysicsLoop:
         by themselves.
         """
         if self._end_asked is None:
+            self._end_asked_ns = self.now_ns
             self._end_asked = time.monotonic()
 
     def run(self, finished: Callable[[], bool]) -> None:
@@ -166,7 +191,7 @@ class PhysicsLoop:
                 self._come_to_an_end(self._end_asked)
             self._take_in()
             self._carry_out_orders(standing)
-            if standing:
+            if standing or self.paused:
                 deadline = time.monotonic()
                 continue
             began = time.monotonic()
@@ -224,13 +249,15 @@ class PhysicsLoop:
             self._rests_since_ns = None
         elif self._rests_since_ns is None:
             self._rests_since_ns = self.now_ns
-        elapsed = time.monotonic() - asked
+        elapsed = simulated = time.monotonic() - asked
+        if self._factor > 0.0:
+            simulated = (self.now_ns - self._end_asked_ns) / SECOND / self._factor
         if self.paused:
             self.ended = 'paused'
         elif (self._rests_since_ns is not None
                 and self.now_ns - self._rests_since_ns >= SETTLED_NS):
             self.ended = 'at rest, braked by the drives' if self._braked else 'at rest'
-        elif elapsed > LONGEST_END:
+        elif simulated > LONGEST_END or elapsed > LATEST_END:
             self.ended = 'in motion: the time to brake in was over'
         elif elapsed > GRACE and not self._braked:
             self._simulation.end_reference()

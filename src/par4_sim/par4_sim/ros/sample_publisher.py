@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
 
@@ -38,6 +39,9 @@ from par4_sim.robot_tree import tree_joint_positions
 from par4_sim.simulation import Sample
 
 CLOCK_PERIOD_NS = 10_000_000
+PATIENCE = Duration(seconds=0.5)
+"""Wall time for which the last samples of a topic are waited for: a listener may have been killed.
+"""
 PASSIVE_PERIOD_NS = 33_000_000
 """Of the passive joints; cell.launch.py lets robot_state_publisher take each message with them."""
 
@@ -71,6 +75,11 @@ class SamplePublisher:
             list(tree_joint_positions(robot.geometry, home_pose(robot))), 3)
         self._messages[ROBOT_DESCRIPTION].data = description
         self._send(ROBOT_DESCRIPTION, self._messages[ROBOT_DESCRIPTION])
+
+    def close(self) -> None:
+        """Wait until the last samples have reached all who listen, but not for long."""
+        for topic in (JOINT_STATES, AMPLIFIER_VOLTAGE):
+            self._publishers[topic].wait_for_all_acked(PATIENCE)
 
     def _send(self, topic: Topic, message: Any) -> None:
         """Publish a message or the bytes of one."""

@@ -163,7 +163,7 @@ class SimulationNode(Par4Node):
         return f'read {self.parameters.model_file}; at rest at home'
 
     def _pause(self) -> str:
-        self._physics.paused = True
+        self._physics.pause()
         return 'paused'
 
     def _resume(self) -> str:
@@ -262,7 +262,8 @@ class SimulationNode(Par4Node):
             self.get_logger().warning(f'asked to end in motion; ended {ended}')
 
     def close(self) -> None:
-        """Release the plant and the window."""
+        """Release the plant and the window; who listens hears how it ended."""
+        self._samples.close()
         self._physics.close()
         if self._window is not None:
             self._window.close()
