@@ -488,7 +488,7 @@ def main() -> None:
             arguments.workers, arguments.results)
     except KeyboardInterrupt:
         print('stopped: the report is of what is done, --resume goes on')
-    seeds = {seed for _, seed, _ in tasks}
+    seeds = {seed for _, seed, *_ in tasks}
     latest = {(item.get('log_name', item['seed']), item['kind']): item
               for item in read_outcomes(arguments.results)
               if item['seed'] in seeds or 'kept' in item}
