@@ -79,6 +79,25 @@ def test_a_damping_that_the_motion_does_not_show_is_the_usual_one():
     assert swing_in(project(evidence, []), LEAST, PRICE).damping_ratio is None
 
 
+@pytest.mark.parametrize(('told_hz', 'is_told'), [(25.0, False), (60.0, True)])
+def test_a_damping_that_encoders_do_not_tell_is_the_usual_one(told_hz, is_told):
+    """Beyond what they tell nothing swings, which looks like damping."""
+    evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2), damping_ratio=0.15)
+    run, = evidence.observations.runs
+    coarse = replace(run, state=replace(run.state, told_hz=told_hz))
+    evidence = replace(evidence, observations=replace(evidence.observations, runs=(coarse,)))
+    found = swing_in(project(evidence, []), LEAST, PRICE)
+    assert (found.damping_ratio is not None) == is_told
+
+
+def test_the_resonance_is_that_of_the_load_on_its_spring():
+    evidence = evidence_of_axis(0.0)
+    springs = Springs(evidence.observations.runs[0].state)
+    compliance = np.array((1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2),))
+    np.testing.assert_allclose(springs.resonances(compliance), 22.0, rtol=1e-6)
+    assert springs.resonances(np.zeros(1)) == np.inf
+
+
 def test_a_search_that_goes_on_from_another_one_ends_where_it_would():
     true = 1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2)
     projection = project(evidence_of_axis(true, damping_ratio=0.15), [])

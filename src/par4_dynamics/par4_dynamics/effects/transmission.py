@@ -112,6 +112,15 @@ class Springs:
         fade = np.concatenate((np.linspace(1.0, 0.0, before), np.zeros(len(self._rigid))))
         self._more = 1.0 + RUN_IN_DAMPING * fade ** 2
 
+    def resonances(self, compliance: np.ndarray) -> np.ndarray:
+        """Return the frequency at which each load swings against its resting motor, (J,) Hz.
+
+        `compliance` is (J,), rad/(N m); infinite where it is at most zero.
+        """
+        inertia = np.mean(np.diagonal(self._by_motion[0], axis1=1, axis2=2), axis=0)
+        with np.errstate(divide='ignore'):
+            return np.asarray(1.0 / np.sqrt(np.maximum(compliance, 0.0) * inertia) / (2.0 * np.pi))
+
     def torque(self, compliance: np.ndarray, damping_ratio: float = DAMPING_RATIO, every: int = 1
                ) -> tuple[np.ndarray, np.ndarray]:
         """Return the torque s / c of springs that twist by s, and the change of the load's torque.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,7 +16,7 @@ from par4_dynamics.effects.elastic_transmission import (
 )
 from par4_dynamics.effects.transmission import DAMPING_RATIO, Springs
 from par4_dynamics.state import State
-from par4_identification.diagnosis.evidence.evidence import Key
+from par4_identification.diagnosis.evidence.evidence import Evidence, Key
 from par4_identification.diagnosis.evidence.projection import Projection
 
 TRIED = 19
@@ -31,6 +31,8 @@ SWEEPS, TRIALS = 3, 40
 """Of the first look over the joints; of compliances in one descent."""
 SETTLED = 1e-4
 """Share of the squares that a last step gains."""
+IN_BAND = 0.7
+"""Highest resonance whose damping is told, over the frequency to which encoders tell the motion."""
 TINY = 1e-12
 """rad/(N m): what is rigid, where a logarithm is taken."""
 CHANGE = 1e-3
@@ -117,8 +119,19 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
                     *believed)
     for damping in (COARSE_DAMPING, DAMPING_RATIO):
         found, usual = damped_as_usual(found, damping)
+    if not _ring_in_band(list(springs.values()), np.exp(found), evidence):
+        return usual
     freed = damped(found, DAMPING_RATIO)
     return freed if freed.squares - usual.squares > price else usual
+
+
+def _ring_in_band(springs: Sequence[Springs], compliance: np.ndarray, evidence: Evidence) -> bool:
+    """Return whether encoders tell what the softest load does at its resonance.
+
+    Where they do not, too little of it swings, which looks like damping.
+    """
+    return all(own.resonances(compliance).min() < IN_BAND * run.state.told_hz
+               for own, run in zip(springs, evidence.observations.runs))
 
 
 def _first_look(alone: np.ndarray, target: np.ndarray, joints: int
