@@ -126,6 +126,17 @@ def test_the_motion_is_known_up_to_where_the_noise_begins():
     assert smoother_of(q, 0, PERIOD).known_hz(PERIOD) == np.inf
 
 
+def test_motors_that_move_with_what_is_misread_are_noticed():
+    """A motion that only fades swings loads as it is told; what rises beyond it does not."""
+    q = motion(12)
+    assert smoother_of(told(q), COUNTS, PERIOD).told_hz(PERIOD, 160.0) == np.inf
+    noise = np.random.default_rng(1).normal(size=q.shape) * 2.0 * np.pi / COUNTS
+    shaken = q + low_pass(noise, 120.0, PERIOD) - low_pass(noise, 80.0, PERIOD)
+    smoother = smoother_of(told(shaken), COUNTS, PERIOD)
+    assert 5.0 < smoother.told_hz(PERIOD, 160.0) < smoother.known_hz(PERIOD)
+    assert smoother.told_hz(PERIOD, 40.0) == np.inf  # which nothing beyond can swing
+
+
 @pytest.mark.parametrize(('counts', 'lower'), [(COUNTS, True), (131072, False)])
 def test_rows_end_where_coarse_encoders_do_not_tell_the_motion(counts, lower):
     robot = REFERENCE.model_copy(update={

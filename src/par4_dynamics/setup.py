@@ -22,7 +22,7 @@ setup(
         ('share/' + package_name, ['package.xml']),
         ('share/' + package_name + '/config', ['config/par4_feedforward.yaml']),
     ],
-    install_requires=['lazy-loader', 'numba', 'numpy', 'pydantic'],
+    install_requires=['lazy-loader', 'numba', 'numpy', 'pydantic', 'scipy'],
     zip_safe=False,
     entry_points={
         'console_scripts': [

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numba
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
@@ -75,6 +74,8 @@ def told_torque(state: State) -> np.ndarray:
     period = (state.t[-1] - state.t[0]) / (len(state.t) - 1)
     if state.told_hz * period >= FOLDED:
         return torque
+    from scipy.signal import butter, sosfiltfilt  # slow to load, and seldom needed
+
     sections = butter(ORDER, state.told_hz, fs=1.0 / period, output='sos')
     reach = min(len(torque) - 1, round(3.0 / (state.told_hz * period)))
     return np.asarray(sosfiltfilt(sections, torque, axis=0, padlen=reach))

@@ -19,13 +19,7 @@ from par4_dynamics.state import State, state_of_joints
 from par4_identification.logs.log import Log
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.plateaus import plateaus_of
-from par4_identification.signals.smoothing import (
-    NEARLY_ALL,
-    UNCHANGED,
-    Smoother,
-    smoother_of,
-    speed_noise,
-)
+from par4_identification.signals.smoothing import UNCHANGED, Smoother, smoother_of, speed_noise
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
@@ -250,7 +244,8 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
 
     geometry = machine.geometry if isinstance(machine, Robot) else None
     state = state_of_joints(geometry, log.t[segment], q, qd, qdd)
-    state = replace(state, told_hz=smoother.known_hz(period, NEARLY_ALL))
+    state = replace(state, told_hz=smoother.told_hz(
+        period, conditioning.position_cutoff_hz))
     if isinstance(machine, Axis):
         state = replace(state, hanging=machine.hanging)
     every = max(1, round(1.0 / (conditioning.row_rate_hz * period)))

@@ -28,7 +28,9 @@ KNOWN = 0.8
 """Least share of what is told that is motion, up to the highest frequency at which the motion is
 known."""
 NEARLY_ALL = 0.98
-"""The same for what swings: a resonance makes hundreds of times the power of what excites it."""
+"""The same where motors move with what encoders misread, and that swings."""
+RISE = 0.25
+"""Share by which what is told rises again, beyond where the motion fades, that is no motion."""
 LEAST_CHANGE = 1e-6
 """Of a count, for a position to count as changed."""
 WHOLE, ALL = 0.1, 0.9
@@ -58,9 +60,30 @@ class Smoother:
 
         It is that of the joint in the middle.
         """
-        share = np.median(np.abs(np.fft.rfft(self.taps, axis=0)), axis=1)
-        lost = np.flatnonzero(share < least)
+        lost = np.flatnonzero(np.median(self._shares(), axis=1) < least)
         return float(np.fft.rfftfreq(len(self.taps), period)[lost[0]]) if len(lost) else np.inf
+
+    def told_hz(self, period: float, cutoff_hz: float) -> float:
+        """Return the frequency, Hz, up to which what is told may swing a load, inf if all may.
+
+        Drives whose loops answer encoder counts move the motors of soft transmissions with what is
+        misread. That noise is not independent of the motion, so that part of it passes for motion,
+        beyond where the motion has faded.
+
+        Args:
+            period: of the samples, s.
+            cutoff_hz: of positions; what lies beyond is not looked at.
+        """
+        frequency = np.fft.rfftfreq(len(self.taps), period)
+        for share in self._shares()[frequency < cutoff_hz].T:
+            faded = share[np.argmax(share < KNOWN):] if share.min() < KNOWN else share[:1]
+            if np.max(faded - np.minimum.accumulate(faded)) > RISE:
+                return self.known_hz(period, NEARLY_ALL)
+        return np.inf
+
+    def _shares(self) -> np.ndarray:
+        """Return the share of what is told that is motion, (k + 1, J) over the frequency."""
+        return np.abs(np.fft.rfft(self.taps, axis=0))
 
     def likely(self, values: np.ndarray) -> np.ndarray:
         """Return a motion (n, J) as lively as the true one, from positions as told.
