@@ -81,7 +81,8 @@ class State:
         x, xd, xdd: pose of D and theta, (n, 4).
         nominal: the torque of this motion as far as known, None where only motion is.
         hanging: how gravity loads a single axis, None where it does not or with a geometry.
-        told_hz: up to which the positions are motion and hardly noise of the encoders.
+        told_hz: frequency, Hz, up to which the positions may swing a load: what lies beyond is
+            noise that motors and encoders share. Infinite where nothing says so.
     """
 
     t: np.ndarray

@@ -63,10 +63,10 @@ def load_inertia(state: State, t: np.ndarray) -> np.ndarray:
 
 
 def told_torque(state: State) -> np.ndarray:
-    """Return `transmitted_torque` (n, J) up to the frequency to which encoders tell the motion.
+    """Return `transmitted_torque` (n, J), N m, as far as `State.told_hz`.
 
-    A load that swings makes of a little noise beyond it a large torque. Nor is that noise one of
-    its own: the drives answer encoder counts, so that motors move with what they misread.
+    Beyond it drives answer encoder counts, so that motors move with what encoders misread. A load
+    that swings would make a large torque of that little noise.
     """
     torque = transmitted_torque(state)
     if len(state.t) < 2:
