@@ -311,6 +311,12 @@ def test_a_folder_that_cannot_be_written_is_refused_before_any_bag_is_read(place
     assert contents(tmp_path) == {'a_file': b'mine'}
 
 
+def test_no_results_are_written_into_a_bag(tmp_path):
+    (tmp_path / 'metadata.yaml').write_text('mine')
+    assert 'is a bag' in refusal(tmp_path, '--robot', 'reference', '--output', tmp_path)
+    assert contents(tmp_path) == {'metadata.yaml': b'mine'}
+
+
 def refusal(*words) -> str:
     """Return the one line that a run refuses with."""
     done = run(diagnose, *words)

@@ -46,8 +46,11 @@ def refuse_unwritable(folder: Path) -> None:
     """See that results can be written to a folder, which need not exist, before any long work.
 
     Raises:
-        InputError: they cannot.
+        InputError: they cannot, or the folder is a bag.
     """
+    if (folder / 'metadata.yaml').exists():
+        raise InputError(f'{folder}: is a bag, whose folder is for its messages alone; give '
+                         f'another folder as --output')
     try:
         there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
         with TemporaryFile(dir=there):
