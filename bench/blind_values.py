@@ -2,8 +2,10 @@
 
 A hidden value and a diagnosed one are compared where they mean the same, some after a conversion:
 what all joints share belongs to the base parameters, so a difference between joints is measured
-against the mean of the joints that are not named; phases are compared modulo a turn; a compliance
-is the inverse of a stiffness. Left out are `LEFT_OUT`, differences told for all four joints (the
+against the mean of the joints that are not named; phases are compared modulo a turn and in the
+angles that encoders read (an error z of a zero turns the phase of order N by N z); effects of the
+same torque while a joint moves, of which one is told for both, are added; a compliance is the
+inverse of a stiffness. Left out are `LEFT_OUT`, differences told for all four joints (the
 deviations of single values do not say that of a difference), parameters without a deviation or
 with none (fixed, or of another shape of the law), and the mass of bars where rods are real.
 """
@@ -26,6 +28,8 @@ HIDDEN_AS = {('theta_inertia', 'inertia'): 'theta_inertia',
              ('elastic_transmission', 'stiffness'): 'compliance',
              ('friction_drift', 'viscous_drop'): 'drop'}
 """(effect, diagnosed parameter) -> hidden one, where their names differ."""
+SAME_TORQUE = {'torque_offset': 'offset', 'coulomb_asymmetry': 'asymmetry'}
+"""Effect -> its size, of those that have the same torque while a joint moves."""
 NOT_TOLD = {('rods', 'bar_mass')}
 """(kind, parameter) whose hidden value is not recorded."""
 ONLY_HIDDEN = {'damping_ratio'}
@@ -74,7 +78,22 @@ def compared(outcome: dict[str, Any]) -> Iterator[Compared]:
                 continue
             if (outcome['kind'], parameter) not in NOT_TOLD and (
                     not forms or parameter in forms):
-                yield from _numbers(cause, parameter, value, item['values'])
+                yield from _numbers(cause, parameter, value, _as_told(item, hidden, outcome))
+
+
+def _as_told(item: dict[str, Any], hidden: dict[str, Any], outcome: dict[str, Any]
+             ) -> dict[str, Any]:
+    """Return the values of a hidden effect as a diagnosis can tell them."""
+    values = dict(item['values'])
+    if {'phase', 'periods'} <= set(values) and 'encoder_offset' in hidden:
+        zeros = hidden['encoder_offset']['values']['offset']
+        values['phase'] = np.subtract(values['phase'], np.multiply(values['periods'], zeros))
+    own = SAME_TORQUE.get(item['effect'])
+    for name, parameter in SAME_TORQUE.items():
+        if own and name in hidden and name not in {
+                item['effect'], *(cause['effect'] for cause in outcome['causes'])}:
+            values[own] = np.add(values[own], hidden[name]['values'][parameter])
+    return values
 
 
 def _numbers(cause: dict[str, Any], parameter: str, value: Any, values: dict[str, Any]

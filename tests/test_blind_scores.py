@@ -92,6 +92,26 @@ def test_values_are_compared_where_they_mean_the_same():
     assert [number.covered for number in anchor] == [True, True, True, True, True, False]
 
 
+def test_phases_are_those_of_the_angles_that_encoders_read():
+    """Read angles are 0.01 rad more than true ones: sin(12 q + 0.5) is sin(12 read + 0.38)."""
+    hidden = [{'effect': 'cogging', 'values': {'periods': 12.0, 'phase': [0.5] * 4}},
+              {'effect': 'encoder_offset', 'values': {'offset': [0.0, 0.01, 0.0, 0.0]}}]
+    told = cause('cogging', [0, 1], (), {'phase': [0.5, 0.38]}, {'phase': [0.01, 0.01]})
+    assert [item.found - item.truth for item in compared(outcome(hidden, [told]))] == (
+        pytest.approx([0.0, 0.0]))
+
+
+def test_one_name_for_two_effects_of_the_same_torque_is_told_their_sum():
+    hidden = [{'effect': 'torque_offset', 'values': {'offset': [0.0, 0.3, 0.0, 0.0]}},
+              {'effect': 'coulomb_asymmetry', 'values': {'asymmetry': [0.1, -0.2, 0.0, 0.0]}}]
+    offset = cause('torque_offset', [0, 1], (), {'offset': [0.1, 0.1]}, {'offset': [0.01] * 2})
+    asymmetry = cause('coulomb_asymmetry', [0], (), {'asymmetry': [0.1]}, {'asymmetry': [0.01]})
+    assert [item.truth for item in compared(outcome(hidden, [offset]))] == (
+        pytest.approx([0.1, 0.1]))
+    assert [item.truth for item in compared(outcome(hidden, [offset, asymmetry]))] == (
+        pytest.approx([0.0, 0.3, 0.1]))
+
+
 def test_differences_are_measured_against_the_joints_not_named():
     (gain,) = numbers_of('drive_gain_error', {'relative': [0.05, 0.05, 0.0, 0.05]}, [2],
                          {'relative': [-0.0476]}, {'relative': [1e-4]})
