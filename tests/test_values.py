@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from planned import evidence_of
-from searches import EVERY, MODEL, OFFSET, cause, log_with, search_of
+from searches import EVERY, MODEL, OFFSET, cause, log_with, names, search_of
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.geometry_error import DIMENSIONS
@@ -31,11 +31,19 @@ from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.verdict.agreement import parameters_by, with_disagreement
+from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widened
 from robots import REFERENCE
 
 ONE_ZERO = (0.0, 0.0, 0.004, 0.0)
 BETWEEN = float(np.sqrt(SPEEDS[5] * SPEEDS[6]))
 """rad/s, between two Stribeck velocities of the grid."""
+
+
+@dataclass(frozen=True)
+class SimpleCause:
+    """A cause of which only the parameters are asked."""
+
+    parameters: dict[str, Parameter]
 
 
 @pytest.mark.parametrize(('effect', 'values', 'joints', 'sets'), [
@@ -173,6 +181,34 @@ def test_a_cause_on_all_joints_is_in_no_doubt_of_choice():
     item, evidence = cause('torque_offset'), search.pool.evidence
     plain = effect_parameters(evidence, item, solve(evidence, (item,)), 0)
     assert with_doubt_of_choice(plain, evidence, item, (item,), lambda fit: fit) == plain
+
+
+def test_what_a_weak_cause_would_change_is_in_the_deviation():
+    """An offset that gains too little for a name moves the asymmetry by far more than the noise.
+
+    Nobody can say whether it acts; a sound machine has none, and then nothing is widened.
+    """
+    asymmetry = ('viscous_asymmetry', {'asymmetry': (0.5, -0.3, 0.4, 0.6)})
+    item = cause('viscous_asymmetry')
+    told = {}
+    for size in (0.0025, 0.0):
+        search = search_of(asymmetry, ('torque_offset', {'offset': (size, size, -size, size)}),
+                           library=('viscous_asymmetry', 'torque_offset'))
+        assert names(search.tested((item,))) == ['viscous_asymmetry']
+        assert search.weighing.standing(cause('torque_offset'), (item,)) < 1.0
+        evidence, weak = search.pool.evidence, weak_causes(search, (item,))
+        plain = effect_parameters(evidence, item, solve(evidence, (item,)), 0)
+        wide, = widened(search, [SimpleCause(plain)], (item,), weak)
+        told[size] = names(weak), plain['asymmetry'], wide.parameters['asymmetry']
+    found, plain, wide = told[0.0025]
+    assert found == ['torque_offset']
+    assert wide.value == plain.value
+    errors = np.abs(np.array(plain.value) - asymmetry[1]['asymmetry'])
+    assert np.max(errors / plain.std) > 3.0
+    assert np.max(errors / wide.std) < 2.0
+    found, plain, wide = told[0.0]
+    assert found == []
+    assert wide == plain
 
 
 def test_a_transmission_that_twists_on_some_joints_is_expanded_on_these_only():

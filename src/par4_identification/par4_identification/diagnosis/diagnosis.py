@@ -71,6 +71,7 @@ from par4_identification.diagnosis.verdict.loose_loads import cause_of, loose_lo
 from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.sure import without_doubtful_names
 from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, unrelated
+from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widened
 from par4_identification.fitting.identification import INERTIA
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import parted, seconds_of, spread_over
@@ -250,6 +251,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             progress: Progress) -> Diagnosis:
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
+    weak = weak_causes(search, model)
     model = polished(search, model)
     loose, model = loose_loads(search, model)
     if isinstance(machine, Axis):
@@ -269,6 +271,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             search.journal.reject(item, 'all its values are zero within their deviations')
             return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
                            rigid_body, effects, fit_runs, progress)
+    causes = widened(search, causes, named, weak)
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
     progress('checking what remains')

@@ -16,18 +16,24 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
 
 
-def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter]
+def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter], share: float = 1.0
                ) -> dict[str, Parameter]:
     """Return parameters whose deviations reach to what another fit of the same cause says.
 
     Beside an unnamed cause the size of a named one depends on which of the two has the torque that
     either could have.
+
+    Args:
+        parameters: as told.
+        other: of the other fit.
+        share: of the distance that is a deviation.
     """
     result = {}
     for name, parameter in parameters.items():
         apart = np.asarray(other[name].value) - np.asarray(parameter.value)
         if name == 'phase':
             apart = np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi
+        apart = share * apart
         result[name] = parameter.model_copy(update={
             'std': nested(np.hypot(np.asarray(parameter.std, dtype=float), apart).tolist())})
     return result

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Shape, Values
+from par4_dynamics.effects.effect import EffectParameter, Shape, Values
 from par4_dynamics.parameters import Number, Parameter, PerJoint
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import Fit, prior_weights
@@ -27,16 +27,18 @@ def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, inde
     for a parameter that has several numbers. See `estimated` for the arguments.
     """
     values, stds = estimated(evidence, hypothesis, fit, index, errors=errors)
-    result = {}
-    for parameter in hypothesis.named.parameters:
-        value, std = values[parameter.name], stds[parameter.name]
-        if hypothesis.effect.shared and parameter.scope == 'joint':
-            value, std = value[list(hypothesis.joints)], std[list(hypothesis.joints)]
-        single = parameter.scope == 'machine' and parameter.size == 1
-        result[parameter.name] = Parameter(value=_numbers(value, parameter.per_order, single),
-                                           std=_numbers(std, parameter.per_order, single),
-                                           unit=parameter.unit)
-    return result
+    return {item.name: Parameter(value=_told(hypothesis, item, values),
+                                 std=_told(hypothesis, item, stds), unit=item.unit)
+            for item in hypothesis.named.parameters}
+
+
+def told_values(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
+                ) -> dict[str, Parameter]:
+    """Return the same without standard deviations, which cost far more than the values."""
+    values = hypothesis.named.values(
+        fit.coefficients[index][:, _acting(evidence, hypothesis)], hypothesis.shape)
+    return {item.name: Parameter(value=_told(hypothesis, item, values), unit=item.unit)
+            for item in hypothesis.named.parameters}
 
 
 def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
@@ -62,8 +64,7 @@ def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
         joints where they share the coefficients.
     """
     effect, shape = hypothesis.named, hypothesis.shape
-    acting = list(range(evidence.observations.joints) if effect.shared else hypothesis.joints)
-    coefficients = fit.coefficients[index][:, acting]
+    coefficients = fit.coefficients[index][:, _acting(evidence, hypothesis)]
     knobs = shape_knobs(hypothesis)
     rows = np.arange(len(coefficients))[hypothesis.columns]
     covariance = inflation * _covariance(evidence, hypothesis, fit, index, knobs, errors)
@@ -93,12 +94,25 @@ def fixed_sizes(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
 
     Its columns have the nominal friction; what they must reach is the refitted one.
     """
-    observations = evidence.observations
-    acting = list(range(observations.joints) if hypothesis.effect.shared else hypothesis.joints)
+    observations, acting = evidence.observations, _acting(evidence, hypothesis)
     nominal = observations.runs[0].state.known.values['coulomb_friction'][acting]
     refitted, = (value for term, value in zip(observations.terms, fit.base)
                  if term.name == 'coulomb_friction')
     return np.asarray(fit.coefficients[index][:, acting] * nominal / refitted)
+
+
+def _acting(evidence: Evidence, hypothesis: Hypothesis) -> list[int]:
+    """Return the joints whose coefficients a hypothesis has."""
+    return list(range(evidence.observations.joints) if hypothesis.effect.shared
+                else hypothesis.joints)
+
+
+def _told(hypothesis: Hypothesis, item: EffectParameter, values: Values) -> Number:
+    """Return the numbers of a parameter for the joints of a hypothesis, as files have them."""
+    value = values[item.name]
+    if hypothesis.effect.shared and item.scope == 'joint':
+        value = value[list(hypothesis.joints)]
+    return _numbers(value, item.per_order, item.scope == 'machine' and item.size == 1)
 
 
 def _numbers(value: np.ndarray, per_order: bool, single: bool) -> Number:

@@ -1,0 +1,63 @@
+"""Deviations that hold what weak causes would change, which have too little evidence for a name.
+
+The values of causes hold if nothing else acts on the machine. On most machines more does: effects
+that gain more than their numbers would by chance (Akaike), and less than a name needs. The values
+with one of these in the model are as good as the told ones. What is true lies anywhere between, so
+that the variance grows by a third of the square of the distance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from par4_identification.diagnosis.evidence.doubt import with_doubt
+from par4_identification.diagnosis.evidence.estimates import told_values
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.search.candidates import price_of_shapes
+from par4_identification.diagnosis.search.causes import Model, named_of, names_of
+from par4_identification.diagnosis.search.search import Search
+from par4_identification.diagnosis.verdict.answer import Cause
+
+SHARE = 3.0 ** -0.5
+"""Root of the mean square of what is as likely as anything between 0 and 1."""
+
+
+def weak_causes(search: Search, model: Model) -> list[Hypothesis]:
+    """Return the effects that may act beside a model, though they have no name in it.
+
+    A machine can have them, and they gain more than chance gives to so many numbers and to the best
+    of so many shapes. None are returned beside no name.
+    """
+    found: list[Hypothesis] = []
+    if not named_of(model):
+        return found
+    for item in search.candidates.all_of(search.weighing.beside(model), set(names_of(model))):
+        hypothesis = item.hypothesis
+        numbers = search.pool.width(hypothesis) + len(hypothesis.shape)
+        by_chance = numbers + price_of_shapes(item)
+        if (item.gain > by_chance
+                and search.weighing.sound_gains(hypothesis, model)[0] > by_chance
+                and search.belief.objection(hypothesis, model) is None):
+            found.append(hypothesis)
+    return found
+
+
+def widened(search: Search, causes: Sequence[Cause], named: Sequence[Hypothesis],
+            weak: Sequence[Hypothesis]) -> list[Cause]:
+    """Return causes with the deviations that hold what each of the weak ones would change.
+
+    A cause keeps its name: it is one whatever else acts, only how large it is depends on that.
+
+    Args:
+        search: of the causes.
+        causes: of the named hypotheses, in their order.
+        named: these.
+        weak: see `weak_causes`.
+    """
+    parameters = [cause.parameters for cause in causes]
+    for item in weak:
+        fit = search.weighing.corrected(search.pool.solution((*named, item)))
+        parameters = [with_doubt(own, told_values(search.pool.evidence, cause, fit, index), SHARE)
+                      for index, (own, cause) in enumerate(zip(parameters, named))]
+    return [replace(cause, parameters=own) for cause, own in zip(causes, parameters)]
