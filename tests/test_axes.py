@@ -24,7 +24,7 @@ from par4_dynamics.effects.torque_offset import TorqueOffset
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
-from par4_dynamics.state import State
+from par4_dynamics.state import State, state_of_joints
 from par4_identification.changes.changes import changes_between, model_of_bags
 from par4_identification.commands.bag import make_bag
 from par4_identification.commands.diagnose import diagnose_bags
@@ -94,6 +94,18 @@ def test_a_hanging_axis_has_columns_that_sum_to_its_torque(kind, names):
     slope = sum(values[name] * (energy[name](rest.q + step) - energy[name](rest.q - step))
                 / (2.0 * step) for name in names)
     np.testing.assert_allclose(torque_of_values(rest, values), slope, atol=1e-8)
+
+
+def test_columns_of_some_base_terms_are_those_of_all_without_the_others():
+    random = np.random.default_rng(3)
+    for state in (State(np.arange(50.0), *random.normal(size=(3, 50, 1)), hanging='turning'),
+                  state_of_joints(REFERENCE.geometry, np.arange(50.0),
+                                  *(0.1 * random.normal(size=(3, 50, 4))))):
+        terms = base_terms(state)
+        some = terms[2:0:-1]
+        np.testing.assert_array_equal(base_columns(state, some),
+                                      base_columns(state)[..., [2, 1]])
+        np.testing.assert_array_equal(base_columns(state, terms), base_columns(state))
 
 
 def test_a_robot_refuses_the_load_of_an_axis():

@@ -256,7 +256,7 @@ def fits(bags):
         log = read_log(getattr(bags, name), REFERENCE)
         fit = fit_parameters([log], REFERENCE)
         model = build_model(REFERENCE, fit.model_file({}))
-        found[name] = log, fit, noise_floor(fit.runs, REFERENCE, model)
+        found[name] = log, fit, noise_floor(fit.runs, model)
     return found
 
 

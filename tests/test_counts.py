@@ -46,7 +46,7 @@ def evidence_on(motion: Motion, *, counted: bool, model=MODEL) -> Evidence:
 def judged(evidence: Evidence, effect: str) -> tuple[float, float]:
     """Return the gain of an effect on all joints and how much of it counts may have made."""
     hypothesis = Hypothesis(CATALOGUE[effect], {}, EVERY)
-    counts = Counts(dithered(evidence.observations, COARSE).with_nominal(MODEL))
+    counts = Counts(dithered(evidence.observations).with_nominal(MODEL))
     projection = project(evidence, ())
     return (0.5 * projection.gain(hypothesis.effect, {}),
             counts.imitate(projection, hypothesis))
@@ -86,7 +86,7 @@ def test_a_search_names_nothing_that_counts_imitate(motion, effect):
 
     deceived = names_of(found(Dithered()))  # the effect, or what remembers the way as it does
     assert deceived & {effect, 'memory'}, 'counts no longer deceive: the test shows nothing'
-    assert named_of(found(dithered(fit.observations, COARSE).with_nominal(MODEL))) == []
+    assert named_of(found(dithered(fit.observations).with_nominal(MODEL))) == []
 
 
 def test_nothing_is_imitated_where_the_counts_are_not_known(motion):
@@ -99,7 +99,7 @@ def test_least_squares_are_off_by_what_the_moments_say(motion):
     """A second way to the same bias: the fit of what counts add, on many drawn motions."""
     evidence = evidence_on(motion, counted=False)
     item = Hypothesis(CATALOGUE['distributed_rods'], {}, EVERY)
-    moved = dithered(evidence.observations, COARSE, seed=5).with_nominal(MODEL)
+    moved = dithered(evidence.observations, seed=5).with_nominal(MODEL)
     plain = solve(evidence, (item,)).coefficients[0][0, 0]
     drawn = [fitted_with(draw, evidence, item) for draw in moved.draws]
     counts = Counts(moved)
@@ -127,7 +127,7 @@ def test_a_fit_is_brought_back_to_the_machine(motion):
     evidence = evidence_on(motion, counted=True, model=rods)
     item = Hypothesis(CATALOGUE['distributed_rods'], {}, EVERY, (0,))
     fit = solve(evidence, (item,))
-    counts = Counts(dithered(evidence.observations, COARSE).with_nominal(MODEL))
+    counts = Counts(dithered(evidence.observations).with_nominal(MODEL))
     told = counts.corrected(evidence, fit)
     off, left = (abs(part.coefficients[0][0, 0] - 0.3) for part in (fit, told))
     assert off > 10.0 * np.sqrt(fit.covariance[fit.slices[0], fit.slices[0]][0, 0])

@@ -78,7 +78,7 @@ class Case:
         log = log_of(robot, t, q, asked(robot, model, t, law, time), seed, noise)
         evidence = evidence_of(log, robot, model, noise)
         self.projection = project(evidence, [])
-        self.dithered = dithered(evidence.observations, robot).with_nominal(model)
+        self.dithered = dithered(evidence.observations).with_nominal(model)
 
     def hypothesis(self, name):
         """Return an effect with the time that fits, and that time."""
@@ -151,16 +151,16 @@ def test_nothing_is_held_against_anybody_where_counts_are_not_known():
     case = Case('reference', 'actuator_lag')
     assert case.obeys('time_offset', Dithered())
     observations = case.projection.evidence.observations
-    assert len(dithered(observations, REFERENCE).draws) == DRAWS
-    ideal = REFERENCE.model_copy(update={
-        'drives': REFERENCE.drives.model_copy(update={'encoder_counts': 0})})
-    assert dithered(observations, ideal).draws == ()
+    assert len(dithered(observations).draws) == DRAWS
+    unknown = replace(observations, runs=tuple(
+        replace(run, counts=0) for run in observations.runs))
+    assert dithered(unknown).draws == ()
 
 
 def test_draws_are_seeded_and_move_by_the_noise_of_a_count():
     """Uniform over a count before the positions' filter, which lets its band of it through."""
     observations = Case('reference', 'actuator_lag').projection.evidence.observations
-    one, again, another = (dithered(observations, REFERENCE, seed) for seed in (1, 1, 2))
+    one, again, another = (dithered(observations, seed) for seed in (1, 1, 2))
     count = 2.0 * np.pi / REFERENCE.drives.encoder_counts
     conditioning = observations.runs[0].conditioning
     expected = count / np.sqrt(12.0) * np.sqrt(2.0 * conditioning.position_cutoff_hz * PERIOD)

@@ -38,6 +38,7 @@ from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
 from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.diagnosis.nominal.gate import WORST_ERROR, unusable
 from par4_identification.diagnosis.search.causes import named_of
+from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import requirement_of
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.verdict.judgement import judge, unnamed_cause
@@ -233,6 +234,17 @@ def test_a_strong_cause_asks_more_of_a_weak_one_by_the_squares_of_its_torque():
     expected = 0.5 * rules.named_error ** 2 * explained
     assert beside.fit - alone.fit == pytest.approx(expected, rel=1e-6)
     assert beside.inflation - alone.inflation == pytest.approx(expected / rules.evidence)
+
+
+def test_stribeck_friction_of_an_arm_dies_away_by_the_law_that_it_has():
+    """Tustin's exponential is another law than the usual Gaussian, on an arm as on an axis."""
+    search = search_of(('stribeck', {'stribeck_torque': 1.0, 'stribeck_velocity': 0.3,
+                                     'exponent': 1.0}),
+                       library=('stribeck', 'nonlinear_viscous'))
+    item, = polished(search, search.run())
+    assert item.effect.name == 'stribeck'
+    assert item.shape['exponent'] == pytest.approx(1.0, abs=0.1)
+    assert item.shape['stribeck_velocity'] == pytest.approx(0.3, rel=0.1)
 
 
 STRONG = (6.0, -6.0, 4.0, -4.0)

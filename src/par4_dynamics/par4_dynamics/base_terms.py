@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,11 +68,19 @@ def base_terms(state: State) -> tuple[BaseTerm, ...]:
     return (*(term for term in BASE_TERMS if not term.needs_platform), *hanging)
 
 
-def base_columns(state: State) -> np.ndarray:
-    """Return the regressor W of (22), (n, J, p), in the order of `base_terms(state)`."""
-    if state.geometry is None:
-        return np.stack([_axis_column(state, term.name) for term in base_terms(state)], axis=-1)
-    return rigid_body_columns(state, len(BASE_TERMS))
+def base_columns(state: State, terms: Sequence[BaseTerm] | None = None) -> np.ndarray:
+    """Return the regressor W of (22), (n, J, p).
+
+    Args:
+        state: the motion.
+        terms: whose columns, in that order; those of `base_terms(state)` by default.
+    """
+    whole = base_terms(state)
+    columns = (rigid_body_columns(state, len(BASE_TERMS)) if state.geometry is not None else
+               np.stack([_axis_column(state, term.name) for term in whole], axis=-1))
+    if terms is None or tuple(terms) == whole:
+        return columns
+    return columns[..., [whole.index(term) for term in terms]]
 
 
 def _axis_column(state: State, name: str) -> np.ndarray:

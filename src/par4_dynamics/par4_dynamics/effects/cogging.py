@@ -5,7 +5,15 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from par4_dynamics.effects.effect import Base, Effect, EffectParameter, Shape, Signature, Values
+from par4_dynamics.effects.effect import (
+    Base,
+    Effect,
+    EffectParameter,
+    Shape,
+    Signature,
+    Values,
+    single,
+)
 from par4_dynamics.state import State
 
 LOWEST_PERIODS, HIGHEST_PERIODS = 4, 160
@@ -56,7 +64,10 @@ class Cogging(Effect):
     """tau_i += a_i sin(N q_i + phi_i), summed over the orders N: slots, magnets, teeth of a gear.
 
     The shape `periods` is one order or a tuple of K orders; each order has a column with its sine
-    and one with its cosine.
+    and one with its cosine. On a slide q is in metres and an order is 2 pi over a pitch.
+
+    Args:
+        whole_orders: whether orders are sought among whole numbers only.
     """
 
     name = 'cogging'
@@ -65,6 +76,18 @@ class Cogging(Effect):
         EffectParameter('amplitude', 'N m', 'joint', per_order=True),
         EffectParameter('periods', '1/turn', 'machine', is_shape=True, per_order=True),
         EffectParameter('phase', 'rad', 'joint', per_order=True))
+
+    def __init__(self, whole_orders: bool = True) -> None:
+        self.whole_orders = whole_orders
+
+    def on_slide(self) -> Effect:
+        return type(self)(whole_orders=False)
+
+    def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:
+        if self.whole_orders:
+            return (shape,)
+        return tuple({**shape, 'periods': single(shape['periods']) + side * step}
+                     for side in (-0.5, 0.5))
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         # periods a turn are whole: the torque returns after one turn

@@ -151,6 +151,10 @@ class Effect(ABC):
         """Return shapes around `shape`, `step` being 1 for the spacing of `shapes`."""
         return (shape,)
 
+    def on_slide(self) -> Effect:
+        """Return the effect as it is searched for on a linear axis."""
+        return self
+
     def parts(self, shape: Shape) -> tuple[Shape, ...]:
         """Return the shapes whose columns, side by side, are those of `shape`."""
         return (shape,)

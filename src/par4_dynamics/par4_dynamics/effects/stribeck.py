@@ -46,8 +46,7 @@ class Stribeck(Effect):
         speeds = [float(speed) for speed in (SPEEDS if arm else SPEEDS_OF_AXIS * fastest)
                   if speed < 0.5 * fastest]
         usual = tuple({'stribeck_velocity': speed} for speed in speeds)
-        # on the arms of a Par4 it would hardly be told from a power of the speed
-        return usual if arm else (*usual, *({**shape, 'exponent': TUSTIN} for shape in usual))
+        return (*usual, *({**shape, 'exponent': TUSTIN} for shape in usual))
 
     def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:
         return tuple({**shape, **moved} for moved in around(

@@ -207,7 +207,7 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
         raise InputError(f'{log.name}: no joint moves for long enough to compare torques; give a '
                          f'bag of a livelier motion')
     torques = [run.tau[rows] for run in (measured, *runs)]
-    noise = (noise_floor([measured], robot, after.without_effects()) if why else
+    noise = (noise_floor([measured], after.without_effects()) if why else
              np.hypot(torque_noise([measured]), torque_noise(runs[1:])))
     deviations = motion = None
     if not why:

@@ -49,6 +49,7 @@ from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
 from par4_identification.diagnosis.search.search import Search
+from par4_identification.diagnosis.search.swing import Swing
 from par4_identification.diagnosis.search.whitening import quieter, whitener_of
 from par4_identification.diagnosis.verdict.agreement import parameters_by, with_disagreement
 from par4_identification.diagnosis.verdict.answer import (
@@ -191,7 +192,8 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
 
     searched = LIBRARY if library is None else library
     effects = {**CATALOGUE, **searched}
-    applicable = {name: effect for name, effect in searched.items()
+    slides = isinstance(machine, Axis) and machine.kind == 'linear'
+    applicable = {name: effect.on_slide() if slides else effect for name, effect in searched.items()
                   if not (effect.of_axis if isinstance(machine, Robot) else
                           effect.needs_platform or effect.against_the_others)
                   and (effect.told_by_speeds or not observations.steady)}
@@ -205,7 +207,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     base_model = beside_retimed(base_model, observations, machine, baseline, rigid_body,
                                  sigma, first)
     observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
-    moved = dithered(observations, machine)
+    moved = dithered(observations)
     progress('searching the library for the noise model')
     kinds = Kinds(observations)
     whitener = whitener_of(observations, sigma, first, kinds, rules)
@@ -229,7 +231,8 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
         whitener, held = quiet, names_of(named)
         search = _search(observations, heldout, whitener, applicable, rules,
-                         moved.with_nominal(better), kinds, search.pool.evidence if same else None)
+                         moved.with_nominal(better), kinds, search.pool.evidence if same else None,
+                         search.candidates.swing)
         model = search.run(tuple(named))
     answer = _answer(search, model, machine, baseline, rigid_body, effects, tuple(fit_runs),
                      progress)
@@ -238,12 +241,16 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
 
 def _search(observations: Observations, heldout: Observations, whitener: Whitener,
             library: Mapping[str, Effect], rules: Rules, moved: Dithered,
-            kinds: Kinds, before: Evidence | None = None) -> Search:
-    """Return a search over whitened rows; `before` is that of the same rows, for its columns."""
+            kinds: Kinds, before: Evidence | None = None, swing: Swing | None = None) -> Search:
+    """Return a search over whitened rows.
+
+    `before` is that of the same rows, for its columns, `swing` what an earlier search found to
+    twist.
+    """
     evidence = gather(observations, whitener, before)
     kept = gather(heldout, replace(whitener, valid=tuple(run.valid for run in heldout.runs)))
     pool = Pool(evidence, kept, counted_squares(moved, evidence))
-    return Search(Candidates(library, evidence, rules), pool, rules, moved, kinds)
+    return Search(Candidates(library, evidence, rules, swing), pool, rules, moved, kinds)
 
 
 def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: ModelFile | None,
@@ -281,7 +288,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     # of effects with a nominal torque the noise of counts is left out of the floor
     simple = extended.model_copy(update={'effects': tuple(
         entry for entry in extended.effects if not effects[entry.effect].needs_nominal)})
-    floor = noise_floor(heldout.runs, machine, build_model(machine, simple, effects))
+    floor = noise_floor(heldout.runs, build_model(machine, simple, effects))
     hypotheses = named
     if loose is not None:
         cause, entry = cause_of(search.candidates.library[Backlash.name], loose)

@@ -72,7 +72,7 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: R
              'namespace': namespace, 'estimator': estimator, 'per_joint': per_joint,
              'offsets': offsets, **asdict(conditioning)})), machine)
         status.update('measuring the noise floor')
-        floor = noise_floor(identification.runs, machine, build_model(machine, model_file))
+        floor = noise_floor(identification.runs, build_model(machine, model_file))
         status.update('weighing payloads')
         gain_remarks, gain_fields = known_payloads(identification.runs, masses, machine,
                                                    rigid_body)

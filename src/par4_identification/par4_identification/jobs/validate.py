@@ -42,7 +42,7 @@ def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str 
                                         Chosen(cutoff, rows, low_speed))
         validation = sound_or_refused(check, lambda: validate(log, machine, built, conditioning))
         runs = runs_of_log(log, machine, conditioning)
-        floor = noise_floor(runs, machine, built)
+        floor = noise_floor(runs, built)
         seen = bag_sha256(bag) in bags_of(model_file)
         outcome = with_setup(outcome_of_validation(validation, floor, machine, log, seen), check,
                              'validation')

@@ -19,6 +19,7 @@ from par4_dynamics.state import State, state_of_joints
 from par4_identification.logs.log import Log
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.plateaus import plateaus_of
+from par4_identification.signals.position_noise import position_noise
 from par4_identification.signals.smoothing import UNCHANGED, Smoother, smoother_of, speed_noise
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
@@ -77,6 +78,9 @@ class Run:
         smoother: filter of the positions before the low-pass.
         likely: positions of a motion as lively as the true one, (n, J), rad; empty of plateaus.
         coarse: whether speeds, too, are those of the filtered positions.
+        counts: of the encoders a turn, 0 where they are not known.
+        position_noise: standard deviation of the white noise of the positions where counts are not
+            known, (J,), rad; zero of plateaus.
     """
 
     name: str
@@ -94,6 +98,8 @@ class Run:
     smoother: Smoother = UNCHANGED
     likely: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     coarse: bool = False
+    counts: int = 0
+    position_noise: np.ndarray = field(default_factory=lambda: np.zeros(1))
 
     def rows(self, columns: np.ndarray) -> np.ndarray:
         """Return columns (n, J, ...) of `state` filtered like the torque, at the rows (m, ...)."""
@@ -158,8 +164,11 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
     long = [segment for segment in log.segments
             if (segment.stop - segment.start) * log.period >= 1.0]
     fine = finer(replace(log, segments=tuple(long)), machine)
+    # white noise of samples between which others are put has its power in fewer frequencies
+    noise = np.zeros(log.q.shape[1]) if isinstance(machine, Robot) else np.sqrt(
+        log.period / fine.period) * position_noise([log.q[part] for part in long], log.period)
     runs = [_run(fine, segment, machine, conditioning,
-                 _white_floor(log.tau[measured], conditioning, log.period), log.period)
+                 _white_floor(log.tau[measured], conditioning, log.period), log.period, noise)
             for measured, segment in zip(long, fine.segments)]
     if not any(len(run.t) for run in runs):
         least = max(1.0, 4.0 * conditioning.reach)
@@ -231,7 +240,7 @@ def finer(log: Log, machine: Robot | Axis) -> Log:
 
 
 def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditioning,
-         noise_floor: np.ndarray, sampled: float) -> Run:
+         noise_floor: np.ndarray, sampled: float, noise: np.ndarray) -> Run:
     period = log.period
     counts = machine.drives.encoder_counts if isinstance(machine, Robot) else 0
     smoother = smoother_of(log.q[segment], counts, period)
@@ -266,7 +275,7 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
         noise_floor=noise_floor, conditioning=conditioning,
         _first=first, _every=every, period=sampled, smoother=smoother,
         likely=low_pass(smoother.likely(log.q[segment]), conditioning.position_cutoff_hz, period),
-        coarse=coarse)
+        coarse=coarse, counts=counts, position_noise=noise)
 
 
 def _within(reach: int, mask: np.ndarray) -> np.ndarray:

@@ -10,6 +10,11 @@ import numpy as np
 from par4_identification.logs.log import Log
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.plateaus import hold_speeds
+from par4_identification.signals.position_noise import (
+    mean_spectrum,
+    noise_variance,
+    second_difference_gain,
+)
 from par4_identification.signals.rows import SLOWEST_HZ, Conditioning, are_coarse
 from par4_identification.signals.smoothing import smoother_of
 from par4_kinematics.errors import InputError
@@ -27,8 +32,6 @@ and stamps of unknown make are often noisier, and noise would turn the sign of a
 UNRESOLVED = 0.01
 """Share of the squares of the acceleration that noise of the positions may have. Noise in a column
 makes its coefficient too small by as much (errors in variables)."""
-UPPER = 0.5
-"""Share of half the sample rate above which a position is taken to hold noise only."""
 LEAST_POSITION = 0.1
 """Cut-off of the positions over that of the torque, at the least."""
 LEAST_CUTOFF = 5.0
@@ -117,7 +120,8 @@ def _known_hz(logs: Sequence[Log], robot: Robot, usual: Conditioning) -> float:
 
 def _reach(log: Log) -> float:
     """Return the cut-off (Hz) that passes what the torque has above its noise."""
-    frequency, power = _spectrum(log)
+    frequency, powers = mean_spectrum([log.tau[segment] for segment in log.segments], log.period)
+    power = powers.sum(axis=1)
     noise = float(np.median(power[frequency > 0.8 * frequency[-1]]))
     above = np.cumsum(np.where(frequency > 0.0, np.maximum(power - 2.0 * noise, 0.0), 0.0))
     if above[-1] < noise * len(power):
@@ -129,43 +133,21 @@ def resolved_hz(logs: Sequence[Log]) -> float:
     """Return the frequency (Hz) up to which the positions of logs tell the acceleration.
 
     Counts and noise of a position are white. In the second difference their power grows with the
-    fourth power of the frequency, while a motion has most of its acceleration at low ones. The
-    level of that noise is taken from the upper frequencies.
+    fourth power of the frequency, while a motion has most of its acceleration at low ones.
     """
     length = min(max(round(1.0 / log.period), 16) for log in logs) // 2
     told, noisy = np.zeros(length), np.zeros(length)
     highest = np.inf
     for log in logs:
-        frequency, power = _spectrum(log, [
-            second_difference(log.q[segment], log.period) for segment in log.segments])
-        angle = 2.0 * np.pi * frequency * log.period
-        gain = ((30.0 - 32.0 * np.cos(angle) + 2.0 * np.cos(2.0 * angle))
-                / (12.0 * log.period ** 2)) ** 2
-        upper = frequency > UPPER * frequency[-1]
-        noise = float(np.median(power[upper] / gain[upper])) * gain
-        told += np.maximum(power - 2.0 * noise, 0.0)[:length]
+        frequency, power = mean_spectrum([second_difference(log.q[segment], log.period)
+                                          for segment in log.segments], log.period)
+        noise = (second_difference_gain(frequency, log.period)
+                 * float(noise_variance(frequency, power, log.period).sum()))
+        told += np.maximum(power.sum(axis=1) - 2.0 * noise, 0.0)[:length]
         noisy += noise[:length]
         highest = min(highest, float(frequency[-1]))
     few = np.cumsum(noisy) <= UNRESOLVED * np.maximum(np.cumsum(told), 1e-300)
     return highest * float(np.flatnonzero(few)[-1] + 1) / length if few.any() else 0.0
-
-
-def _spectrum(log: Log, signals: Sequence[np.ndarray] | None = None
-              ) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (k,) and a signal's mean power there (k,), over windows of a second.
-
-    The signals (n, J) are those of the segments, by default the torque.
-    """
-    length = max(round(1.0 / log.period), 16)
-    window, total = np.hanning(length), np.zeros(length // 2 + 1)
-    if signals is None:
-        signals = [log.tau[segment] for segment in log.segments]
-    for signal in signals:
-        for first in range(0, len(signal) - length + 1, length // 2):
-            part = signal[first:first + length]
-            total += np.sum(np.abs(np.fft.rfft(window[:, None] * (part - part.mean(axis=0)),
-                                               axis=0)) ** 2, axis=1)
-    return np.fft.rfftfreq(length, log.period), total
 
 
 def _low_speeds(log: Log, cutoff: float) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from par4_kinematics.robot import Axis, Robot
 
 _LINEAR_UNITS = {
     'kg m2': 'kg', 'kg m': 'kg', 'N m': 'N', 'N m s/rad': 'N s/m', 'N m s2/rad2': 'N s2/m2',
-    'N m/rad': 'N/m', 'N m/V': 'N/V', 'rad': 'm', 'rad/s': 'm/s', '1/turn': '1/m'}
+    'N m/rad': 'N/m', 'N m/V': 'N/V', 'rad': 'm', 'rad/s': 'm/s', '1/turn': 'rad/m'}
 _PERSONS = ('coulomb', 'stribeck')
 
 

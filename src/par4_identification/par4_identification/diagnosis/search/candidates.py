@@ -51,12 +51,15 @@ class Candidates:
         library: effects that may be named.
         evidence: whitened rows to fit.
         rules: `Rules.evidence` tells where a dear search is worth its time.
+        swing: transmissions that twist as an earlier search found them.
 
     Attributes:
+        swing: the same as this one found them.
         family: number of effects and shapes that are tried.
     """
 
-    def __init__(self, library: Mapping[str, Effect], evidence: Evidence, rules: Rules) -> None:
+    def __init__(self, library: Mapping[str, Effect], evidence: Evidence, rules: Rules,
+                 swing: Swing | None = None) -> None:
         self.library = library
         self._rules = rules
         self._joints = tuple(range(evidence.observations.joints))
@@ -64,7 +67,7 @@ class Candidates:
                         for name, effect in library.items()
                         if not effect.needs_both_ways or goes_both_ways(evidence.observations)}
         self._searched: dict[Any, Candidate | None] = {}
-        self._swing: Swing | None = None
+        self.swing = swing
         self.family = sum(len(shapes) for shapes in self._shapes.values())
 
     def best(self, effect: Effect, projection: Projection) -> Candidate | None:
@@ -148,10 +151,10 @@ class Candidates:
         if 0.5 * projection.gain(effect, {}) < self._rules.evidence:
             return None
         found = swing_in(projection, 2.0 * self._rules.evidence, 2.0 * self._rules.price,
-                         self._swing)
+                         self.swing)
         if found is None:
             return None
-        self._swing = found
+        self.swing = found
         known = {} if found.damping_ratio is None else {'damping_ratio': found.damping_ratio}
         hypothesis = Hypothesis(effect, effect.expansion(found.compliance, known), self._joints)
         return Candidate(hypothesis, 0.5 * found.squares, TRIED * len(self._joints))

@@ -90,7 +90,7 @@ class Counts:
         draws = len(self.dithered.draws)
         if not draws:
             return fit
-        moments = [self._mean(evidence, BASE, base_columns, draws).sum(axis=0)]
+        moments = [self._of_base(evidence, draws)]
         for item in fit.hypotheses:
             own = np.concatenate([self._of_shape(evidence, item, shape, draws)
                                   for shape in item.effect.parts(item.shape)], axis=1)
@@ -103,8 +103,8 @@ class Counts:
         It is the mean of so many draws.
         """
         if (hypothesis.key, draws) not in self._moments:
-            of_base = self._mean(evidence, BASE, base_columns, draws).sum(axis=0)
-            fitted = np.linalg.lstsq(sum(evidence.products(BASE, BASE)), of_base, rcond=1e-12)[0]
+            fitted = np.linalg.lstsq(sum(evidence.products(BASE, BASE)),
+                                     self._of_base(evidence, draws), rcond=1e-12)[0]
             moment = np.concatenate([
                 self._of_shape(evidence, hypothesis, shape, draws) - np.stack([
                     products @ fitted for products in evidence.products(
@@ -112,6 +112,11 @@ class Counts:
                 for shape in hypothesis.effect.parts(hypothesis.shape)], axis=1)
             self._moments[hypothesis.key, draws] = _stacked(hypothesis, moment)
         return self._moments[hypothesis.key, draws]
+
+    def _of_base(self, evidence: Evidence, draws: int) -> np.ndarray:
+        """Return X^T e (p,) of the base terms, the mean of so many draws."""
+        columns = partial(base_columns, terms=evidence.observations.terms)
+        return self._mean(evidence, BASE, columns, draws).sum(axis=0)
 
     def _of_shape(self, evidence: Evidence, hypothesis: Hypothesis, shape: Shape, draws: int
                   ) -> np.ndarray:

@@ -6,7 +6,7 @@ differ in second order, by half of the squared time of its curvature.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,6 @@ from par4_identification.diagnosis.evidence.observations import Observations, wi
 from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.rows import Run
-from par4_kinematics.robot import Axis, Robot
 
 DRAWS = 4
 """Motions that are drawn with other roundings to encoder counts. Their mean tells the squares of
@@ -46,7 +45,7 @@ class Dithered:
     taken out of the normal equations.
 
     Attributes:
-        draws: the observations, with other positions; none where the counts are not known.
+        draws: the observations, with other positions; none where the noise of these is not known.
     """
 
     draws: tuple[Observations, ...] = ()
@@ -95,32 +94,38 @@ class Dithered:
                 for draw in self.draws]
 
 
-def dithered(observations: Observations, machine: Robot | Axis, seed: int = 0) -> Dithered:
-    """Return motions whose positions differ by the noise of the machine's encoder counts."""
-    counts = machine.drives.encoder_counts if isinstance(machine, Robot) else 0
+def dithered(observations: Observations, seed: int = 0) -> Dithered:
+    """Return motions whose positions differ by the noise of the machine's encoders."""
     random = np.random.default_rng(seed)
     return Dithered(tuple(
         replace(observations, _kept={}, runs=tuple(
-            replace(run, state=dithered_state(run, run.state, counts, random))
+            replace(run, state=dithered_state(run, run.state, random))
             for run in observations.runs))
-        for _ in range(DRAWS if counts else 0)))
+        for _ in range(DRAWS if is_noisy(observations.runs) else 0)))
 
 
-def dithered_state(run: Run, state: State, counts: int, random: np.random.Generator) -> State:
+def is_noisy(runs: Sequence[Run]) -> bool:
+    """Return whether the noise of the positions is known, and not zero."""
+    return any(run.counts or run.position_noise.any() for run in runs)
+
+
+def dithered_state(run: Run, state: State, random: np.random.Generator) -> State:
     """Return a motion of `run`, or of its beginning, as it could be mistaken for the true one.
 
-    A motion as lively as the true one is told by encoders whose counts lie elsewhere, and filtered.
+    A motion as lively as the true one is told by encoders whose counts lie elsewhere, or whose
+    noise is another one, and filtered.
     """
     period = float(state.t[1] - state.t[0])
     true = run.likely[:len(state.q)]
-    told = true + random.uniform(-0.5, 0.5, true.shape) * (2.0 * np.pi / counts)
+    told = true + (random.uniform(-0.5, 0.5, true.shape) * (2.0 * np.pi / run.counts) if run.counts
+                   else random.standard_normal(true.shape) * run.position_noise)
     missed = run.smoother(told) - true
     dither, missed = (low_pass(part, run.conditioning.position_cutoff_hz, period)
                       for part in (missed if run.coarse else told - true, missed))
     return replace(state_of_joints(state.geometry, state.t, state.q + dither,
                                    state.qd + central_difference(dither, period),
                                    state.qdd + second_difference(missed, period)),
-                   told_hz=state.told_hz)
+                   told_hz=state.told_hz, hanging=state.hanging)
 
 
 def delivered(state: State) -> np.ndarray:

@@ -33,6 +33,8 @@ SETTLED = 1e-4
 """Share of the squares that a last step gains."""
 IN_BAND = 0.7
 """Highest resonance whose damping is told, over the frequency to which encoders tell the motion."""
+MOST_DAMPED = 0.99 * DAMPING_RATIOS[1]
+"""Damping ratio from which on the search has ended at its bound."""
 TINY = 1e-12
 """rad/(N m): what is rigid, where a logarithm is taken."""
 CHANGE = 1e-3
@@ -65,8 +67,9 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
         projection: whose residual is the target.
         least: twice the gain in log-likelihood that a first look must promise; else None.
         price: the same that a damping ratio of its own must be worth.
-        known: what was found beside other causes. Where the way down from there ends below what
-            the first look promises, that is the answer, which is much quicker.
+        known: what was found beside other causes, or with another nominal torque. Where the way
+            down from there ends below what the first look promises, that is the answer, which is
+            much quicker. Elsewhere the better of two ways down is.
     """
     evidence, target = projection.evidence, projection.residual
     springs = {id(run.state): Springs(run.state) for run in evidence.observations.runs}
@@ -109,6 +112,7 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
         found, squares = _descended(left_by_all, np.append(start, np.log(damping)), with_damping)
         return Swing(np.exp(found[:-1]), float(np.exp(found[-1])), _square(target) - squares)
 
+    again = None
     if known is not None:
         start = np.clip(np.log(known.compliance), *believed)
         again = (damped_as_usual(start, DAMPING_RATIO)[1] if known.damping_ratio is None
@@ -119,10 +123,13 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
                     *believed)
     for damping in (COARSE_DAMPING, DAMPING_RATIO):
         found, usual = damped_as_usual(found, damping)
-    if not _ring_in_band(list(springs.values()), np.exp(found), evidence):
-        return usual
-    freed = damped(found, DAMPING_RATIO)
-    return freed if freed.squares - usual.squares > price else usual
+    best = usual
+    if _ring_in_band(list(springs.values()), np.exp(found), evidence):
+        freed = damped(found, DAMPING_RATIO)
+        # so much damping that the search ends at its bound is none that these data tell
+        if freed.squares - usual.squares > price and (freed.damping_ratio or 0.0) < MOST_DAMPED:
+            best = freed
+    return best if again is None or again.squares < best.squares else again
 
 
 def _ring_in_band(springs: Sequence[Springs], compliance: np.ndarray, evidence: Evidence) -> bool:

@@ -61,7 +61,7 @@ class Cause:
         sizes = [self.parameters[parameter.name] for parameter in self.effect.parameters
                  if not parameter.is_shape and parameter.name in self.parameters]
         return bool(sizes) and all(np.all(np.abs(np.asarray(size.value, dtype=float))
-                                          < np.asarray(size.std, dtype=float)) for size in sizes)
+                                          <= np.asarray(size.std, dtype=float)) for size in sizes)
 
 
 @dataclass(frozen=True)

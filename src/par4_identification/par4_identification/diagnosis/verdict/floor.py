@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from par4_dynamics.model import Model
-from par4_identification.diagnosis.search.law import dithered_state
+from par4_identification.diagnosis.search.law import dithered_state, is_noisy
 from par4_identification.signals.rows import Run
-from par4_kinematics.robot import Axis, Robot
 
 WINDOW = 30
 """Torque noise is measured in stretches of standstill of so many rows."""
@@ -44,21 +43,21 @@ def torque_noise(runs: Sequence[Run]) -> np.ndarray:
     return floor
 
 
-def encoder_noise(runs: Sequence[Run], machine: Robot | Axis, model: Model) -> np.ndarray:
-    """Return the standard deviation (J,), N m, of the calculated torque that encoder counts cause.
+def encoder_noise(runs: Sequence[Run], model: Model) -> np.ndarray:
+    """Return the standard deviation (J,), N m, of the calculated torque that encoders cause.
 
-    Positions are known to one count. The torque of the model is calculated twice, from the measured
-    positions and from positions that lie elsewhere within their count; the difference is the noise.
+    Positions are known to one count, or to the noise that they show. The torque of the model is
+    calculated twice, from the measured positions and from positions that the encoders could have
+    told as well; the difference is the noise.
     """
     joints = runs[0].tau.shape[1]
-    counts = machine.drives.encoder_counts if isinstance(machine, Robot) else 0
-    if counts == 0:
+    if not is_noisy(runs):
         return np.zeros(joints)
     random = np.random.default_rng(0)
     squares, rows = np.zeros(joints), np.zeros(joints)
     for run in runs:
         state = run.state.part(slice(0, LONGEST))
-        moved = dithered_state(run, state, counts, random)
+        moved = dithered_state(run, state, random)
         # friction's sign is the same: rows near its change are not used
         change = run.rows(model.torque(moved) - model.torque(state))
         valid = run.valid[:len(change)]
@@ -67,6 +66,6 @@ def encoder_noise(runs: Sequence[Run], machine: Robot | Axis, model: Model) -> n
     return np.sqrt(squares / np.maximum(rows, 1))
 
 
-def noise_floor(runs: Sequence[Run], machine: Robot | Axis, model: Model) -> np.ndarray:
+def noise_floor(runs: Sequence[Run], model: Model) -> np.ndarray:
     """Return the standard deviation (J,), N m, of the rows' residual under a perfect model."""
-    return np.hypot(torque_noise(runs), encoder_noise(runs, machine, model))
+    return np.hypot(torque_noise(runs), encoder_noise(runs, model))

@@ -13,6 +13,7 @@ import numpy as np
 
 from par4_dynamics.effects.cogging import Cogging
 from par4_identification.diagnosis.evidence.fit import residuals
+from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.unnamed import Kind
@@ -26,6 +27,9 @@ MOST_LEFT = 0.5
 what they leave is no noise."""
 NO_NOISE = 5.0
 """Error over the white noise of the rows from which on it is no noise."""
+CHANCE = 0.025
+"""Probability of an error on rows held out that is no smaller with the names, by how the parts of
+the motion happen to be drawn."""
 MOST = 1.0
 """Change of a time by the unnamed causes beside it, over it, at the most: what a torque read at
 another time leaves, every faulty model leaves, too."""
@@ -35,15 +39,15 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
     """Return a model without the names in whose place a nameless function explains far more.
 
     Nor has it a delay or a lag beside unnamed causes that make another time of it, nor any names
-    that together leave most of an error that is no noise.
+    that together leave most of an error that is no noise, or all of it on rows held out.
     """
     if {Cogging.name, PERIODIC} <= {item.effect.name for item in model}:
         # its waves may be orders of the cogging that were lost beside other causes
         model = search.tested(tuple(item for item in model if item.effect.name != PERIODIC))
-    if _leaves_most(search, model):
+    reason = _doubt_of_all(search, model)
+    if reason is not None:
         for item in named_of(model):
-            search.journal.reject(item, 'the names together leave most of an error that is no '
-                                        'noise')
+            search.journal.reject(item, reason)
         return search.with_nameless(()) or tuple(unnamed_of(model))
     while True:
         for item in named_of(model):
@@ -99,16 +103,22 @@ def _nameless(search: Search, item: Hypothesis, others: Model
             and not (series and rival.hypothesis.effect.name in (POSITION, PERIODIC))]
 
 
-def _leaves_most(search: Search, model: Model) -> bool:
-    """Return whether the names of a model leave most of the error, and no noise."""
+def _doubt_of_all(search: Search, model: Model) -> str | None:
+    """Return why the names of a model are none together, None where they may be."""
     named = tuple(named_of(model))
     if not named:
-        return False
+        return None
     heldout = search.pool.heldout.observations
-    before, after = (_rms(heldout, residuals(heldout, part, search.pool.solution(part)))
-                     for part in ((), named))
+    before, after = (residuals(heldout, part, search.pool.solution(part)) for part in ((), named))
     floor = np.sqrt(np.mean([run.noise_floor ** 2 for run in heldout.runs]))
-    return bool(after > MOST_LEFT * before and after > NO_NOISE * floor)
+    old, new = _rms(heldout, before), _rms(heldout, after)
+    if new > MOST_LEFT * old and new > NO_NOISE * floor:
+        return 'the names together leave most of an error that is no noise'
+    blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
+    gone = (blocks.draws @ (blocks.sums(before) - blocks.sums(after))).sum(axis=1)
+    if np.quantile(gone, CHANCE) <= 0.0:
+        return 'with the names the error on rows held out is no smaller than chance makes it'
+    return None
 
 
 def _rms(observations: Observations, left: Sequence[np.ndarray]) -> float:

@@ -28,6 +28,8 @@ BACKGROUND = 31
 CYCLES = 8
 """Least periods of a line in the rows: slower than that it is no other than a drift, or what the
 model gets wrong of the slowest part of the motion."""
+OF_TORQUE = 0.02
+"""Share of the torque that the model has at a frequency up to which a line there is its error."""
 BURST = 0.25
 """s over which a burst is looked for."""
 MEMORY = 60
@@ -113,7 +115,8 @@ def unrelated(fit: Sequence[Left], heldout: Sequence[Left], floor: np.ndarray, r
     more = np.sqrt(np.maximum(rms ** 2 - floor ** 2 - by_lines ** 2, 0.0))
     wanders = np.hypot(floor, more) > rules.floor_excess * floor
     memory = _correlation_time(runs) if wanders.any() else 0.0
-    return Unrelated(np.where(wanders, more, 0.0), memory, lines, _bursts(heldout, rules))
+    return Unrelated(np.where(wanders, more, 0.0), memory, lines,
+                     _bursts(heldout, floor, rules))
 
 
 def _correlation_time(runs: Sequence[Left]) -> float:
@@ -178,19 +181,25 @@ def lines_of(fit: Sequence[Left], heldout: Sequence[Left]) -> tuple[Line, ...]:
 
 
 def _longest(runs: Sequence[Left], joint: int
-             ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return time, residual and validity of a joint in the longest run."""
+             ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return time, residual, torque of the model and validity of a joint in the longest run."""
     run, left, _ = max(runs, key=lambda part: len(part[0].t))
-    return run.t, left[:, joint], run.valid[:, joint]
+    return run.t, left[:, joint], run.tau[:, joint] - left[:, joint], run.valid[:, joint]
 
 
-def _peaks(time: np.ndarray, left: np.ndarray, valid: np.ndarray, chance: float
-           ) -> list[tuple[float, float]]:
-    """Return frequency (Hz) and amplitude of the peaks that noise makes with that probability."""
+def _peaks(time: np.ndarray, left: np.ndarray, torque: np.ndarray, valid: np.ndarray,
+           chance: float) -> list[tuple[float, float]]:
+    """Return frequency (Hz) and amplitude of the peaks that noise makes with that probability.
+
+    Peaks at frequencies of the motion itself, where the model has far more torque, are no more than
+    its error.
+    """
     if valid.sum() < 4 * BACKGROUND:
         return []
     kept = np.where(valid, left - left[valid].mean(), 0.0) * np.hanning(len(left))
     power = np.abs(np.fft.rfft(kept)) ** 2
+    followed = np.where(valid, torque - torque[valid].mean(), 0.0) * np.hanning(len(torque))
+    error = (OF_TORQUE * np.abs(np.fft.rfft(followed))) ** 2
     frequency = np.fft.rfftfreq(len(kept), float(time[1] - time[0]))
     # the median of the squares of noise is ln 2 of their mean
     level = scipy.ndimage.median_filter(power, BACKGROUND, mode='mirror') / np.log(2.0)
@@ -198,15 +207,19 @@ def _peaks(time: np.ndarray, left: np.ndarray, valid: np.ndarray, chance: float
     window = np.hanning(len(left))[valid].sum()
     found = []
     for place in range(CYCLES, len(power) - 1):
-        if power[place] > limit * level[place] and power[place] == power[place - 2:place + 3].max():
+        if (power[place] > limit * level[place] and power[place] > error[place]
+                and power[place] == power[place - 2:place + 3].max()):
             found.append((float(frequency[place]), float(2.0 * np.sqrt(power[place]) / window)))
     return sorted(found, key=lambda item: -item[1])
 
 
-def _bursts(runs: Sequence[Left], rules: Rules) -> tuple[tuple[float, float], ...]:
+def _bursts(runs: Sequence[Left], floor: np.ndarray, rules: Rules
+            ) -> tuple[tuple[float, float], ...]:
     """Return when residuals are larger than noise of one size is by chance.
 
-    Where the causes' torque is large, so may be their error.
+    That size is what they have most of the time, and no less than the floor: noise that follows the
+    motion, as that of encoder counts does, is smaller in places. Where the causes' torque is large,
+    so may be their error.
     """
     found = []
     for run, left, torque in runs:
@@ -225,7 +238,8 @@ def _bursts(runs: Sequence[Left], rules: Rules) -> tuple[tuple[float, float], ..
             enough = count > length // 2
             if enough.sum() < 8:
                 continue
-            level = np.median(squares[enough] / count[enough])
+            level = max(np.median(squares[enough] / count[enough]),
+                        np.mean(white[valid] ** 2) * (floor[joint] / max(own, 1e-30)) ** 2)
             limit = scipy.stats.f.isf(CHANCE / len(firsts), length, enough.sum() * length // 4)
             for first, size, rows in zip(firsts, squares, count):
                 if rows > length // 2 and size > 2.0 * limit * level * rows:

@@ -166,7 +166,10 @@ def _phrase_of_orders(cause: Cause, machine: Robot | Axis) -> str:
 
 
 def _phrase_of_periods(order: float, machine: Robot | Axis) -> str:
-    """Return an order in words, with what makes it where the nameplate tells."""
+    """Return an order in words, with what makes it where the nameplate tells; a pitch of a slide.
+    """
+    if isinstance(machine, Axis) and machine.kind == 'linear':
+        return f'a pitch of {number(2e3 * np.pi / order, 3)} mm'
     whole = abs(order - round(order)) < 1e-3
     count = f'{order:.0f}' if whole else number(order, 3)
     source = source_of_order(order, machine)
