@@ -128,6 +128,9 @@ def test_what_has_no_deviation_is_not_compared():
     assert not numbers_of('nonlinear_viscous', {'quadratic': [0.1] * 4}, [0],
                           {'exponent': [2.0]}, {'exponent': [0.0]})
     assert not numbers_of('backlash', {'gap': [0.1] * 4}, [0], {'gap': [0.2]}, {'gap': [0.01]})
+    # nor what a hidden machine leaves to its default
+    assert not numbers_of('stribeck', {'stribeck_torque': [0.5] * 4}, [0],
+                          {'exponent': [2.0]}, {'exponent': [0.1]})
 
 
 def test_values_of_large_causes_must_be_near():
