@@ -14,10 +14,12 @@ from hidden.scenario import Task, draw_scenario, record_scenario
 from hidden.study import diagnosis_of
 from planned import evidence_of, log_of
 
+from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.transmission import DAMPING_RATIO, MOTOR_SHARE, Springs
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.evidence.projection import project
+from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.swing import Swing, swing_in
 from par4_identification.signals.rows import runs_of_log
@@ -108,6 +110,23 @@ def test_a_search_that_goes_on_from_another_one_ends_where_it_would():
         found = swing_in(projection, LEAST, PRICE, known)
         np.testing.assert_allclose(found.compliance, anew.compliance, rtol=0.01)
         assert found.damping_ratio == pytest.approx(anew.damping_ratio, rel=0.05)
+
+
+def test_a_damping_at_the_bound_of_what_is_believed_is_not_told():
+    """So much of it leaves no resonance; a search that ends there fits something else."""
+    evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2), damping_ratio=0.8)
+    assert swing_in(project(evidence, []), LEAST, PRICE).damping_ratio is None
+
+
+def test_a_later_search_begins_where_an_earlier_one_ended(monkeypatch):
+    begun = []
+    monkeypatch.setattr('par4_identification.diagnosis.search.candidates.swing_in',
+                        lambda *asked: begun.append(asked[-1]))
+    evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2))
+    effect, known = CATALOGUE['elastic_transmission'], Swing(np.array([1e-4]), 0.1, 0.0)
+    candidates = Candidates({effect.name: effect}, evidence, Rules(), known)
+    candidates.best(effect, project(evidence, []))
+    assert begun == [known]
 
 
 def residual_and_change(counts, compliance, damping_ratio, motion='circles', feedforward=True,

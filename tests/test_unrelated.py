@@ -9,7 +9,8 @@ import pytest
 from measured import excitation
 from planned import log_of
 
-from par4_identification.diagnosis.verdict.unrelated import lines_of
+from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.verdict.unrelated import lines_of, unrelated
 from par4_identification.signals.filtering import low_pass
 from par4_identification.signals.rows import runs_of_log
 from robots import REFERENCE
@@ -67,3 +68,28 @@ def test_a_line_is_told_with_its_frequency_and_its_joint(parts, seed):
     assert line.frequency_hz == pytest.approx(LINE, abs=0.1)
     assert np.flatnonzero(line.amplitude).tolist() == [2]
     assert line.amplitude[2] == pytest.approx(0.3, rel=0.3)
+
+
+@pytest.mark.parametrize(('torque', 'is_line'), [(0.0, True), (30.0, False)])
+def test_a_line_where_the_model_has_far_more_torque_is_its_error(parts, torque, is_line):
+    """A motion may be a sum of sines; a percent of its torque is no disturbance."""
+    random = np.random.default_rng(1)
+    found = [[(replace(run, tau=rows + torque * np.sin(2.0 * np.pi * LINE * run.t)[:, None]),
+               rows, after) for run, rows, after in left(part, random, LINE, 0.3)]
+             for part in parts]
+    assert bool(lines_of(*found)) == is_line
+
+
+@pytest.mark.parametrize(('floor', 'is_burst'), [(0.01, True), (0.05, False)])
+def test_what_is_below_the_noise_floor_is_no_burst(parts, floor, is_burst):
+    """Noise that follows the motion is less than its mean in most places, and more in some."""
+    random = np.random.default_rng(1)
+    found = []
+    for part in parts:
+        found.append([])
+        for run in part:
+            rows = random.normal(0.0, 0.01, run.tau.shape)
+            rows[300:350] *= 4.0
+            found[-1].append((run, rows, np.zeros_like(rows)))
+    told = unrelated(*found, np.full(4, floor), Rules())
+    assert bool(told.bursts) == is_burst
