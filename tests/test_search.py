@@ -256,12 +256,11 @@ def one_sided(state):
     return WEAK * np.array(STRONG) * np.sign(state.qd)
 
 
-def test_a_candidate_that_was_not_looked_at_closely_is_equal_to_none(monkeypatch):
+def test_a_candidate_that_was_not_looked_at_closely_is_equal_to_none():
     """The strongest ends the look at weaker ones, however much counts as equal."""
     search = search_of(('torque_offset', {'offset': STRONG}),
                        ('geometry_error', {**dict.fromkeys(DIMENSIONS, 0.0), 'arm_length': 0.004}),
-                       library=('geometry_error', 'torque_offset'))
-    monkeypatch.setattr('par4_identification.diagnosis.search.search.ROUNDED', 1e9)
+                       library=('geometry_error', 'torque_offset'), rules=Rules(equal=1e9))
     first, *_ = search.run()
     assert first.effect.name == 'torque_offset'
 

@@ -20,6 +20,7 @@ class Rules:
             explanation with the fewest coefficients, and with the fewest joints, is taken among
             equal ones.
         twin: two names whose log-likelihoods differ by no more are twins.
+        equal: of two names whose log-likelihoods differ by no more the simpler one goes first.
         base_error: share (rms) of the measured torque that sampling, filters and base terms get
             wrong.
         noise_error: share of the squares of the noise by which its model may be wrong.
@@ -36,6 +37,7 @@ class Rules:
     margin: float = 8.0
     price: float = 6.5
     twin: float = 10.0
+    equal: float = 2.0
     base_error: float = 3e-4
     noise_error: float = 0.006
     named_error: float = 0.035

@@ -27,9 +27,6 @@ from par4_identification.diagnosis.search.law import Dithered
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.weighing import Weighing
 
-ROUNDED = 0.01
-"""Log-likelihood that differs by rounding alone, as that of exact twins does."""
-
 
 @dataclass(frozen=True)
 class Rejected:
@@ -175,9 +172,9 @@ class Search:
                 most = max(most, trimmed[name][0])
             if most <= 0.0:
                 return None
-            # of exact twins the first of the library, which is the simplest
+            # of equals the first of the library, which is the simplest
             candidate = next(item for item in found if trimmed.get(
-                item.hypothesis.effect.name, (-np.inf,))[0] > most - ROUNDED)
+                item.hypothesis.effect.name, (-np.inf,))[0] > most - self.rules.equal)
             found.remove(candidate)
             hypothesis = trimmed[candidate.hypothesis.effect.name][1]
             if self._is_confirmed(hypothesis, model):
