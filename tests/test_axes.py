@@ -100,7 +100,7 @@ def test_columns_of_some_base_terms_are_those_of_all_without_the_others():
     random = np.random.default_rng(3)
     for state in (State(np.arange(50.0), *random.normal(size=(3, 50, 1)), hanging='turning'),
                   state_of_joints(REFERENCE.geometry, np.arange(50.0),
-                                  *(0.1 * random.normal(size=(3, 50, 4))))):
+                                  *(0.02 * random.normal(size=(3, 50, 4))))):
         terms = base_terms(state)
         some = terms[2:0:-1]
         np.testing.assert_array_equal(base_columns(state, some),

@@ -113,7 +113,7 @@ PAIRS = [
     ('stribeck', 'nonlinear_viscous', GENTLE,
      with_friction(stribeck_torque=0.105, stribeck_velocity=0.2)),
     ('nonlinear_viscous', 'stribeck', NARROW,
-     with_friction(power_torque=-0.3, power_exponent=0.4)),
+     with_friction(power_torque=-0.8, power_exponent=0.4)),
     ('torque_offset', 'arm_mass_offset', NARROW, with_constant_load(0.5)),
     ('arm_mass_offset', 'torque_offset', NARROW, with_weights(0.03)),
     ('base_tilt', 'torque_offset', NARROW, tilted(0.01)),

@@ -278,6 +278,10 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             search.journal.reject(item, 'all its values are zero within their deviations')
             return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
                            rigid_body, effects, fit_runs, progress)
+    # how large a cause is depends on its law and on what else acts, not whether it is one
+    causes = [replace(cause, parameters=with_doubt_of_law(
+        cause.parameters, search, item, tuple(named), errors[0]))
+        for cause, item in zip(causes, named)]
     causes = widened(search, causes, named, weak)
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
@@ -345,7 +349,6 @@ def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fi
     parameters = effect_parameters(evidence, hypothesis, fit, index, errors[0])
     parameters = with_doubt_of_choice(parameters, evidence, hypothesis, named, corrected)
     parameters = with_doubt_of_size(parameters, evidence, hypothesis, fit)
-    parameters = with_doubt_of_law(parameters, search, hypothesis, tuple(named), errors[0])
     if unnamed_of(model):
         parameters = with_doubt(parameters, effect_parameters(
             evidence, hypothesis, corrected(solve(evidence, model)), model.index(hypothesis),
