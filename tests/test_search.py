@@ -247,6 +247,14 @@ def test_stribeck_friction_of_an_arm_dies_away_by_the_law_that_it_has():
     assert item.shape['stribeck_velocity'] == pytest.approx(0.3, rel=0.1)
 
 
+@pytest.mark.parametrize(('torque', 'possible'), [(0.3, True), (-0.3, False)])
+def test_a_value_on_the_wrong_side_of_zero_is_none_of_a_machine(torque, possible):
+    search = search_of(('stribeck', {'stribeck_torque': torque, 'stribeck_velocity': 0.3}),
+                       library=('stribeck',))
+    item = cause('stribeck', stribeck_velocity=0.3)
+    assert search.belief.is_possible(item, ()) == possible
+
+
 STRONG = (6.0, -6.0, 4.0, -4.0)
 WEAK = 0.02
 

@@ -31,6 +31,7 @@ from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.verdict.agreement import parameters_by, with_disagreement
+from par4_identification.diagnosis.verdict.answer import Cause
 from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widened
 from robots import REFERENCE
 
@@ -351,3 +352,13 @@ def arrays_of(parameters, joints, acting):
         values[name] = np.zeros(joints)
         values[name][list(acting) if np.ndim(parameter.value) else slice(None)] = parameter.value
     return values
+
+
+def test_a_cause_is_zero_where_each_of_its_sizes_is_within_its_deviations():
+    """A size that a law does not have is zero without a deviation; shapes are no sizes."""
+    told = SimpleNamespace(effect=CATALOGUE['stribeck'], parameters={
+        'stribeck_torque': Parameter(value=(-1.5, 0.0), std=(1.0, 0.0)),
+        'stribeck_velocity': Parameter(value=(0.3, 0.3), std=(0.1, 0.1)),
+        'exponent': Parameter(value=(1.6, 1.6), std=(0.1, 0.1))})
+    assert not Cause.is_zero_within(told, 1.0)
+    assert Cause.is_zero_within(told, 2.0)

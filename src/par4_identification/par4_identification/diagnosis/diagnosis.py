@@ -89,6 +89,8 @@ LIBRARY = {name: effect for name, effect in CATALOGUE.items()
 MOST = 480_000
 """Readings of torque that are fitted: two minutes of four joints at 1 kHz. Of more, stretches are
 looked at, so that time and memory end; what the model gets wrong limits a long log anyway."""
+EITHER_SIDE = 2.0
+"""Deviations of a 95 % interval."""
 PASSES = 3
 """Searches beside the causes found by the one before."""
 UNEVEN = 3.0
@@ -273,16 +275,17 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
               for part in (evidence, pool.heldout)]
     causes = [_cause(judge(search, item, model), search, named, told, blocks, model, errors)
               for item in named]
-    for item, cause in zip(reversed(named), reversed(causes)):  # the weakest first
-        if cause.is_nothing:
+    # how large a cause is depends on its law and on what else acts, not whether it is one; but
+    # values that no machine can have say nothing if they may as well be zero
+    by_any_law = [replace(cause, parameters=with_doubt_of_law(
+        cause.parameters, search, item, named, errors[0])) for cause, item in zip(causes, named)]
+    for item, cause, doubted in reversed(list(zip(named, causes, by_any_law))):  # weakest first
+        if cause.is_nothing or (doubted.is_zero_within(EITHER_SIDE) and not
+                                search.belief.is_possible(item, others_of(named, item))):
             search.journal.reject(item, 'all its values are zero within their deviations')
             return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
                            rigid_body, effects, fit_runs, progress)
-    # how large a cause is depends on its law and on what else acts, not whether it is one
-    causes = [replace(cause, parameters=with_doubt_of_law(
-        cause.parameters, search, item, tuple(named), errors[0]))
-        for cause, item in zip(causes, named)]
-    causes = widened(search, causes, named, weak)
+    causes = widened(search, by_any_law, named, weak)
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
     progress('checking what remains')

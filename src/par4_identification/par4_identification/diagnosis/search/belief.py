@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.effects.effect import CERTAIN, FAST
+from par4_dynamics.effects.effect import CERTAIN, FAST, Base, Values
 from par4_identification.diagnosis.evidence.estimates import estimated, fixed_sizes
 from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
@@ -51,6 +51,14 @@ class Belief:
                       'does not follow this law')
         return reason
 
+    def is_possible(self, hypothesis: Hypothesis, others: Model) -> bool:
+        """Return whether a machine can have the values of a cause as they are, if they are exact.
+        """
+        values, std, level = self._values(hypothesis, others,
+                                          self.pool.solution([*others, hypothesis]))
+        exact = {name: np.zeros_like(own) for name, own in std.items()}
+        return hypothesis.named.implausible(values, exact, level) is None
+
     def _inflation(self, model: Model) -> float:
         return requirement_of(self.pool, model, self.rules).inflation
 
@@ -76,6 +84,21 @@ class Belief:
 
     def _implausible(self, hypothesis: Hypothesis, others: Model, fit: Fit) -> str | None:
         """Return why the values of a hypothesis, the last of a fit, are not those of a machine."""
+        effect = hypothesis.named
+        if effect.fixed_coefficients:
+            found = fixed_sizes(self.pool.evidence, hypothesis, fit, len(others))
+            low, high = effect.fixed_range
+            if found.min() < low or found.max() > high:
+                return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '
+                        f'it must be')
+        reason = effect.implausible(*self._values(hypothesis, others, fit))
+        if reason is None and order_name(effect) is None:
+            reason = self._driven_beside(others, fit, self._inflation((*others, hypothesis)))
+        return reason
+
+    def _values(self, hypothesis: Hypothesis, others: Model, fit: Fit
+                ) -> tuple[Values, Values, Base]:
+        """Return the values of a hypothesis, the last of a fit, their deviations and the base's."""
         effect, evidence = hypothesis.named, self.pool.evidence
         acting = list(range(evidence.observations.joints) if effect.shared
                       else hypothesis.joints)
@@ -83,18 +106,8 @@ class Belief:
                  for term, value in zip(evidence.observations.terms, fit.base)}
         if evidence.observations.runs[0].state.geometry is None:
             level[FAST] = np.full(len(acting), self._fast_speed)
-        if effect.fixed_coefficients:
-            found = fixed_sizes(evidence, hypothesis, fit, len(others))
-            low, high = effect.fixed_range
-            if found.min() < low or found.max() > high:
-                return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '
-                        f'it must be')
-        inflation = self._inflation((*others, hypothesis))
-        values, std = estimated(evidence, hypothesis, fit, len(others), inflation)
-        reason = effect.implausible(values, std, level)
-        if reason is None and order_name(effect) is None:
-            reason = self._driven_beside(others, fit, inflation)
-        return reason
+        return *estimated(evidence, hypothesis, fit, len(others),
+                          self._inflation((*others, hypothesis))), level
 
     @property
     def _fast_speed(self) -> float:

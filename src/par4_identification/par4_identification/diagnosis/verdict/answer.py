@@ -58,10 +58,15 @@ class Cause:
     @property
     def is_nothing(self) -> bool:
         """Whether all sizes that it is told with are zero within their deviations."""
+        return self.is_zero_within(1.0)
+
+    def is_zero_within(self, deviations: float) -> bool:
+        """Return whether all sizes that it is told with are zero within so many deviations."""
         sizes = [self.parameters[parameter.name] for parameter in self.effect.parameters
                  if not parameter.is_shape and parameter.name in self.parameters]
-        return bool(sizes) and all(np.all(np.abs(np.asarray(size.value, dtype=float))
-                                          <= np.asarray(size.std, dtype=float)) for size in sizes)
+        return bool(sizes) and all(np.all(
+            np.abs(np.asarray(size.value, dtype=float))
+            <= deviations * np.asarray(size.std, dtype=float)) for size in sizes)
 
 
 @dataclass(frozen=True)
