@@ -195,18 +195,17 @@ def test_payload_is_at_the_tool_unless_said_and_on_no_third_half():
 @ROBOTS
 def test_theta_effects_are_moments_about_theta(robot):
     state = moving_state(robot)
-    turn = state.xd[:, 3]
-    side = np.tanh(turn / 0.02)  # the sign, but for a rotation that hardly turns
+    turn, speed = state.xd[:, 3], np.abs(state.xd[:, 3])
     for name, values, moment in (
             ('theta_inertia', {'inertia': 2e-3}, 2e-3 * state.xdd[:, 3]),
-            ('theta_friction', {'coulomb': 0.3}, 0.3 * side),
-            ('theta_friction', {'coulomb': 0.3, 'viscous': 0.1}, 0.3 * side + 0.1 * turn)):
+            ('theta_friction', {'coulomb': 0.3}, 0.3 * np.sign(turn)),
+            ('theta_friction', {'coulomb': 0.3, 'viscous': 0.1}, 0.3 * np.sign(turn) + 0.1 * turn)):
         tau = effect_torque(robot, state, name, **values)
         expected = np.zeros_like(state.x)
         expected[:, 3] = moment
         np.testing.assert_allclose(force_of_torque(robot.geometry, state.x, tau), expected,
                                    atol=1e-7)
-    np.testing.assert_allclose(np.sum(tau * state.qd, axis=1), (0.3 * side + 0.1 * turn) * turn,
+    np.testing.assert_allclose(np.sum(tau * state.qd, axis=1), 0.3 * speed + 0.1 * speed ** 2,
                                atol=1e-10)
 
 

@@ -17,18 +17,12 @@ from par4_dynamics.state import State
 
 TYPICAL_RATE = 5.0
 """rad/s of theta."""
-SLOW = 0.02
-"""rad/s of theta."""
 LARGEST = 5.0
 """N m at that rate, ten times what belts and pulleys take."""
 
 
 class ThetaFriction(Effect):
-    """tau += J_1^T (0, 0, 0, coulomb sign(thetad) + viscous thetad).
-
-    Below `SLOW` the sign goes over as tanh(thetad / SLOW): a rotation that rests is held with less
-    than the Coulomb friction, and what encoders tell of its speed has any sign.
-    """
+    """tau += J_1^T (0, 0, 0, coulomb sign(thetad) + viscous thetad)."""
 
     name = 'theta_friction'
     phrase = 'friction of the rotation theta'
@@ -40,7 +34,7 @@ class ThetaFriction(Effect):
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         unit = state.torque_of_force((0.0, 0.0, 0.0, 1.0))
         rate = state.platform.xd[:, 3:]
-        return np.stack((unit * np.tanh(rate / SLOW), unit * rate), axis=-1)
+        return np.stack((unit * np.sign(rate), unit * rate), axis=-1)
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         coulomb, viscous = float(values['coulomb'][0]), float(values['viscous'][0])

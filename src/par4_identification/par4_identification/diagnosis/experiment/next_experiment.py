@@ -265,10 +265,8 @@ class Trial:
             return 0.5 * self._rest(number, {}, motions, times)
         effect = _name(rival)
         # a series holds around the size that the data give, elsewhere it would be another law
-        # a faster motion has room for shapes that the data at hand had not
-        shapes = (rival.shape,) if effect.expanded else (rival.shape, *(
-            shape for part in (self.prospect.evidence, *map(self.prospect.of_motion, motions))
-            for shape in shapes_of(part.observations, effect)))
+        shapes = (rival.shape,) if effect.expanded else (
+            rival.shape, *shapes_of(self.prospect.evidence.observations, effect))
         _, worth = best_shape(effect, shapes, lambda some: -np.array(
             [self._rest(number, shape, motions, times) for shape in some]))
         return -0.5 * worth
