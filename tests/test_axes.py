@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 from axes import Motor, held_speeds, recorded
 from click.testing import CliRunner
+from planned import log_of
+from scipy.signal import lfilter
 
 from par4_dynamics.base_terms import BASE_TERMS, base_columns, base_terms, torque_of_values
 from par4_dynamics.effects.effect import FAST
@@ -30,6 +32,7 @@ from par4_identification.commands.bag import make_bag
 from par4_identification.commands.diagnose import diagnose_bags
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.experiment.next_experiment import next_experiment
+from par4_identification.diagnosis.verdict.sure import CHANCE
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import identify
 from par4_identification.reports.diagnosis_report import report_of_diagnosis
@@ -135,6 +138,46 @@ def test_the_data_tell_whether_an_axis_hangs(pendulum):
     level = recorded(replace(PENDULUM, hanging=0.0), lambda t: 0.9 * np.sin(2.0 * t)
                      + 0.4 * np.sin(5.3 * t), 12.0, 500.0, noise=2e-3, stiffness=30.0)
     assert with_gravity_told(machine, [level], conditioning).gravity == 'none'
+
+
+def sliding(force, seed, noise=0.3, wander=0.0):
+    """Return the log of a slide with friction and a force (n, 1) of its position and time.
+
+    Noise that wanders for a tenth of a second may be added.
+    """
+    t = np.arange(0.0, 30.0, 1e-3)
+    rates = 2.0 * np.pi * np.array((0.11, 0.29, 0.53))
+    waves = np.array((0.2, 0.06, 0.03)) * np.exp(1j * (rates * t[:, None] + float(seed)))
+    q, qd, qdd = ((part * waves).sum(axis=1, keepdims=True).real
+                  for part in (1.0, 1j * rates, -rates ** 2))
+    tau = 8.0 * qdd + 20.0 * np.sign(qd) + 30.0 * qd + force(q)
+    slow = lfilter([1.0], [1.0, -0.99], np.random.default_rng((seed, 1)).standard_normal(q.shape),
+                   axis=0)
+    return log_of(axis(kind='linear'), t, q, tau + wander * slow / np.std(slow), seed, noise)
+
+
+@pytest.mark.parametrize('pitch', [0.030, 0.0241])
+def test_a_slide_has_one_order_whatever_its_pitch(pitch):
+    """2 pi over the pitch is no whole number; whole ones would need several for it."""
+    fit, heldout = (sliding(lambda q: 9.0 * np.sin(2.0 * np.pi * q / pitch + 0.4), seed)
+                    for seed in (1, 2))
+    machine = axis(kind='linear')
+    found = diagnosed([fit], [heldout], machine)
+    cause, = found.causes
+    assert cause.effect.name == 'cogging'
+    assert cause.parameters['periods'].number == pytest.approx(2.0 * np.pi / pitch, rel=1e-3)
+    assert cause.parameters['amplitude'].value == pytest.approx((9.0,), rel=0.02)
+    assert f'a pitch of {1e3 * pitch:.1f} mm' in outcome_of_diagnosis(found, machine).sentence
+
+
+@pytest.mark.parametrize(('chance', 'names'), [(1.0, ['cogging']), (CHANCE, [])])
+def test_names_that_lower_no_error_are_not_told(chance, names, monkeypatch):
+    """A wave of 1.2 N under 6 N of noise that wanders: likelihood knows it, the error does not."""
+    monkeypatch.setattr('par4_identification.diagnosis.verdict.sure.CHANCE', chance)
+    fit, heldout = (sliding(lambda q: 1.2 * np.sin(400.0 * q), seed, noise=6.0, wander=6.0)
+                    for seed in (1, 2))
+    found = diagnosed([fit], [heldout], axis(kind='linear'))
+    assert [cause.effect.name for cause in found.causes] == names
 
 
 # --------------------------------------------------------------------------- scales of the data
