@@ -157,6 +157,15 @@ def test_no_unnamed_cause_stands_beside_the_right_names():
     assert set(names(search.run())) == {'theta_friction', 'drive_gain_error'}
 
 
+@pytest.mark.parametrize(('tilt', 'expected'), [(0.014, 'external_force'), (0.04, 'wrench')])
+def test_what_stands_in_for_a_name_explains_as_much_more_as_it_would_beside_it(tilt, expected):
+    """A force, and gravity that has turned a little: the name is right to a part in a thousand."""
+    search = search_of(('external_force', {'x': 0.64, 'y': 3.57, 'z': 0.42}),
+                       ('base_tilt', {'about_x': -tilt, 'about_y': 0.7 * tilt}),
+                       library=('external_force',))
+    assert names(search.run()) == [expected]
+
+
 def test_a_clean_machine_has_no_cause():
     assert search_of(library=('torque_offset', 'base_tilt', 'cogging', 'coulomb_asymmetry',
                               'stribeck', 'theta_friction')).run() == ()

@@ -304,11 +304,12 @@ class Search:
         for another beside them; an unnamed cause that contains it does better without them. In the
         place of several it need only do as well, as one cause is likelier than several that happen
         to make up its torque. In the place of one without a name it must be better by more than
-        chance, in that of a name also by more than the errors of the model.
+        chance, in that of a name by as much as it would have to explain beside the name.
         """
         here = self._loss(model)
         better = here - self.rules.margin
-        decidedly = better - self.rules.margin * self.weighing.requirement(model).inflation
+        needed = self.weighing.requirement(model)
+        decidedly = better - needed.fit - needed.heldout
         found = []
         for kind in self._kinds:
             if kind.left_by_filters:
