@@ -195,18 +195,34 @@ def test_payload_is_at_the_tool_unless_said_and_on_no_third_half():
 @ROBOTS
 def test_theta_effects_are_moments_about_theta(robot):
     state = moving_state(robot)
-    turn, speed = state.xd[:, 3], np.abs(state.xd[:, 3])
+    turn = state.xd[:, 3]
+    side = turn / np.sqrt(turn ** 2 + 0.03 ** 2)  # the sign, but where theta rests
     for name, values, moment in (
             ('theta_inertia', {'inertia': 2e-3}, 2e-3 * state.xdd[:, 3]),
-            ('theta_friction', {'coulomb': 0.3}, 0.3 * np.sign(turn)),
-            ('theta_friction', {'coulomb': 0.3, 'viscous': 0.1}, 0.3 * np.sign(turn) + 0.1 * turn)):
+            ('theta_friction', {'coulomb': 0.3}, 0.3 * side),
+            ('theta_friction', {'coulomb': 0.3, 'viscous': 0.1}, 0.3 * side + 0.1 * turn)):
         tau = effect_torque(robot, state, name, **values)
         expected = np.zeros_like(state.x)
         expected[:, 3] = moment
         np.testing.assert_allclose(force_of_torque(robot.geometry, state.x, tau), expected,
                                    atol=1e-7)
-    np.testing.assert_allclose(np.sum(tau * state.qd, axis=1), 0.3 * speed + 0.1 * speed ** 2,
+    np.testing.assert_allclose(np.sum(tau * state.qd, axis=1), (0.3 * side + 0.1 * turn) * turn,
                                atol=1e-10)
+
+
+@pytest.mark.parametrize('name', ['theta_friction', 'passive_joint_friction'])
+def test_friction_out_of_the_encoders_sight_is_sharp_in_motion_and_fades_at_rest(name):
+    state = moving_state(REFERENCE)
+
+    def torque(share, name=name):
+        slowed = state_of_platform(REFERENCE.geometry, state.t, state.x, share * state.xd,
+                                   state.xdd)
+        return effect_torque(REFERENCE, slowed, name, coulomb=0.1)
+
+    fast = torque(1e3)
+    np.testing.assert_allclose(torque(2e3), fast, rtol=2e-3, atol=1e-6)
+    np.testing.assert_allclose(torque(-1e3), -fast, atol=1e-12)
+    assert np.abs(torque(1e-4)).max() < 0.05 * np.abs(fast).max()
 
 
 @ROBOTS
@@ -215,12 +231,13 @@ def test_passive_joint_friction_resists_every_relative_rate(robot):
     matrices = rate_matrices(robot.geometry, state.x)
     rates = np.einsum('ngak,nk->nga', matrices, state.xd)
     speed = np.linalg.norm(rates, axis=2)
-    moments = (coulomb / speed + viscous)[..., None] * rates * PIVOTS[:, None]
+    slipping = coulomb * np.tanh(speed / 0.03)  # all of it, but where a joint rests
+    moments = (slipping / speed + viscous)[..., None] * rates * PIVOTS[:, None]
     expected = np.einsum('nga,ngak->nk', moments, matrices)
     tau = effect_torque(robot, state, 'passive_joint_friction', coulomb=coulomb, viscous=viscous)
     np.testing.assert_allclose(force_of_torque(robot.geometry, state.x, tau), expected, atol=1e-5)
     np.testing.assert_allclose(np.sum(tau * state.qd, axis=1),
-                               (coulomb * speed + viscous * speed ** 2) @ PIVOTS, rtol=1e-6)
+                               (slipping * speed + viscous * speed ** 2) @ PIVOTS, rtol=1e-6)
     back = replace(state, qd=-state.qd, xd=-state.xd)
     np.testing.assert_allclose(effect_torque(robot, back, 'passive_joint_friction',
                                              coulomb=coulomb, viscous=viscous), -tau, atol=1e-10)

@@ -13,6 +13,7 @@ from par4_dynamics.effects.effect import (
     Values,
     beyond,
 )
+from par4_dynamics.effects.rest import AT_REST
 from par4_dynamics.state import State
 from par4_kinematics.passive import passive_friction_force, passive_rates
 
@@ -26,7 +27,8 @@ class PassiveJointFriction(Effect):
     """tau += J_1^T f, f . Xdot = sum over the passive joints of coulomb |w| + viscous w^2.
 
     All 20 joints are alike: 8 rods with a ball at both ends and 4 pivots of the two bars; w is
-    their relative angular velocity, see `par4_kinematics.passive`.
+    their relative angular velocity, see `par4_kinematics.passive`. Coulomb friction fades where a
+    joint rests, as tanh(|w| / AT_REST).
     """
 
     name = 'passive_joint_friction'
@@ -40,7 +42,8 @@ class PassiveJointFriction(Effect):
         geometry, x, xd, _ = state.platform
         rates = passive_rates(geometry, x, xd)
         return np.stack([
-            state.torque_of_force(passive_friction_force(geometry, x, rates, *unit))
+            state.torque_of_force(
+                passive_friction_force(geometry, x, rates, *unit, slip_rate=AT_REST))
             for unit in ((1.0, 0.0), (0.0, 1.0))], axis=-1)
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:

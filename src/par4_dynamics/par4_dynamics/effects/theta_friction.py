@@ -13,6 +13,7 @@ from par4_dynamics.effects.effect import (
     Values,
     beyond,
 )
+from par4_dynamics.effects.rest import fading_sign
 from par4_dynamics.state import State
 
 TYPICAL_RATE = 5.0
@@ -22,7 +23,7 @@ LARGEST = 5.0
 
 
 class ThetaFriction(Effect):
-    """tau += J_1^T (0, 0, 0, coulomb sign(thetad) + viscous thetad)."""
+    """tau += J_1^T (0, 0, 0, coulomb sign(thetad) + viscous thetad), the sign fading at rest."""
 
     name = 'theta_friction'
     phrase = 'friction of the rotation theta'
@@ -34,7 +35,7 @@ class ThetaFriction(Effect):
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         unit = state.torque_of_force((0.0, 0.0, 0.0, 1.0))
         rate = state.platform.xd[:, 3:]
-        return np.stack((unit * np.sign(rate), unit * rate), axis=-1)
+        return np.stack((unit * fading_sign(rate), unit * rate), axis=-1)
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         coulomb, viscous = float(values['coulomb'][0]), float(values['viscous'][0])

@@ -22,6 +22,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
+from par4_dynamics.effects.rest import fading_sign
 from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
 from par4_dynamics.state import State
 from par4_identification.setup_check.clustered import basis_of, clustered_std, clusters_of
@@ -297,7 +298,7 @@ def _loads(state: State) -> np.ndarray:
     rate = platform.xd[:, 3:]
     springs = [forces[axis] * away[:, [axis]] for axis in range(3)]
     drags = [forces[axis] * platform.xd[:, [axis]] for axis in range(3)]
-    turning = [forces[3] * rate, forces[3] * np.sign(rate)]
+    turning = [forces[3] * rate, forces[3] * fading_sign(rate)]
     return np.stack(forces + springs + drags + turning, axis=-1)
 
 

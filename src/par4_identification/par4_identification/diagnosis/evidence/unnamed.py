@@ -19,6 +19,7 @@ from numpy.polynomial.legendre import legvander
 from par4_dynamics.effects.cogging import HIGHEST_PERIODS, LEAST_TURNS, LOWEST_PERIODS
 from par4_dynamics.effects.effect import Shape
 from par4_dynamics.effects.position_torque import WIDEST
+from par4_dynamics.effects.rest import fading_sign
 from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State
@@ -163,8 +164,9 @@ def _load(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
 def _wrench(state: State, ranges: Ranges) -> np.ndarray:
     motion, scales = state.platform, ranges.of_platform
     place, speed = scales.place(motion.x), motion.xd / scales.xd
+    side = np.concatenate((np.sign(speed[:, :3]), fading_sign(motion.xd[:, 3:])), axis=1)
     forces = scales.force * np.stack(
-        (np.ones_like(place), place, np.sign(speed), speed, np.abs(speed) * speed))
+        (np.ones_like(place), place, side, speed, np.abs(speed) * speed))
     return np.stack([state.torque_of_force(axis * force)
                      for axis in np.eye(4) for force in forces], axis=-1)
 
