@@ -27,7 +27,7 @@ from par4_identification.setup_check.drive_answer import answer_of
 from par4_identification.setup_check.equations import equations_of, stretches_of
 from par4_identification.setup_check.finding import Amount, Finding, SetupCheck
 from par4_identification.setup_check.repair import filled
-from par4_identification.setup_check.samples import Held, held_stretches, spikes
+from par4_identification.setup_check.samples import Held, held_stretches, mute_torques, spikes
 from par4_identification.setup_check.total import total_lines, totals
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.approach import with_approach
@@ -363,6 +363,38 @@ def test_an_encoder_that_never_moves_makes_the_data_useless(clean):
     kinds, check = found(mistakes.frozen(clean, 1, 0.0, np.inf))
     assert kinds == [('frozen_encoder', (1,))]
     assert check.useless
+
+
+@pytest.mark.parametrize('level', [0.0, 1.7])
+def test_a_torque_that_stands_still_while_its_joint_turns_round_is_left_out(clean, level):
+    tau = clean.tau.copy()
+    tau[5000:7000, 1] = level
+    kinds, check = found(replace(clean, tau=tau))
+    assert kinds == [('held_samples', (1,))]
+    assert not check.useless
+    start, end = check.findings[0].when
+    assert (start, end) == (pytest.approx(clean.t[5000]), pytest.approx(clean.t[7000], abs=2e-3))
+    assert error_of(check.logs[0]) < 1.3 * error_of(clean)
+    tau[:, 1] = level
+    kinds, check = found(replace(clean, tau=tau))
+    assert kinds == [('held_samples', (1,))]
+    assert check.useless
+
+
+def test_a_torque_that_is_told_of_two_joints_is_left_out(clean):
+    tau = clean.tau.copy()
+    tau[:6000, 3] = tau[:6000, 0]
+    kinds, check = found(replace(clean, tau=tau))
+    assert kinds == [('held_samples', (3,))]
+    assert 'that of joint 0' in check.findings[0].evidence
+    assert check.logs[0].t[0] == pytest.approx(clean.t[6000])
+
+
+def test_drives_without_power_and_drives_at_their_limit_may_turn_joints_round(clean):
+    top = np.abs(clean.tau).max(axis=0)
+    for tau in (np.where(clean.t[:, None] < 4.0, 0.0, clean.tau),
+                np.where(clean.t[:, None] < 4.0, top, clean.tau)):
+        assert mute_torques(replace(clean, tau=tau)) == []
 
 
 @pytest.mark.parametrize(('column', 'size'), [('q', 0.2), ('tau', 60.0)])

@@ -16,11 +16,13 @@ from par4_identification.setup_check.repair import (
     filled,
     sound_time,
     unslipped,
+    without,
 )
 from par4_identification.setup_check.samples import (
     Held,
     flat_tops,
     held_stretches,
+    mute_torques,
     slips,
     spikes,
 )
@@ -36,7 +38,7 @@ AT_LIMIT = 0.98
 def without_log_faults(check: SetupCheck) -> SetupCheck:
     """Return the check with faults of the samples found, filled in or cut out."""
     for number_of_log in range(len(check.logs)):
-        for step in (_despiked, _unheld, _unslipped, _unclipped):
+        for step in (_despiked, _unheld, _with_own_torques, _unslipped, _unclipped):
             log = check.logs[number_of_log]
             findings, mended = step(log, check.machine)
             if not findings:
@@ -111,6 +113,27 @@ def _unheld(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
             f'{number(lost, 2)} s while the machine moves; this stretch is left out',
             f'Check plug, cable and supply of the encoder of joint {joint}.', True))
     return found, filled(log, stretches)
+
+
+def _with_own_torques(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
+    """Return the log without the stretches in which the torque of a joint is not its own."""
+    stretches = mute_torques(log)
+    found, cut = [], np.zeros(len(log.t), dtype=bool)
+    for joint, other in dict.fromkeys((item.joint, item.copied_from) for item in stretches):
+        own = [item for item in stretches if (item.joint, item.copied_from) == (joint, other)]
+        for item in own:
+            cut[item.start:item.end] = True
+        lost = number(sum(item.end - item.start for item in own) * log.period, 2)
+        found.append(Finding(
+            'held_samples', (joint,), _span(log, own[0].start, own[-1].end),
+            f'the torque of joint {joint} in {log.name} ' + (
+                f'stands at exactly {number(float(log.tau[own[0].start, joint]), 3)} N m for '
+                f'{lost} s while the joint turns round' if other is None else
+                f'is that of joint {other} to the last bit for {lost} s')
+            + '; these stretches are left out',
+            f'Check what measures the torque or the current of joint {joint}, and which channel '
+            'it is read from.', True))
+    return found, without(log, cut)
 
 
 def _unslipped(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:

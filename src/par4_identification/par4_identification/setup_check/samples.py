@@ -2,7 +2,8 @@
 
 An encoder that freezes and a logger that holds repeat a reading exactly while the machine moves,
 and jump when they go on; a slip jumps and stays; a spike jumps and comes back; a converter that
-clips repeats its largest value. Encoder counts repeat readings too, but then the next one is a
+clips repeats its largest value; a torque without a sensor stands still while its joint turns
+round, or is that of another. Encoder counts repeat readings too, but then the next one is a
 count away: a jump must be many counts and many times what the joint travels in a sample.
 """
 
@@ -52,6 +53,12 @@ AGREE = 0.3
 """Most by which the neighbours of a spike may differ, of its size."""
 FLAT, FLATS, FLAT_RUNS = 4, 20, 3
 """Samples in a row at the largest value, in all, and times, that make a clipped torque."""
+OUT_AND_BACK = 0.2
+"""Part of its way in the log that a joint goes out and back under one and the same torque, from
+which that torque is none: what turns round has friction and inertia."""
+COPIED, APART = 1.0, 0.2
+"""s for which two torques are the same to the last bit, and part of its way that a joint meanwhile
+goes apart from the other, from which one is the copy of the other."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +124,50 @@ def _held_torques(q: np.ndarray, tau: np.ndarray, stands: np.ndarray, offset: in
         moved = np.abs(q[end - 1] - q[start])
         if jump > FASTER * usual > 0.0 and (moved > COUNTS * counts).any():
             found.append(Held(offset + start, offset + end, (), True))
+    return found
+
+
+@dataclass(frozen=True)
+class Mute:
+    """A stretch over which the torque of a joint is not its own.
+
+    Attributes:
+        start, end: rows, the end excluded.
+        joint: whose torque it is.
+        copied_from: the joint whose torque is told again; None where the torque stands still.
+    """
+
+    start: int
+    end: int
+    joint: int
+    copied_from: int | None
+
+
+def mute_torques(log: Log) -> list[Mute]:
+    """Return where a torque stands still while its joint turns round, or is that of another.
+
+    A drive at its limit may turn a joint round, and one without power lets it swing. So a torque
+    that moves elsewhere must stand below its largest, and beside torques that move.
+    """
+    way, top = np.ptp(log.q, axis=0), np.abs(log.tau).max(axis=0)
+    dead = np.ptp(log.tau, axis=0) == 0.0
+    found = []
+    for segment in log.segments:
+        q, tau = log.q[segment], log.tau[segment]
+        for joint in range(q.shape[1]):
+            for start, last in runs_of(np.diff(tau[:, joint]) == 0.0):
+                own, beside = q[start:last + 1, joint], np.delete(tau[start:last + 1], joint, axis=1)
+                back = np.ptp(own) - abs(own[-1] - own[0])
+                silent = dead[joint] or (abs(tau[start, joint]) < top[joint]
+                                         and bool(np.ptp(beside, axis=0).any()))
+                if silent and last + 1 - start >= FEWEST and back > OUT_AND_BACK * way[joint] > 0.0:
+                    found.append(Mute(segment.start + start, segment.start + last + 1, joint, None))
+            for other in range(joint):
+                for start, end in runs_of(tau[:, joint] == tau[:, other]):
+                    apart = np.ptp(q[start:end, joint] - q[start:end, other])
+                    if (end - start) * log.period >= COPIED and apart > APART * way[joint] and (
+                            np.ptp(tau[start:end, joint]) > 0.0):
+                        found.append(Mute(segment.start + start, segment.start + end, joint, other))
     return found
 
 
