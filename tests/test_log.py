@@ -269,6 +269,9 @@ def test_slower_torque_is_interpolated(tmp_path, ratio):
     coarse = even()[::ratio]
     log = read_log(bag(tmp_path / 'bag', even(), voltage_stamp=coarse), ROBOT)
     assert_true(log, 0.0, (1e-9 * PERIOD * ratio) ** 2 / 8 * TORQUE_CURVATURE)
+    inside = slice(6 * ratio, -6 * ratio)
+    bend = (1e-9 * PERIOD * ratio) ** 2 / 8 * TORQUE_CURVATURE  # what straight lines miss
+    assert np.abs(log.tau - true_torque(even()[:len(log.t)]))[inside].max() < 0.02 * bend
     at_stamps = np.arange(0, len(log.t), ratio)
     np.testing.assert_array_equal(log.tau[at_stamps], true_torque(coarse) / GAIN * GAIN)
     assert log.accounts.without_torque == ratio - 1

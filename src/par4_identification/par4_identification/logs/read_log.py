@@ -45,8 +45,8 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     """Return what a bag measured of a machine, repaired, counted and on an even grid.
 
     Torque is gain x `amplifier_voltage` (24) where that topic has messages, else the effort of
-    `joint_states`. Evenly stamped samples pass unchanged; otherwise positions are interpolated
-    cubically and torques linearly, once, from their own stamps.
+    `joint_states`. Evenly stamped samples pass unchanged; otherwise positions and torques follow
+    cubic splines, once, from their own stamps.
 
     Args:
         path: of the bag.

@@ -9,7 +9,7 @@ import numpy as np
 
 from par4_identification.logs.accounts import SampleCounts
 from par4_identification.logs.clock import Clock
-from par4_identification.logs.masks import count, taken
+from par4_identification.logs.masks import count, stretches, taken
 from par4_identification.logs.sources import to_and_fro
 from par4_identification.logs.stamped_rows import StampedRows
 from par4_identification.logs.stamps import CROWDED, nearest_stamp, spacing_counts
@@ -96,20 +96,30 @@ def refuse_two_sources(path: str | Path, position: Series) -> None:
 def interpolated(series: Series, time: np.ndarray, clock: Clock, tolerance: float) -> np.ndarray:
     """Return values (n, J) at times (n,) ns; NaN outside the samples and in their long gaps.
 
-    A sample within `tolerance`, ns, of a time is taken as it is.
+    A sample within `tolerance`, ns, of a time is taken as it is. Between samples values follow
+    cubic splines: straight lines are a low-pass, which took 1.4 % off the torque of a fast motion
+    that was read at 100 Hz beside positions at 1 kHz.
     """
     stamp = series.stamp
     nearest = nearest_stamp(stamp, time)
     values = series.values[nearest]
     between = np.flatnonzero(np.abs(stamp[nearest] - time) > tolerance)
-    time = time[between]
-    right = np.searchsorted(stamp, time).clip(1, len(stamp) - 1)
-    left = right - 1
-    width = stamp[right] - stamp[left]
-    fraction = ((time - stamp[left]) / width)[:, None]
-    interpolated = (1 - fraction) * series.values[left] + fraction * series.values[right]
-    outside = (time < stamp[0]) | (time > stamp[-1])
-    far = np.round(width / series.period) - 1 > FILLED
-    interpolated[outside | far | (clock.run(stamp[left]) != clock.run(stamp[right]))] = np.nan
-    values[between] = interpolated
+    if not len(between):
+        return values
+    far = np.round(np.diff(stamp) / series.period) - 1 > FILLED
+    broken = far | (clock.run(stamp[:-1]) != clock.run(stamp[1:]))
+    values[between] = np.nan
+    for start, end in stretches(~broken):
+        inside = between[(time[between] > stamp[start]) & (time[between] < stamp[end])]
+        if len(inside):
+            values[inside] = _curve(stamp[start:end + 1], series.values[start:end + 1],
+                                    time[inside], series.period)
     return values
+
+
+def _curve(stamp: np.ndarray, values: np.ndarray, time: np.ndarray, period: float) -> np.ndarray:
+    """Return cubic splines through values (n, J) at times (m,), joint by joint, for the memory."""
+    from scipy.interpolate import CubicSpline  # slow to load, and not always needed
+
+    x, at = (stamp - stamp[0]) / period, (time - stamp[0]) / period
+    return np.stack([CubicSpline(x, own)(at) for own in values.T], axis=1)
