@@ -119,20 +119,21 @@ def _with_own_torques(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], 
     """Return the log without the stretches in which the torque of a joint is not its own."""
     stretches = mute_torques(log)
     found, cut = [], np.zeros(len(log.t), dtype=bool)
-    for joint, other in dict.fromkeys((item.joint, item.copied_from) for item in stretches):
-        own = [item for item in stretches if (item.joint, item.copied_from) == (joint, other)]
+    for other in dict.fromkeys(item.copied_from for item in stretches):
+        own = [item for item in stretches if item.copied_from == other]
+        joints = tuple(sorted({item.joint for item in own}))
+        mute = np.zeros(len(log.t), dtype=bool)
         for item in own:
-            cut[item.start:item.end] = True
-        lost = number(sum(item.end - item.start for item in own) * log.period, 2)
+            mute[item.start:item.end] = True
+        cut |= mute
         found.append(Finding(
-            'held_samples', (joint,), _span(log, own[0].start, own[-1].end),
-            f'the torque of joint {joint} in {log.name} ' + (
-                f'stands at exactly {number(float(log.tau[own[0].start, joint]), 3)} N m for '
-                f'{lost} s while the joint turns round' if other is None else
-                f'is that of joint {other} to the last bit for {lost} s')
-            + '; these stretches are left out',
-            f'Check what measures the torque or the current of joint {joint}, and which channel '
-            'it is read from.', True))
+            'held_samples', joints, _span(log, own[0].start, max(item.end for item in own)),
+            f'the torque of {joints_in_words(joints)} in {log.name} ' + (
+                'stands still to the last bit in motion there and back' if other is None else
+                f'is that of joint {other} to the last bit')
+            + f', for {number(float(mute.sum()) * log.period, 2)} s; this is left out',
+            f'Check what measures torque or current of {joints_in_words(joints)}, and which '
+            'channel it is read from.', True))
     return found, without(log, cut)
 
 
