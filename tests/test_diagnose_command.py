@@ -195,6 +195,8 @@ def test_the_bag_of_that_motion_decides_and_replaces_what_the_first_run_left(
     assert (new.effect, new.parameters['viscous'].value) == (
         TRUTH, pytest.approx(0.05, rel=0.05))
     assert new.parameters['viscous'].std < old.parameters['viscous'].std
+    assert {name: parameter.std for name, parameter in new.parameters.items()} == {
+        name: value['std'] for name, value in cause['parameters'].items()}
     page = Sections(again)
     assert 'motion.yaml' not in ' '.join(page.words)
     assert page.headings[page.place('What could not')] == 'What could not be told apart'

@@ -21,6 +21,7 @@ from par4_identification.diagnosis.evidence.doubt import (
 from par4_identification.diagnosis.evidence.estimates import effect_parameters
 from par4_identification.diagnosis.evidence.evidence import Evidence, gather
 from par4_identification.diagnosis.evidence.extended import (
+    as_told,
     base_parameters,
     baseline_with,
     extended_model,
@@ -291,7 +292,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     progress('checking what remains')
     before, after, left = (residuals(heldout, part, fit) for part, fit in (
         ((), base_only), (named, told), (model, whole)))
-    extended = extended_model(baseline, rigid_body, evidence, named, told)
+    extended = as_told(extended_model(baseline, rigid_body, evidence, named, told),
+                       [cause.parameters for cause in causes])
     # of effects with a nominal torque the noise of counts is left out of the floor
     simple = extended.model_copy(update={'effects': tuple(
         entry for entry in extended.effects if not effects[entry.effect].needs_nominal)})

@@ -33,6 +33,14 @@ def extended_model(baseline: ModelFile | None, rigid_body: str, evidence: Eviden
                           evidence.observations.terms, added)
 
 
+def as_told(model: ModelFile, told: Sequence[Mapping[str, Parameter]]) -> ModelFile:
+    """Return a model whose last effects have the deviations that a diagnosis tells of them."""
+    first = len(model.effects) - len(told)
+    effects = tuple(entry.model_copy(update={'parameters': {**entry.parameters, **parameters}})
+                    for entry, parameters in zip(model.effects[first:], told))
+    return model.model_copy(update={'effects': (*model.effects[:first], *effects)})
+
+
 def baseline_with(baseline: ModelFile | None, rigid_body: str, fitted: Mapping[str, Parameter],
                    terms: Sequence[BaseTerm], added: tuple[EffectEntry, ...]) -> ModelFile:
     """Return the baseline with other base parameters and more effects.
