@@ -661,7 +661,7 @@ COGS = cause('cogging', amplitude=(0.61, 0.61, 0.6, 0.62), periods=22.0, phase=(
     (diagnosis('explained', [STRIBECK]), 'fair', (
         '1.2 N m of Stribeck friction with velocity 0.12 rad/s on joints 1 and 3; with it',)),
     (diagnosis('partly_explained', [COGS, STRIBECK], 'speed'), 'fair', (
-        'on all joints and 1.2 N m', 'with them', 'a function of joint speed remains')),
+        'on all joints and 1.2 N m', 'with them', 'without a name: a function of joint speed.')),
     (diagnosis('unknown', kind='time'), 'fair', ('no cause in the library', 'a drift')),
     (diagnosis('clean', wandering=0.3), 'good', ('noise that wanders',)),
     (diagnosis('unknown', lines=[Line(12.34, np.full(4, 0.2))]), 'fair', (

@@ -46,8 +46,11 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
             tuple(Remark(False, f'{_capital(found)}.', f'{_capital(do)}.' if do else '')
                   for found, _, do in parts))
     holdout, unit = diagnosis.holdout, unit_on(machine, 'N m')
-    before, after, noise = (f'{number(over_joints(rms), 2)} {unit}' for rms in (
-        holdout.baseline_rms, holdout.extended_rms, holdout.noise_floor_rms))
+    errors = [over_joints(rms) for rms in (
+        holdout.baseline_rms, holdout.extended_rms, holdout.noise_floor_rms)]
+    digits = 2 if number(errors[0], 2) != number(errors[1], 2) else 3
+    before, after, noise = (f'{number(error, own)} {unit}'
+                            for error, own in zip(errors, (digits, digits, 2)))
     remarks = _remarks(diagnosis, machine, experiment)
     nearest = diagnosis.remaining.nearest
     beside = (' and '.join([*(item.phrase for item in diagnosis.unnamed),
@@ -81,7 +84,7 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
         return Outcome(f'{sentence}; loads that rattle remain, which no function of the recorded '
                        f'motion gives.', 'fair', remarks)
     if diagnosis.verdict == 'partly_explained':
-        return Outcome(f'{sentence}; {beside} remains without a name.', 'fair', remarks)
+        return Outcome(f'{sentence}; without a name: {beside}.', 'fair', remarks)
     return Outcome(f'{sentence}.', 'good' if all(remark.good for remark in remarks) else 'fair',
                    remarks)
 
