@@ -267,6 +267,15 @@ def test_a_common_factor_needs_a_model_to_be_seen(sticky, factor):
     assert 'cannot be seen' in check.remarks[0]
 
 
+@pytest.mark.parametrize(('factor', 'unit'), [(1e-3, 'kN m'), (1e3, 'mN m')])
+def test_torques_in_another_unit_are_put_right_exactly(sticky, factor, unit):
+    wrong = replace(sticky, tau=factor * sticky.tau)
+    kinds, check = found(wrong, model=TABLE)
+    assert kinds == [('wrong_unit', (0, 1, 2, 3))]
+    assert f'the log carries {unit}' in check.findings[0].evidence
+    np.testing.assert_allclose(check.logs[0].tau, sticky.tau, rtol=1e-12)
+
+
 @pytest.mark.parametrize('make', [mistakes.torque_as_voltage, mistakes.voltage_as_torque])
 def test_volts_and_torques_are_told_apart(clean, make):
     wrong = make(clean, REFERENCE)

@@ -31,7 +31,9 @@ ALIKE, FRICTION_ALIKE = 0.12, 0.4
 """Largest difference of the factors of inertia and masses, in logarithm, and of friction from
 theirs, of the latter: a payload changes masses alone, warmth friction alone, a lag hides it."""
 NEAR_GAIN = 0.08
-"""Largest deviation from the gain, in logarithm, of torques that are its unit's mistake."""
+"""Largest deviation from the gain, or from a thousand, in logarithm, of torques that are a unit's
+mistake."""
+THOUSAND = 1e3
 UNSEEN = ('Whether all torques are too large or too small by one factor cannot be seen in these '
           'data: every parameter would be so by the same factor.')
 SHOWN_BY = ('To tell whether all torques are scaled alike, give a model of this machine (--model) '
@@ -140,6 +142,14 @@ def _against_model(check: SetupCheck, robot: Robot, values: np.ndarray, model: M
                 f'{told}, which is the gain of the drives{"" if sign > 0 else ", inverted"}: the '
                 f'log carries {unit}', mend, True)],
                 [replace(log, tau=log.tau * scale) for log in check.logs])
+    for sign, unit in ((1.0, 'mN m'), (-1.0, 'kN m')):
+        if abs(factor - sign * math.log(THOUSAND)) < NEAR_GAIN:
+            return check.after([Finding(
+                'wrong_unit', joints, None,
+                f'{told}: the log carries {unit} where N m belong',
+                'Write N m into the effort of joint_states, or check the unit of drives.gain of '
+                'the robot file.', True)],
+                [replace(log, tau=log.tau * THOUSAND ** -sign) for log in check.logs])
     common = float(np.exp(factor))
     return check.after([Finding(
         'common_gain', joints, None,
