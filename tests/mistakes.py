@@ -41,6 +41,11 @@ def in_milliseconds(log: Log) -> Log:
     return replace(log, t=1e3 * log.t, period=1e3 * log.period)
 
 
+def at_another_rate(log: Log, factor: float) -> Log:
+    """Return the log whose stamps are farther apart by a factor than its samples came."""
+    return replace(log, t=factor * log.t, period=factor * log.period, reference=None)
+
+
 def torque_as_voltage(log: Log, robot: Robot) -> Log:
     """Return the log of a recorder that wrote N m where volts belong: the gain counts twice."""
     return replace(log, tau=log.tau * np.asarray(robot.drives.gain))

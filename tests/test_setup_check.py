@@ -6,6 +6,7 @@ Two recordings, one clean and one with a hidden effect, serve all tests; what is
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -138,6 +139,24 @@ def test_the_delay_is_right_to_a_fifth_of_a_millisecond(clean, delay):
     slope = np.gradient(clean.tau, clean.period, axis=0)[rows]
     wrong = mended.tau[1000:-1000] - clean.tau[rows]
     assert abs(np.sum(slope * wrong) / np.sum(slope ** 2)) < 2e-4
+
+
+@pytest.mark.parametrize('factor', [0.25, 0.5, 2.0, 10.0])
+@pytest.mark.parametrize('name', ['clean', 'sticky'])
+def test_samples_stamped_at_another_rate_are_put_right(factor, name, request):
+    log = request.getfixturevalue(name)
+    kinds, check = found(mistakes.at_another_rate(log, factor))
+    assert kinds == [('wrong_unit', (0, 1, 2, 3))]
+    assert check.logs[0].period == pytest.approx(log.period, rel=1e-12)
+    np.testing.assert_allclose(check.logs[0].t, log.t, rtol=1e-12)
+
+
+def test_a_rate_that_is_off_by_no_whole_number_makes_the_data_useless(clean):
+    kinds, check = found(mistakes.at_another_rate(clean, 1.5))
+    assert kinds == [('wrong_unit', (0, 1, 2, 3))]
+    assert check.useless
+    rate = float(re.search(r'came at (\d+) a second', check.findings[0].evidence)[1])
+    assert rate == pytest.approx(1.0 / clean.period, rel=0.06)
 
 
 @pytest.mark.parametrize('offsets', [(0.0, -7.0, 0.0, 4.0), (6.0, -4.0, -8.0, 3.0),

@@ -1,8 +1,8 @@
 """The look at setup and log before anything else: what is wrong, and the data with it mended.
 
 The order matters: units before all that is measured in them, faults of the samples before any
-model, the wiring before what a model says of times, times before zeros and dimensions, the scale
-last.
+model, the pace before all that is judged at speeds, the wiring before what a model says of times,
+times before zeros and dimensions, the scale last.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from par4_identification.setup_check.equations import (
 from par4_identification.setup_check.finding import SetupCheck
 from par4_identification.setup_check.log_faults import without_log_faults
 from par4_identification.setup_check.motion import moving, passing_singular_poses
+from par4_identification.setup_check.pace import at_pace, pace_finding, pace_of
 from par4_identification.setup_check.scale import scale_findings
 from par4_identification.setup_check.timing import on_time, timing_findings, timing_of
 from par4_identification.setup_check.units import in_si
@@ -54,7 +55,7 @@ def check_setup(logs: Sequence[Log], machine: Robot | Axis, model: Model | None 
     """
     check = SetupCheck((), tuple(logs), machine)
     steps: tuple[Step, ...] = (
-        in_si, without_log_faults, moving, _wired, _past_singular_poses, _timed, _calibrated,
+        in_si, without_log_faults, moving, _paced, _wired, _past_singular_poses, _timed, _calibrated,
         passing_singular_poses, lambda check: scale_findings(check, model))
     for step in steps:
         if check.useless:
@@ -80,6 +81,19 @@ def equations_or_none(stretches: Sequence[Stretch], geometry: Geometry | None
 
 def _geometry(check: SetupCheck) -> Geometry | None:
     return check.machine.geometry if isinstance(check.machine, Robot) else None
+
+
+def _paced(check: SetupCheck) -> SetupCheck:
+    """Return the check with logs whose samples came at another rate than stamped put right."""
+    if not isinstance(check.machine, Robot):
+        return check
+    for number, log in enumerate(check.logs):
+        pace = pace_of(stretches_of([log]), check.machine.geometry)
+        if pace is not None:
+            logs = list(check.logs)
+            logs[number] = at_pace(log, pace)
+            check = check.after([pace_finding(pace, log)], logs)
+    return check
 
 
 def _wired(check: SetupCheck) -> SetupCheck:
