@@ -12,6 +12,7 @@ import sys
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from html.parser import HTMLParser
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,6 +24,7 @@ import pytest
 from browser import PHONE, WIDE, check_in_browser
 from measured import log_of_model
 
+from executables import TOOLS
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import EffectParameter
 from par4_dynamics.model import build_model, read_model
@@ -59,7 +61,9 @@ from par4_identification.reports.time_plots import residual_over_time
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
 from par4_sim.bag_writer import BagWriter
+from par4_sim.commands import simulate
 from par4_sim.commands.entry import run as run_command
+from par4_sim.commands.numbers import Numbers
 from par4_sim.offline import simulate_to_bag
 from par4_sim.report.results import plain, write_results
 from par4_sim.report.words import listed, number, percent, typeset, with_std
@@ -89,6 +93,64 @@ def test_every_command_tells_its_version(module):
         assert told.code == 0
         assert told.out.split() == [f'par4_{module.__name__.split(".")[-1]},', 'version',
                                     version('par4_identification')]
+
+
+def options_of_numbers():
+    """Return module and option of every option of every command that takes numbers."""
+    found = []
+    for module in (*TOOLS.values(), 'par4_identification.commands.inspect'):
+        command = next(item for item in vars(import_module(module)).values()
+                       if isinstance(item, click.Command))
+        for option in command.params:
+            kinds = option.type.types if isinstance(option.type, click.Tuple) else [option.type]
+            if isinstance(option, click.Option) and isinstance(kinds[0], (
+                    click.types.FloatParamType, click.types.IntParamType, Numbers)):
+                found.append((module, option))
+            else:
+                assert not is_number(option.default), f'{option.name}: give it a type of numbers'
+    return found
+
+
+def is_number(value):
+    """Return whether a default is a number, or the text of one."""
+    if isinstance(value, str):
+        return value.replace('.', '').isdecimal()
+    return isinstance(value, float | int) and not isinstance(value, bool)
+
+
+@pytest.mark.parametrize(('module', 'option'), options_of_numbers(), ids=lambda item: getattr(
+    item, 'name', item))
+@pytest.mark.parametrize('text', ['nan', 'inf', '-inf', '1e999', '1e13'])
+def test_no_option_takes_what_is_no_number_of_a_machine(module, option, text):
+    words = [text] if option.nargs == 1 else ['1', text]
+    done = run(import_module(module), option.opts[0], *words)
+    assert done.code == 2
+    assert done.err.startswith('error: ')
+    assert done.err.count('\n') == 1
+    assert option.opts[0] in done.err, done.err
+
+
+def test_every_command_has_its_numbers_looked_at():
+    found = options_of_numbers()
+    assert len(found) > 50
+    assert {option.name for _, option in found} >= {
+        'duration', 'torque_noise', 'seed', 'between', 'counts_per_turn', 'cutoff'}
+    for _, option in found:
+        plain = (click.types.FloatParamType, click.FloatRange)
+        assert type(option.type) not in plain, f'{option.name}: par4_sim/commands/numbers.py'
+
+
+@pytest.mark.parametrize(('options', 'words'), [
+    (('--seed', '-1'), '-1 is not in the range x>=0'),
+    (('--motion-seed', '-1'), '-1 is not in the range x>=0'),
+    (('--date', '1969-12-31'), '1969-12-31 is not within 1970 to 2037'),
+    (('--date', '2038-01-01'), '2038-01-01 is not within 1970 to 2037'),
+    (('--date', 'monday'), 'does not match the formats')])
+def test_a_simulation_refuses_seeds_and_dates_that_there_are_not(options, words, tmp_path):
+    done = run(simulate, 'circle', '--output', tmp_path / 'bag', *options)
+    assert done.code == 2
+    assert words in done.err
+    assert not (tmp_path / 'bag').exists()
 
 
 def simulated(folder: Path, name: str, model, seed: int, duration: float = 6.0) -> Path:

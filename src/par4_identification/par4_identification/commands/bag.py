@@ -8,28 +8,10 @@ from typing import Any
 
 import click
 
+from par4_identification.logs.units import FASTEST, SLOWEST
 from par4_sim.choices import STORAGES
 from par4_sim.commands.entry import loading, run
-
-
-class Numbers(click.ParamType[tuple[float, ...]]):
-    """Positive numbers parted by commas."""
-
-    name = 'number[,...]'
-
-    def convert(self, value: str | tuple[float, ...], param: click.Parameter | None,
-                ctx: click.Context | None) -> tuple[float, ...]:
-        """Return the numbers."""
-        if isinstance(value, tuple):
-            return value
-        try:
-            numbers = tuple(float(part) for part in value.split(','))
-        except ValueError:
-            numbers = ()
-        if not numbers or not all(0.0 < number < float('inf') for number in numbers):
-            self.fail(f'{value!r} is not a positive number, or several parted by commas', param,
-                      ctx)
-        return numbers
+from par4_sim.commands.numbers import ANY_SIGN, Number, Numbers
 
 
 @click.command('par4_bag', epilog='\b\nExample:\n'
@@ -49,13 +31,14 @@ class Numbers(click.ParamType[tuple[float, ...]]):
               help='names of the joints where there is no robot.yaml yet; arm_joint_0 .. '
                    'arm_joint_3 if there are four')
 @click.option('--array', default=None, help='the table in an .npz or .mat file that holds several')
-@click.option('--rate', default=None, type=click.FloatRange(min=0.0, min_open=True), metavar='HZ',
+@click.option('--rate', default=None, type=Number(min=SLOWEST, max=FASTEST),
+              metavar='HZ',
               help='of the samples, where no column is the time')
 @click.option('--counts-per-turn', default=(), type=Numbers(),
               help='of the joint, behind its gear, for counts')
 @click.option('--motor-gain', default=(), type=Numbers(),
               help='N m/A or N/A at the joint, for amperes')
-@click.option('--between', default=None, type=(float, float), metavar='START END',
+@click.option('--between', default=None, type=(ANY_SIGN, ANY_SIGN), metavar='START END',
               help='only the samples between these times of the file, s')
 @click.option('--unwrap', is_flag=True, help='positions that jump by whole turns go on')
 @click.option('--storage', default='mcap', show_default=True, type=click.Choice(STORAGES))

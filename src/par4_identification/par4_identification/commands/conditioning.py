@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-POSITIVE = click.FloatRange(min=0.0, min_open=True)
+from par4_sim.commands.numbers import POSITIVE
 
 
 def conditioning_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from par4_sim.commands.entry import loading, run
+from par4_sim.commands.numbers import NOT_NEGATIVE
 
 
 @click.command('par4_drive_gain', epilog='\b\nExample:\n'
@@ -16,7 +17,7 @@ from par4_sim.commands.entry import loading, run
 @click.option('--robot', required=True, help='robot.yaml or built-in name; its gains are nominal')
 @click.option('--output', required=True, type=click.Path(path_type=Path),
               help='folder for drive_gain.json and report.html')
-@click.option('--coulomb-friction', default=None, type=click.FloatRange(min=0.0), metavar='NM',
+@click.option('--coulomb-friction', default=None, type=NOT_NEGATIVE, metavar='NM',
               help='largest friction at rest, N m: bounds the gain of joints that do not slide '
                    'both ways')
 @click.option('--namespace', default=None, help='that the topics sit under')

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -33,9 +32,9 @@ from par4_sim.report.words import in_words, number, percent
 
 
 def excite(robot: str, model: str, output: Path, duration: float, joint_speed: float | None,
-           acceleration: float, torque_limit: float | None, torque_noise: str, harmonics: int,
-           base_frequency: float | None, periods: int | None, slow_fraction: float, starts: int,
-           seed: int) -> None:
+           acceleration: float, torque_limit: float | None, torque_noise: tuple[float, ...],
+           harmonics: int, base_frequency: float | None, periods: int | None,
+           slow_fraction: float, starts: int, seed: int) -> None:
     """Design the motion from which the base parameters are known best."""
     machine = read_robot(robot)
     truth = read_model(model, machine)
@@ -64,20 +63,16 @@ def excite(robot: str, model: str, output: Path, duration: float, joint_speed: f
                   markup=False)
 
 
-def noise_of(text: str, joints: int) -> np.ndarray:
-    """Return the torque noise (J,), N m, of one number or of J with commas.
+def noise_of(given: tuple[float, ...], joints: int) -> np.ndarray:
+    """Return the torque noise (J,), N m, of one number or of J.
 
     Raises:
-        InputError: another count, or numbers that are not positive.
+        InputError: another count.
     """
-    try:
-        values = [float(part) for part in text.split(',')]
-    except ValueError:
-        values = []
-    if len(values) not in (1, joints) or not all(0.0 < value < math.inf for value in values):
-        raise InputError(f'--torque-noise {text}: expected one positive number in N m, or '
-                         f'{joints} with commas between them')
-    return np.broadcast_to(np.array(values), (joints,))
+    if len(given) not in (1, joints):
+        raise InputError(f'--torque-noise: found {len(given)} numbers, expected one positive '
+                         f'number in N m, or {joints} with commas between them')
+    return np.broadcast_to(np.array(given), (joints,))
 
 
 def precision_table(designed: Precision, random: Precision) -> Table:

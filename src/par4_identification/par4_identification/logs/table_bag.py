@@ -18,7 +18,7 @@ import numpy as np
 from par4_identification.logs.log_table import read_columns
 from par4_identification.logs.series import FEWEST_SAMPLES
 from par4_identification.logs.stamps import GAP
-from par4_identification.logs.units import Kind, Unit, si_unit, unit_named
+from par4_identification.logs.units import FASTEST, SLOWEST, Kind, Unit, si_unit, unit_named
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
@@ -31,8 +31,6 @@ LATEST = 2.0 ** 31
 EPOCH = 1e8
 """s from which on a time counts from 1970 and is kept; others begin with the stamp of one second,
 since a stamp of zero means that there is none."""
-SLOWEST, FASTEST = 0.5, 1e6
-"""Hz: sample rates outside are those of a wrong unit of time."""
 JUMP = 0.4
 """Turns between two samples above which a position has wrapped around or slipped."""
 FACTOR = 2.0

@@ -10,6 +10,8 @@ from par4_kinematics.errors import InputError
 
 Kind = Literal['revolute', 'linear']
 TURN = 2.0 * math.pi
+SLOWEST, FASTEST = 0.5, 1e6
+"""Hz: sample rates outside are those of a wrong unit of time."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import click
 from par4_sim.choices import PEAK, TIMINGS
 from par4_sim.commands.comparison_options import comparison_options
 from par4_sim.commands.entry import loading, run
+from par4_sim.commands.numbers import POSITIVE
 
 
 @click.command('par4_fastest', epilog='\b\nExample:\n'
@@ -18,12 +19,12 @@ from par4_sim.commands.entry import loading, run
               type=click.Choice(tuple(TIMINGS)),
               help='of the path: as MOTION has it, or time-optimal; may be given several times')
 @click.option('--peak', default=1e3 * PEAK, show_default=True,
-              type=click.FloatRange(min=0.0, min_open=True), help='limit of the error of D, mm')
+              type=POSITIVE, help='limit of the error of D, mm')
 @click.option('--joint-acceleration', default=None,
-              type=click.FloatRange(min=0.0, min_open=True),
+              type=POSITIVE,
               help='limit of the joint accelerations asked for, rad/s2  [default: none]')
 @click.option('--joint-jerk', default=None,
-              type=click.FloatRange(min=0.0, min_open=True),
+              type=POSITIVE,
               help='limit of the joint jerks asked for, rad/s3  [default: none]')
 def fastest(**options: Any) -> None:
     """Find how fast a simulated machine can do MOTION (adept, circle, a motion.yaml)."""

@@ -6,25 +6,27 @@ from collections.abc import Callable
 
 import click
 
+from par4_sim.commands.numbers import ANY_SIGN, NOT_NEGATIVE, POSITIVE, SEED, Number
+
 _OPTIONS = (
-    click.option('--duration', default=None, type=click.FloatRange(min=0.1),
+    click.option('--duration', default=None, type=Number(min=0.1),
                  help='seconds, of excitation or circle'),
-    click.option('--motion-seed', default=0, show_default=True, type=int,
+    click.option('--motion-seed', default=0, show_default=True, type=SEED,
                  help='seed of the excitation'),
     click.option('--period', default=1e-3, show_default=True,
-                 type=click.FloatRange(min=2e-4, max=0.1),
+                 type=Number(min=2e-4, max=0.1),
                  help='seconds between the points of the reference; torque is interpolated '
                       'linearly between them, so that shorter is more exact'),
     click.option('--cycles', default=None, type=click.IntRange(min=1),
                  help='adept: round trips  [default: 1]'),
-    click.option('--speed', default=None, type=float, help='adept: limit, m/s  [default: 5]'),
-    click.option('--acceleration', default=None, type=float,
+    click.option('--speed', default=None, type=POSITIVE, help='adept: limit, m/s  [default: 5]'),
+    click.option('--acceleration', default=None, type=POSITIVE,
                  help='adept: limit, m/s2  [default: 150]'),
-    click.option('--jerk', default=None, type=float,
+    click.option('--jerk', default=None, type=POSITIVE,
                  help='adept: limit, m/s3  [default: none, trapezoids of speed]'),
-    click.option('--round-trip', default=None, type=click.FloatRange(min=0.0),
+    click.option('--round-trip', default=None, type=NOT_NEGATIVE,
                  help='adept: seconds, 0 for corners without blend  [default: 0.25]'),
-    click.option('--theta-swing', default=None, type=float,
+    click.option('--theta-swing', default=None, type=ANY_SIGN,
                  help='adept: range of theta, rad  [default: 0]'))
 
 

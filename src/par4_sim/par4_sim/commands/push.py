@@ -9,6 +9,7 @@ import click
 
 from par4_sim.choices import FIDELITIES
 from par4_sim.commands.entry import loading, run
+from par4_sim.commands.numbers import NOT_NEGATIVE, SEED, Number
 
 
 @click.command('par4_push', epilog='\b\nExample:\n'
@@ -18,13 +19,13 @@ from par4_sim.commands.entry import loading, run
               help='model.yaml or built-in name: the machine as it truly is, effects included')
 @click.option('--output', required=True, type=click.Path(path_type=Path),
               help='bag to write; the readings go to OUTPUT.csv')
-@click.option('--force', default=250.0, show_default=True, type=click.FloatRange(min=1.0),
+@click.option('--force', default=250.0, show_default=True, type=Number(min=1.0),
               help='largest push, N')
 @click.option('--fidelity', default='exact', show_default=True, type=click.Choice(FIDELITIES))
-@click.option('--seed', default=0, show_default=True, type=int, help='seed of the noise')
-@click.option('--torque-noise', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
+@click.option('--seed', default=0, show_default=True, type=SEED, help='seed of the noise')
+@click.option('--torque-noise', default=0.0, show_default=True, type=NOT_NEGATIVE,
               help='noise on the recorded voltage, as torque, N m rms')
-@click.option('--force-noise', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
+@click.option('--force-noise', default=0.0, show_default=True, type=NOT_NEGATIVE,
               help='noise of the force sensor, N rms')
 def push(**options: Any) -> None:
     """Simulate slow pushes of the platform on a force plate into a bag, its readings into a CSV."""

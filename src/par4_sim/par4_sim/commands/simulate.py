@@ -9,6 +9,7 @@ import click
 
 from par4_sim.choices import FIDELITIES, STORAGES
 from par4_sim.commands.entry import loading, run
+from par4_sim.commands.numbers import NOT_NEGATIVE, SEED, Date, Number
 
 
 @click.command('par4_simulate', epilog='\b\nExample:\n'
@@ -21,22 +22,22 @@ from par4_sim.commands.entry import loading, run
 @click.option('--output', required=True, type=click.Path(path_type=Path), help='bag to write')
 @click.option('--fidelity', default='exact', show_default=True, type=click.Choice(FIDELITIES))
 @click.option('--feedforward', default=None, help='model whose torques the drives get')
-@click.option('--duration', default=None, type=click.FloatRange(min=0.1),
+@click.option('--duration', default=None, type=Number(min=0.1),
               help='seconds, of a named motion')
-@click.option('--motion-seed', default=0, show_default=True, type=int,
+@click.option('--motion-seed', default=0, show_default=True, type=SEED,
               help='seed of the excitation')
-@click.option('--seed', default=0, show_default=True, type=int, help='seed of the noise')
-@click.option('--torque-noise', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
+@click.option('--seed', default=0, show_default=True, type=SEED, help='seed of the noise')
+@click.option('--torque-noise', default=0.0, show_default=True, type=NOT_NEGATIVE,
               help='noise on the recorded voltage, as torque, N m rms')
-@click.option('--noise-time', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
+@click.option('--noise-time', default=0.0, show_default=True, type=NOT_NEGATIVE,
               help='correlation time of that noise, s; 0 = white')
-@click.option('--position-noise', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
+@click.option('--position-noise', default=0.0, show_default=True, type=NOT_NEGATIVE,
               help='noise on the recorded positions, rad rms')
-@click.option('--stamp-jitter', default=0.0, show_default=True, type=click.FloatRange(min=0.0),
+@click.option('--stamp-jitter', default=0.0, show_default=True, type=NOT_NEGATIVE,
               help='error of the stamps, s rms; the values belong to the even times')
-@click.option('--rate', default=1000.0, show_default=True, type=click.FloatRange(min=1.0),
+@click.option('--rate', default=1000.0, show_default=True, type=Number(min=1.0),
               help='samples a second')
-@click.option('--date', default=None, type=click.DateTime(),
+@click.option('--date', default=None, type=Date(),
               help='at which the simulation begins, UTC; without one its clock begins at zero')
 @click.option('--storage', default='mcap', show_default=True,
               type=click.Choice(STORAGES))

@@ -9,6 +9,7 @@ import click
 from par4_sim.choices import BAND
 from par4_sim.commands.comparison_options import comparison_options
 from par4_sim.commands.entry import loading, run
+from par4_sim.commands.numbers import POSITIVE
 
 
 @click.command('par4_track', epilog='\b\nExample:\n'
@@ -16,7 +17,7 @@ from par4_sim.commands.entry import loading, run
     '      --output tracked')
 @comparison_options('tracking.json and report.html')
 @click.option('--band', default=1e3 * BAND, show_default=True,
-              type=click.FloatRange(min=0.0, min_open=True),
+              type=POSITIVE,
               help='half width of the limit band of overshoot and settling time, mm')
 def track(**options: Any) -> None:
     """Compare how a simulated machine follows MOTION (adept, excitation, circle, motion.yaml)."""
