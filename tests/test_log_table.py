@@ -30,6 +30,12 @@ CSV = {
     'a byte order mark': '\ufefft,joint angle,tau\n' + text(','),
     'words in a column': 'mode,t,joint angle,tau\n' + text(',', [
         ('auto', *row) for row in ROWS]),
+    'a row of units': 't,joint angle,tau\ns,rad,N m\n' + text(','),
+    'a row of empty units': 't,joint angle,tau\n[s],,\n' + text(','),
+    'a comma behind each row of data': 't,joint angle,tau\n' + text(',').replace('\n', ',\n'),
+    'a comma behind the header': 't,joint angle,tau,\n' + text(','),
+    'commas behind a title': 'rate,1000,\n,,\nt,joint angle,tau\n' + text(','),
+    'a header with a number': 't,joint angle,tau,7\n' + text(',', [(*row, 1) for row in ROWS]),
     'comments between': 't,joint angle,tau\n' + text(',').replace('\n', '\n# tick\n', 1),
 }
 
@@ -52,6 +58,42 @@ def test_a_csv_without_header_is_read_by_numbers_and_empty_cells_are_unknown(tmp
     np.testing.assert_array_equal(read_columns(path, ('2',))['2'], (1.0, np.nan, np.nan, 4.0))
     with pytest.raises(InputError, match="no column 'q'; there are 2 without names, counted from"):
         read_columns(path, ('q',))
+
+
+@pytest.mark.parametrize('header', ['', 't,q,u,tau\n', 't,q,u,tau\ns,rad,V,N m\n'])
+@pytest.mark.parametrize(('first', 'time'), [
+    ('2,,,', 2.0), ('2,nan,NA,', 2.0), (',,,', np.nan), ('nan,nan,nan,nan', np.nan)])
+@pytest.mark.parametrize('comment', ['', '# 2,3,4,5\n', '% 2,3,4,5\n'])
+def test_rows_that_begin_empty_are_data(comment, header, first, time, tmp_path):
+    """One of them was taken for the header, and those before it were lost."""
+    path = tmp_path / 'log.csv'
+    path.write_text(f'{comment}{header}{first}\n{first}\n3,1.5,4,7\n4,,,8\n', encoding='utf-8')
+    times = (time, time, 3.0, 4.0)
+    found = read_columns(path, ('1', '4'))
+    np.testing.assert_array_equal(found['1'], times)
+    np.testing.assert_array_equal(found['4'], (np.nan, np.nan, 7.0, 8.0))
+    if header:
+        np.testing.assert_array_equal(read_columns(path, ('t',))['t'], times)
+    else:
+        with pytest.raises(InputError, match='without names'):
+            read_columns(path, ('t',))
+
+
+@pytest.mark.parametrize(('rows', 'numbers'), [
+    ('0;1\n1;2,5\n', (1.0, 2.5)), ('0;1\n1;2.5\n', (1.0, 2.5)), ('0;1\n1;2\n', (1.0, 2.0)),
+    ('a,b;1\nc.d;2,5\n', (1.0, 2.5)), ('0\t1\n1\t,5e1\n', (1.0, 5.0))])
+def test_a_decimal_comma_may_come_late(rows, numbers, tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text(rows, encoding='utf-8')
+    np.testing.assert_array_equal(read_columns(path, ('2',))['2'], numbers)
+
+
+def test_commas_among_points_are_no_decimal_commas(tmp_path):
+    """They part thousands."""
+    path = tmp_path / 'log.csv'
+    path.write_text('0.5;1,000\n1.5;2,000\n', encoding='utf-8')
+    with pytest.raises(InputError, match='1,000'):
+        read_columns(path, ('2',))
 
 
 @pytest.mark.parametrize('turned', [False, True])

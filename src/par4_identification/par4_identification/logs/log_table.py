@@ -6,10 +6,12 @@ import csv
 import multiprocessing
 import re
 import signal
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,8 @@ DELIMITERS = (';', '\t', ',')
 COMMENTS = '#%'
 MOST_NAMED = 12
 """Names that an error lists."""
+MOST_ABOVE = 10_000
+"""Lines above the data that may hold its header."""
 EMPTY = {'', 'nan', 'na', 'n/a', 'null', 'none'}
 """Cells that hold no number, in lower case."""
 
@@ -32,14 +36,14 @@ class Layout:
     """How a CSV file is written.
 
     Attributes:
-        names: of the columns, empty where there is no header.
+        headers: rows of names above the data: of the columns, of their units; none without header.
         columns: how many there are.
         first: lines before the data.
         delimiter: None for spaces.
         decimal_comma: whether `1,5` is a number.
     """
 
-    names: tuple[str, ...]
+    headers: tuple[tuple[str, ...], ...]
     columns: int
     first: int
     delimiter: str | None
@@ -50,10 +54,10 @@ def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = No
                  ) -> dict[str, np.ndarray]:
     """Return columns of a file by their names, or by their numbers counted from 1.
 
-    A CSV may be parted by commas, semicolons, tabs or spaces, begin with comments and a header,
-    and have decimal commas; empty cells are NaN. A column of a numpy archive (.npz) or a MATLAB
-    file (.mat, up to version 7.2) is one of its arrays by name, or a row or column of the array
-    that `array` names: the longer side of it is time.
+    A CSV may be parted by commas, semicolons, tabs or spaces, begin with comments, a header and a
+    row of units, and have decimal commas; empty cells are NaN. A column of a numpy archive (.npz)
+    or a MATLAB file (.mat, up to version 7.2) is one of its arrays by name, or a row or column of
+    the array that `array` names: the longer side of it is time.
 
     Args:
         path: of the file; what it is follows from the end of its name.
@@ -85,9 +89,10 @@ def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = No
     return columns
 
 
-def _place(path: Path, wanted: str, names: Sequence[str], count: int) -> int:
-    """Return the index of a column that is given by its name or number."""
-    found = [index for index, name in enumerate(names) if name == wanted]
+def _place(path: Path, wanted: str, headers: Sequence[Sequence[str]], count: int) -> int:
+    """Return the index of a column that is given by its name or number; upper rows go first."""
+    names = next((names for names in headers if wanted in names), ())
+    found = [index for index, name in enumerate(names) if name == wanted != '']
     if len(found) > 1:
         raise InputError(f'{path}: {len(found)} columns are named {wanted!r}; give the number of '
                          f'one, {" or ".join(str(index + 1) for index in found)}')
@@ -95,9 +100,9 @@ def _place(path: Path, wanted: str, names: Sequence[str], count: int) -> int:
         return found[0]
     if wanted.isdecimal() and 1 <= int(wanted) <= count:
         return int(wanted) - 1
-    there = ', '.join(names[:MOST_NAMED]) + (', ...' if len(names) > MOST_NAMED else '')
+    most = max(headers, key=lambda names: len(set(names)), default=())
     raise InputError(f'{path}: no column {wanted!r}; there are {count}'
-                     + (f': {there}' if names else ' without names, counted from 1'))
+                     + (f': {_listed(most)}' if most else ' without names, counted from 1'))
 
 
 # --------------------------------------------------------------------------------------- archives
@@ -161,10 +166,10 @@ def _listed(names: Sequence[str]) -> str:
 
 def _of_csv(path: Path, wanted: Sequence[str]) -> dict[str, np.ndarray]:
     layout = _layout(path)
-    places = [_place(path, name, layout.names, layout.columns) for name in wanted]
+    places = [_place(path, name, layout.headers, layout.columns) for name in wanted]
 
     def number(cell: str) -> float:
-        if cell.strip().lower() in EMPTY:
+        if _is_empty(cell):
             return np.nan
         return float(cell.replace(',', '.') if layout.decimal_comma else cell)
 
@@ -180,42 +185,98 @@ def _of_csv(path: Path, wanted: Sequence[str]) -> dict[str, np.ndarray]:
 
 
 def _layout(path: Path) -> Layout:
-    """Return how a CSV is written, judged by the first line that holds numbers."""
-    before = ''
+    """Return how a CSV is written, judged by the lines up to the first that holds numbers."""
+    above: deque[tuple[int, str]] = deque(maxlen=MOST_ABOVE)
     try:
         with path.open(encoding='utf-8-sig', newline='') as stream:
             for index, line in enumerate(stream):
                 text = line.strip('\r\n')
-                if not text.strip():
-                    continue
                 delimiter = next((mark for mark in DELIMITERS if mark in text), None)
-                comma = delimiter != ',' and ',' in text
                 fields = _fields(text, delimiter)
-                numbers = sum(_is_number(field, comma) for field in fields)
-                if numbers and 2 * numbers >= len(fields) and text.lstrip()[0] not in COMMENTS:
-                    return Layout(_header(before, delimiter, len(fields)), len(fields), index,
-                                  delimiter, comma)
-                before = text
-    except (OSError, UnicodeDecodeError) as error:
+                if text.strip() and text.lstrip()[0] not in COMMENTS and _is_data(
+                        fields, delimiter):
+                    headers, first = _headers(above, delimiter, fields, index)
+                    return Layout(headers, len(fields), first, delimiter,
+                                  _has_decimal_comma(chain([text], stream), delimiter))
+                if text.strip():
+                    above.append((index, text))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f'{path}: cannot be read as text ({error}); give a CSV, .npz or .mat file'
                          ) from error
     raise InputError(f'{path}: no line of it holds numbers; give a CSV, .npz or .mat file')
 
 
-def _header(text: str, delimiter: str | None, columns: int) -> tuple[str, ...]:
-    """Return the names in the line before the data, empty where it names other columns."""
+def _is_data(fields: Sequence[str], delimiter: str | None) -> bool:
+    """Return whether all cells of a line that are not empty are numbers, or half of all cells."""
+    numbers = sum(_is_number(field, delimiter != ',') for field in fields)
+    filled = sum(not _is_empty(field) for field in fields)
+    return numbers > 0 and (numbers == filled or 2 * numbers >= len(fields))
+
+
+def _headers(above: Collection[tuple[int, str]], delimiter: str | None, fields: Sequence[str],
+             index: int) -> tuple[tuple[tuple[str, ...], ...], int]:
+    """Return the rows of names above the data, and the line at which the data begins.
+
+    Below the last row of words every row is data, however many of its cells are empty. Where a
+    header has numbers too, it is the first row with words.
+
+    Args:
+        above: number and text of the lines above the first that is data for certain.
+        delimiter: of the data.
+        fields: of the first line that is data for certain.
+        index: its number.
+    """
+    rows = {row: names for row, text in above if (names := _names(text, delimiter, fields))}
+    numbers = {row: sum(_is_number(name, delimiter != ',') for name in names)
+               for row, names in rows.items()}
+    named = [row for row, names in rows.items()
+             if sum(not _is_empty(name) for name in names) > numbers[row]]
+    headers = [row for row in named if not numbers[row]] or named[:1]
+    below = [row for row, text in above if row in rows and text.lstrip()[0] not in COMMENTS
+             and (not headers or row > headers[-1])]
+    return tuple(rows[row] for row in headers), min(below, default=index)
+
+
+def _names(text: str, delimiter: str | None, fields: Sequence[str]) -> tuple[str, ...]:
+    """Return the cells of a line above the data, none where it has another number of them.
+
+    A delimiter behind the last cell of the line, or behind that of the data, does not count.
+    """
     text = text.lstrip(COMMENTS + ' ')
     for mark in dict.fromkeys((delimiter, *DELIMITERS, None)):
-        names = tuple(name.strip() for name in _fields(text, mark))
-        if len(names) == columns and text:
-            return names
+        names = [name.strip() for name in _fields(text, mark)]
+        if len(names) == len(fields) + 1 and not names[-1]:
+            names.pop()
+        if len(names) == len(fields) - 1 and names and not fields[-1].strip():
+            names.append('')
+        if len(names) == len(fields):
+            return tuple(names)
     return ()
+
+
+def _has_decimal_comma(lines: Iterable[str], delimiter: str | None) -> bool:
+    """Return whether the first line with decimal marks has only commas for them."""
+    if delimiter == ',':
+        return False
+    for line in lines:
+        if ',' not in line and '.' not in line:
+            continue
+        numbers = [field for field in _fields(line, delimiter) if _is_number(field, True)]
+        if any('.' in number for number in numbers):
+            return False
+        if any(',' in number for number in numbers):
+            return True
+    return False
 
 
 def _fields(text: str, delimiter: str | None) -> list[str]:
     if delimiter is None:
         return text.split()
     return next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
+
+
+def _is_empty(field: str) -> bool:
+    return field.strip().lower() in EMPTY
 
 
 def _is_number(field: str, decimal_comma: bool) -> bool:
