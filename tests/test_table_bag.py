@@ -23,7 +23,7 @@ from par4_dynamics.model import read_model
 from par4_identification.commands import bag
 from par4_identification.jobs.bag import joint_names
 from par4_identification.logs.read_log import read_log
-from par4_identification.logs.table_bag import chosen_columns
+from par4_identification.logs.table_bag import Part, chosen_columns, measured_of_files
 from par4_identification.logs.units import UNITS
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import JOINT_NAMES, Axis
@@ -150,6 +150,25 @@ def test_a_part_of_a_log_and_an_encoder_that_wraps(tool, tmp_path):
     assert len(log.t) == rows.sum() == 201
     np.testing.assert_allclose(log.q[:, 0] - log.q[0, 0],
                                2.0 * np.pi * (turns[rows] - turns[rows][0]), atol=1e-9)
+
+
+def test_positions_go_on_behind_cells_that_hold_no_number(tool, tmp_path):
+    """A turn is not lost where a cell is empty, whichever joint and wherever it is."""
+    turns = 3.0 * T / T[-1]
+    wrapped, other = turns % 1.0, (0.5 - turns) % 1.0
+    wrapped[[0, 150, 151, -1]] = np.nan
+    path = csv(tmp_path / 'log.csv', t=T, p=wrapped, q=other, tau=TAU, u=TAU)
+    told = tool(path, '--columns', 'time=t:s position=p,q:turn torque=tau,u:Nm', '--joints',
+                'a,b', '--unwrap', '--output', tmp_path / 'bag')
+    assert 'position: 4 of 800 cells hold no number' in told.out
+    assert 'jumps' not in told.out
+    measured = measured_of_files([path], chosen_columns(
+        'time=t:s position=p,q:turn torque=tau,u:Nm'), part=Part(unwrap=True))
+    for q, expected in zip(measured.values['position'].T, (turns, -turns)):
+        off = q / (2.0 * np.pi) - expected
+        known = np.isfinite(off)
+        assert known.sum() >= COUNT - 4
+        np.testing.assert_allclose(off[known], off[known][0], atol=1e-9)
 
 
 def test_what_looks_wrong_is_said(tool, tmp_path):

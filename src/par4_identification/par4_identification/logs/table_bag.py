@@ -299,7 +299,9 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
     if part.unwrap:
         if kind == 'linear':
             raise InputError('--unwrap is for joints that turn; these positions are lengths')
-        values['position'] = np.unwrap(values['position'], axis=0)
+        for q in values['position'].T:
+            known = np.isfinite(q)
+            q[known] = np.unwrap(q[known])
     start = time[0] if time[0] > EPOCH else 1.0
     stamp = round(start * SECOND) + np.rint((time - time[0]) * SECOND).astype(np.int64)
     if kind is None:
