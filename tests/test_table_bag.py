@@ -192,6 +192,67 @@ def test_what_looks_wrong_is_said(tool, tmp_path):
     assert 'not the slope of the position' in told.out
 
 
+@pytest.mark.parametrize(('name', 'rows', 'value', 'words'), [
+    ('q', slice(None), np.nan, ('position: 400 of 400 cells hold no number',
+                                'position of joint 0: no numbers; is it the right column?')),
+    ('tau', slice(None), np.inf, ('torque of joint 0: no numbers; is it the right column?',)),
+    ('q', slice(1, None), np.nan, ('position of joint 0: the same in all rows',)),
+    ('q', 100, np.inf, ('position: 1 of 400 cells hold no number',)),
+    ('q', slice(100, 102), np.inf, ('position: 2 of 400 cells hold no number',)),
+    ('q', 100, 1e308, ('position: 1 of 400 cells are beyond 1e+12 rad; mend the file there',)),
+    ('q', slice(100, 102), (-1.7e308, 1.7e308), ('position: 2 of 400 cells are beyond 1e+12',)),
+    ('qd', 100, 1e308, ('velocity: 1 of 400 cells are beyond 1e+12 rad/s',)),
+    ('tau', 100, 1e308, ('torque: 1 of 400 cells are beyond 1e+12 N m',)),
+], ids=str)
+@pytest.mark.parametrize('unwrap', [False, True])
+def test_what_is_no_reading_is_said_and_nothing_else(unwrap, name, rows, value, words, tmp_path):
+    """Neither a warning of numpy nor jumps by infinitely many turns."""
+    columns = {'t': T, 'q': Q.copy(), 'qd': QD.copy(), 'tau': TAU.copy()}
+    columns[name][rows] = value
+    path = csv(tmp_path / 'log.csv', **columns)
+    measured = measured_of_files([path], chosen_columns(COLUMNS), part=Part(unwrap=unwrap))
+    assert measured.account()
+    found = measured.findings()
+    for line in words:
+        assert any(one.startswith(line) for one in found), found
+    assert all('cells' in one or 'right column' in one for one in found), found
+
+
+def test_a_number_that_its_unit_makes_infinite_is_none(tmp_path):
+    turns = Q / (2.0 * np.pi)
+    turns[100] = 1e308
+    path = csv(tmp_path / 'log.csv', t=T, q=turns, qd=QD, tau=TAU)
+    measured = measured_of_files([path], chosen_columns(COLUMNS.replace('q:rad ', 'q:turn ')))
+    assert measured.findings() == ('position: 1 of 400 cells hold no number',)
+
+
+@pytest.mark.parametrize('value', [0.0, 0.7])
+def test_a_column_that_stands_still_is_told_with_an_empty_cell_too(value, tmp_path):
+    q = np.full(COUNT, value)
+    q[5] = np.nan
+    path = csv(tmp_path / 'log.csv', t=T, q=q, qd=QD, tau=TAU)
+    found = measured_of_files([path], chosen_columns(COLUMNS)).findings()
+    assert 'position of joint 0: the same in all rows; is it the right column?' in found
+
+
+@pytest.mark.parametrize('empty', [slice(0, 0), slice(150, 250), slice(None, None, 2)])
+def test_a_speed_is_the_slope_across_gaps_and_empty_cells(empty, tmp_path):
+    """What a machine did in a gap is not known; a wrong speed stands out all the same."""
+    t, q = T + 3.0 * (T >= 0.4), Q.copy()
+    q[empty] = np.nan
+    for qd, wrong in ((QD, None), (100.0 * QD, 'times the slope of the position'),
+                      (np.flip(Q), 'not the slope of the position')):
+        path = csv(tmp_path / 'log.csv', t=t, q=q, qd=qd, tau=TAU)
+        found = [line for line in measured_of_files([path], chosen_columns(COLUMNS)).findings()
+                 if 'cells' not in line]
+        if wrong is None:
+            assert found == []
+        else:
+            line, = found
+            assert line.startswith('velocity of joint 0: ')
+            assert wrong in line
+
+
 # ---------------------------------------------------------------------------- what is refused
 
 

@@ -40,6 +40,8 @@ MOST_COLUMNS = 1000
 """In a span of columns."""
 LONGEST_NUMBER = 9
 """Digits of the number of a column."""
+LARGEST = 1e12
+"""SI units; what is beyond is no reading of a machine, and its square may be infinite."""
 PLAIN_TURNS = 1e3
 """Turns beyond which whole numbers are counts rather than angles."""
 
@@ -151,37 +153,58 @@ class Measured:
             empty = np.count_nonzero(~np.isfinite(values))
             if empty:
                 found.append(f'{quantity}: {empty} of {values.size} cells hold no number')
-            found += [f'{quantity} of joint {joint}: the same in all rows; is it the right column?'
-                      for joint, column in enumerate(values.T) if np.ptp(column) == 0.0]
+            absurd = np.count_nonzero(np.isfinite(values) & ~_are_readings(values))
+            if absurd:
+                found.append(f'{quantity}: {absurd} of {values.size} cells are beyond {LARGEST:g} '
+                             f'{si_unit(quantity, self.kind)}; mend the file there')
+            for joint, (low, high) in enumerate(zip(*_ranges(values))):
+                if not low < high:
+                    what = 'the same in all rows' if low == high else 'no numbers'
+                    found.append(f'{quantity} of joint {joint}: {what}; is it the right column?')
         return (*found, *self._odd_positions(), *self._odd_speeds())
 
     def _odd_positions(self) -> list[str]:
         if self.kind == 'linear':
             return []
         found = []
-        for joint, q in enumerate(self.values['position'].T):
+        for joint, column in enumerate(self.values['position'].T):
+            rows = np.flatnonzero(_are_readings(column))
+            if len(rows) < 2:
+                continue  # said elsewhere
+            q, apart = column[rows], np.diff(rows)
             jumps = np.abs(np.diff(q)) / (2.0 * np.pi)
-            rows = np.flatnonzero(jumps > max(JUMP, 20.0 * np.nanmedian(jumps)))
-            if len(rows):
-                found.append(f'position of joint {joint}: jumps by {jumps[rows[0]]:.3g} turns at '
-                             f'row {rows[0] + 2} and {len(rows) - 1} times more; where the encoder '
-                             f'wraps around, give --unwrap')
-            elif np.nanmax(np.abs(q)) > 2.0 * np.pi * PLAIN_TURNS and np.array_equal(q, np.rint(q)):
+            jumped = rows[1:][(jumps > max(JUMP, 20.0 * np.median(jumps)))
+                              & (apart <= GAP * np.median(apart))]
+            if len(jumped):
+                turns = jumps[np.searchsorted(rows, jumped[0]) - 1]
+                found.append(f'position of joint {joint}: jumps by {turns:.3g} turns at '
+                             f'row {jumped[0] + 1} and {len(jumped) - 1} times more; where the '
+                             f'encoder wraps around, give --unwrap')
+            elif np.abs(q).max() > 2.0 * np.pi * PLAIN_TURNS and np.array_equal(q, np.rint(q)):
                 found.append(f'position of joint {joint}: whole numbers up to '
-                             f'{np.nanmax(np.abs(q)):.4g} rad; are they counts?')
+                             f'{np.abs(q).max():.4g} rad; are they counts?')
         return found
 
     def _odd_speeds(self) -> list[str]:
-        """Return where the integral of the speed is not the position but a multiple of it."""
+        """Return where the integral of the speed is not the position but a multiple of it.
+
+        What happens in gaps of the log belongs to neither.
+        """
         if 'velocity' not in self.values:
             return []
-        found, spacing = [], 1e-9 * np.diff(self.stamp)
-        for joint, (q, qd) in enumerate(zip(self.values['position'].T, self.values['velocity'].T)):
-            way = np.concatenate(([0.0], np.cumsum(0.5 * (qd[1:] + qd[:-1]) * spacing)))
-            known = np.isfinite(q) & np.isfinite(way)
-            if not known.any() or np.ptp(q[known]) == 0.0 or np.ptp(way[known]) == 0.0:
+        found = []
+        for joint, columns in enumerate(zip(self.values['position'].T, self.values['velocity'].T)):
+            known = np.logical_and(*map(_are_readings, columns))
+            if np.count_nonzero(known) < 2:
                 continue  # said elsewhere
-            q, way = q[known] - q[known].mean(), way[known] - way[known].mean()
+            q, qd = (column[known] for column in columns)
+            spacing = 1e-9 * np.diff(self.stamp[known])
+            whole = (spacing > 0.0) & (spacing <= GAP * np.median(spacing))
+            q, way = (np.cumsum(np.where(whole, steps, 0.0)) for steps in (
+                np.diff(q), 0.5 * (qd[1:] + qd[:-1]) * spacing))
+            if np.ptp(q) == 0.0 or np.ptp(way) == 0.0:
+                continue  # said elsewhere
+            q, way = q - q.mean(), way - way.mean()
             ratio = float(q @ way / (q @ q))
             alike = float(q @ way / np.sqrt((q @ q) * (way @ way)))
             if abs(alike) > 0.9 and not 1.0 / FACTOR < ratio < FACTOR:
@@ -278,8 +301,10 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
         columns = read_columns(file, tuple(dict.fromkeys(
             name for choice in choices.values() for name in choice.columns)), part.array)
         for quantity, choice in choices.items():
-            blocks[quantity].append(np.stack([columns[name] for name in choice.columns], axis=1)
-                                    * factors[quantity])
+            with np.errstate(over='ignore'):  # what becomes infinite holds no number
+                blocks[quantity].append(
+                    np.stack([columns[name] for name in choice.columns], axis=1)
+                    * factors[quantity])
         lengths.append(len(blocks['position'][-1]))
     values = {quantity: np.concatenate(parts) for quantity, parts in blocks.items()}
     rows = sum(lengths)
@@ -300,7 +325,7 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
         if kind == 'linear':
             raise InputError('--unwrap is for joints that turn; these positions are lengths')
         for q in values['position'].T:
-            known = np.isfinite(q)
+            known = _are_readings(q)
             q[known] = np.unwrap(q[known])
     start = time[0] if time[0] > EPOCH else 1.0
     stamp = round(start * SECOND) + np.rint((time - time[0]) * SECOND).astype(np.int64)
@@ -334,14 +359,13 @@ def _refuse_overlap(files: Sequence[str | Path], time: np.ndarray, lengths: Sequ
 
 
 def _refuse_rate(files: Sequence[str | Path], time: np.ndarray) -> None:
-    spacing = np.diff(time)
-    period = float(np.median(spacing))
-    if not 1.0 / FASTEST <= period <= 1.0 / SLOWEST:
-        raise InputError(f'{files[0]}: the median spacing of the samples is {period:.4g} s; check '
-                         f'column and unit of the time')
     if np.abs(time).max() > LATEST:
         raise InputError(f'{files[0]}: the time goes from {time.min():.6g} to {time.max():.6g} s, '
                          f'beyond what a stamp holds; check column and unit of the time')
+    period = float(np.median(np.diff(time)))
+    if not 1.0 / FASTEST <= period <= 1.0 / SLOWEST:
+        raise InputError(f'{files[0]}: the median spacing of the samples is {period:.4g} s; check '
+                         f'column and unit of the time')
 
 
 def write_measured(measured: Measured, joints: Sequence[str], path: str | Path,
@@ -379,6 +403,11 @@ def write_measured(measured: Measured, joints: Sequence[str], path: str | Path,
                 progress(row / count)
     return {JOINT_STATES.name: count,
             **({AMPLIFIER_VOLTAGE.name: count} if 'voltage' in values else {})}
+
+
+def _are_readings(values: np.ndarray) -> np.ndarray:
+    """Return which values a machine can have."""
+    return np.abs(values) <= LARGEST
 
 
 def _ranges(values: np.ndarray) -> tuple[list[float], list[float]]:
