@@ -30,7 +30,7 @@ from par4_identification.gains.static_push import read_force
 from par4_identification.jobs.inspect import inspect
 from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.read_log import read_log
-from par4_identification.logs.table_bag import Scales, chosen_columns, measured_of_files
+from par4_identification.logs.table_bag import chosen_columns, measured_of_files
 from par4_kinematics import motion_file, robot
 from par4_kinematics.errors import LONGEST_LINE, InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, REFERENCE
@@ -147,7 +147,7 @@ def test_force_readings(folder, content):
 
 
 def measured(path: Path, columns: str) -> None:
-    result = measured_of_files([path], chosen_columns(columns), Scales((4096.0,), (0.1,)))
+    result = measured_of_files([path], chosen_columns(columns))
     result.account()
     result.findings()
 

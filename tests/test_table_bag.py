@@ -131,7 +131,8 @@ def test_a_speed_fits_its_position_in_every_unit_and_in_no_other(unit, tool, tmp
                                        'rpm' if unit == 'rad/s' else 'rad/s', False)):
         told = tool(path, '--columns', f'time=t:s position=q:{"m" if linear else "rad"} '
                     f'velocity=qd:{said} torque=tau:{"N" if linear else "Nm"}', '--joints',
-                    'motor', '--counts-per-turn', 1000, '--output', tmp_path / f'bag {right}')
+                    'motor', '--output', tmp_path / f'bag {right}',
+                    *(('--counts-per-turn', 1000) if said == 'counts/s' else ()))
         assert told.code == 0, told.err
         assert ('times the slope of the position' in told.out) == (not right)
 
@@ -235,6 +236,22 @@ def test_a_column_that_stands_still_is_told_with_an_empty_cell_too(value, tmp_pa
     assert 'position of joint 0: the same in all rows; is it the right column?' in found
 
 
+@pytest.mark.parametrize(('columns', 'twins'), [
+    ('position=q,q:rad torque=tau,qd:Nm', ('position of joint 1', 'position of joint 0')),
+    ('position=q,p:rad torque=tau,3:Nm', ('torque of joint 1', 'position of joint 0')),
+    ('position=q,p:rad torque=tau,rest:Nm voltage=qd,zero:V', None)])
+def test_columns_with_the_same_numbers_are_told(columns, twins, tmp_path):
+    """It may be meant where two drives move one joint; those that rest are told as such."""
+    q = Q.copy()
+    q[7] = np.nan
+    path = csv(tmp_path / 'log.csv', t=T, tau=TAU, q=q, qd=QD, p=2.0 * Q, rest=np.zeros(COUNT),
+               zero=np.zeros(COUNT))
+    found = [line for line in measured_of_files(
+        [path], chosen_columns('time=t:s ' + columns)).findings() if 'the same numbers' in line]
+    assert found == ([] if twins is None else [
+        f'{twins[0]}: the same numbers as {twins[1]}; is it the right column?'])
+
+
 @pytest.mark.parametrize('empty', [slice(0, 0), slice(150, 250), slice(None, None, 2)])
 def test_a_speed_is_the_slope_across_gaps_and_empty_cells(empty, tmp_path):
     """What a machine did in a gap is not known; a wrong speed stands out all the same."""
@@ -267,6 +284,8 @@ def test_a_speed_is_the_slope_across_gaps_and_empty_cells(empty, tmp_path):
     ('time=1-2:s position=3:rad torque=4:Nm', 'time has 2 columns, expected 1'),
     ('position=1:m torque=2:Nm', 'position in m, torque in Nm; a joint turns or slides'),
     ("position='q:rad", 'close the quotes'),
+    ('position=1-4:rad torque=1-4:Nm', '1 is position and torque; a column is one of them'),
+    ('time=t:s position=q:rad torque=t:Nm', 't is time and torque; a column is one of them'),
 ])
 def test_columns_that_make_no_sense_are_refused(columns, words):
     with pytest.raises(InputError, match=re.escape(words)) as caught:
@@ -285,6 +304,11 @@ def test_columns_that_make_no_sense_are_refused(columns, words):
      '--motor-gain has 0 numbers, give one'),
     (('--columns', 'time=t:s position=q:counts torque=tau:Nm', '--joints', 'a',
       '--counts-per-turn', '8,9'), '--counts-per-turn has 2 numbers'),
+    (('--columns', COLUMNS, '--joints', 'a', '--counts-per-turn', 4096),
+     '--counts-per-turn is for counts or counts/s, found time in s, position in rad, velocity in '
+     'rad/s, torque in Nm; mend --columns or leave it out'),
+    (('--columns', COLUMNS, '--joints', 'a', '--motor-gain', 0.1),
+     '--motor-gain is for A or mA, found time in s, position in rad'),
     (('--columns', 'time=t:s position=angle:rad torque=tau:Nm', '--joints', 'a'),
      "no column 'angle'; there are 4: t, q, qd, tau"),
     (('--columns', 'time=t:us position=q:rad torque=tau:Nm', '--joints', 'a'),

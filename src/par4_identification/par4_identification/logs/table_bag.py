@@ -10,7 +10,8 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from par4_identification.logs.log_table import read_columns
 from par4_identification.logs.series import FEWEST_SAMPLES
 from par4_identification.logs.stamps import GAP
-from par4_identification.logs.units import FASTEST, SLOWEST, Kind, Unit, si_unit, unit_named
+from par4_identification.logs.units import FASTEST, SLOWEST, UNITS, Kind, Unit, si_unit, unit_named
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
@@ -161,7 +162,20 @@ class Measured:
                 if not low < high:
                     what = 'the same in all rows' if low == high else 'no numbers'
                     found.append(f'{quantity} of joint {joint}: {what}; is it the right column?')
-        return (*found, *self._odd_positions(), *self._odd_speeds())
+        return (*found, *self._twins(), *self._odd_positions(), *self._odd_speeds())
+
+    def _twins(self) -> list[str]:
+        """Return which columns hold the numbers of another one that does not stand still."""
+        found = []
+        columns = [(f'{quantity} of joint {joint}', column)
+                   for quantity, values in self.values.items()
+                   for joint, column in enumerate(values.T)]
+        for index, (name, column) in enumerate(columns):
+            twin = next((other for other, earlier in columns[:index]
+                         if np.array_equal(column, earlier, equal_nan=True)), None)
+            if twin is not None and len(np.unique(column[np.isfinite(column)])) > 1:
+                found.append(f'{name}: the same numbers as {twin}; is it the right column?')
+        return found
 
     def _odd_positions(self) -> list[str]:
         if self.kind == 'linear':
@@ -224,7 +238,7 @@ def chosen_columns(text: str) -> dict[str, Choice]:
 
     Raises:
         InputError: another form, an unknown quantity or unit, no position, neither torque nor
-            voltage, or numbers of columns that differ.
+            voltage, numbers of columns that differ, or a column that is two quantities.
     """
     try:
         words = shlex.split(text)
@@ -251,6 +265,11 @@ def chosen_columns(text: str) -> dict[str, Choice]:
         if len(choice.columns) != wanted:
             raise InputError(f'--columns: {quantity} has {len(choice.columns)} columns, expected '
                              f'{wanted}' + ('' if quantity == 'time' else ', as position has'))
+    for one, other in combinations(choices.values(), 2):
+        common = [name for name in one.columns if name in other.columns]
+        if common:
+            raise InputError(f'--columns: {common[0]} is {one.quantity} and {other.quantity}; a '
+                             f'column is one of them, give the other its own')
     kinds = {choice.meaning.kind for choice in choices.values()} - {None}
     if len(kinds) > 1:
         units = ', '.join(f'{choice.quantity} in {choice.unit}' for choice in choices.values()
@@ -285,14 +304,16 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
         part: which samples are meant.
 
     Raises:
-        InputError: what `read_columns` refuses; a scale that is missing; no time or rate, or both;
-            files that overlap in time; a sample rate that no unit of time can mean; too few rows.
+        InputError: what `read_columns` refuses; a scale that is missing, or that no unit needs; no
+            time or rate, or both; files that overlap in time; a sample rate that no unit of time
+            can mean; too few rows.
     """
     scales, part = scales or Scales(), part or Part()
     if ('time' in choices) == (part.rate is not None):
         raise InputError('give the column of the time in --columns, or --rate in Hz where there '
                          'is none, not both' if part.rate else 'no time: give its column in '
                          '--columns, such as time=1:s, or --rate in Hz')
+    _refuse_unused(scales, choices)
     factors = {quantity: _factors(choice, scales, len(choices['position'].columns))
                for quantity, choice in choices.items()}
     blocks: dict[str, list[np.ndarray]] = {quantity: [] for quantity in choices}
@@ -333,6 +354,17 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
         raise InputError('--columns: the unit of position tells neither an angle nor a length')
     return Measured(kind, stamp, {name: column[kept] for name, column in values.items()}, rows,
                     untimed)
+
+
+def _refuse_unused(scales: Scales, choices: dict[str, Choice]) -> None:
+    needed = {choice.meaning.scale for choice in choices.values()}
+    for field in fields(scales):
+        if getattr(scales, field.name) and field.name not in needed:
+            units = ' or '.join(name for known in UNITS.values() for name, unit in known.items()
+                                if unit.scale == field.name)
+            found = ', '.join(f'{choice.quantity} in {choice.unit}' for choice in choices.values())
+            raise InputError(f'--{field.name.replace("_", "-")} is for {units}, found {found}; '
+                             f'mend --columns or leave it out')
 
 
 def _factors(choice: Choice, scales: Scales, joints: int) -> np.ndarray:
