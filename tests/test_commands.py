@@ -58,6 +58,7 @@ from par4_identification.reports.residual_plots import (
     signature,
 )
 from par4_identification.reports.time_plots import residual_over_time
+from par4_kinematics.files import write_text, written_atomically
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
 from par4_sim.bag_writer import BagWriter
@@ -820,6 +821,42 @@ def test_the_hash_of_a_bag_follows_its_content_not_its_place(tmp_path):
     (tmp_path / 'there' / 'data.mcap').write_bytes(b'dato')
     assert bag_sha256(tmp_path / 'here') != bag_sha256(tmp_path / 'there')
     assert bag_sha256(tmp_path / 'here' / 'data.mcap') == hashlib.sha256(b'data').hexdigest()
+
+
+@pytest.mark.parametrize('there', [False, True])
+@pytest.mark.parametrize('folder', [False, True])
+@pytest.mark.parametrize('link', ['link', 'links/link', 'links/../link'])
+def test_what_is_written_to_a_link_goes_where_it_leads(link, folder, there, tmp_path):
+    (tmp_path / 'links').mkdir()
+    path, target = tmp_path / link, tmp_path / 'elsewhere' / 'results'
+    os.makedirs(target if there and folder else target.parent)
+    if there:
+        write_text(target / 'a' if folder else target, 'old')
+    path.symlink_to(os.path.relpath(target, os.path.realpath(path.parent)))
+    if folder:
+        write_results(path, {'a': 'new'})
+    else:
+        write_text(path, 'new')
+    assert path.is_symlink()
+    assert (target / 'a' if folder else target).read_text() == 'new'
+    assert sorted(item.name for item in tmp_path.rglob('.*')) == []
+
+
+def test_a_folder_behind_a_link_is_replaced_or_stays(tmp_path):
+    target, link = tmp_path / 'target', tmp_path / 'link'
+    target.mkdir()
+    (target / 'old').touch()
+    link.symlink_to('target')
+    with pytest.raises(ValueError, match='midway'), written_atomically(link) as scratch:
+        scratch.mkdir()
+        raise ValueError('midway')
+    assert os.listdir(target) == ['old']
+    with written_atomically(link) as scratch:
+        scratch.mkdir()
+        (scratch / 'new').touch()
+    assert link.is_symlink()
+    assert os.listdir(target) == ['new']
+    assert sorted(os.listdir(tmp_path)) == ['link', 'target']
 
 
 def test_too_much_data_is_said_in_a_line(capsys, monkeypatch):

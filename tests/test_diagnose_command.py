@@ -305,11 +305,13 @@ def test_bad_input_is_one_line_and_leaves_earlier_results_alone(case, again, mac
     assert not (tmp_path / 'new').exists()
 
 
-@pytest.mark.parametrize('place', ['a_file', 'a_file/below', '/proc/results'])
+@pytest.mark.parametrize('place', ['a_file', 'a_file/below', '/proc/results', 'link'])
 def test_a_folder_that_cannot_be_written_is_refused_before_any_bag_is_read(place, tmp_path):
     (tmp_path / 'a_file').write_text('mine')
+    (tmp_path / 'link').symlink_to('/proc/results')
     line = refusal(tmp_path / 'no_bag', '--robot', 'reference', '--output', tmp_path / place)
     assert 'results cannot be written there' in line
+    (tmp_path / 'link').unlink()
     assert contents(tmp_path) == {'a_file': b'mine'}
 
 

@@ -353,6 +353,16 @@ def test_files_must_follow_each_other_and_a_bag_is_never_replaced(tool, tmp_path
     assert 'exists already' in told.err
 
 
+def test_a_bag_goes_where_a_link_leads(tool, tmp_path):
+    path = csv(tmp_path / 'log.csv', t=T, q=Q, qd=QD, tau=TAU)
+    (tmp_path / 'link').symlink_to(tmp_path / 'elsewhere' / 'bag')
+    for code in (0, 2):
+        told = tool(path, '--columns', COLUMNS, '--joints', 'a', '--output', tmp_path / 'link')
+        assert told.code == code, told.err
+    assert f'{tmp_path / "link"}: exists already' in told.err
+    assert len(read_log(tmp_path / 'elsewhere' / 'bag', axis('a')).t) == COUNT
+
+
 def test_a_robot_file_names_the_joints_and_must_fit(tool, tmp_path):
     path = csv(tmp_path / 'log.csv', t=T, q=Q, qd=QD, tau=TAU)
     robot = tmp_path / 'robot.yaml'

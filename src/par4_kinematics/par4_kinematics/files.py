@@ -110,9 +110,10 @@ def resolve_builtin(name_or_path: str | Path, package: str) -> Path:
 def written_atomically(path: str | Path) -> Iterator[Path]:
     """Yield a scratch path beside `path` (a file or a folder to fill) that replaces it on success.
 
-    If the block raises, `path` stays as it was and the scratch is removed.
+    Links are followed, so that what they lead to is replaced. If the block raises, `path` stays as
+    it was and the scratch is removed.
     """
-    path = Path(path)
+    path = Path(os.path.realpath(path))
     path.parent.mkdir(parents=True, exist_ok=True)
     scratch_folder = Path(tempfile.mkdtemp(prefix=f'.{path.name}.', dir=path.parent))
     scratch = scratch_folder / path.name

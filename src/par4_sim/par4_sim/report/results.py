@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping
 from contextlib import ExitStack
 from datetime import UTC, datetime
@@ -52,7 +53,8 @@ def refuse_unwritable(folder: Path) -> None:
         raise InputError(f'{folder}: is a bag, whose folder is for its messages alone; give '
                          f'another folder as --output')
     try:
-        there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+        place = Path(os.path.realpath(folder))
+        there = next(path for path in (place, *place.parents) if path.exists())
         with TemporaryFile(dir=there):
             pass
     except OSError as error:
