@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -361,6 +362,44 @@ def test_a_bag_goes_where_a_link_leads(tool, tmp_path):
         assert told.code == code, told.err
     assert f'{tmp_path / "link"}: exists already' in told.err
     assert len(read_log(tmp_path / 'elsewhere' / 'bag', axis('a')).t) == COUNT
+
+
+def in_its_own_process(*words, out, err, folder):
+    """Return the exit code of the executable with other streams."""
+    code = f'import sys; sys.argv = {["par4_bag", *map(str, words)]!r}\n' + (
+        'from par4_identification_start import bag; bag()')
+    return subprocess.run([sys.executable, '-c', code], cwd=folder, stdout=out, stderr=err,
+                          check=False, timeout=200).returncode
+
+
+@pytest.fixture
+def unread():
+    """Return a pipe that nobody reads any more."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    yield writer
+    os.close(writer)
+
+
+def test_a_bag_is_made_whether_or_not_its_words_are_read(unread, tmp_path):
+    path = csv(tmp_path / 'log.csv', t=T, q=Q, qd=QD, tau=TAU)
+    words = (path, '--columns', COLUMNS, '--joints', 'a', '--output')
+    errors, full = tmp_path / 'errors', 'standard output: No space left on device; the work is done'
+    with errors.open('w') as err, open('/dev/full', 'w') as no_room:
+        for name, out, errs, code, said in (
+                ('unread', unread, err, 0, ''), ('both', unread, unread, 0, ''),
+                ('full', no_room, err, 2, full), ('all', no_room, no_room, 2, '')):
+            assert in_its_own_process(*words, name, out=out, err=errs, folder=tmp_path) == code
+            assert len(read_log(tmp_path / name, axis('a')).t) == COUNT
+            assert said in errors.read_text()
+            assert errors.read_text().count('\n') == bool(said)
+            errors.write_text('')
+            err.seek(0)
+
+
+@pytest.mark.parametrize(('option', 'code'), [('--help', 0), ('--version', 0), ('--nothing', 2)])
+def test_help_and_refusals_may_go_unread(option, code, unread, tmp_path):
+    assert in_its_own_process(option, out=unread, err=unread, folder=tmp_path) == code
 
 
 def test_a_robot_file_names_the_joints_and_must_fit(tool, tmp_path):

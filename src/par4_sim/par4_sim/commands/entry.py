@@ -11,6 +11,7 @@ from typing import NoReturn
 import click
 
 from par4_kinematics.errors import Par4Error, one_line
+from par4_sim.commands.output import dropping
 from par4_start import STOPPED, tool_ends_quietly, tool_is_interrupted
 
 
@@ -29,31 +30,44 @@ def loading() -> Iterator[None]:
 def run(command: click.Command) -> NoReturn:
     """Run a command; exit 0 if it did its work, 2 with `error: ...` on bad input, 130 if stopped.
 
-    An interrupt leaves nothing half written: results are put in place only when complete. Every
-    command answers `--version`.
+    An interrupt leaves nothing half written: results are put in place only when complete. A reader
+    of what the command says may go away without harm; a disk too full for that is an error, but
+    not before the work is done. Every command answers `--version`.
     """
+    with dropping() as output:
+        code = _run(command)
+        print(end='', flush=True)
+        if code == 0 and output is not None and output.trouble is not None:
+            code = _refuse(f'standard output: {output.trouble.strerror}; the work is done, but '
+                           f'what was to be said of it is lost')
+    sys.exit(code)
+
+
+def _run(command: click.Command) -> int:
+    """Run a command and return its exit code."""
     if all(parameter.name != 'version' for parameter in command.params):
         command = click.version_option(package_name='par4_sim', prog_name=command.name)(command)
     try:
         command.main(standalone_mode=False)
     except click.exceptions.Exit as finished:
-        sys.exit(finished.exit_code)
+        return finished.exit_code
     except click.ClickException as error:
         found = ' '.join(error.format_message().split()).rstrip('.')
-        _refuse(f'{found}; see {command.name} --help')
+        return _refuse(f'{found}; see {command.name} --help')
     except Par4Error as error:
-        _refuse(str(error))
+        return _refuse(str(error))
     except OSError as error:
-        _refuse(f'{error.filename or "file"}: {error.strerror or error}; check path and space')
+        return _refuse(f'{error.filename or "file"}: {error.strerror or error}; check path and '
+                       f'space')
     except MemoryError:
-        _refuse('the memory of this machine does not hold so much data; give shorter bags, or '
-                'fewer at a time')
+        return _refuse('the memory of this machine does not hold so much data; give shorter bags, '
+                       'or fewer at a time')
     except (click.Abort, KeyboardInterrupt):
         print('stopped; nothing was changed', file=sys.stderr)
-        sys.exit(STOPPED)
-    sys.exit(0)
+        return STOPPED
+    return 0
 
 
-def _refuse(line: str) -> NoReturn:
+def _refuse(line: str) -> int:
     print(f'error: {one_line(line)}', file=sys.stderr)
-    sys.exit(2)
+    return 2
