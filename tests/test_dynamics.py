@@ -27,9 +27,10 @@ from par4_dynamics.model_file import ModelFile, read_model_file, write_model_fil
 from par4_dynamics.rigid_body import COLUMNS
 from par4_dynamics.state import GRAVITY, state_of_joints, state_of_platform
 from par4_kinematics.errors import InputError, UnreachableError
-from par4_kinematics.files import write_text
+from par4_kinematics.files import write_text, write_yaml
 from par4_kinematics.geometry import HOME
 from par4_kinematics.position import inverse_kinematics
+from par4_kinematics.robot import Axis
 from par4_kinematics.velocity import AT_D, AT_D2, jacobian
 from robots import OTHER, REFERENCE, model_with, other_model, random_poses
 
@@ -335,6 +336,58 @@ def test_bad_model_files_are_refused_in_one_line(tmp_path, change, words):
         assert word in str(error.value)
 
 
+@pytest.mark.parametrize(('name', 'right', 'wrong'), [
+    ('platform_mass_1', 'kg', 'g'), ('actuator_inertia', 'kg m2', 'g m2'),
+    ('actuator_inertia', 'kg m2', 'kg'), ('viscous_friction', 'N m s/rad', 'N m s/deg'),
+    ('stribeck_torque', 'N m', 'mN m'), ('stribeck_velocity', 'rad/s', 'deg/s'),
+    ('exponent', '1', '%'),
+])
+def test_a_unit_that_is_not_the_parameters_own_is_refused(tmp_path, name, right, wrong):
+    """Numbers are never converted: 804.3 g would be a platform of 804.3 kg."""
+    path = tmp_path / 'model.yaml'
+    for unit in (right, None, wrong):
+        content = read_model_file('table1').to_yaml() | {'effects': [
+            {'effect': 'stribeck', 'parameters': {
+                'stribeck_torque': {'value': 1.2}, 'stribeck_velocity': {'value': 0.1},
+                'exponent': {'value': 1.0}}}]}
+        for parameters in (content['parameters'], content['effects'][0]['parameters']):
+            if name in parameters:
+                parameters[name].pop('unit', None)
+                parameters[name] |= {} if unit is None else {'unit': unit}
+        write_yaml(path, content)
+        if unit != wrong:
+            read_model(path, REFERENCE)
+    with pytest.raises(InputError) as error:
+        read_model(path, REFERENCE)
+    assert '\n' not in str(error.value)
+    for word in (str(path), name, f"expected the unit '{right}'", f"found '{wrong}'"):
+        assert word in str(error.value)
+
+
+def test_a_slide_has_units_of_its_own():
+    """Models of a slide are written with the units of a slide, and those of a joint mean them."""
+    slide = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=35.0)
+    arm = slide.model_copy(update={'kind': 'revolute'})
+
+    def model_file(inertia, friction, step):
+        return ModelFile(parameters={
+            'actuator_inertia': {'value': 95.0, 'unit': inertia},
+            'coulomb_friction': {'value': 20.0, 'unit': friction},
+            'viscous_friction': {'value': 200.0}},
+            effects=({'effect': 'quantization', 'parameters': {
+                'step': {'value': 0.1, 'unit': step}}},))
+
+    for units in (('kg', 'N', 'N'), ('kg m2', 'N m', 'N m')):
+        assert build_model(slide, model_file(*units)).effects[0].units == {'step': 'N m'}
+    assert build_model(slide, model_file('kg', 'N', 'm')).effects[0].units == {'step': 'rad'}
+    with pytest.raises(InputError, match="coulomb_friction: expected the unit 'N', found 'kN'"):
+        build_model(slide, model_file('kg', 'kN', 'N'))
+    with pytest.raises(InputError, match="actuator_inertia: expected the unit 'kg m2', found 'kg'"):
+        build_model(arm, model_file('kg', 'N m', 'N m'))
+    with pytest.raises(InputError, match="step: expected the unit 'm' or 'N', found ''"):
+        build_model(slide, model_file('kg', 'N', ''))
+
+
 def test_unknown_effect_and_missing_parameter_are_refused():
     content = read_model_file('table1').to_yaml()
     wrong = ModelFile.model_validate(content | {'effects': [
@@ -354,7 +407,6 @@ def test_bodies_heavier_than_their_lump_are_refused():
 
 
 def test_negative_mass_in_robot_file_is_refused(tmp_path):
-    from par4_kinematics.files import write_yaml
     from par4_kinematics.robot import read_robot
     content = REFERENCE.model_dump(by_alias=True, mode='json')
     content['bodies']['rod_mass'] = -0.04

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -25,7 +25,9 @@ from par4_dynamics.rigid_body import (
 from par4_dynamics.state import Nominal, State, state_of_joints, state_of_platform
 from par4_kinematics.arrays import as_matching_rows
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import quoted
 from par4_kinematics.geometry import LEGS, Geometry
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Bodies, Robot
 
 FRICTION = ('coulomb_friction', 'viscous_friction')
@@ -199,8 +201,8 @@ def build_model(machine: Robot | Axis, model_file: ModelFile,
     `library` is what the names of effects stand for.
 
     Raises:
-        InputError: a parameter that is missing or has the wrong number of values, an unknown
-            effect, or masses that make a body negative.
+        InputError: a parameter that is missing, in another unit than its own or has the wrong
+            number of values, an unknown effect, or masses that make a body negative.
     """
     joints = len(machine.joint_names)
     is_robot = isinstance(machine, Robot)
@@ -217,11 +219,13 @@ def build_model(machine: Robot | Axis, model_file: ModelFile,
     values = {}
     for term in (*wanted, *hung):
         parameter = model_file.parameters[term.name]
+        if parameter.unit:
+            _own_unit(term.name, parameter.unit, (term.unit,), machine)
         if isinstance(parameter.value, tuple) and len(parameter.value) != joints:
             raise InputError(f'{term.name}: expected one number or {joints}, found '
                              f'{len(parameter.value)}')
         values[term.name] = parameter.per_joint(joints)
-    effects = tuple(_active_effect(entry, effect_named(entry.effect, library), joints, is_robot)
+    effects = tuple(_active_effect(entry, effect_named(entry.effect, library), machine)
                     for entry in model_file.effects)
     bodies = machine.bodies if isinstance(machine, Robot) else Bodies()
     model = Model(model_file.rigid_body, values, bodies, effects, model_file.torque_limit)
@@ -230,9 +234,23 @@ def build_model(machine: Robot | Axis, model_file: ModelFile,
     return model
 
 
-def _active_effect(entry: EffectEntry, effect: Effect, joints: int, is_robot: bool
-                   ) -> ActiveEffect:
-    if effect.needs_platform and not is_robot:
+def _own_unit(name: str, found: str, units: Sequence[str], machine: Robot | Axis) -> str:
+    """Return which of its `units` a parameter is given in, as they are on turning joints.
+
+    Raises:
+        InputError: another unit, the numbers of which would be misread.
+    """
+    for unit in units:
+        if found in (unit, unit_on(machine, unit)):
+            return unit
+    expected = ' or '.join(repr(unit_on(machine, unit)) for unit in units)
+    raise InputError(f'{name}: expected the unit {expected}, found {quoted(found)}; numbers are '
+                     f'never converted, give them in {expected}')
+
+
+def _active_effect(entry: EffectEntry, effect: Effect, machine: Robot | Axis) -> ActiveEffect:
+    joints = len(machine.joint_names)
+    if effect.needs_platform and not isinstance(machine, Robot):
         raise InputError(f'effect {effect.name} needs a platform, the machine is a single axis')
     known = {parameter.name: parameter for parameter in effect.parameters}
     required = {name for name, parameter in known.items() if parameter.default is None}
@@ -245,12 +263,12 @@ def _active_effect(entry: EffectEntry, effect: Effect, joints: int, is_robot: bo
                          f'{list(acting)}')
     values, units, orders = {}, {}, _orders(effect, entry)
     for name, given in entry.parameters.items():
-        if known[name].other_unit is not None:
-            both = (known[name].unit, known[name].other_unit)
-            if given.unit not in both:
-                raise InputError(f'effect {effect.name}, {name}: give its unit, {both[0]!r} or '
-                                 f'{both[1]!r}; found {given.unit!r}')
-            units[name] = given.unit
+        other = known[name].other_unit
+        if given.unit or other is not None:
+            possible = (known[name].unit, *(() if other is None else (other,)))
+            unit = _own_unit(f'effect {effect.name}, {name}', given.unit, possible, machine)
+            if other is not None:
+                units[name] = unit
         try:
             values[name] = _numbers(known[name], given.value, acting, joints, orders)
         except InputError as error:
@@ -323,4 +341,18 @@ def _numbers(parameter: EffectParameter, given: Number, acting: tuple[int, ...],
 
 def read_model(name_or_path: str | Path, machine: Robot | Axis) -> Model:
     """Return the model of a `model.yaml` or built-in name for `machine`; see `build_model`."""
-    return build_model(machine, read_model_file(name_or_path))
+    return read_file_and_model(name_or_path, machine)[1]
+
+
+def read_file_and_model(name_or_path: str | Path, machine: Robot | Axis
+                        ) -> tuple[ModelFile, Model]:
+    """Return what a `model.yaml` or built-in name says and the model that it makes of `machine`.
+
+    Raises:
+        InputError: see `read_model_file` and `build_model`; it names the file.
+    """
+    model_file = read_model_file(name_or_path)
+    try:
+        return model_file, build_model(machine, model_file)
+    except InputError as error:
+        raise InputError(f'{name_or_path}: {error}') from None

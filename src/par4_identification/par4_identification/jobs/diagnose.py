@@ -8,8 +8,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from par4_dynamics.model import build_model
-from par4_dynamics.model_file import ModelFile, read_model_file
+from par4_dynamics.model import build_model, read_file_and_model
+from par4_dynamics.model_file import ModelFile
 from par4_identification.changes.changes import (
     Changes,
     changes_between,
@@ -45,11 +45,12 @@ from par4_identification.setup_check.unusable import diagnosed_if_sound, sound_o
 from par4_identification.signals.rows import Conditioning
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.motion_file import write_motion
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.outcome import Remark
 from par4_sim.report.results import refuse_unwritable, write_results
-from par4_sim.report.words import listed, number, unit_on
+from par4_sim.report.words import listed, number
 
 
 def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple[str, ...],
@@ -58,9 +59,8 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
                   simulate: bool) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
     machine = read_machine(robot)
-    baseline = None if model is None else read_model_file(model)
     # refuses a model of another machine before any long work
-    known = None if baseline is None else build_model(machine, baseline)
+    baseline, known = (None, None) if model is None else read_file_and_model(model, machine)
     refuse_unwritable(output)
     with Console(stderr=True).status('reading the bags') as status:
         logs: Sequence[Log] = ()

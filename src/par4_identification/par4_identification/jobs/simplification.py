@@ -7,7 +7,7 @@ from typing import Literal
 
 from rich.console import Console
 
-from par4_dynamics.model_file import read_model_file
+from par4_dynamics.model import read_file_and_model
 from par4_identification.fitting.simplification_cost import (
     adept_of,
     rigid_model,
@@ -27,7 +27,7 @@ def simplify(robot: str, model: str, output: Path, motion: str | None,
              fidelity: Literal['accurate', 'fast']) -> None:
     """Measure what equation (20) leaves out, by imposed displacement in pybullet (Fig. 6)."""
     machine = read_robot(robot)
-    rigid = rigid_model(machine, read_model_file(model))
+    rigid = rigid_model(machine, read_file_and_model(model, machine)[0])
     imposed = (adept_of(machine, machine.limits.workspace.theta) if motion is None else
                named_motion(motion, machine))
     refuse_unwritable(output)

@@ -10,8 +10,8 @@ from typing import Any
 from rich.console import Console
 from rich.progress import Progress
 
-from par4_dynamics.model import build_model
-from par4_dynamics.model_file import ModelFile, read_model_file
+from par4_dynamics.model import read_file_and_model
+from par4_dynamics.model_file import ModelFile
 from par4_identification.reports.outcome.trend import lines_of_refused, outcome_of_life, trend_json
 from par4_identification.trend.bag_values import BagValues, outcome_of_bag
 from par4_identification.trend.kept import Kept
@@ -27,9 +27,8 @@ def trend_of_bags(bags: tuple[str, ...], robot: str, output: Path, scheduler: st
                   model: str | None, namespace: str | None) -> None:
     """Follow a machine over its life through dated bags."""
     machine = read_machine(robot)
-    model_file = None if model is None else read_model_file(model)
-    if model_file is not None:
-        build_model(machine, model_file)  # refuses a model of another machine before any long work
+    # refuses a model of another machine before any long work
+    model_file = None if model is None else read_file_and_model(model, machine)[0]
     refuse_unwritable(output)
     once, twice = _each_once(bags)
     results = _results([str(Path(bag).absolute()) for bag in once], machine, model_file,

@@ -6,8 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from par4_dynamics.model import build_model
-from par4_dynamics.model_file import read_model_file
+from par4_dynamics.model import build_model, read_file_and_model
 from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.fitting.validation import validate
 from par4_identification.logs.bag_hash import bag_sha256
@@ -28,8 +27,7 @@ def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str 
                  cutoff: float | None, rows: float | None, low_speed: float | None) -> None:
     """Cross-validate a model on a bag that it was not identified from."""
     machine = read_machine(robot)
-    model_file = read_model_file(model)
-    built = build_model(machine, model_file)
+    model_file, built = read_file_and_model(model, machine)
     refuse_unwritable(output)
     with Console(stderr=True).status(f'reading {bag}') as status:
         log = read_log(bag, machine, namespace)

@@ -15,6 +15,7 @@ from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis
 from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.diagnosis import phrase_of_cause, told_from_zero
 from par4_identification.reports.residual_plots import signature
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.words import (
     in_words,
@@ -23,7 +24,6 @@ from par4_sim.report.words import (
     number,
     percent,
     typeset,
-    unit_on,
     with_std,
 )
 

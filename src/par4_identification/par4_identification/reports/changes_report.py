@@ -10,8 +10,9 @@ from par4_identification.reports.deviation_plots import Bar, deviation_bars
 from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.changes import changes_json, error_rows
 from par4_identification.reports.outcome.outcome import over_joints
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
-from par4_sim.report.words import in_words, number, typeset, unit_on, with_std
+from par4_sim.report.words import in_words, number, typeset, with_std
 
 
 def changes_cells(changes: Changes | None, diagnosis: Diagnosis, machine: Robot | Axis,

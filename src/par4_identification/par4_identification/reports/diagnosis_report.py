@@ -35,6 +35,7 @@ from par4_identification.reports.time_plots import (
     residual_over_time,
 )
 from par4_identification.signals.rows import Run
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.traces import Traces
@@ -45,7 +46,6 @@ from par4_sim.report.words import (
     number,
     percent,
     typeset,
-    unit_on,
     with_std,
 )
 

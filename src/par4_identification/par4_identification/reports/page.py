@@ -10,10 +10,11 @@ import numpy as np
 
 from par4_identification.logs.log import Log
 from par4_identification.reports.names import Names
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.page import rendered
-from par4_sim.report.words import in_words, joint_labels, number, torque_name, typeset, unit_on
+from par4_sim.report.words import in_words, joint_labels, number, torque_name, typeset
 
 
 def page_of(template: str, machine: Robot | Axis, logs: Sequence[Log], outcome: Outcome,

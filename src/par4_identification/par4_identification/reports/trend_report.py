@@ -13,10 +13,11 @@ from par4_identification.reports.trend_plots import life as drawn_life
 from par4_identification.trend.channels import Channel
 from par4_identification.trend.course import Course
 from par4_identification.trend.life import Life
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.page import rendered
-from par4_sim.report.words import in_words, number, typeset, unit_on
+from par4_sim.report.words import in_words, number, typeset
 
 
 def report_of_life(life: Life | None, outcome: Outcome, refused: Mapping[str, str],

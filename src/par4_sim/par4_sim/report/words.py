@@ -6,11 +6,9 @@ import math
 import re
 from collections.abc import Sequence
 
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 
-_LINEAR_UNITS = {
-    'kg m2': 'kg', 'kg m': 'kg', 'N m': 'N', 'N m s/rad': 'N s/m', 'N m s2/rad2': 'N s2/m2',
-    'N m/rad': 'N/m', 'N m/V': 'N/V', 'rad': 'm', 'rad/s': 'm/s', '1/turn': 'rad/m'}
 _PERSONS = ('coulomb', 'stribeck')
 
 
@@ -67,13 +65,6 @@ def joint_labels(machine: Robot | Axis) -> tuple[str, ...]:
     if isinstance(machine, Axis):
         return (machine.joint,)
     return tuple(f'joint {joint}' for joint in range(len(machine.joint_names)))
-
-
-def unit_on(machine: Robot | Axis, unit: str) -> str:
-    """Return a unit of this project, which speaks of turning joints, as it is on the machine."""
-    if isinstance(machine, Axis) and machine.kind == 'linear':
-        return _LINEAR_UNITS.get(unit, unit)
-    return unit
 
 
 def typeset(unit: str) -> str:

@@ -28,10 +28,11 @@ from par4_identification.changes.readings import (
 from par4_identification.diagnosis.verdict.answer import Diagnosis, Verdict
 from par4_identification.gains.known_payload import PLATFORM
 from par4_identification.reports.outcome.outcome import over_joints
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import in_words, joint_labels, listed, number, unit_on
+from par4_sim.report.words import in_words, joint_labels, listed, number
 
 FRACTIONS = ((1 / 2, 'half'), (1 / 3, 'a third'), (1 / 4, 'a quarter'))
 NEAR = 0.02

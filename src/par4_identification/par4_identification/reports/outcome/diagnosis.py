@@ -13,17 +13,11 @@ from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis, Unusa
 from par4_identification.diagnosis.verdict.unrelated import Unrelated
 from par4_identification.reports.outcome.next_experiment import advice, next_experiment_json
 from par4_identification.reports.outcome.outcome import FLOOR_EXCESS, over_joints
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import (
-    in_words,
-    joint_labels,
-    listed,
-    number,
-    percent,
-    unit_on,
-)
+from par4_sim.report.words import in_words, joint_labels, listed, number, percent
 
 TOLD = 6
 """Orders of a periodic torque that a sentence names one by one."""

@@ -11,9 +11,10 @@ from par4_identification.estimators.estimate import Estimate
 from par4_identification.estimators.instrumental import InstrumentalEstimate
 from par4_identification.estimators.robust import RobustEstimate
 from par4_identification.fitting.identification import Identification
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Remark
-from par4_sim.report.words import in_words, listed, number, percent, unit_on
+from par4_sim.report.words import in_words, listed, number, percent
 
 IN_WORDS = {
     'weighted': 'weighted least squares', 'ordinary': 'ordinary least squares',

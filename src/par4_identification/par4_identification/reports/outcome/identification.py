@@ -31,18 +31,11 @@ from par4_identification.reports.outcome.outcome import (
     over_joints,
 )
 from par4_identification.reports.outcome.results import data_of_logs
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import (
-    in_words,
-    joint_labels,
-    listed,
-    number,
-    percent,
-    torque_name,
-    unit_on,
-)
+from par4_sim.report.words import in_words, joint_labels, listed, number, percent, torque_name
 
 LARGEST_CONDITION = 200.0
 """Condition number of W above which a motion excites the parameters weakly."""

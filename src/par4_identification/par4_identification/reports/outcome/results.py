@@ -10,9 +10,9 @@ from par4_dynamics.model_file import ModelFile
 from par4_dynamics.parameters import Parameter
 from par4_identification.logs.bag_hash import bag_sha256
 from par4_identification.logs.log import Log
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.results import origin
-from par4_sim.report.words import unit_on
 
 
 def data_of_logs(logs: Sequence[Log]) -> list[dict[str, Any]]:

@@ -11,10 +11,11 @@ from par4_identification.reports.outcome.changes import phrase_of_reading
 from par4_identification.trend.channels import Channel
 from par4_identification.trend.course import FEWEST
 from par4_identification.trend.life import Event, Happening, Life
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import in_words, joint_labels, listed, number, percent, unit_on
+from par4_sim.report.words import in_words, joint_labels, listed, number, percent
 
 TOLD = 4
 """Events in the one sentence; more are counted there and told below."""

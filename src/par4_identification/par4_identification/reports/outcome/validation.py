@@ -16,10 +16,11 @@ from par4_identification.reports.outcome.outcome import (
     over_joints,
 )
 from par4_identification.reports.outcome.results import data_of_logs
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import number, percent, torque_name, unit_on
+from par4_sim.report.words import number, percent, torque_name
 
 
 def outcome_of_validation(validation: Validation, floor: np.ndarray, machine: Robot | Axis,
