@@ -388,6 +388,39 @@ def test_a_slide_has_units_of_its_own():
         build_model(slide, model_file('kg', 'N', ''))
 
 
+def stribeck_of(joints, torque):
+    """Return a model file with Stribeck friction on some joints."""
+    return read_model_file('table1').to_yaml() | {'effects': [
+        {'effect': 'stribeck', 'joints': joints, 'parameters': {
+            'stribeck_torque': {'value': torque}, 'stribeck_velocity': {'value': 0.1}}}]}
+
+
+@pytest.mark.parametrize(('joints', 'torque', 'expected'), [
+    ([1, 0], [1, 2], [2, 1, 0, 0]), ([3, 2, 1, 0], 1.5, [1.5, 1.5, 1.5, 1.5]),
+    ([0, 1, 2, 3], [1, 2, 3, 4], [1, 2, 3, 4]), ([2], [3], [0, 0, 3, 0]),
+])
+def test_listed_values_are_those_of_the_joints_listed(joints, torque, expected):
+    model = build_model(REFERENCE, ModelFile.model_validate(stribeck_of(joints, torque)))
+    np.testing.assert_array_equal(model.effects[0].values['stribeck_torque'], expected)
+
+
+@pytest.mark.parametrize(('joints', 'torque', 'words'), [
+    ([0, 0, 1], [1, 2, 3], ('effects.0.joints: a joint is listed twice', '[0, 0, 1]')),
+    ([3, 2, 1, 0], [1, 2, 3, 4], ('stribeck_torque: 4 numbers are those of joints 0 to 3',
+                                  '[3, 2, 1, 0]', 'ascending')),
+    ([0, True], [1, 2], ('effects.0.joints.1: expected a whole number', 'True')),
+    ([0], True, ('stribeck_torque.value.float: Input should be a valid number', 'True')),
+    ([0], '1.5', ('stribeck_torque.value.float: Input should be a valid number', "'1.5'")),
+])
+def test_joints_and_values_that_are_unclear_are_refused(tmp_path, joints, torque, words):
+    write_yaml(tmp_path / 'model.yaml', stribeck_of(joints, torque))
+    with pytest.raises(InputError) as error:
+        read_model(tmp_path / 'model.yaml', REFERENCE)
+    assert '\n' not in str(error.value)
+    for word in (*words, 'model.yaml'):
+        assert word in str(error.value)
+
+
 def test_unknown_effect_and_missing_parameter_are_refused():
     content = read_model_file('table1').to_yaml()
     wrong = ModelFile.model_validate(content | {'effects': [

@@ -9,6 +9,7 @@ import pytest
 
 from par4_kinematics.acceleration import joint_motion, platform_motion
 from par4_kinematics.errors import InputError, UnreachableError
+from par4_kinematics.files import write_yaml
 from par4_kinematics.geometry import HOME, Geometry
 from par4_kinematics.linear_solve import inverse_columns
 from par4_kinematics.position import forward_kinematics, inverse_kinematics, loop_opening
@@ -403,3 +404,16 @@ def test_workspace_limits_out_of_reach_are_refused():
     for function in (home_pose, conditioning):
         with pytest.raises(InputError, match=r'robot other: .*set limits\.workspace'):
             function(lost)
+
+
+@pytest.mark.parametrize(('part', 'key', 'value'), [
+    ('bodies', 'rod_mass', True), ('geometry', 'arm_length', '0.375'),
+    ('drives', 'gain', (True, 12.7, 12.7, 12.7)), ('drives', 'encoder_counts', '4096'),
+    ('limits', 'joint_position', ('-1.0', 1.6)),
+])
+def test_what_only_looks_like_a_number_is_refused(tmp_path, part, key, value):
+    content = REFERENCE.model_dump(by_alias=True)
+    content[part][key] = value
+    write_yaml(tmp_path / 'robot.yaml', content)
+    with pytest.raises(InputError, match=rf'robot\.yaml: {part}\.{key}.* number.*found'):
+        read_robot(tmp_path / 'robot.yaml')

@@ -330,6 +330,9 @@ def _numbers(parameter: EffectParameter, given: Number, acting: tuple[int, ...],
             raise InputError(f'expected {one}{parameter.size} numbers, found {given}')
         return np.array(given)
     if isinstance(given, tuple) and count == joints:
+        if len(acting) == joints and acting != tuple(range(joints)):
+            raise InputError(f'{joints} numbers are those of joints 0 to {joints - 1}, but joints '
+                             f'lists {list(acting)}; list the joints in ascending order')
         return np.array(given)
     if isinstance(given, tuple) and count != len(acting):
         raise InputError(f'expected one number, one for each of its {len(acting)} joints or '

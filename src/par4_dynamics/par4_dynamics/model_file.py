@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, StrictFloat, field_validator
 
 from par4_dynamics.base_terms import AXIS_TERMS, BASE_TERMS
 from par4_dynamics.parameters import Parameter
 from par4_kinematics.files import (
     FileModel,
+    Whole,
     expect_schema,
     parse,
     read_yaml,
@@ -27,8 +28,15 @@ class EffectEntry(FileModel):
     """One effect of a model: its name in the catalogue, the joints it acts on, its parameters."""
 
     effect: str
-    joints: tuple[int, ...] | None = None
+    joints: tuple[Whole, ...] | None = None
     parameters: dict[str, Parameter]
+
+    @field_validator('joints')
+    @classmethod
+    def _each_once(cls, joints: tuple[int, ...] | None) -> tuple[int, ...] | None:
+        if joints is not None and len(set(joints)) < len(joints):
+            raise ValueError('a joint is listed twice; list each once')
+        return joints
 
 
 class ModelFile(FileModel):
@@ -38,7 +46,7 @@ class ModelFile(FileModel):
     rigid_body: RigidBody = 'paper'
     parameters: dict[str, Parameter]
     effects: tuple[EffectEntry, ...] = ()
-    torque_limit: float | None = Field(None, gt=0)
+    torque_limit: StrictFloat | None = Field(None, gt=0)
     provenance: dict[str, Any] = {}
 
     @field_validator('parameters')

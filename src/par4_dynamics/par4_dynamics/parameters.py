@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, StrictFloat, model_validator
 
 from par4_kinematics.files import FileModel
 
-PerJoint = float | Annotated[tuple[float, ...], Field(min_length=1)]
+PerJoint = StrictFloat | Annotated[tuple[StrictFloat, ...], Field(min_length=1)]
 """One number for all joints, or one a joint."""
-Number = float | Annotated[tuple[PerJoint, ...], Field(min_length=1)]
+Number = StrictFloat | Annotated[tuple[PerJoint, ...], Field(min_length=1)]
 """The same, or one entry for each order of a periodic torque."""
 
 

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
@@ -28,6 +28,15 @@ class FileModel(BaseModel):
     model_config = ConfigDict(frozen=True, extra='forbid', allow_inf_nan=False)
 
 
+def _no_word(value: object) -> object:
+    """Refuse `true` and quoted text, which would count as numbers."""
+    if isinstance(value, bool | str):
+        raise ValueError('expected a whole number, without quotes')
+    return value
+
+
+Whole = Annotated[int, BeforeValidator(_no_word)]
+"""A whole number; 1e5 is one. Of numbers that need not be whole pydantic has `StrictFloat`."""
 FileType = TypeVar('FileType', bound=BaseModel)
 
 

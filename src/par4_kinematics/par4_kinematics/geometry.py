@@ -10,7 +10,7 @@ import math
 from functools import cached_property
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, StrictFloat, model_validator
 
 from par4_kinematics.files import FileModel
 
@@ -33,14 +33,14 @@ class Geometry(FileModel):
         rotation_amplification: tool angle per theta (belt and pulleys).
     """
 
-    arm_length: float = Field(gt=0)
-    forearm_length: float = Field(gt=0)
-    base_radius: float = Field(ge=0)
-    platform_radius: float = Field(ge=0)
-    platform_bar_length: float = Field(gt=0)
-    actuator_azimuth: tuple[float, float, float, float] = (
+    arm_length: StrictFloat = Field(gt=0)
+    forearm_length: StrictFloat = Field(gt=0)
+    base_radius: StrictFloat = Field(ge=0)
+    platform_radius: StrictFloat = Field(ge=0)
+    platform_bar_length: StrictFloat = Field(gt=0)
+    actuator_azimuth: tuple[StrictFloat, StrictFloat, StrictFloat, StrictFloat] = (
         0.25 * math.pi, 0.75 * math.pi, 1.25 * math.pi, 1.75 * math.pi)
-    rotation_amplification: float = 4.0
+    rotation_amplification: StrictFloat = 4.0
 
     @model_validator(mode='after')
     def _loops_can_close(self) -> Geometry:

@@ -6,9 +6,16 @@ import math
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, StrictFloat, model_validator
 
-from par4_kinematics.files import FileModel, expect_schema, parse, read_yaml, resolve_builtin
+from par4_kinematics.files import (
+    FileModel,
+    Whole,
+    expect_schema,
+    parse,
+    read_yaml,
+    resolve_builtin,
+)
 from par4_kinematics.geometry import LEGS, Geometry
 
 ROBOT_SCHEMA = 'par4/robot/1'
@@ -21,10 +28,10 @@ JOINT_NAMES = tuple(f'arm_joint_{leg}' for leg in range(LEGS))
 class Bodies(FileModel):
     """Masses that the base parameters do not tell apart: one rod, one bar (kg), tool, theta."""
 
-    rod_mass: float = Field(0.0, ge=0)
-    bar_mass: float = Field(0.0, ge=0)
-    theta_inertia: float = Field(0.0, ge=0)
-    tool_mass: float = Field(0.0, ge=0)
+    rod_mass: StrictFloat = Field(0.0, ge=0)
+    bar_mass: StrictFloat = Field(0.0, ge=0)
+    theta_inertia: StrictFloat = Field(0.0, ge=0)
+    tool_mass: StrictFloat = Field(0.0, ge=0)
 
 
 class Drives(FileModel):
@@ -41,14 +48,14 @@ class Drives(FileModel):
         encoder_counts: counts per turn of the arm, 0 = ideal.
     """
 
-    gain: tuple[float, float, float, float]
-    torque_limit: float = Field(200.0, gt=0)
-    velocity_gain: float = Field(40.0, ge=0)
-    position_gain: float = Field(60.0, ge=0)
-    integral_gain: float = Field(300.0, ge=0)
-    speed_limit: float | None = Field(None, gt=0)
-    current_lag: float = Field(0.0, ge=0)
-    encoder_counts: int = Field(131072, ge=0)
+    gain: tuple[StrictFloat, StrictFloat, StrictFloat, StrictFloat]
+    torque_limit: StrictFloat = Field(200.0, gt=0)
+    velocity_gain: StrictFloat = Field(40.0, ge=0)
+    position_gain: StrictFloat = Field(60.0, ge=0)
+    integral_gain: StrictFloat = Field(300.0, ge=0)
+    speed_limit: StrictFloat | None = Field(None, gt=0)
+    current_lag: StrictFloat = Field(0.0, ge=0)
+    encoder_counts: Whole = Field(131072, ge=0)
 
     @model_validator(mode='after')
     def _gain_nonzero(self) -> Drives:
@@ -60,16 +67,16 @@ class Drives(FileModel):
 class Workspace(FileModel):
     """Cylinder of D, m, and range of |theta|, rad."""
 
-    radius: float = Field(0.5, gt=0)
-    z: tuple[float, float] = (-0.90, -0.55)
-    theta: float = Field(math.pi / 4.0, gt=0)
+    radius: StrictFloat = Field(0.5, gt=0)
+    z: tuple[StrictFloat, StrictFloat] = (-0.90, -0.55)
+    theta: StrictFloat = Field(math.pi / 4.0, gt=0)
 
 
 class Limits(FileModel):
     """Ranges that motions must keep; rad, rad/s."""
 
-    joint_position: tuple[float, float] = (-1.0, 1.6)
-    joint_speed: float = Field(15.0, gt=0)
+    joint_position: tuple[StrictFloat, StrictFloat] = (-1.0, 1.6)
+    joint_speed: StrictFloat = Field(15.0, gt=0)
     workspace: Workspace = Workspace()
 
 
@@ -113,11 +120,11 @@ class Axis(FileModel):
     name: str
     joint: str
     kind: Literal['linear', 'revolute']
-    gain: float = Field(gt=0)
+    gain: StrictFloat = Field(gt=0)
     gravity: Literal['none', 'vertical', 'unknown'] = 'none'
-    gear_ratio: float | None = Field(None, gt=0)
-    pole_pairs: int | None = Field(None, ge=1)
-    motor_gain: float | None = Field(None, gt=0)
+    gear_ratio: StrictFloat | None = Field(None, gt=0)
+    pole_pairs: Whole | None = Field(None, ge=1)
+    motor_gain: StrictFloat | None = Field(None, gt=0)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
