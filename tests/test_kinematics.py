@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -417,3 +418,43 @@ def test_what_only_looks_like_a_number_is_refused(tmp_path, part, key, value):
     write_yaml(tmp_path / 'robot.yaml', content)
     with pytest.raises(InputError, match=rf'robot\.yaml: {part}\.{key}.* number.*found'):
         read_robot(tmp_path / 'robot.yaml')
+
+
+@pytest.mark.parametrize(('part', 'value', 'words'), [
+    ({'geometry': {'arm_length': 375}}, '375', 'expected metres, at most 10; .* millimetres'),
+    ({'geometry': {'actuator_azimuth': (45, 135, 225, 315)}}, '315', 'radians, .* degrees'),
+    ({'geometry': {'rotation_amplification': 0}}, '0', 'tool angle per theta, which is not 0'),
+    ({'limits': {'joint_position': (-57, 92)}}, '92', 'radians, at most two turns, .* degrees'),
+    ({'limits': {'joint_position': (1.6, -1.0)}}, '[1.6, -1.0]', 'lower limit, then the higher'),
+    ({'limits': {'workspace': {'theta': 45}}}, '45', 'radians, at most two turns, .* degrees'),
+    ({'limits': {'workspace': {'radius': 500}}}, '500', 'expected metres, .* millimetres'),
+    ({'limits': {'workspace': {'z': (-900, -550)}}}, '-900', 'expected metres, .* millimetres'),
+    ({'limits': {'workspace': {'z': (-0.55, -0.9)}}}, '[-0.55, -0.9]', 'lower limit, then'),
+    ({'limits': {'workspace': {'z': (0.55, 0.9)}}}, '[0.55, 0.9]', 'are negative; .* sign'),
+])
+def test_numbers_in_other_units_and_impossible_ranges_are_refused(tmp_path, part, value, words):
+    """The line names the key, what was found, what is possible and the likely mistake."""
+    content = REFERENCE.model_dump(by_alias=True)
+    where, change, below = 'robot.yaml: ', part, content
+    while isinstance(change, dict):
+        (key, change), = change.items()
+        where, target, below = f'{where}{key}.', below, below[key]
+    target[key] = change
+    write_yaml(tmp_path / 'robot.yaml', content)
+    with pytest.raises(InputError, match=re.escape(where[:-1]) + '.*' + words) as error:
+        read_robot(tmp_path / 'robot.yaml')
+    assert f'(found {value})' in str(error.value)
+
+
+@pytest.mark.parametrize('part', [
+    {'geometry': {'arm_length': 2.5, 'forearm_length': 6.0, 'base_radius': 1.5}},
+    {'geometry': {'actuator_azimuth': (-0.25 * math.pi, 0.25 * math.pi, 3.9, 2.6 * math.pi)}},
+    {'geometry': {'rotation_amplification': -1.0}},
+    {'limits': {'joint_position': (-math.pi, 2.0 * math.pi)}},
+    {'limits': {'workspace': {'radius': 3.0, 'z': (-6.0, 0.0), 'theta': math.pi}}},
+])
+def test_what_a_machine_may_be_is_not_refused(part):
+    content = REFERENCE.model_dump(by_alias=True)
+    for key, change in part.items():
+        content[key] |= change
+    Robot.model_validate(content)

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
-from pydantic import Field, StrictFloat, model_validator
+from pydantic import AfterValidator, Field, StrictFloat, field_validator, model_validator
 
 from par4_kinematics.files import FileModel
 
@@ -18,6 +19,40 @@ LEGS = 4
 POSE_NAMES = ('x', 'y', 'z', 'theta')
 HOME = (0.0, 0.0, -0.78, 0.0)
 """Default pose X = (x, y, z, theta) of D, m and rad."""
+
+LONGEST = 10.0
+"""Of any length of a machine of this kind, m: some have arms of one metre."""
+WIDEST = 4.0 * math.pi
+"""Of any angle that a file gives, rad: two turns."""
+
+
+def _in_metres(value: float) -> float:
+    if abs(value) > LONGEST:
+        raise ValueError(f'expected metres, at most {LONGEST:g}; are these millimetres?')
+    return value
+
+
+def _in_radians(value: float) -> float:
+    if abs(value) > WIDEST:
+        raise ValueError(f'expected radians, at most two turns, {WIDEST:.4g}; are these degrees?')
+    return value
+
+
+def ascending(limits: tuple[float, float]) -> tuple[float, float]:
+    """Return a range of a file.
+
+    Raises:
+        ValueError: its ends are exchanged, or the same.
+    """
+    if limits[0] >= limits[1]:
+        raise ValueError('expected the lower limit, then the higher one; exchange them')
+    return limits
+
+
+Length = Annotated[StrictFloat, AfterValidator(_in_metres)]
+"""In a file, m."""
+Angle = Annotated[StrictFloat, AfterValidator(_in_radians)]
+"""In a file, rad."""
 
 
 class Geometry(FileModel):
@@ -33,14 +68,22 @@ class Geometry(FileModel):
         rotation_amplification: tool angle per theta (belt and pulleys).
     """
 
-    arm_length: StrictFloat = Field(gt=0)
-    forearm_length: StrictFloat = Field(gt=0)
-    base_radius: StrictFloat = Field(ge=0)
-    platform_radius: StrictFloat = Field(ge=0)
-    platform_bar_length: StrictFloat = Field(gt=0)
-    actuator_azimuth: tuple[StrictFloat, StrictFloat, StrictFloat, StrictFloat] = (
+    arm_length: Length = Field(gt=0)
+    forearm_length: Length = Field(gt=0)
+    base_radius: Length = Field(ge=0)
+    platform_radius: Length = Field(ge=0)
+    platform_bar_length: Length = Field(gt=0)
+    actuator_azimuth: tuple[Angle, Angle, Angle, Angle] = (
         0.25 * math.pi, 0.75 * math.pi, 1.25 * math.pi, 1.75 * math.pi)
     rotation_amplification: StrictFloat = 4.0
+
+    @field_validator('rotation_amplification')
+    @classmethod
+    def _turns_the_tool(cls, amplification: float) -> float:
+        if amplification == 0.0:
+            raise ValueError('expected the tool angle per theta, which is not 0; give 1 where no '
+                             'belt or gear amplifies theta')
+        return amplification
 
     @model_validator(mode='after')
     def _loops_can_close(self) -> Geometry:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, StrictFloat, model_validator
+from pydantic import AfterValidator, Field, StrictFloat, field_validator, model_validator
 
 from par4_kinematics.files import (
     FileModel,
@@ -16,7 +16,7 @@ from par4_kinematics.files import (
     read_yaml,
     resolve_builtin,
 )
-from par4_kinematics.geometry import LEGS, Geometry
+from par4_kinematics.geometry import LEGS, Angle, Geometry, Length, ascending
 
 ROBOT_SCHEMA = 'par4/robot/1'
 AXIS_SCHEMA = 'par4/axis/1'
@@ -67,15 +67,23 @@ class Drives(FileModel):
 class Workspace(FileModel):
     """Cylinder of D, m, and range of |theta|, rad."""
 
-    radius: StrictFloat = Field(0.5, gt=0)
-    z: tuple[StrictFloat, StrictFloat] = (-0.90, -0.55)
-    theta: StrictFloat = Field(math.pi / 4.0, gt=0)
+    radius: Length = Field(0.5, gt=0)
+    z: Annotated[tuple[Length, Length], AfterValidator(ascending)] = (-0.90, -0.55)
+    theta: Angle = Field(math.pi / 4.0, gt=0)
+
+    @field_validator('z')
+    @classmethod
+    def _below_the_base(cls, z: tuple[float, float]) -> tuple[float, float]:
+        if z[1] > 0.0:
+            raise ValueError('expected heights in base, z up: below the actuators they are '
+                             'negative; give them their sign')
+        return z
 
 
 class Limits(FileModel):
     """Ranges that motions must keep; rad, rad/s."""
 
-    joint_position: tuple[StrictFloat, StrictFloat] = (-1.0, 1.6)
+    joint_position: Annotated[tuple[Angle, Angle], AfterValidator(ascending)] = (-1.0, 1.6)
     joint_speed: StrictFloat = Field(15.0, gt=0)
     workspace: Workspace = Workspace()
 
