@@ -14,7 +14,8 @@ from test_commands import run
 from par4_dynamics.model import read_model
 from par4_dynamics.state import GRAVITY
 from par4_identification.commands import drive_gain
-from par4_identification.gains.known_payload import gains_of_payloads
+from par4_identification.gains.force_timing import late_readings
+from par4_identification.gains.known_payload import DriveGains, gains_of_payloads
 from par4_identification.gains.static_push import (
     ForceReadings,
     Push,
@@ -156,7 +157,7 @@ def test_readings_on_another_clock_and_of_another_sign_are_refused(pushed):
         pushes_of_log(log, ForceReadings(force.t + 1e9, force.force), robot)
     with pytest.raises(InputError, match='no push of at least'):
         pushes_of_log(log, ForceReadings(force.t, 0.0 * force.force), robot)
-    with pytest.raises(InputError, match='check the sign and frame'):
+    with pytest.raises(InputError, match='check unit, sign, frame and clock'):
         gains_of_pushes(pushes_of_log(log, ForceReadings(force.t, -force.force), robot), robot)
 
 
@@ -197,6 +198,53 @@ def test_the_command_writes_gains_and_report(pushed, tmp_path):
         assert done.code == 2
         assert message in done.err
         assert done.err.count('\n') == 1
+
+
+@pytest.mark.parametrize(('unit', 'late', 'told'), [
+    (1e-3, 0.0, ('99.9 %', 'the force is in N and not in kN', 'a mistake is likelier')),
+    (1.0, 0.5, ('force are 0.500 s late', 'subtract 0.500 s from the t')),
+    (1.0, -0.3, ('force are 0.300 s early', 'add 0.300 s to the t')),
+])
+def test_forces_in_another_unit_or_at_another_time_are_told(pushed, tmp_path, unit, late, told):
+    robot, bag, readings = pushed
+    force = read_force(readings)
+    other, named = tmp_path / 'force.csv', tmp_path / 'robot.yaml'
+    np.savetxt(other, np.column_stack((force.t + late, unit * force.force)), delimiter=',',
+               header='t,fx,fy,fz', comments='')
+    write_yaml(named, robot.model_dump(mode='json', by_alias=True))
+    done = run(drive_gain, f'{bag}={other}', '--robot', named, '--output', tmp_path)
+    assert done.code == 0, done.err
+    page = (tmp_path / 'report.html').read_text(encoding='utf-8')
+    for words in told:
+        assert words in ' '.join(done.out.split())
+        assert words in page
+    assert 'Write the gains' not in page or unit == 1.0
+    content = json.loads((tmp_path / 'drive_gain.json').read_text(encoding='utf-8'))
+    assert content['data']['force_delay'] == (pytest.approx(late, abs=4e-3) if late else None)
+
+
+@pytest.mark.parametrize(('name', 'values'), [
+    ('presliding', {'distance': 2e-3}), ('passive_joint_friction', {'coulomb': 0.02}),
+    ('stribeck', {'stribeck_torque': 1.0, 'stribeck_velocity': 0.02})])
+def test_friction_is_no_delay_of_the_readings(tmp_path, name, values):
+    """It makes gains less certain, but no other time makes them much better."""
+    model = model_with(read_model('table1_full', REFERENCE), name, **values)
+    bag, readings = tmp_path / 'push', tmp_path / 'push.csv'
+    simulate_push(REFERENCE, model, bag, readings, seed=3, torque_noise=0.05, force_noise=0.5,
+                  poses=push_poses(REFERENCE)[:3], pushes=1)
+    pair = read_log(bag, REFERENCE), read_force(readings)
+    gains = gains_of_pushes(pushes_of_log(*pair, REFERENCE), REFERENCE)
+    assert late_readings([pair], REFERENCE, gains) is None
+
+
+def test_gains_far_from_the_nominal_ones_are_doubted():
+    nominal, none = np.array(REFERENCE.drive_gain), np.zeros(4)
+    for factor, doubted in ((0.7, True), (0.8, False), (1.3, False), (1.41, True)):
+        gains = DriveGains(factor * nominal, 1e-4 * np.eye(4), nominal, none)
+        remark, = gains_remarks(gains, REFERENCE, 'By the payload', 'the payload is in kg')
+        assert not remark.good
+        assert ('look first whether the payload is in kg' in remark.advice) == doubted
+        assert ('Write the gains into' in remark.advice) != doubted
 
 
 # ------------------------------------------------------------------------------ known payloads
@@ -242,7 +290,7 @@ def test_unequal_arms_and_friction_that_drifts_are_no_gains():
     gains = gains_of_payloads(runs, {'loaded': 0.5}, REFERENCE)
     np.testing.assert_allclose(gains.values, REFERENCE.drive_gain, rtol=0.005)
     assert not wrong_gains(gains).any()
-    remark, = gains_remarks(gains, REFERENCE, 'By the payload')
+    remark, = gains_remarks(gains, REFERENCE, 'By the payload', 'the payload is in kg')
     assert remark.good
 
 

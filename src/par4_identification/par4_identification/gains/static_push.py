@@ -207,8 +207,8 @@ def gains_of_pushes(pushes: Sequence[Push], robot: Robot,
     slope, std, bound = np.array(found).T
     if np.any(slope < 0.1):
         raise InputError(f'joint {int(np.argmin(slope))}: the recorded torque grows by '
-                         f'{slope.min():.2g} N m for each N m of the force; check the sign and '
-                         f'frame of the readings: the force on the platform, in base')
+                         f'{slope.min():.2g} N m for each N m of the force; check unit, sign, '
+                         f'frame and clock of the readings: the force on the platform in base, N')
     gain = nominal / slope
     return DriveGains(gain, np.diag((gain * std / slope) ** 2), nominal, gain * bound / slope)
 

@@ -9,6 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from par4_identification.gains.force_timing import late_readings
 from par4_identification.gains.static_push import gains_of_pushes, pushes_of_log, read_force
 from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.drive_gain import (
@@ -32,14 +33,18 @@ def find_gains(pushes: tuple[str, ...], robot: str, output: Path,
     pairs = bags_with_readings(pushes)
     refuse_unwritable(output)
     with Console(stderr=True).status('reading the bags') as status:
-        logs, found = [], []
+        logs, forces, found = [], [], []
         for bag, readings in pairs:
             status.update(f'reading {bag}')
             logs.append(read_log(bag, machine, namespace))
-            found += pushes_of_log(logs[-1], read_force(readings), machine)
+            forces.append(read_force(readings))
+            found += pushes_of_log(logs[-1], forces[-1], machine)
         status.update('estimating')
         gains = gains_of_pushes(found, machine, coulomb_friction)
-        outcome = outcome_of_gains(gains, machine, logs, len(found))
+        status.update('comparing the times of force and torque')
+        late = late_readings(list(zip(logs, forces, strict=True)), machine, gains,
+                             coulomb_friction)
+        outcome = outcome_of_gains(gains, machine, logs, len(found), late)
         origin = provenance('par4_drive_gain', machine, [bag for bag, _ in pairs], {
             'readings': [readings for _, readings in pairs],
             'coulomb_friction': coulomb_friction, 'namespace': namespace})
@@ -47,7 +52,7 @@ def find_gains(pushes: tuple[str, ...], robot: str, output: Path,
         # the plot library is slow to load, and some homes make it talk on stderr
         from par4_identification.reports.gains_report import report_of_gains
         write_results(output, {
-            'drive_gain.json': drive_gain_json(gains, logs, len(found), origin),
+            'drive_gain.json': drive_gain_json(gains, logs, len(found), origin, late),
             'report.html': report_of_gains(gains, outcome, machine, logs, origin)})
     table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for name in ('', 'nominal', 'gain, N m/V', 'std', 'bound', 'difference'):
@@ -56,7 +61,10 @@ def find_gains(pushes: tuple[str, ...], robot: str, output: Path,
         table.add_row(*row)
     console = Console(highlight=False)
     console.print(table)
-    console.print(outcome.sentence, soft_wrap=not console.is_terminal, markup=False)
+    reservations = [f'- {remark.text} {remark.advice}'.rstrip() for remark in outcome.remarks
+                    if not remark.good]
+    for line in (outcome.sentence, *reservations):
+        console.print(line, soft_wrap=not console.is_terminal, markup=False)
     console.print(f'results and report: {output}', soft_wrap=True, markup=False)
 
 

@@ -29,7 +29,9 @@ def known_payloads(runs: Sequence[Run], masses: Mapping[str, float], machine: Ro
         gains = gains_of_payloads(runs, masses, machine, rigid_body)
     except InputError as error:
         return (Remark(False, f'The known payload does not tell the drive gains: {error}.'),), {}
-    return (gains_remarks(gains, machine, 'By the known payload'),
+    return (gains_remarks(gains, machine, 'By the known payload',
+                          'the payload is in kg, the bags that carried it are named and the '
+                          'voltages are in V'),
             {'drive_gain': gains_json(gains)})
 
 
