@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -205,6 +206,34 @@ def test_what_a_user_sets_rules_and_what_samples_do_not_carry_is_refused():
         conditioning_for([log], axis(), CONDITIONING, Chosen(cutoff_hz=150.0))
     with pytest.raises(InputError, match='--rows'):
         conditioning_for([log], axis(), CONDITIONING, Chosen(row_rate_hz=50.0))
+
+
+@pytest.mark.parametrize(('chosen', 'told', 'other'), [
+    (Chosen(low_speed=1e9), '--low-speed 1e+09: joint 0', 'lower'),
+    (Chosen(cutoff_hz=0.2), '--cutoff 0.2: joint 0', 'higher'),
+    (Chosen(cutoff_hz=0.2, row_rate_hz=100.0), '--cutoff 0.2: joint 0', 'higher'),
+    (Chosen(cutoff_hz=40.0, low_speed=50.0), '--low-speed 50: joint 0', 'lower'),
+])
+def test_an_option_that_leaves_no_rows_is_named(chosen, told, other):
+    """A longer motion would not help."""
+    log = recorded(HEALTHY, lambda t: 2.0 * np.sin(2.0 * t), 5.0, 500.0)
+    with pytest.raises(InputError, match=re.escape(told) + ' has 0 usable rows .* and [0-9]+ '
+                       f'without; give a {other} number'):
+        conditioning_for([log], axis(), Conditioning(), chosen)
+    still = replace(log, q=0.0 * log.q)  # has none without options either
+    assert conditioning_for([still], axis(), Conditioning(), chosen)
+
+
+def test_a_negative_inertia_has_the_unit_of_the_axis():
+    log = recorded(HEALTHY, lambda t: np.sin(2.0 * t) + 0.5 * np.sin(5.3 * t), 6.0, 500.0)
+    spring = replace(log, tau=log.q.copy())
+    found = identify([spring], axis(kind='linear'))
+    with pytest.raises(InputError, match='actuator_inertia identified as -[0-9.]+ kg, which is'):
+        found.model_file({}, axis(kind='linear'))
+    with pytest.raises(InputError, match='actuator_inertia identified as -[0-9.]+ kg m2, which'):
+        found.model_file({}, axis())
+    reasons = diagnose([spring], axis(kind='linear'), holdout_logs=[spring]).reasons
+    assert not any('kg m2' in reason for reason in reasons)
 
 
 # --------------------------------------------------------------------------------------- names

@@ -485,7 +485,11 @@ def test_an_axis_has_signs_and_times_but_no_plugs_or_zeros(clean):
     noise = 0.05 * np.random.default_rng(1).standard_normal(q.shape)
     log = replace(clean, joint_names=('a',), q=q, tau=tau + noise)
     assert found(log, axis)[0] == []
-    assert found(replace(log, tau=-log.tau), axis)[0] == [('sign_reversed', (0,))]
+    kinds, check = found(replace(log, tau=-log.tau), axis)
+    assert kinds == [('sign_reversed', (0,))]
+    # a negative inertia explains the torque as well
+    assert 'which so far only negative masses or friction do' in check.findings[0].evidence
+    assert 'instead of' not in check.findings[0].evidence
     assert found(mistakes.recorded_late(log, 0.05), axis)[0] == [('delay', (0,))]
 
 

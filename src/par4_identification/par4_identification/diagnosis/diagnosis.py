@@ -182,7 +182,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     observations = observe(fit_runs, machine, rigid_body, known)
     heldout = observe(holdout_runs, machine, rigid_body, known)
     progress('fitting the base model')
-    start = start_of(observations, rigid_body, rules)
+    start = start_of(observations, machine, rigid_body, rules)
     observations, identification, reasons = (start.observations, start.identification,
                                              list(start.reasons))
     if start.left_out:

@@ -38,6 +38,7 @@ from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import in_pieces
 from par4_identification.signals.rows import Conditioning, Run, runs_of_log, runs_of_logs
 from par4_kinematics.errors import InputError
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 
 INERTIA = 'actuator_inertia'
@@ -135,8 +136,13 @@ class Identification:
         return Parameter(value=tuple(value for value, _, _ in found),
                          std=tuple(std for _, std, _ in found), unit=unit)
 
-    def model_file(self, provenance: dict[str, Any]) -> ModelFile:
+    def model_file(self, provenance: dict[str, Any], machine: Robot | Axis | None = None
+                   ) -> ModelFile:
         """Return the model to be written; zero is what is negative by noise only or does not show.
+
+        Args:
+            provenance: where it comes from.
+            machine: that was recorded; an error then has the units of it.
 
         Raises:
             InputError: a parameter came out negative that physics forbids to be.
@@ -151,8 +157,9 @@ class Identification:
             worst = int(np.argmin(value + INSIGNIFICANT * std))
             if value[worst] < -INSIGNIFICANT * std[worst]:
                 joint = f' of joint {worst}' if len(value) > 1 else ''
+                unit = term.unit if machine is None else unit_on(machine, term.unit)
                 raise InputError(
-                    f'{term.name}{joint} identified as {value[worst]:.4g} {term.unit}, which is '
+                    f'{term.name}{joint} identified as {value[worst]:.4g} {unit}, which is '
                     f'impossible; check the sign, order and gains of the joints, or record a '
                     f'richer motion')
             kept = np.maximum(value, 0.0).tolist()
@@ -252,7 +259,7 @@ def _with_instruments(start: Identification, targets: Sequence[np.ndarray],
     """Return the estimate by instruments from simulations with the estimate before."""
     identification = start
     for _ in range(MOST_SIMULATIONS):
-        model = build_model(machine, identification.model_file({}))
+        model = build_model(machine, identification.model_file({}, machine))
         simulated = []
         for log in logs:
             loaded = {**model.values}

@@ -130,7 +130,7 @@ def _diagnosed(check: SetupCheck, runs: Sequence[Run]) -> Fitness:
     observations = observe(list(runs), check.machine, 'paper', None)
     try:
         start = identify_runs(runs, observations.target, observations.base, 'paper')
-        reasons = unusable(observations, start)
+        reasons = unusable(observations, start, check.machine)
     except Par4Error as error:
         reasons = [str(error)]
     except np.linalg.LinAlgError:

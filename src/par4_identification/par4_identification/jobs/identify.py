@@ -70,7 +70,7 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: R
             'par4_identify', machine, bags,
             {'rigid_body': rigid_body, 'payload': masses, 'unknown_payload': loaded,
              'namespace': namespace, 'estimator': estimator, 'per_joint': per_joint,
-             'offsets': offsets, **asdict(conditioning)})), machine)
+             'offsets': offsets, **asdict(conditioning)}), machine), machine)
         status.update('measuring the noise floor')
         floor = noise_floor(identification.runs, build_model(machine, model_file))
         status.update('weighing payloads')

@@ -39,6 +39,8 @@ LARGEST_ERROR = 0.35
 """Error in motion of a wiring that is believed."""
 ALIKE = 1.3
 """Ratio of errors within which two wirings explain alike, so that the smaller change is told."""
+VISIBLE = 0.01
+"""Difference of what two wirings explain that tells them apart in words."""
 ROWS = 800
 """Rows on which orders and signs of the positions are tried."""
 PROBED = 40
@@ -176,17 +178,23 @@ def _wirings_of_torques(rows: Equations
     return found
 
 
-def wiring_findings(wiring: Wiring, before: float | None, after: float) -> list[Finding]:
+def wiring_findings(wiring: Wiring, before: float | None, after: float, physical: bool
+                    ) -> list[Finding]:
     """Return what a wiring says, as findings.
 
     Args:
         wiring: that is believed.
         before, after: shares of the torque's squares that the rigid bodies explain; None where the
             mechanism does not close.
+        physical: whether it takes no negative mass, inertia or friction to explain the former.
     """
-    gain = f'the rigid bodies explain {percent(max(after, 0.0), 3)} of the torque ' + (
-        'while so far the mechanism does not even close' if before is None else
-        f'instead of {percent(max(before, 0.0), 3)}')
+    if before is None:
+        so_far = 'while so far the mechanism does not even close'
+    elif physical or before < after - VISIBLE:
+        so_far = f'instead of {percent(max(before, 0.0), 3)}'
+    else:
+        so_far = 'which so far only negative masses or friction do'
+    gain = f'the rigid bodies explain {percent(max(after, 0.0), 3)} of the torque {so_far}'
     found = []
     exchanged = {name: tuple(joint for joint, place in enumerate(order) if place != joint)
                  for name, (order, _) in _named(wiring)}

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from par4_identification.logs.log import Log
+from par4_identification.logs.stretches import in_pieces
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.plateaus import hold_speeds
 from par4_identification.signals.position_noise import (
@@ -15,9 +16,9 @@ from par4_identification.signals.position_noise import (
     noise_variance,
     second_difference_gain,
 )
-from par4_identification.signals.rows import SLOWEST_HZ, Conditioning, are_coarse
+from par4_identification.signals.rows import SLOWEST_HZ, Conditioning, are_coarse, runs_of_log
 from par4_identification.signals.smoothing import smoother_of
-from par4_kinematics.errors import InputError
+from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.robot import Axis, Robot
 
 ENERGY = 0.998
@@ -36,6 +37,11 @@ LEAST_POSITION = 0.1
 """Cut-off of the positions over that of the torque, at the least."""
 LEAST_CUTOFF = 5.0
 """Hz, of the torque of a Par4, however coarse its encoders are."""
+OPTIONS = {'cutoff_hz': ('--cutoff', 'higher'), 'row_rate_hz': ('--rows', 'higher'),
+           'low_speed': ('--low-speed', 'lower')}
+"""What a user sets -> its option, and which way there are more rows."""
+FEWEST_ROWS = 20
+"""Rows of a joint below which no result can be had."""
 SLOWEST = 0.01
 """Low speed over the speed that a twentieth of the motion exceeds."""
 
@@ -74,7 +80,7 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
         chosen: what a user sets.
 
     Raises:
-        InputError: a cut-off or a rate that the samples do not carry.
+        InputError: a cut-off or a rate that the samples do not carry, or that leaves no rows.
     """
     chosen = chosen or Chosen()
     rate = min(1.0 / log.period for log in logs)
@@ -106,8 +112,53 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
     position = usual.position_cutoff_hz * scale
     if isinstance(machine, Axis):
         position = min(POSITION * cutoff, max(LEAST_POSITION * cutoff, resolved_hz(logs)))
-    return replace(usual, position_cutoff_hz=position, torque_cutoff_hz=cutoff,
-                   row_rate_hz=row_rate, low_speed=low_speed)
+    found = replace(usual, position_cutoff_hz=position, torque_cutoff_hz=cutoff,
+                    row_rate_hz=row_rate, low_speed=low_speed)
+    if chosen != Chosen():
+        _refuse_without_rows(logs, machine, usual, chosen, found)
+    return found
+
+
+def _refuse_without_rows(logs: Sequence[Log], machine: Robot | Axis, usual: Conditioning,
+                         chosen: Chosen, found: Conditioning) -> None:
+    """Refuse what a user sets if it leaves a joint without the rows that it has otherwise.
+
+    Raises:
+        InputError: names the options without which there are rows.
+    """
+    left = _rows_of_joints(logs, machine, found)
+    else_there = _rows_of_joints(logs, machine, conditioning_for(logs, machine, usual))
+    lost = np.flatnonzero((left < FEWEST_ROWS) & (else_there >= FEWEST_ROWS))
+    if not len(lost):
+        return
+
+    def mends(option: str) -> bool:
+        try:
+            without = conditioning_for(logs, machine, usual, replace(chosen, **{option: None}))
+        except InputError:  # the others alone do not go together, or leave no rows either
+            return False
+        return bool((_rows_of_joints(logs, machine, without)[lost] >= FEWEST_ROWS).all())
+
+    given = [option for option in OPTIONS if getattr(chosen, option) is not None]
+    causes = [option for option in given if mends(option)] or given
+    told = ' and '.join(f'{OPTIONS[option][0]} {getattr(chosen, option):g}' for option in causes)
+    other = ' or '.join(dict.fromkeys(OPTIONS[option][1] for option in causes))
+    joint = int(lost[np.argmin(left[lost])])
+    raise InputError(f'{told}: joint {joint} has {left[joint]} usable rows with that and '
+                     f'{else_there[joint]} without; give a {other} number or leave it out')
+
+
+def _rows_of_joints(logs: Sequence[Log], machine: Robot | Axis, conditioning: Conditioning
+                    ) -> np.ndarray:
+    """Return how many rows of each joint (J,) say something; none where the filters need more."""
+    count = np.zeros(logs[0].q.shape[1], dtype=int)
+    for log in logs:
+        try:
+            count += sum(run.valid.sum(axis=0)
+                         for run in runs_of_log(in_pieces(log), machine, conditioning))
+        except Par4Error:
+            continue
+    return count
 
 
 def _known_hz(logs: Sequence[Log], robot: Robot, usual: Conditioning) -> float:

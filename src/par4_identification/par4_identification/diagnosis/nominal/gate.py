@@ -10,6 +10,8 @@ import numpy as np
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.fitting.identification import Identification
 from par4_identification.signals.rows import Run
+from par4_kinematics.machine_units import unit_on
+from par4_kinematics.robot import Axis, Robot
 
 LEAST_ROWS = 200
 LEAST_ROWS_OF_AXIS = 60
@@ -21,13 +23,14 @@ WORST_ERROR = 0.6
 WORST_STD = 0.3
 
 
-def unusable(observations: Observations, identification: Identification,
+def unusable(observations: Observations, identification: Identification, machine: Robot | Axis,
              target: Sequence[np.ndarray] | None = None) -> list[str]:
     """Return why the data cannot carry a diagnosis, each with what to do; empty if they can.
 
     Args:
         observations: rows to fit.
         identification: their base parameters.
+        machine: that was recorded.
         target: what these were fitted to, (m, J) of each run, where that is less than the torque
             because the rest is known to be bound to the position.
     """
@@ -51,8 +54,8 @@ def unusable(observations: Observations, identification: Identification,
         friction_term = term.name in ('coulomb_friction', 'viscous_friction')
         value, std = values[term.name]
         if term.nonnegative and not friction_term and value < -5.0 * std:
-            reasons.append(f'{term.name} comes out as {value:.3g} {term.unit}; check order and '
-                           f'sign of the joints')
+            reasons.append(f'{term.name} comes out as {value:.3g} {unit_on(machine, term.unit)}; '
+                           f'check order and sign of the joints')
         if term.name == 'actuator_inertia' and std > WORST_STD * abs(value):
             reasons.append(f'the motion does not excite {term.name} (standard deviation '
                            f'{std / max(abs(value), 1e-12):.0%}); record faster motions')

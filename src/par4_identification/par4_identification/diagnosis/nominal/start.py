@@ -26,6 +26,7 @@ from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.fitting.identification import INERTIA, Identification, identify_runs
 from par4_kinematics.errors import InputError
+from par4_kinematics.robot import Axis, Robot
 
 STRONGER = 2.0
 """Acceleration over that which all but a hundredth of the rows to fit stay below, up to which a
@@ -51,17 +52,18 @@ class Start:
     bound: bool = False
 
 
-def start_of(observations: Observations, rigid_body: RigidBody, rules: Rules) -> Start:
-    """Return where a diagnosis of these rows starts."""
-    start = _start(observations, None, rigid_body)
+def start_of(observations: Observations, machine: Robot | Axis, rigid_body: RigidBody, rules: Rules
+             ) -> Start:
+    """Return where a diagnosis of these rows of a machine starts."""
+    start = _start(observations, None, machine, rigid_body)
     if not start.reasons or observations.runs[0].state.geometry is not None:
         return start
     bound = () if observations.steady else (Cogging(), PositionTorque())
     for effect in (None, *bound):
         target = None if effect is None else _without(effect, observations, rules)
-        again = _start(observations, target, rigid_body)
+        again = _start(observations, target, machine, rigid_body)
         if _hides_inertia(again):  # of which a negative value that may be chance is no reason
-            again = _start(observations.without(INERTIA), target, rigid_body, (INERTIA,))
+            again = _start(observations.without(INERTIA), target, machine, rigid_body, (INERTIA,))
         if not again.reasons:
             return replace(again, bound=effect is not None)
     return start
@@ -79,8 +81,8 @@ def alike(heldout: Observations, observations: Observations) -> Observations:
         for run in heldout.runs))
 
 
-def _start(observations: Observations, target: Sequence[np.ndarray] | None, rigid_body: RigidBody,
-           left_out: tuple[str, ...] = ()) -> Start:
+def _start(observations: Observations, target: Sequence[np.ndarray] | None, machine: Robot | Axis,
+           rigid_body: RigidBody, left_out: tuple[str, ...] = ()) -> Start:
     """Return where a diagnosis starts that fits the base terms to `target`, by default all."""
     try:
         identification = identify_runs(
@@ -89,7 +91,7 @@ def _start(observations: Observations, target: Sequence[np.ndarray] | None, rigi
     except InputError as error:
         return Start(observations, None, left_out, tuple(too_few(observations)) or (str(error),))
     return Start(observations, identification, left_out,
-                 tuple(unusable(observations, identification, target)))
+                 tuple(unusable(observations, identification, machine, target)))
 
 
 def _hides_inertia(start: Start) -> bool:
