@@ -337,6 +337,38 @@ def test_messages_without_all_joints_are_counted_apart(tmp_path):
     assert log.accounts.position.read == COUNT + 37
 
 
+def test_messages_that_name_a_joint_twice_are_counted_and_not_used(tmp_path):
+    """Nothing says which of two positions of a joint is the true one."""
+    position = np.hstack([true_position(even()), true_position(even())[:, 3:]])
+    doubled = (*JOINT_NAMES, 'arm_joint_0')
+    rows = {300, 700, 701}
+    plain = [row not in rows for row in range(COUNT)]
+    with BagWriter(tmp_path / 'bag') as writer:
+        write(writer, '/joint_states', even(), [
+            row[:4] if keep else row[::-1] for row, keep in zip(position, plain, strict=True)],
+            names=[JOINT_NAMES if keep else doubled[::-1] for keep in plain])
+        write(writer, '/amplifier_voltage', even(), effort=true_torque(even()) / GAIN)
+    log = read_log(tmp_path / 'bag', ROBOT)
+    assert_true(log, 1e-8)
+    assert (log.accounts.position.named_twice, log.accounts.position.incomplete) == (3, 0)
+    assert '/joint_states: 3 of 2000 samples name a joint more than once, dropped' in (
+        log.accounts.findings())
+    with BagWriter(tmp_path / 'all') as writer:
+        write(writer, '/joint_states', even(), position, names=doubled)
+        write(writer, '/amplifier_voltage', even(), effort=true_torque(even()) / GAIN)
+    with pytest.raises(InputError, match='every message on /joint_states names arm_joint_0 more '
+                                         'than once, .* which position counts; give each joint'):
+        read_log(tmp_path / 'all', ROBOT)
+
+
+def test_other_joints_may_be_named_twice(tmp_path):
+    position = np.hstack([true_position(even()), np.zeros((COUNT, 2))])
+    with BagWriter(tmp_path / 'bag') as writer:
+        write(writer, '/joint_states', even(), position, names=(*JOINT_NAMES, 'gripper', 'gripper'))
+        write(writer, '/amplifier_voltage', even(), effort=true_torque(even()) / GAIN)
+    assert_clean_bits(read_log(tmp_path / 'bag', ROBOT))
+
+
 def test_missing_joints_are_named(tmp_path):
     with BagWriter(tmp_path / 'bag') as writer:
         write(writer, '/joint_states', even(200), true_position(even(200))[:, :3],

@@ -23,6 +23,7 @@ class SampleCounts:
         read: samples.
         other_joints: without any of the machine's joints, ignored.
         incomplete: with some of the joints only, dropped.
+        named_twice: with two values of a joint, dropped.
         not_stamped: stamp zero while the clock runs elsewhere, dropped.
         repeated: sent again with the same stamp and values, dropped.
         conflicting: with the stamp of another sample but other values, dropped.
@@ -40,6 +41,7 @@ class SampleCounts:
     read: int
     other_joints: int
     incomplete: int
+    named_twice: int
     not_stamped: int
     repeated: int
     conflicting: int
@@ -147,6 +149,7 @@ class Accounts:
             found += [f'{samples.topic}: {count} of {samples.read} samples {words}'
                       for count, words in (
                 (samples.incomplete, 'lack some of the joints, dropped'),
+                (samples.named_twice, 'name a joint more than once, dropped'),
                 (samples.not_stamped, 'without stamp, dropped'),
                 (samples.repeated, 'repeated, dropped'),
                 (samples.conflicting, 'with the stamp of another but other values, dropped'),
@@ -182,9 +185,10 @@ class Accounts:
 
 def accounts_of_motion(name: str, samples: int, period: float) -> Accounts:
     """Return the accounts of a log that no bag gave: of a motion, every `period` s."""
-    counts = SampleCounts(topic=name, read=samples, other_joints=0, incomplete=0, not_stamped=0,
-                          repeated=0, conflicting=0, crowded=0, not_finite=0, out_of_order=0,
-                          gaps=0, longest_gap=0.0, lost=0, period=period, jitter_rms=0.0)
+    counts = SampleCounts(topic=name, read=samples, other_joints=0, incomplete=0, named_twice=0,
+                          not_stamped=0, repeated=0, conflicting=0, crowded=0, not_finite=0,
+                          out_of_order=0, gaps=0, longest_gap=0.0, lost=0, period=period,
+                          jitter_rms=0.0)
     return Accounts(
         bag=name, namespace='', duration=(samples - 1) * period, samples=samples, segments=1,
         period=period, resampled=False, filled=0, clock_resets=0, short_segments=0,

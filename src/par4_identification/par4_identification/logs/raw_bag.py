@@ -44,6 +44,12 @@ class NamedColumns:
         counts = np.array([len(set(joints) & set(names)) for names in self.layouts], dtype=int)
         return counts[self.layout]
 
+    def names_twice(self, joints: Sequence[str]) -> np.ndarray:
+        """Return whether each row names one of these joints more than once, (n,)."""
+        twice = np.array([any(names.count(joint) > 1 for joint in joints)
+                          for names in self.layouts], dtype=bool)
+        return twice[self.layout]
+
 
 @dataclass(frozen=True)
 class JointSamples(NamedColumns):

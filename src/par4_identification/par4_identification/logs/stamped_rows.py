@@ -37,7 +37,7 @@ def stamped_rows(path: str | Path, samples: JointSamples, values: np.ndarray,
     """Return the stamped rows with all joints, or None if none carries the quantity.
 
     Raises:
-        InputError: a joint is nowhere, or no message is stamped.
+        InputError: a joint is nowhere, every message names one twice, or no message is stamped.
     """
     known = {name for names in samples.layouts for name in names}
     missing = [joint for joint in joints if joint not in known]
@@ -45,8 +45,14 @@ def stamped_rows(path: str | Path, samples: JointSamples, values: np.ndarray,
         raise InputError(f'{path}: {samples.topic} lacks {", ".join(missing)} ({quantity} wanted); '
                          f'it holds {", ".join(sorted(known)) or "no joint"}; name the joints as '
                          'the robot file does')
-    named = samples.names_count(joints)
-    complete = named == len(joints)
+    named, twice = samples.names_count(joints), samples.names_twice(joints)
+    if twice.any() and twice[named == len(joints)].all():
+        which = [joint for joint in joints
+                 if any(names.count(joint) > 1 for names in samples.layouts)]
+        raise InputError(f'{path}: every message on {samples.topic} names {", ".join(which)} more '
+                         f'than once, so that nothing tells which {quantity} counts; give each '
+                         'joint a name of its own')
+    complete = (named == len(joints)) & ~twice
     selected = samples.select(values, joints)
     if not np.isfinite(selected[complete]).any():
         return None
@@ -62,7 +68,8 @@ def stamped_rows(path: str | Path, samples: JointSamples, values: np.ndarray,
                                  for part in (samples.received, samples.stamp, selected))
     return StampedRows(samples.topic, received, stamp, selected, {
         'read': len(named), 'other_joints': count(named == 0),
-        'incomplete': count((named > 0) & ~complete),
+        'incomplete': count((named > 0) & (named < len(joints)) & ~twice),
+        'named_twice': count(twice),
         'not_stamped': count(complete & ~stamped)})
 
 
