@@ -222,3 +222,20 @@ def test_clocks_and_sources_are_told_and_the_sound_stretches_diagnosed(cases, cl
     for case in cases:
         assert CLOCKS[case][1] in ' '.join(done.out.split())
     assert json.loads((tmp_path / 'diagnosis.json').read_text())['verdict'] == 'clean'
+
+
+@pytest.mark.parametrize(('factor', 'told'), [
+    (1.05, '4.76 %, 4.76 %, 4.76 %, 4.76 %; the voltage rules; check drives.gain'),
+    (-1.0, '200 %, 200 %, 200 %, 200 %, as torques of opposite sign do; the voltage rules; check '
+           'their signs')])
+def test_torques_that_disagree_are_told_on_the_terminal(right, tmp_path, factor, told):
+    path = written(tmp_path / 'bag', [
+        (received, topic, stamp, position,
+         factor * np.asarray(effort) if topic == 'joint_states' else effort)
+        for received, topic, stamp, position, effort in messages_of(right)])
+    words = f'{FIRST}{path}: effort and gain x amplifier voltage disagree by {told}'
+    for command, options in ((identify, ('--no-report',)), (validate, ('--model', 'table1'))):
+        done = run(command, path, '--robot', 'reference', '--output', tmp_path / 'out', *options)
+        assert done.code == 0, done.err
+        assert done.out.count('disagree by') == 1
+        assert any(line.startswith(words) for line in done.out.splitlines())

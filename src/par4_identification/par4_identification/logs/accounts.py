@@ -12,6 +12,8 @@ SHORTEST_SEGMENT = 20
 """Samples; shorter segments are dropped."""
 DISAGREEMENT = 0.01
 """Relative difference of effort and G V above which it is reported."""
+OPPOSITE = 1.9
+"""Relative difference from which they are the same but for the sign."""
 
 
 @dataclass(frozen=True)
@@ -142,6 +144,16 @@ class Accounts:
                          f'samples are missing without a gap in the stamps; the log is cut there')
         return tuple(found)
 
+    def of_torques(self) -> tuple[str, ...]:
+        """Return how far the two sources of torque disagree, in words; nothing for a good bag."""
+        if not self.torque_disagreement or max(self.torque_disagreement) <= DISAGREEMENT:
+            return ()
+        parts = ', '.join(f'{100 * part:.3g} %' for part in self.torque_disagreement)
+        sign = max(self.torque_disagreement) > OPPOSITE
+        return (f'effort and gain x amplifier voltage disagree by {parts}'
+                f'{", as torques of opposite sign do" if sign else ""}; the voltage rules; check '
+                f'{"their signs" if sign else "drives.gain of the robot file"}',)
+
     def findings(self) -> tuple[str, ...]:
         """Return what was repaired, dropped or suspicious, in words; nothing for a good bag."""
         found = []
@@ -174,10 +186,7 @@ class Accounts:
         if self.resampled:
             found.append(f'uneven stamps (spacing +- {self.position.jitter_rms:.3g} s rms), '
                          f'resampled every {self.period:.6g} s')
-        if self.torque_disagreement and max(self.torque_disagreement) > DISAGREEMENT:
-            found.append('effort and gain x amplifier voltage disagree by '
-                         + ', '.join(f'{100 * part:.2g} %' for part in self.torque_disagreement)
-                         + '; the voltage rules; check drives.gain of the robot file')
+        found += self.of_torques()
         if self.reference not in ('absent', 'read'):
             found.append(f'{REFERENCE.name} ignored: {self.reference}')
         return tuple(dict.fromkeys(found))  # position and effort of one topic say the same

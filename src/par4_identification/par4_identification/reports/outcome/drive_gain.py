@@ -113,6 +113,8 @@ def outcome_of_gains(gains: DriveGains, machine: Robot, logs: Sequence[Log], pus
                *gains_remarks(gains, machine, f'By {pushes} static pushes',
                                'the force is in N and not in kN, the clocks of sensor and robot '
                                'agree and the voltages are in V'),
+               *(Remark(False, f'{log.name}: {text}.') for log in logs
+                 for text in log.bag_accounts.of_torques()),
                friction, sensor, data_remark(logs))
     relative = float(((gains.std + gains.bound) / gains.values).max())
     sentence = (f'The drive gains are {gains_in_words(gains)}, known to {percent(relative)} or '

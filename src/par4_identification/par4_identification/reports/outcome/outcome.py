@@ -20,7 +20,7 @@ def data_remark(logs: Sequence[Log]) -> Remark:
     if not repairs:
         return Remark(True, 'The data needed no repair.')
     return Remark(False, f'The data needed {repairs} repair{"s" if repairs > 1 else ""}, listed '
-                         f'under "What was read".')
+                         f'under "What was read" and in the data of the JSON file.')
 
 
 def duration(logs: Sequence[Log]) -> float:

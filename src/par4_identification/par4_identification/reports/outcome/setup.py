@@ -19,7 +19,8 @@ def setup_lines(check: SetupCheck, work: str) -> tuple[str, ...]:
         work: what went on with the mended data, as 'diagnosis'.
     """
     lines = [f'Before anything else: {log.name}: {text}.'
-             for log in check.logs if log.accounts for text in log.accounts.of_clocks()]
+             for log in check.logs if log.accounts
+             for text in (*log.accounts.of_clocks(), *log.accounts.of_torques())]
     for finding in check.findings:
         went_on = f' The {work} went on with this mended.' if finding.certain else ''
         lines.append(f'Before anything else: {finding.evidence}.{went_on} {finding.mend}')
