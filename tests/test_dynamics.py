@@ -380,6 +380,18 @@ def test_a_slide_has_units_of_its_own():
     for units in (('kg', 'N', 'N'), ('kg m2', 'N m', 'N m')):
         assert build_model(slide, model_file(*units)).effects[0].units == {'step': 'N m'}
     assert build_model(slide, model_file('kg', 'N', 'm')).effects[0].units == {'step': 'rad'}
+
+    def periodic(unit):
+        return ModelFile(parameters={name: {'value': 1.0} for name in (
+            'actuator_inertia', 'coulomb_friction', 'viscous_friction')}, effects=(
+            {'effect': 'cogging', 'parameters': {
+                'amplitude': {'value': 0.1}, 'phase': {'value': 0.0, 'unit': 'rad'},
+                'periods': {'value': 90.0, 'unit': unit}}},))
+
+    for unit in ('rad/m', '1/m', '1/turn'):  # the second of earlier versions, the same number
+        build_model(slide, periodic(unit))
+    with pytest.raises(InputError, match="periods: expected the unit '1/turn', found '1/m'"):
+        build_model(arm, periodic('1/m'))
     with pytest.raises(InputError, match="coulomb_friction: expected the unit 'N', found 'kN'"):
         build_model(slide, model_file('kg', 'kN', 'N'))
     with pytest.raises(InputError, match="actuator_inertia: expected the unit 'kg m2', found 'kg'"):
