@@ -364,6 +364,16 @@ def test_a_unit_that_is_not_the_parameters_own_is_refused(tmp_path, name, right,
         assert word in str(error.value)
 
 
+@pytest.mark.parametrize(('name', 'unit'), [
+    ('actuator_inertia', 'kg*m^2'), ('actuator_inertia', 'kg·m²'), ('coulomb_friction', 'Nm'),
+    ('viscous_friction', 'N m s'), ('viscous_friction', 'N·m·s/rad')])
+def test_a_unit_may_be_spelled_as_others_do(name, unit):
+    known = read_model_file('table1')
+    parameters = {**known.parameters, name: known.parameters[name].model_copy(
+        update={'unit': unit})}
+    build_model(REFERENCE, known.model_copy(update={'parameters': parameters}))
+
+
 def test_a_slide_has_units_of_its_own():
     """Models of a slide are written with the units of a slide, and those of a joint mean them."""
     slide = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=35.0)

@@ -27,7 +27,7 @@ from par4_kinematics.arrays import as_matching_rows
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import quoted
 from par4_kinematics.geometry import LEGS, Geometry
-from par4_kinematics.machine_units import EARLIER_UNITS, unit_on
+from par4_kinematics.machine_units import spelled_alike, unit_on
 from par4_kinematics.robot import Axis, Bodies, Robot
 
 FRICTION = ('coulomb_friction', 'viscous_friction')
@@ -240,10 +240,10 @@ def _own_unit(name: str, found: str, units: Sequence[str], machine: Robot | Axis
     Raises:
         InputError: another unit, the numbers of which would be misread.
     """
-    for unit in units:
-        own = unit_on(machine, unit)
-        if found in (unit, own, EARLIER_UNITS.get(own, own)):
-            return unit
+    for alike in (str.__eq__, spelled_alike):
+        for unit in units:
+            if found and (alike(found, unit) or alike(found, unit_on(machine, unit))):
+                return unit
     expected = ' or '.join(repr(unit_on(machine, unit)) for unit in units)
     raise InputError(f'{name}: expected the unit {expected}, found {quoted(found)}; numbers are '
                      f'never converted, give them in {expected}')

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 from par4_kinematics.robot import Axis, Robot
 
 _LINEAR_UNITS = {
     'kg m2': 'kg', 'kg m': 'kg', 'N m': 'N', 'N m s/rad': 'N s/m', 'N m s2/rad2': 'N s2/m2',
     'N m/rad': 'N/m', 'N m/V': 'N/V', 'rad': 'm', 'rad/s': 'm/s', '1/turn': 'rad/m'}
-EARLIER_UNITS = {'rad/m': '1/m'}
-"""Unit -> the one that files of earlier versions have for the same number."""
 
 
 def unit_on(machine: Robot | Axis, unit: str) -> str:
@@ -16,3 +16,16 @@ def unit_on(machine: Robot | Axis, unit: str) -> str:
     if isinstance(machine, Axis) and machine.kind == 'linear':
         return _LINEAR_UNITS.get(unit, unit)
     return unit
+
+
+def spelled_alike(one: str, other: str) -> bool:
+    """Return whether two texts are one unit, as 'kg*m^2', 'kg·m²' and 'kg m2' are.
+
+    Angles count as numbers, so that 'N m s' is 'N m s/rad' and '1/m' is 'rad/m'.
+    """
+    return _spelled(one) == _spelled(other)
+
+
+def _spelled(unit: str) -> str:
+    bare = re.sub(r'[\s*·⋅^()]', '', unit.replace('²', '2').replace('³', '3'))
+    return re.sub(r'/?rad2?', '', bare).removeprefix('1')
