@@ -55,8 +55,8 @@ def check_setup(logs: Sequence[Log], machine: Robot | Axis, model: Model | None 
     """
     check = SetupCheck((), tuple(logs), machine)
     steps: tuple[Step, ...] = (
-        in_si, without_log_faults, moving, _paced, _wired, _past_singular_poses, _timed, _calibrated,
-        passing_singular_poses, lambda check: scale_findings(check, model))
+        in_si, without_log_faults, moving, _paced, _wired, _past_singular_poses, _timed,
+        _calibrated, passing_singular_poses, lambda check: scale_findings(check, model))
     for step in steps:
         if check.useless:
             break

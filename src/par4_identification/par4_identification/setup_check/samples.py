@@ -53,9 +53,9 @@ AGREE = 0.3
 """Most by which the neighbours of a spike may differ, of its size."""
 FLAT, FLATS, FLAT_RUNS = 4, 20, 3
 """Samples in a row at the largest value, in all, and times, that make a clipped torque."""
-OUT_AND_BACK = 0.2
-"""Part of its way in the log that a joint goes out and back under one and the same torque, from
-which that torque is none: what turns round has friction and inertia."""
+MUTE, OUT_AND_BACK = 0.1, 0.2
+"""s for which a torque that is none stands still at least, and part of its way in
+the log that a joint goes out and back meanwhile: what turns round has friction and inertia."""
 COPIED, APART = 1.0, 0.2
 """s for which two torques are the same to the last bit, and part of its way that a joint meanwhile
 goes apart from the other, from which one is the copy of the other."""
@@ -156,12 +156,14 @@ def mute_torques(log: Log) -> list[Mute]:
         q, tau = log.q[segment], log.tau[segment]
         for joint in range(q.shape[1]):
             for start, last in runs_of(np.diff(tau[:, joint]) == 0.0):
-                own, beside = q[start:last + 1, joint], np.delete(tau[start:last + 1], joint, axis=1)
-                back = np.ptp(own) - abs(own[-1] - own[0])
+                end = last + 1
+                if end - start < max(FEWEST, MUTE / log.period):
+                    continue
+                own, beside = q[start:end, joint], np.delete(tau[start:end], joint, axis=1)
                 silent = dead[joint] or (abs(tau[start, joint]) < top[joint]
                                          and bool(np.ptp(beside, axis=0).any()))
-                if silent and last + 1 - start >= FEWEST and back > OUT_AND_BACK * way[joint] > 0.0:
-                    found.append(Mute(segment.start + start, segment.start + last + 1, joint, None))
+                if silent and np.ptp(own) - abs(own[-1] - own[0]) > OUT_AND_BACK * way[joint] > 0.0:
+                    found.append(Mute(segment.start + start, segment.start + end, joint, None))
             for other in range(joint):
                 for start, end in runs_of(tau[:, joint] == tau[:, other]):
                     apart = np.ptp(q[start:end, joint] - q[start:end, other])
