@@ -42,6 +42,7 @@ from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import requirement_of
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.verdict.judgement import judge, unnamed_cause
+from par4_identification.diagnosis.verdict.sure import without_replaceable_names
 from par4_identification.fitting.identification import identify_runs
 from par4_identification.signals.noise import ArNoise
 from par4_identification.signals.rows import runs_of_log
@@ -164,6 +165,17 @@ def test_what_stands_in_for_a_name_explains_as_much_more_as_it_would_beside_it(t
                        ('base_tilt', {'about_x': -tilt, 'about_y': 0.7 * tilt}),
                        library=('external_force',))
     assert names(search.run()) == [expected]
+
+
+@pytest.mark.parametrize(('hidden', 'name', 'stays'), [
+    (('friction_drift', DRIFT), 'coulomb_asymmetry', False),
+    (('theta_friction', BELT), 'theta_friction', True), (LOADED, 'load_dependent_friction', True)])
+def test_a_name_gives_way_to_a_nameless_function_that_explains_far_more(hidden, name, stays):
+    search = search_of(hidden, library=())
+    assert not named_of(search.run())  # and the kinds of unnamed causes are those of this motion
+    model = without_replaceable_names(search, (cause(name),))
+    assert (names(model) == [name]) is stays
+    assert bool(named_of(model)) is stays
 
 
 def test_a_clean_machine_has_no_cause():

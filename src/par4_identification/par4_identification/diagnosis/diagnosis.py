@@ -71,7 +71,10 @@ from par4_identification.diagnosis.verdict.judgement import (
 from par4_identification.diagnosis.verdict.laws import with_doubt_of_law
 from par4_identification.diagnosis.verdict.loose_loads import cause_of, loose_loads
 from par4_identification.diagnosis.verdict.pair import Pair
-from par4_identification.diagnosis.verdict.sure import without_doubtful_names
+from par4_identification.diagnosis.verdict.sure import (
+    without_doubtful_names,
+    without_replaceable_names,
+)
 from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, unrelated
 from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widened
 from par4_identification.fitting.identification import INERTIA
@@ -264,8 +267,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     weak = weak_causes(search, model)
     model = polished(search, model)
     loose, model = loose_loads(search, model)
-    if isinstance(machine, Axis):
-        model = without_doubtful_names(search, model)
+    model = (without_doubtful_names if isinstance(machine, Axis)
+             else without_replaceable_names)(search, model)
     named = tuple(sorted(named_of(model), key=lambda item: -search.weighing.gains(
         item, others_of(model, item))[0]))
     whole, base_only = (solve(evidence, part) for part in (model, ()))

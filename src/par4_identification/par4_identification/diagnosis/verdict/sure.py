@@ -1,13 +1,14 @@
 """Names that are not told because something without a name takes their place.
 
-The motion of a Par4 excites all that its effects have in common with unnamed functions. An axis may
-be any machine on any motion, with laws that no library has; the nearest name then explains a part
-of what a nameless function explains, and is wrong.
+Of something that no library has the nearest name explains a part of what a nameless function
+explains, and is wrong. An axis may be any machine on any motion, with laws that no library has; the
+motion of a Par4 excites all that its effects have in common with unnamed functions, so that there
+it is enough to compare each name with these.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.causes import Model, named_of, others_of, unnamed_of
 from par4_identification.diagnosis.search.search import Search
 
+Doubt = Callable[[Search, Hypothesis, Model], Model | None]
+"""Of a name in a model: returns the model without it if the name is doubtful."""
 POSITION, PERIODIC = 'position', 'periodic'
 """Kinds of unnamed causes that are smooth functions and sums of waves of the position."""
 MOST_LEFT = 0.5
@@ -36,10 +39,11 @@ another time leaves, every faulty model leaves, too."""
 
 
 def without_doubtful_names(search: Search, model: Model) -> Model:
-    """Return a model without the names in whose place a nameless function explains far more.
+    """Return the model of an axis without names that are doubtful in any way.
 
-    Nor has it a delay or a lag beside unnamed causes that make another time of it, nor any names
-    that together leave most of an error that is no noise, or all of it on rows held out.
+    In the place of none a nameless function explains far more. Nor has it a delay or a lag beside
+    unnamed causes that make another time of it, nor any names that together leave most of an error
+    that is no noise, or all of it on rows held out.
     """
     if {Cogging.name, PERIODIC} <= {item.effect.name for item in model}:
         # its waves may be orders of the cogging that were lost beside other causes
@@ -49,25 +53,39 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
         for item in named_of(model):
             search.journal.reject(item, reason)
         return search.with_nameless(()) or tuple(unnamed_of(model))
-    while True:
-        for item in named_of(model):
-            trial = _replaced(search, item, model)
+    return _without(search, model, _replaced, _timed_otherwise)
+
+
+def without_replaceable_names(search: Search, model: Model) -> Model:
+    """Return a model without the names in whose place a nameless function explains far more."""
+    return _without(search, model, _replaced)
+
+
+def _without(search: Search, model: Model, *doubts: Doubt) -> Model:
+    """Return a model without names that are doubtful, one after the other."""
+    for item in named_of(model):
+        for doubt in doubts:
+            trial = doubt(search, item, model)
             if trial is not None:
-                model = trial
-                break
-        else:
-            return model
+                return _without(search, trial, *doubts)
+    return model
 
 
 def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
-    """Return the model without one of its names if this is doubtful, else None."""
+    """Return the model with a nameless function in the place of a name, if it explains far more."""
     others = others_of(model, item)
     best = next(iter(_nameless(search, item, others)), None)
-    if best is not None and -best[1] > _law_may_lose(search, best[0], others):
-        kind, margin = best
-        search.journal.reject(item, f'{kind.effect.phrase} explains {-margin:.0f} more in its '
-                                    f'place on rows held out')
-        return (*others, kind)
+    if best is None or -best[1] <= _law_may_lose(search, best[0], others):
+        return None
+    kind, margin = best
+    search.journal.reject(item, f'{kind.effect.phrase} explains {-margin:.0f} more in its '
+                                f'place on rows held out')
+    return (*others, kind)
+
+
+def _timed_otherwise(search: Search, item: Hypothesis, model: Model) -> Model | None:
+    """Return the model without a delay or lag that unnamed causes make another one of."""
+    others = others_of(model, item)
     if unnamed_of(model) and item.named.retimes:
         named = tuple(named_of(model))
         alone, beside = (
@@ -81,11 +99,12 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
 def _law_may_lose(search: Search, kind: Hypothesis, others: Model) -> float:
     """Return by how much a nameless function may explain more than a name that is right.
 
-    A named torque may be wrong by a share of itself, which a nameless function need not be. In a
-    long log of little noise that share of the squares is much log-likelihood.
+    A torque may be wrong by a share of itself, and a function with many coefficients makes more of
+    what other causes leave. In a long log of little noise either is much log-likelihood.
     """
     rules = search.rules
-    return max(rules.better, rules.named_error ** 2 * search.weighing.gains(kind, others)[1])
+    return max(rules.better, rules.twin,
+               rules.unnamed_error * search.weighing.gains(kind, others)[1])
 
 
 def _nameless(search: Search, item: Hypothesis, others: Model
