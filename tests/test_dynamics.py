@@ -431,8 +431,8 @@ def test_listed_values_are_those_of_the_joints_listed(joints, torque, expected):
     ([3, 2, 1, 0], [1, 2, 3, 4], ('stribeck_torque: 4 numbers are those of joints 0 to 3',
                                   '[3, 2, 1, 0]', 'ascending')),
     ([0, True], [1, 2], ('effects.0.joints.1: expected a whole number', 'True')),
-    ([0], True, ('stribeck_torque.value.float: Input should be a valid number', 'True')),
-    ([0], '1.5', ('stribeck_torque.value.float: Input should be a valid number', "'1.5'")),
+    ([0], True, ('stribeck_torque.value: expected a finite number', 'True')),
+    ([0], '1.5', ('stribeck_torque.value: expected a finite number', "'1.5'")),
 ])
 def test_joints_and_values_that_are_unclear_are_refused(tmp_path, joints, torque, words):
     write_yaml(tmp_path / 'model.yaml', stribeck_of(joints, torque))

@@ -222,6 +222,7 @@ def bad_file(folder: Path, change: str) -> Path:
     ('par4_simulation', 'model_file', 'negative_mass_model', 'must not be negative'),
     ('par4_simulation', 'fidelity', 'perfect', 'known are accurate, fast, exact'),
     ('par4_simulation', 'real_time_factor', '-1.0', 'real_time_factor: -1.0 is outside 0 to inf'),
+    ('par4_simulation', 'real_time_factor', '.inf', 'real_time_factor: inf is no number'),
     ('par4_simulation', 'publish_rate_hz', 'often', "publish_rate_hz: expected a number, found "
                                                     "'often'"),
     ('par4_motion', 'motion', 'dance', 'dance'),

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, StrictFloat, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from par4_kinematics.files import FileModel
 
-PerJoint = StrictFloat | Annotated[tuple[StrictFloat, ...], Field(min_length=1)]
+
+def _only_numbers(value: object, depth: int = 2) -> object:
+    """Refuse what is neither a number nor a list of numbers, or of lists of them."""
+    if isinstance(value, list | tuple) and value and depth:
+        for part in value:
+            _only_numbers(part, depth - 1)
+    elif isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
+        raise ValueError('expected a finite number, one a joint, or such for each order, without '
+                         'quotes')
+    return value
+
+
+PerJoint = float | Annotated[tuple[float, ...], Field(min_length=1)]
 """One number for all joints, or one a joint."""
-Number = StrictFloat | Annotated[tuple[PerJoint, ...], Field(min_length=1)]
+Number = Annotated[float | Annotated[tuple[PerJoint, ...], Field(min_length=1)],
+                   BeforeValidator(_only_numbers)]
 """The same, or one entry for each order of a periodic torque."""
 
 

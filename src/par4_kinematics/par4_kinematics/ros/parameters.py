@@ -79,6 +79,9 @@ def _checked(field: dataclasses.Field[Any], value: Any) -> Any:
                          f'means: {field.metadata["description"]}')
     if wanted in (int, float):
         lowest, highest = field.metadata['lowest'], field.metadata['highest']
+        if value in (math.inf, -math.inf):
+            raise InputError(f'parameter {field.name}: {value} is no number that a machine has; '
+                             f'give a finite one')
         if not lowest <= value <= highest:
             raise InputError(f'parameter {field.name}: {value} is outside {lowest:g} to '
                              f'{highest:g}; give a value within')
