@@ -741,6 +741,16 @@ def test_each_verdict_has_its_sentence(given, standing, parts):
     json.dumps(diagnosis_json(given, REFERENCE), allow_nan=False)
 
 
+def test_fitted_recordings_that_leave_far_more_than_those_held_out_are_told():
+    alike = outcome_of_diagnosis(replace(diagnosis('explained', [COGS]), fitted_rms=0.3),
+                                 REFERENCE)
+    unlike = outcome_of_diagnosis(replace(diagnosis('explained', [COGS]), fitted_rms=9.6),
+                                  REFERENCE)
+    assert (alike.standing, unlike.standing) == ('good', 'fair')
+    assert 'fitted recordings leave 9.6 N m, those held out 0.11 N m' in ' '.join(
+        remark.text for remark in unlike.remarks)
+
+
 def test_a_report_gives_numbers_of_the_machine_one_cell_and_those_of_joints_their_own():
     cable = cause('cable_spring', stiffness=(40.0, 20.0, 1.0), anchor=(0.1, 0.2, 0.0))
     found = parameter_cells(cable, 'stiffness', REFERENCE)

@@ -26,7 +26,13 @@ from par4_identification.diagnosis.evidence.extended import (
     baseline_with,
     extended_model,
 )
-from par4_identification.diagnosis.evidence.fit import Fit, left_by, residuals, solve
+from par4_identification.diagnosis.evidence.fit import (
+    Fit,
+    left_by,
+    residuals,
+    rms_of,
+    solve,
+)
 from par4_identification.diagnosis.evidence.holdout import Blocks, blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
@@ -327,6 +333,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         base_before=base_parameters(evidence, base_only),
         base_after=base_parameters(evidence, told), extended_model=extended,
         fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses,
+        fitted_rms=rms_of(evidence.observations, residuals(evidence.observations, named, told)),
         doubts=tuple(pair for pair in doubts if pair is not None), effects=effects)
 
 

@@ -159,3 +159,9 @@ def residuals(observations: Observations, hypotheses: Sequence[Hypothesis], fit:
             left = left - np.einsum('mjk,kj->mj', rows, coefficients)
         results.append(left)
     return tuple(results)
+
+
+def rms_of(observations: Observations, left: Sequence[np.ndarray]) -> float:
+    """Return the rms of residuals (m, J) of each run over the valid rows, N m."""
+    kept = np.concatenate([part[run.valid] for run, part in zip(observations.runs, left)])
+    return float(np.sqrt(np.mean(kept ** 2))) if len(kept) else 0.0

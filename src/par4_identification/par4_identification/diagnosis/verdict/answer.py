@@ -141,6 +141,7 @@ class Diagnosis:
         fit_runs: rows that were fitted.
         evidence: these rows, whitened.
         hypotheses: of the named causes, in their order.
+        fitted_rms: what base parameters and named causes leave on the rows that were fitted, N m.
         left_out: base parameters that the motion does not show.
         share: of the readings of long logs that was looked at, in stretches spread over them.
         doubts: what is unnamed or nearly passes as a cause, and what else it may be.
@@ -159,6 +160,7 @@ class Diagnosis:
     fit_runs: tuple[Run, ...]
     evidence: Evidence
     hypotheses: tuple[Hypothesis, ...]
+    fitted_rms: float = 0.0
     left_out: tuple[str, ...] = ()
     share: float = 1.0
     doubts: tuple[Pair, ...] = ()

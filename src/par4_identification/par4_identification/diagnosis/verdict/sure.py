@@ -8,15 +8,14 @@ it is enough to compare each name with these.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from par4_dynamics.effects.cogging import Cogging
-from par4_identification.diagnosis.evidence.fit import residuals
+from par4_identification.diagnosis.evidence.fit import residuals, rms_of
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.causes import Model, named_of, others_of, unnamed_of
 from par4_identification.diagnosis.search.search import Search
@@ -130,7 +129,7 @@ def _doubt_of_all(search: Search, model: Model) -> str | None:
     heldout = search.pool.heldout.observations
     before, after = (residuals(heldout, part, search.pool.solution(part)) for part in ((), named))
     floor = np.sqrt(np.mean([run.noise_floor ** 2 for run in heldout.runs]))
-    old, new = _rms(heldout, before), _rms(heldout, after)
+    old, new = rms_of(heldout, before), rms_of(heldout, after)
     if new > MOST_LEFT * old and new > NO_NOISE * floor:
         return 'the names together leave most of an error that is no noise'
     blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
@@ -138,9 +137,3 @@ def _doubt_of_all(search: Search, model: Model) -> str | None:
     if np.quantile(gone, CHANCE) <= 0.0:
         return 'with the names the error on rows held out is no smaller than chance makes it'
     return None
-
-
-def _rms(observations: Observations, left: Sequence[np.ndarray]) -> float:
-    """Return the rms of residuals (m, J) of each run over the valid rows, N m."""
-    kept = np.concatenate([part[run.valid] for run, part in zip(observations.runs, left)])
-    return float(np.sqrt(np.mean(kept ** 2))) if len(kept) else 0.0

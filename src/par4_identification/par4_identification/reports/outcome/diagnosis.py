@@ -25,6 +25,9 @@ NEAR = 0.51
 """Periods a turn of the joint by which an order, found as a whole number, may be off."""
 ALL = 0.999
 """Share beyond which an interval says no more."""
+UNLIKE = 5.0
+"""Error on fitted rows over that on rows held out from which the recordings hold different things:
+motions alone make a factor of two or three."""
 STANDS_OUT = 2.0
 """Standard deviations within which a sentence leaves a size out beside another that stands out."""
 
@@ -265,6 +268,14 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
                 advice(cause.effect.name, experiment)
                 or 'To tell such names apart, add a bag of slow wide sweeps and one with a known '
                 'payload.'))
+    unit, left = unit_on(machine, 'N m'), over_joints(diagnosis.holdout.extended_rms)
+    if diagnosis.fitted_rms > UNLIKE * left:
+        remarks.append(Remark(
+            False, f'With what was found the fitted recordings leave '
+            f'{number(diagnosis.fitted_rms, 2)} {unit}, those held out {number(left, 2)} {unit}: '
+            f'something acts in the former that does not in the latter.',
+            'Look at the fitted recordings for a sensor that failed, something that touched the '
+            'machine or a load that swings; or diagnose others.'))
     if diagnosis.share < 1.0:
         remarks.append(Remark(
             True, f'Of these long logs {100.0 * diagnosis.share:.0f} % was looked at, in stretches '
