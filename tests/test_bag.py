@@ -23,6 +23,7 @@ from par4_identification.logs import bag as bag_module
 from par4_identification.logs.bag import read_bag
 from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.recorder import Recorder
+from par4_identification.logs.sqlite_pages import rows_of_leaves
 from par4_identification.logs.topic_columns import JOINT_ARRAYS, AlikeMessages, TopicColumns
 from par4_kinematics.errors import InputError
 from par4_sim import bag_writer
@@ -530,6 +531,39 @@ def test_sqlite3_cut_short_gives_back_what_is_in_front(tmp_path, part):
     assert_prefix(tmp_path / 'mended', int(0.8 * part * 6000), 5999)
     assert summary.damaged == 1
     assert digests(broken) == before
+
+
+def test_sqlite3_without_the_tree_of_its_messages_gives_back_its_leaves(tmp_path):
+    """The tree grew upwards behind the first leaves, and its middle went with the end."""
+    path = small_bag(tmp_path / 'bag', 'sqlite3', 12000)
+    size = storage_file(path).stat().st_size
+    for part in (0.3, 0.5):
+        broken = cut(path, tmp_path / f'cut_{part}', int(part * size))
+        repair_bag(broken, tmp_path / f'mended_{part}')
+        assert_prefix(tmp_path / f'mended_{part}', int(0.8 * part * 12000), 11999)
+
+
+@pytest.mark.parametrize('page_size', [512, 4096, 65536])
+def test_leaves_of_sqlite3_tell_the_rows_of_their_table(tmp_path, page_size):
+    random = np.random.default_rng(page_size)
+    rows = [(index, int(number), random.bytes(int(length)), None)
+            for index, (number, length) in enumerate(zip(
+                random.integers(-2 ** 62, 2 ** 62, 300) >> random.integers(0, 62, 300),
+                random.choice([0, 1, 60, 400, 5000, 90000], 300)), 1)]
+    with sqlite3.connect(tmp_path / 'table.db3') as database:
+        database.execute(f'PRAGMA page_size = {page_size}')
+        database.execute('CREATE TABLE rows (id INTEGER PRIMARY KEY, number INTEGER, data BLOB, '
+                         'spare TEXT)')
+        database.executemany('INSERT INTO rows VALUES (?, ?, ?, ?)', rows)
+    database.close()
+    found = {row: values for row, values in rows_of_leaves(tmp_path / 'table.db3')
+             if len(values) == 4}
+    assert found == {row[0]: (None, *row[1:]) for row in rows}
+    whole = (tmp_path / 'table.db3').read_bytes()
+    (tmp_path / 'cut.db3').write_bytes(whole[:len(whole) // 2])
+    left = dict(rows_of_leaves(tmp_path / 'cut.db3'))
+    assert 50 < len(left) < 300
+    assert all(found[row] == values for row, values in left.items() if row in found)
 
 
 def test_a_header_of_sqlite3_alone_is_refused_in_one_line(tmp_path):

@@ -1,6 +1,7 @@
 """Mending bags that were cut off: whatever whole messages the files still hold, in a new bag.
 
-MCAP records and sqlite3 pages are read directly, because a bag library refuses such files.
+MCAP records are read directly, because a bag library refuses such files; so are the leaves of a
+sqlite3 table whose tree is gone.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import lz4.frame
 from backports import zstd
 
 from par4_identification.logs.bag_files import STORAGE_SUFFIXES, ZSTD_SUFFIX, storage_files
+from par4_identification.logs.sqlite_pages import rows_of_leaves
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
 from par4_sim.bag_writer import BagWriter
@@ -95,7 +97,8 @@ class _Salvage:
         logs = [log for log in (Path(f'{file}-journal'), Path(f'{file}-wal')) if log.exists()]
         for log in logs:
             shutil.copy(log, folder)
-        damaged = not logs and _admit_missing_pages(folder / file.name)
+        damaged, lost, last = not logs and _admit_missing_pages(folder / file.name), False, 0
+        topics: dict[int, tuple[str, str, str, str]] = {}
         connection = sqlite3.connect(folder / file.name)
         try:
             tables = {name for name, in connection.execute('SELECT name FROM sqlite_master')}
@@ -110,15 +113,20 @@ class _Salvage:
                           'SELECT id, name, type FROM topics')
                       if isinstance(name, str) and isinstance(kind, str)}
             # In the order of the table, not of the index: a file cut off loses its end only.
-            for key, received, data in connection.execute(
-                    'SELECT topic_id, timestamp, data FROM messages ORDER BY id'):
+            for row, key, received, data in connection.execute(
+                    'SELECT id, topic_id, timestamp, data FROM messages ORDER BY id'):
+                last = row
                 if key in topics and isinstance(received, int) and isinstance(data, bytes):
                     yield _FoundMessage(*topics[key], received, data)
         except (sqlite3.Error, UnicodeDecodeError):  # the latter of words in its own complaints
-            damaged = True
+            damaged = lost = True
         finally:
             connection.close()
             self.damaged += damaged
+        for row, values in rows_of_leaves(folder / file.name) if lost and topics else ():
+            match values:
+                case (_, int(key), int(received), bytes(data)) if row > last and key in topics:
+                    yield _FoundMessage(*topics[key], received, data)
 
     def _mcap(self, file: Path) -> Iterator[_FoundMessage]:
         schemas: dict[int, tuple[str, str, str]] = {}
