@@ -24,7 +24,8 @@ from par4_identification.setup_check.equations import (
 from par4_identification.setup_check.finding import SetupCheck
 from par4_identification.setup_check.log_faults import without_log_faults
 from par4_identification.setup_check.motion import moving, passing_singular_poses
-from par4_identification.setup_check.pace import at_pace, pace_finding, pace_of
+from par4_identification.setup_check.pace import pace_finding, pace_of
+from par4_identification.setup_check.repair import slowed
 from par4_identification.setup_check.scale import scale_findings
 from par4_identification.setup_check.timing import on_time, timing_findings, timing_of
 from par4_identification.setup_check.units import in_si
@@ -91,7 +92,7 @@ def _paced(check: SetupCheck) -> SetupCheck:
         pace = pace_of(stretches_of([log]), check.machine.geometry)
         if pace is not None:
             logs = list(check.logs)
-            logs[number] = at_pace(log, pace)
+            logs[number] = slowed(log, pace.factor)
             check = check.after([pace_finding(pace, log)], logs)
     return check
 

@@ -104,13 +104,6 @@ def _paced(part: Stretch, factor: float) -> Stretch:
                    qdd=part.qdd / factor ** 2, cutoff_hz=part.cutoff_hz / factor)
 
 
-def at_pace(log: Log, pace: Pace) -> Log:
-    """Return the log with the times that its samples came at."""
-    return replace(log, t=pace.factor * log.t, period=pace.factor * log.period,
-                   reference=None if log.reference is None else replace(
-                       log.reference, t=pace.factor * log.reference.t))
-
-
 def pace_finding(pace: Pace, log: Log) -> Finding:
     """Return what the times of a log are off by, as a finding."""
     rate, stamped = 1.0 / (pace.factor * log.period), 1.0 / log.period

@@ -87,6 +87,12 @@ def unslipped(log: Log, slips: Sequence[tuple[int, int, float]]) -> Log:
     return replace(log, q=q)
 
 
+def slowed(log: Log, factor: float) -> Log:
+    """Return the log with all its times longer by a factor."""
+    reference = log.reference and replace(log.reference, t=factor * log.reference.t)
+    return replace(log, t=factor * log.t, period=factor * log.period, reference=reference)
+
+
 def doubted(log: Log, mask: np.ndarray) -> Log:
     """Return the log in which more samples (n, J) are doubtful."""
     return replace(log, doubtful=_doubts(log) | mask)

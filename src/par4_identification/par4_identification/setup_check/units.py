@@ -10,6 +10,7 @@ import numpy as np
 
 from par4_identification.logs.log import Log
 from par4_identification.setup_check.finding import Finding, SetupCheck
+from par4_identification.setup_check.repair import slowed
 from par4_kinematics.position import closes
 from par4_kinematics.robot import Robot
 from par4_sim.report.words import number
@@ -81,7 +82,4 @@ def _milliseconds(log: Log, robot: Robot) -> Mend | None:
         f'move at {number(factor * fastest, 2)} rad/s; the stamps count {unit}, samples being '
         f'{number(1e3 * period, 3)} ms apart and speeds up to {number(fastest, 2)} rad/s',
         'Fill sec and nanosec of the header stamp from seconds and nanoseconds.', True
-    ), lambda log: replace(
-        log, t=factor * log.t, period=period,
-        reference=None if log.reference is None else replace(
-            log.reference, t=factor * log.reference.t))
+    ), lambda log: slowed(log, factor)
