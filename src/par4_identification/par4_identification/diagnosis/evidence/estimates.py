@@ -10,13 +10,15 @@ import numpy as np
 from par4_dynamics.effects.effect import EffectParameter, Shape, Values
 from par4_dynamics.parameters import Number, Parameter, PerJoint
 from par4_identification.diagnosis.evidence.evidence import Evidence
-from par4_identification.diagnosis.evidence.fit import Fit, prior_weights
+from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 
 LASTING = 4.0
 """Time for which a torque is wrong in the same way, s."""
 SLOPE = 1e-3
 """Change of a shape, over its size, from which the slope of its torque is computed."""
+IMITATED = 1e-10
+"""Share of the squares of a column below which the rest of a fit imitates it."""
 
 
 def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
@@ -162,26 +164,40 @@ def _covariance(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
     for a stretch of the motion and rows that follow each other share it. Last comes what a
     correction of the fitted values may get wrong.
     """
-    parts = [evidence.design(fit.hypotheses)]
+    covariance, count, coefficients = fit.covariance, len(fit.covariance), fit.slices[index]
+    design = evidence.design(fit.hypotheses) if knobs or len(errors) else np.empty((0, count))
     if knobs:
-        parts.append(shape_slopes(evidence, hypothesis, fit.coefficients[index], knobs))
-    design = np.hstack(parts)
-    scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
-    design = design / scale
-    weights = np.zeros(design.shape[1])
-    count = parts[0].shape[1]
-    weights[:count] = prior_weights(evidence, fit.hypotheses, count) / scale[:count] ** 2
-    inverse = np.linalg.pinv(design.T @ design + np.diag(weights), rcond=1e-12, hermitian=True)
-    covariance = inverse.copy()
+        slopes = shape_slopes(evidence, hypothesis, fit.coefficients[index], knobs)
+        covariance = _with_columns(covariance, design, slopes)
+        design = np.hstack((design, slopes))
+    own = [*range(coefficients.start, coefficients.stop), *range(count, len(covariance))]
+    found = covariance[np.ix_(own, own)]
     starts = _stretches(evidence)
     for error in errors:
-        sums = np.add.reduceat(design * error[:, None], starts, axis=0)
-        covariance += inverse @ (sums.T @ sums) @ inverse
-    covariance /= np.outer(scale, scale)
-    covariance[:count, :count] += fit.doubt
-    own = [*range(fit.slices[index].start, fit.slices[index].stop),
-           *range(count, design.shape[1])]
-    return covariance[np.ix_(own, own)]
+        sums = np.add.reduceat(design * error[:, None], starts, axis=0) @ covariance[:, own]
+        found += sums.T @ sums
+    size = coefficients.stop - coefficients.start
+    found[:size, :size] += fit.doubt[coefficients, coefficients]
+    return found
+
+
+def _with_columns(covariance: np.ndarray, design: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return the covariance of least squares once more columns are fitted beside a design.
+
+    What the design imitates but for `IMITATED` counts as told by so little.
+
+    Args:
+        covariance: of the coefficients of the design, (c, c).
+        design: (n, c).
+        columns: (n, k).
+    """
+    along = covariance @ (design.T @ columns)
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-30)
+    left = (columns / scale).T @ ((columns - design @ along) / scale)
+    values, vectors = np.linalg.eigh(0.5 * (left + left.T))
+    root = vectors / np.sqrt(np.maximum(values, IMITATED)) / scale[:, None]
+    own = root @ root.T
+    return np.block([[covariance + along @ own @ along.T, -along @ own], [-own @ along.T, own]])
 
 
 def _stretches(evidence: Evidence) -> np.ndarray:

@@ -12,8 +12,6 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.unnamed import Kind
 
-ROUNDING = 1e-11
-"""Eigenvalues of scaled normal equations below which a direction is not told by the data."""
 DOUBT = 0.5
 """Standard deviation of a correction of fitted values, over the correction."""
 

@@ -10,24 +10,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
-import scipy
 
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_identification.diagnosis.evidence.evidence import Block, Evidence
-from par4_identification.diagnosis.evidence.fit import ROUNDING, Fit, fit_of, prior_weights
+from par4_identification.diagnosis.evidence.fit import Fit, fit_of, prior_weights
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.small_systems import assembled, directions, solved
 from par4_identification.diagnosis.evidence.unnamed import Kind
 
-DISTINCT = 1e-7
-"""Least square of a pivot of the scaled normal equations that needs no look at their directions."""
 MOST_COLUMNS = 512
 """Columns of a pool beyond which it begins anew: most are those of shapes that were tried once."""
-_Layout = tuple[list[np.ndarray], list[np.ndarray], int]
-"""Of each joint, which columns of the pool a model has and where their coefficients are; how many
-coefficients it has."""
+_Layout = tuple[np.ndarray, np.ndarray, np.ndarray, int]
+"""Which columns of the pool a model has, joint after joint, and where their coefficients are; where
+those of each joint begin and, last, their number, (J + 1,); how many coefficients it has."""
 
 
 @dataclass(frozen=True)
@@ -57,37 +56,36 @@ class _Products:
         self._rows = [slice(first, last) for first, last in zip(evidence.ends, evidence.ends[1:])]
         self.count = 0
         self._columns = [np.empty((rows.stop - rows.start, 64), order='F') for rows in self._rows]
-        self.gram = [np.zeros((64, 64)) for _ in self._rows]
-        self.moment = [np.zeros(64) for _ in self._rows]
+        self.gram = np.zeros((len(self._rows), 64, 64))
+        self.moment = np.zeros((len(self._rows), 64))
         self.square = float(self._target @ self._target)
         self.add([evidence.base[rows] for rows in self._rows])
 
     def add(self, columns: Sequence[np.ndarray]) -> slice:
         """Take columns (n_j, k) of each joint in; return where they are."""
         first, last = self.count, self.count + columns[0].shape[1]
+        if last > self.moment.shape[1]:
+            self._grow(2 * last)
         for joint, own in enumerate(columns):
-            self._grow(joint, last)
             buffer = self._columns[joint]
             buffer[:, first:last] = own
             products = buffer[:, :last].T @ own
-            self.gram[joint][:last, first:last] = products
-            self.gram[joint][first:last, :last] = products.T
-            self.moment[joint][first:last] = own.T @ self._target[self._rows[joint]]
+            self.gram[joint, :last, first:last] = products
+            self.gram[joint, first:last, :last] = products.T
+            self.moment[joint, first:last] = own.T @ self._target[self._rows[joint]]
         self.count = last
         return slice(first, last)
 
-    def _grow(self, joint: int, width: int) -> None:
-        old = self._columns[joint]
-        if width <= old.shape[1]:
-            return
-        size = 2 * width
-        self._columns[joint] = np.empty((len(old), size), order='F')
-        self._columns[joint][:, :self.count] = old[:, :self.count]
-        gram, moment = self.gram[joint], self.moment[joint]
-        self.gram[joint] = np.zeros((size, size))
-        self.gram[joint][:self.count, :self.count] = gram[:self.count, :self.count]
-        self.moment[joint] = np.zeros(size)
-        self.moment[joint][:self.count] = moment[:self.count]
+    def _grow(self, size: int) -> None:
+        """Make room for so many columns."""
+        count, old, gram, moment = self.count, self._columns, self.gram, self.moment
+        self._columns = [np.empty((len(own), size), order='F') for own in old]
+        for own, before in zip(self._columns, old):
+            own[:, :count] = before[:, :count]
+        self.gram = np.zeros((len(old), size, size))
+        self.gram[:, :count, :count] = gram[:, :count, :count]
+        self.moment = np.zeros((len(old), size))
+        self.moment[:, :count] = moment[:, :count]
 
 
 class Pool:
@@ -135,7 +133,7 @@ class Pool:
     def solution(self, model: Sequence[Hypothesis]) -> Fit:
         """Return the same fit with the coefficients of each hypothesis and their covariance."""
         gram, moment, scale, _ = self._system(model)
-        values, vectors = _directions(gram)
+        values, vectors = directions(gram)
         inverse = (vectors / values) @ vectors.T
         found = inverse @ moment / scale
         found[:self._base] += self.evidence.origin
@@ -143,9 +141,9 @@ class Pool:
 
     def _fit(self, model: Sequence[Hypothesis]) -> Fitted:
         gram, moment, scale, layout = self._system(model)
-        values = _solved(gram, moment) / scale
-        seen, told = self._assembled(self._parts[1], layout)
+        values = solved(gram, moment) / scale
         fit, heldout = self._parts
+        seen, told = assembled(heldout.gram, heldout.moment, *layout)
         return Fitted(
             fit.square - float(moment * scale @ values),
             heldout.square - 2.0 * float(told @ values) + float(values @ seen @ values))
@@ -157,21 +155,11 @@ class Pool:
         if self._parts[0].count > MOST_COLUMNS:
             self._begin()
         layout = self._layout(model)
-        gram, moment = self._assembled(self._parts[0], layout)
+        gram, moment = assembled(self._parts[0].gram, self._parts[0].moment, *layout)
         diagonal = np.arange(len(moment))
         gram[diagonal, diagonal] += prior_weights(self.evidence, model, len(moment))
         scale = np.sqrt(np.maximum(gram[diagonal, diagonal], 1e-30))
         return gram / np.outer(scale, scale), moment / scale, scale, layout
-
-    def _assembled(self, part: _Products, layout: _Layout) -> tuple[np.ndarray, np.ndarray]:
-        """Return products of a model's columns (c, c) and with the target (c,)."""
-        own, positions, size = layout
-        gram, moment = np.zeros((size, size)), np.zeros(size)
-        for joint in range(self._joints):
-            gram[np.ix_(positions[joint], positions[joint])] += part.gram[joint][
-                np.ix_(own[joint], own[joint])]
-            moment[positions[joint]] += part.moment[joint][own[joint]]
-        return gram, moment
 
     def _layout(self, model: Sequence[Hypothesis]) -> _Layout:
         """Return which columns of each joint a model has, and where their coefficients are."""
@@ -186,8 +174,9 @@ class Pool:
                 positions[joint].append(np.arange(size, size + width))
                 size += 0 if item.effect.shared else width
             size += width if item.effect.shared else 0
-        return ([np.concatenate(parts) for parts in own],
-                [np.concatenate(parts) for parts in positions], size)
+        ends = np.cumsum([0, *(sum(map(len, parts)) for parts in own)])
+        return (np.concatenate(list(chain(*own))), np.concatenate(list(chain(*positions))), ends,
+                size)
 
     def columns_of(self, item: Hypothesis) -> np.ndarray:
         """Return which columns of the pool are those of a hypothesis. Missing ones are added."""
@@ -208,22 +197,3 @@ class Pool:
     def width(self, item: Hypothesis) -> int:
         """Return the number of coefficients of a hypothesis."""
         return len(self.columns_of(item)) * (1 if item.effect.shared else len(item.joints))
-
-
-def _solved(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
-    """Return the solution (c,) of scaled normal equations, rounding left out."""
-    try:
-        lower = np.linalg.cholesky(gram)
-    except np.linalg.LinAlgError:
-        lower = None
-    if lower is not None and lower.diagonal().min() ** 2 > DISTINCT:
-        return scipy.linalg.cho_solve((lower, True), moment, check_finite=False)
-    values, vectors = _directions(gram)
-    return vectors @ ((vectors.T @ moment) / values)
-
-
-def _directions(gram: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return eigenvalues (k,) and vectors (c, k) of scaled normal equations, rounding left out."""
-    values, vectors = np.linalg.eigh(gram)
-    kept = values > ROUNDING * values[-1]
-    return values[kept], vectors[:, kept]

@@ -20,8 +20,9 @@ from par4_identification.diagnosis.evidence.evidence import (
     key_of,
     stack_key,
 )
-from par4_identification.diagnosis.evidence.fit import ROUNDING, prior_weights
+from par4_identification.diagnosis.evidence.fit import prior_weights
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.small_systems import ROUNDING, quadratic
 from par4_identification.diagnosis.evidence.unnamed import Kind
 
 
@@ -31,12 +32,12 @@ class _Part:
 
     Attributes:
         key: of the columns that they are chosen from.
-        columns: which of them.
+        columns: which of them, a slice where it is all.
         places: where their coefficients are in the design, by the joint on which they act.
     """
 
     key: Key
-    columns: np.ndarray
+    columns: np.ndarray | slice
     places: dict[int, slice]
 
 
@@ -59,7 +60,7 @@ class Projection:
         """The base columns and those of the hypotheses, in the order of the design."""
         size = self.evidence.base.shape[1]
         joints = range(self.evidence.observations.joints)
-        parts = [_Part(BASE, np.arange(size), {joint: slice(0, size) for joint in joints})]
+        parts = [_Part(BASE, slice(None), {joint: slice(0, size) for joint in joints})]
         for item in self.hypotheses:
             shared = item.effect.shared
             acting = list(joints if shared else item.joints)
@@ -72,7 +73,8 @@ class Projection:
                 before, count = int(np.sum(chosen < first)), int(own.sum())
                 starts = [size + before + (0 if shared else number * len(chosen))
                           for number in range(len(acting))]
-                parts.append(_Part(key_of(item.effect, shape), chosen[own] - first, {
+                columns = slice(None) if count == width else chosen[own] - first
+                parts.append(_Part(key_of(item.effect, shape), columns, {
                     joint: slice(start, start + count) for joint, start in zip(acting, starts)}))
                 first += width
             size += len(chosen) * (1 if shared else len(acting))
@@ -171,15 +173,18 @@ class Projection:
         """
         keys, grams = self._columns(effect, shapes)
         count, joints, width = grams.shape[:3]
+        moments = [self.evidence.moments(key) for key in keys]
+        of_parts = [[self.evidence.products(part.key, key) for key in keys]
+                    for part in self._parts]
         inside, moment = [], []
         for joint in range(joints):
-            acting = [part for part in self._parts if joint in part.places]
-            told = np.concatenate([self.evidence.moments(key)[joint] for key in keys])
+            acting = [(part, own) for part, own in zip(self._parts, of_parts)
+                      if joint in part.places]
+            told = np.concatenate([part[joint] for part in moments])
             products = np.concatenate([np.concatenate(
-                [self.evidence.products(part.key, key)[joint][part.columns] for key in keys],
-                axis=1) for part in acting])
-            rows = np.concatenate([np.arange(part.places[joint].start, part.places[joint].stop)
-                                   for part in acting])
+                [part[joint] for part in own], axis=1)[item.columns] for item, own in acting])
+            rows = np.concatenate([np.arange(item.places[joint].start, item.places[joint].stop)
+                                   for item, _ in acting])
             inside.append((self._directions[rows].T @ products).reshape(
                 -1, count, width).transpose(1, 0, 2))
             moment.append((told - products.T @ self._values[rows]).reshape(count, width))
@@ -216,21 +221,6 @@ class Projection:
         signal = columns @ coefficients
         return float(np.linalg.norm(self.rest(signal))) / max(
             float(np.linalg.norm(signal)), 1e-30)
-
-
-def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Return moment^T gram^-1 moment. Directions of gram that are only rounding are left out.
-
-    Args:
-        gram: (..., k, k).
-        moment: (..., k).
-        size: what the diagonal was before anything was taken out, (..., k).
-    """
-    scale = np.sqrt(np.maximum(size, 1e-30))
-    values, vectors = np.linalg.eigh(gram / (scale[..., :, None] * scale[..., None, :]))
-    along = np.einsum('...kl,...k->...l', vectors, moment / scale)
-    kept = values > 1e-7
-    return np.sum(np.where(kept, along ** 2, 0.0) / np.where(kept, values, 1.0), axis=-1)
 
 
 KEPT = 16

@@ -25,7 +25,8 @@ from par4_identification.diagnosis.evidence.evidence import Evidence, gather
 from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import observe, with_nominal
-from par4_identification.diagnosis.evidence.projection import project, quadratic
+from par4_identification.diagnosis.evidence.projection import project
+from par4_identification.diagnosis.evidence.small_systems import quadratic
 from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.experiment.motion_library import joined, motion_library
 from par4_identification.diagnosis.search.shapes import best_shape, self_consistent, shapes_of

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -38,14 +39,21 @@ class Belief:
     projections: Projections
     rules: Rules
     dithered: Dithered
+    _objections: dict[Any, str | None] = field(default_factory=dict)
 
     def objection(self, hypothesis: Hypothesis, others: Model) -> str | None:
-        """Return why a cause cannot be real beside others, or None."""
+        """Return why a cause cannot be real beside others, or None; computed once."""
         if isinstance(hypothesis.effect, Kind):
             return None
+        key = (hypothesis.key, frozenset(item.key for item in others))
+        if key not in self._objections:
+            self._objections[key] = self._objection(hypothesis, others)
+        return self._objections[key]
+
+    def _objection(self, hypothesis: Hypothesis, others: Model) -> str | None:
         fit = self.pool.solution([*others, hypothesis])
         reason = self._implausible(hypothesis, others, fit)
-        if (reason is None and hypothesis.effect.retimes
+        if (reason is None and hypothesis.named.retimes
                 and not self._follows_its_law(hypothesis, others)):
             reason = ('the torque is read at another time, but in second order of that time it '
                       'does not follow this law')

@@ -28,8 +28,8 @@ from par4_identification.diagnosis.search.law import Dithered, delivered
 
 DOUBT = 2.0
 """How many times what the counts are computed to do they may do."""
-NEGLIGIBLE = 1.0
-"""Log-likelihood that counts may give without being looked at closely."""
+NEGLIGIBLE, NEGLIGIBLE_SHARE = 1.0, 0.01
+"""Log-likelihood that counts may give, or share of the cause's, without being looked at closely."""
 TINY = 1e-9
 """Of the size of a column: what is left of it that the design follows."""
 
@@ -75,7 +75,8 @@ class Counts:
         root = vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None]
         found = root.T @ moment
         added = root.T @ self.moment(projection.evidence, hypothesis, 1)
-        if DOUBT * np.linalg.norm(found) * np.linalg.norm(added) > NEGLIGIBLE:
+        most = DOUBT * np.linalg.norm(found) * np.linalg.norm(added)
+        if most > max(NEGLIGIBLE, NEGLIGIBLE_SHARE * 0.5 * float(found @ found)):
             added = root.T @ self.moment(projection.evidence, hypothesis, draws)
         share = float(np.clip(-found @ added / max(added @ added, 1e-30), 0.0, DOUBT))
         without = found + share * added
