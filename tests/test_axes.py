@@ -181,6 +181,30 @@ def test_names_that_lower_no_error_are_not_told(chance, names, monkeypatch):
     assert [cause.effect.name for cause in found.causes] == names
 
 
+@pytest.mark.parametrize(('lines', 'told'), [
+    ({19.2: 0.0047, 134.4: 0.004, 268.8: 0.002},
+     ('19.200 periods a turn, a turn of the motor',
+      "134.40 periods a turn, the motor's pole pairs",
+      "268.80 periods a turn, 2 times the motor's pole pairs")),
+    # two lines of which the gear makes one and the joint the other
+    ({44.8: 0.004, 45.0: 0.004}, ('44.800 periods a turn', '45 periods a turn'))])
+def test_behind_a_gear_the_orders_of_a_motor_are_no_whole_numbers(lines, told):
+    """A ratio of 19.2: the torque of the motor is the same again only after five turns."""
+    motor = Motor(2.4e-4, 0.01, 1e-4, {order: (size, 0.1 * order)
+                                       for order, size in lines.items()})
+    fit, heldout = (recorded(motor, lambda t, first=first: 1.5 * t + 0.6 * np.sin(0.9 * t + first),
+                             24.0, 1000.0, noise=3e-4, seed=first) for first in (1, 2))
+    machine = axis(gear_ratio=19.2, pole_pairs=7)
+    found = diagnosed([fit], [heldout], machine)
+    cause, = found.causes
+    assert cause.effect.name == 'cogging'
+    np.testing.assert_allclose(cause.parameters['periods'].value, list(lines), rtol=3e-4)
+    np.testing.assert_allclose(np.ravel(cause.parameters['amplitude'].value), list(lines.values()),
+                               rtol=0.03)
+    sentence = outcome_of_diagnosis(found, machine).sentence
+    assert all(words in sentence for words in told)
+
+
 # --------------------------------------------------------------------------- scales of the data
 
 

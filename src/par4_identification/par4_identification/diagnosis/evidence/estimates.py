@@ -17,6 +17,9 @@ LASTING = 4.0
 """Time for which a torque is wrong in the same way, s."""
 SLOPE = 1e-3
 """Change of a shape, over its size, from which the slope of its torque is computed."""
+FINE = 1e-6
+"""The same of an order between whole numbers, which many turns of a joint tell to a small share of
+it. Of a whole one the wide step stands for what lies beside its line; it is not in doubt itself."""
 IMITATED = 1e-10
 """Share of the squares of a column below which the rest of a fit imitates it."""
 
@@ -222,10 +225,12 @@ def shape_slopes(evidence: Evidence, hypothesis: Hypothesis, coefficients: np.nd
         knobs: the numbers.
     """
     flat, slopes = hypothesis.stacked(coefficients), []
+    orders = [item.name for item in hypothesis.named.parameters if item.per_order]
     for knob in knobs:
         name, number = knob
-        value = np.atleast_1d(hypothesis.shape[name])[number or 0]
-        step = SLOPE * max(abs(float(value)), 1e-6)
+        value = float(np.atleast_1d(hypothesis.shape[name])[number or 0])
+        share = FINE if name in orders and value != round(value) else SLOPE
+        step = share * max(abs(value), 1e-6)
         moved = replace(hypothesis, shape=turned(hypothesis.shape, knob, step))
         slopes.append((evidence.columns(moved) - evidence.columns(hypothesis)) @ flat / step)
     return np.stack(slopes, axis=1)

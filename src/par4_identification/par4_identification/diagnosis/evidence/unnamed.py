@@ -208,10 +208,23 @@ def _creep(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
     period = (state.t[-1] - state.t[0]) / max(len(state.t) - 1, 1)
     columns = [np.ones_like(state.q), state.q - start]
     for time in RELAXATIONS:
-        kept = np.exp(-period / time)
-        crept = scipy.signal.lfilter([1.0 - kept], [1.0, -kept], state.q - start, axis=0)
-        columns.append(state.q - start - crept)
+        moved = state.q - start
+        columns.append(moved - _crept(moved, np.exp(-period / time)))
     return np.stack(columns, axis=-1)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _crept(moved, kept):
+    """Return where the dampers of springs in series come that are moved (n, J).
+
+    From sample to sample they keep this share of their distance. `scipy.signal` has this filter,
+    too, but takes a second to load.
+    """
+    crept = np.empty_like(moved)
+    crept[0] = (1.0 - kept) * moved[0]
+    for row in range(1, len(moved)):
+        crept[row] = (1.0 - kept) * moved[row] + kept * crept[row - 1]
+    return crept
 
 
 def _gain(state: State, ranges: Ranges) -> np.ndarray:

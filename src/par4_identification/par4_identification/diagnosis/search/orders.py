@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-import numba
 import numpy as np
+from scipy.fft import next_fast_len
 
 from par4_dynamics.effects.effect import Effect, Shape, single
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
@@ -19,6 +20,12 @@ ALL_TRIED = 200
 """Orders up to which each is tried; of more, those with the strongest lines."""
 STRONGEST = 32
 """Lines that are looked at closely."""
+PADDED = 4.0
+"""Length of a spectrum over the range of positions: orders are half of what tells two apart."""
+SETTLING = (0.25, 0.0625, 0.01)
+"""Shares of that distance by which an order is moved to settle it."""
+WIDEST_APART = 0.5
+"""Distance of orders that can be told apart up to which those between whole ones are looked for."""
 
 
 def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection, rules: Rules
@@ -42,13 +49,13 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
     evidence, joints = projection.evidence, range(projection.evidence.observations.joints)
     orders = np.array([single(shape[name]) for shape in shapes])
     apart = 0.999 * _resolution(projection)
-    first, gain = _strongest(effect, name, orders, projection, (), apart)
+    first, gain = _strongest(effect, name, orders, projection, (), apart, rules)
     found = [first]
     before = project(evidence, ()).squares
     while len(found) < MOST:
         hypothesis = Hypothesis(effect, _shape(name, found), tuple(joints))
         beside = project(evidence, (*projection.hypotheses, hypothesis))
-        order, more = _strongest(effect, name, orders, beside, found, apart)
+        order, more = _strongest(effect, name, orders, beside, found, apart, rules)
         coefficients = 2 * (1 if effect.shared else len(joints))
         named = max(before - beside.squares, 0.0)
         needed = (rules.evidence + 0.5 * coefficients * np.log(max(evidence.rows, 2))
@@ -57,7 +64,20 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
             break
         found.append(order)
         gain += more
+    if len(found) > 1 and not set(found) <= set(orders):
+        found = [_beside_the_others(effect, name, order, projection, set(found) - {order}, apart)
+                 if order not in orders else order for order in found]
     return _shape(name, sorted(found)), gain
+
+
+def _beside_the_others(effect: Effect, name: str, order: float, projection: Projection,
+                       others: set[float], apart: float) -> float:
+    """Return an order between those of the grid where it gains most beside all others."""
+    joints = tuple(range(projection.evidence.observations.joints))
+    known = Hypothesis(effect, _shape(name, sorted(others)), joints)
+    beside = project(projection.evidence, (*projection.hypotheses, known))
+    return _settled(order, beside.gain(effect, {name: order}), apart, 0.0,
+                    lambda some: beside.gains(effect, [{name: float(trial)} for trial in some]))[0]
 
 
 def _shape(name: str, orders: Sequence[float]) -> Shape:
@@ -72,54 +92,118 @@ def _resolution(projection: Projection) -> float:
 
 
 def _strongest(effect: Effect, name: str, orders: np.ndarray, projection: Projection,
-               found: Sequence[float], apart: float) -> tuple[float, float]:
+               found: Sequence[float], apart: float, rules: Rules) -> tuple[float, float]:
     """Return the order that gains most and twice its gain, -inf where none is left.
 
-    Orders that are not `apart` from those that were found before gain nothing.
+    Orders that are not `apart` from those that were found before gain nothing. Where the joint
+    makes several turns one may lie between those of the grid, if it explains decidedly more.
     """
     def is_new(some: np.ndarray) -> np.ndarray:
         return np.min(np.abs(some[:, None] - [*found, np.inf]), axis=1) >= apart
+
+    def shapes(some: np.ndarray) -> list[Shape]:
+        return [{name: float(order)} for order in some]
 
     def worth(some: Sequence[Shape]) -> np.ndarray:
         new = is_new(np.array([single(shape[name]) for shape in some]))
         return np.where(new, projection.gains(effect, some), -np.inf)
 
+    lines = Lines.of(projection, float(orders[-1]))
+    tried = orders
     if len(orders) > ALL_TRIED:
-        power = np.where(is_new(orders), line_powers(projection, orders), -1.0)
-        orders = np.sort(orders[np.argsort(-power)[:STRONGEST]])
-    shape, gain = best_shape(effect, [{name: float(order)} for order in orders], worth)
-    return single(shape[name]), gain
+        power = np.where(is_new(orders), lines.power(orders), -1.0)
+        tried = np.sort(orders[np.argsort(-power)[:STRONGEST]])
+    shape, gain = best_shape(effect, shapes(tried), worth)
+    order, whole = single(shape[name]), True
+    if apart > WIDEST_APART:
+        return order, gain
+    between = lines.between(orders, apart)
+    if len(between):
+        worths = worth(shapes(between))
+        if np.max(worths) > gain:
+            order, gain = float(between[np.argmax(worths)]), float(np.max(worths))
+            whole = False
+    needed = 2.0 * rules.evidence + rules.named_error ** 2 * gain if whole else 0.0
+    moved = _settled(order, gain, apart, needed, lambda some: worth(shapes(some)))
+    return moved if moved[1] > gain + needed else (order, gain)
 
 
-def line_powers(projection: Projection, orders: np.ndarray) -> np.ndarray:
-    """Return the strength of each order in the residual, (k,), without units.
+def _settled(order: float, gain: float, apart: float, needed: float,
+             worth: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
+    """Return the order of the largest worth around one that is right to half of `apart`.
 
-    The whitened residual stands for the product of both: a whitening filter changes a wave little
-    but its size and phase, and the phase turns over with the direction, so that the directions are
-    summed apart.
+    Parabolas through three orders lead there. If the first one promises less than `needed` above
+    `gain`, the order stays.
     """
-    evidence = projection.evidence
-    runs, ends = evidence.observations.runs, evidence.ends
-    step = float(np.min(np.diff(orders))) if len(orders) > 1 else 1.0
-    numbers = np.round((orders - orders[0]) / step).astype(int)
-    power = np.zeros(numbers[-1] + 1)
-    for joint in range(evidence.observations.joints):
-        residual = projection.residual[ends[joint]:ends[joint + 1]]
-        q = np.concatenate([run.q[:, joint] for run in runs])
-        speed = np.concatenate([run.speed[:, joint] for run in runs])
-        for side in (speed > 0.0, speed < 0.0):
-            waves = np.exp(1j * orders[0] * q[side])
-            power += _line_powers(residual[side] * waves, np.exp(1j * step * q[side]), len(power))
-    return power[numbers]
+    for step in apart * np.array(SETTLING):
+        below, above = worth(order + step * np.array((-1.0, 1.0)))
+        if not np.isfinite(below + above + gain):  # another order is there
+            break
+        curvature = below + above - 2.0 * gain
+        shift = (float(np.clip(0.5 * (below - above) / curvature, -1.0, 1.0)) if curvature < 0.0
+                 else float(np.sign(above - below)))
+        if 0.5 * shift * (above - below) + 0.5 * shift ** 2 * curvature <= needed:
+            break
+        trial = order + shift * step
+        most = float(worth(np.array([trial]))[0])
+        if most > gain:
+            order, gain, needed = trial, most, 0.0
+    return order, gain
 
 
-@numba.njit(cache=True, error_model='numpy')
-def _line_powers(values, phasor, count):
-    """Return |sum_n values_n phasor_n^k|^2 for k = 0, 1, ... (count,)."""
-    total = np.zeros(count, np.complex128)
-    for row in range(len(values)):
-        power = values[row]
-        for k in range(count):
-            total[k] += power
-            power *= phasor[row]
-    return total.real ** 2 + total.imag ** 2
+@dataclass(frozen=True)
+class Lines:
+    """The spectrum of a residual over the joint positions.
+
+    Attributes:
+        step: from order to order.
+        powers: of the orders 0, step, 2 step ..., (k,), without units.
+    """
+
+    step: float
+    powers: np.ndarray
+
+    @classmethod
+    def of(cls, projection: Projection, highest: float) -> Lines:
+        """Return the spectrum of what a projection leaves, up to an order.
+
+        The whitened residual stands for the product of both: a whitening filter changes a wave
+        little but its size and phase, and the phase turns over with the direction, so that the
+        directions are summed apart. Rows are summed in cells of an eighth of the shortest period.
+        """
+        evidence = projection.evidence
+        runs, ends = evidence.observations.runs, evidence.ends
+        positions = [np.concatenate([run.q[:, joint] for run in runs])
+                     for joint in range(evidence.observations.joints)]
+        cell = np.pi / (4.0 * highest)
+        span = max(float(np.ptp(q)) for q in positions)
+        count = int(next_fast_len(int(np.ceil(PADDED * span / cell)) + 1, real=True))
+        powers = np.zeros(count // 2 + 1)
+        for joint, q in enumerate(positions):
+            residual = projection.residual[ends[joint]:ends[joint + 1]]
+            speed = np.concatenate([run.speed[:, joint] for run in runs])
+            cells = ((q - q.min()) / cell).astype(int)
+            for side in (speed > 0.0, speed < 0.0):
+                summed = np.bincount(cells[side], residual[side], count)
+                powers += np.abs(np.fft.rfft(summed)) ** 2
+        return cls(2.0 * np.pi / (cell * count), powers)
+
+    def power(self, orders: np.ndarray) -> np.ndarray:
+        """Return the power at some orders, (k,)."""
+        places = np.round(orders / self.step).astype(int)
+        return self.powers[np.minimum(places, len(self.powers) - 1)]
+
+    def between(self, orders: np.ndarray, apart: float) -> np.ndarray:
+        """Return the strongest lines that are none of the orders, (k,), at most `STRONGEST`.
+
+        A line belongs to an order that is nearer than half of what tells two apart: the torque of
+        a motor returns after a turn. Behind a gear it need not.
+        """
+        inner = self.powers[1:-1]
+        peaks = 1 + np.flatnonzero((inner >= self.powers[:-2]) & (inner > self.powers[2:]))
+        places = peaks * self.step
+        distance = np.min(np.abs(orders[np.clip(
+            np.searchsorted(orders, places)[:, None] - (0, 1), 0, len(orders) - 1)]
+            - places[:, None]), axis=1)
+        kept = peaks[(distance > 0.5 * apart) & (places > orders[0]) & (places < orders[-1])]
+        return np.sort(kept[np.argsort(-self.powers[kept])[:STRONGEST]]) * self.step

@@ -171,7 +171,7 @@ def _phrase_of_periods(order: float, machine: Robot | Axis) -> str:
     if isinstance(machine, Axis) and machine.kind == 'linear':
         return f'a pitch of {number(2e3 * np.pi / order, 3)} mm'
     whole = abs(order - round(order)) < 1e-3
-    count = f'{order:.0f}' if whole else number(order, 3)
+    count = f'{order:.0f}' if whole else number(order, 5)
     source = source_of_order(order, machine)
     return f'{count} periods a turn' + (f', {source}' if source else '')
 
