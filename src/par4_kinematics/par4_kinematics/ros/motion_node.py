@@ -317,8 +317,9 @@ class MotionNode(Par4Node):
             return 'a goal'
         listeners = self._publisher.get_subscription_count()
         if now_ns == 0:
-            return f'{CLOCK.name}' + ('' if self.clocks() else ', which nobody publishes: '
-                                      'use_sim_time is for a simulation')
+            nobody = self.clocks() == 0 and time.monotonic() > self._discovered
+            return f'{CLOCK.name}' + (', which nobody publishes: use_sim_time is for a simulation'
+                                      if nobody else '')
         if self._robot_at is None:
             return JOINT_STATES.name
         wanted = self.parameters.listeners
