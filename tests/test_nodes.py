@@ -124,6 +124,23 @@ def test_bad_joint_states_are_dropped_and_counted(bench):
     assert 'missing joint arm_joint_0' in bench.said()
 
 
+def test_a_clock_before_zero_is_refused_and_ends_no_node(bench):
+    """rclpy itself raises an error where it takes one."""
+    diagnostics, nodes = bench.listen(DIAGNOSTICS), ('par4_kinematics', 'par4_feedforward')
+    children = [bench.start(node, **SIMULATED) for node in nodes]
+    clocks, clock = bench.publisher(CLOCK, len(nodes)), message_type(CLOCK)()
+    clock.clock.sec = -5
+
+    def told_or_ended() -> bool:
+        clocks.publish(clock)
+        return (any(child.poll() is not None for child in children)
+                or all('rejected_messages' in bench.counts(diagnostics, node) for node in nodes))
+
+    bench.wait(told_or_ended, 'refusals of the clock')
+    assert [child.poll() for child in children] == [None] * len(nodes)
+    assert '/clock: -5 s; a clock begins at 0' in bench.said()
+
+
 @pytest.mark.parametrize('model', ['table1', 'table1_full'])
 def test_feedforward_is_the_torque_of_the_model(bench, model):
     bench.start('par4_feedforward', model_file=model)

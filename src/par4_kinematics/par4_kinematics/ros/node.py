@@ -134,6 +134,22 @@ class Par4Node(Node):
         self._diagnostics = self.publisher_of(DIAGNOSTICS)
         self.create_timer(REPORT_PERIOD, self._report, clock=self.wall_clock)
 
+    def create_subscription(self, msg_type: Any, topic: str, callback: Callable[..., None],
+                            *arguments: Any, **options: Any) -> Subscription:
+        """Return a subscription; one of the clock, as rclpy makes it, rejects times before zero."""
+        if msg_type is message_type(CLOCK):
+            callback = self._without_bad_clocks(callback)
+        return super().create_subscription(msg_type, topic, callback, *arguments, **options)
+
+    def _without_bad_clocks(self, callback: Callable[..., None]) -> Callable[[Any], None]:
+        def take(message: Any) -> None:
+            if message.clock.sec < 0:
+                self.reject(CLOCK, InputError(f'{message.clock.sec} s; a clock begins at 0'))
+                return
+            callback(message)
+
+        return take
+
     def publisher_of(self, topic: Topic) -> Publisher:
         """Return a publisher of a topic of the contract."""
         return self._on_topic(self.create_publisher, topic)
