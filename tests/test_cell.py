@@ -269,6 +269,17 @@ def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(
     assert 'two machines or simulations with clocks of their own talk on /joint_states' in found
 
 
+def test_a_motion_ends_when_the_simulation_ends_in_order(bench):
+    """Its clock stands then, so that no further points are ever due."""
+    simulated = Simulated(bench)
+    player = bench.start('par4_motion', motion='excitation', duration=60.0, **SIMULATED)
+    wait_for_state(bench, simulated.diagnostics, 'par4_motion', OK, 'playing')
+    simulated.child.send_signal(signal.SIGINT)
+    assert bench.ended(simulated.child) == 0
+    assert bench.ended(player) == 2
+    assert 'excitation aborted: nobody publishes joint_states any more' in bench.said()
+
+
 def test_two_robots_in_two_namespaces_do_not_hear_each_other(bench):
     """In one domain, each with a clock of its own."""
     diagnostics, states = bench.listen(DIAGNOSTICS), {}

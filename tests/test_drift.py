@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from functools import partial
+from types import SimpleNamespace
+from unittest import mock
+
 import numpy as np
 import pytest
+from sensor_msgs.msg import JointState
 
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_joints
 from par4_identification.logs.log import Log
+from par4_identification.ros.monitor_node import MonitorNode
 from par4_identification.trend.drift import WORDS, DriftWatch, projections
 from par4_identification.trend.windows import WINDOW
+from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
 from par4_kinematics.motion_file import named_motion
+from par4_kinematics.robot import JOINT_NAMES
+from par4_kinematics.ros.convert import SECOND, write_joint_state
 from robots import REFERENCE
 
 MODEL = read_model('table1', REFERENCE)
@@ -108,3 +118,46 @@ def test_joints_that_rest_say_nothing():
     for _ in range(100):
         watch.take(1000.0, resting, resting)
     assert not watch.drifts
+
+
+@pytest.fixture
+def monitor() -> SimpleNamespace:
+    """Return the state of a `par4_monitor` that takes messages and counts windows."""
+    node = SimpleNamespace(counts=Counter(), looked=0, wall_clock=None, get_logger=mock.Mock(),
+                           _gain=np.asarray(REFERENCE.drive_gain))
+    for name in ('_forget', '_skip', '_leave_other_times'):
+        setattr(node, name, partial(getattr(MonitorNode, name), node))
+
+    def look() -> None:
+        node.looked += 1
+        node._forget()
+
+    node._look = look
+    node._forget()
+    return node
+
+
+def send(node: SimpleNamespace, first: float, last: float,
+         topics: tuple[Topic, ...] = (JOINT_STATES, AMPLIFIER_VOLTAGE)) -> None:
+    """Let a monitor take a message of each topic every 10 ms."""
+    message, still = JointState(name=list(JOINT_NAMES)), np.zeros(4)
+    for time in np.arange(first, last, 0.01):
+        write_joint_state(message, round(time * SECOND), still, effort=still)
+        for topic in topics:
+            MonitorNode._taken(node, topic)(message)
+
+
+def test_a_clock_that_is_set_back_or_a_stray_stamp_does_not_blind_the_monitor(monitor):
+    send(monitor, 1000.0, 1001.0)
+    send(monitor, 5.0, 10.0)
+    assert monitor.looked == 2
+    for _ in range(2):  # the first ends the window, the second would begin the next
+        send(monitor, 1e9, 1e9 + 0.015)
+    send(monitor, 10.0, 15.0)
+    assert monitor.looked == 4
+    assert monitor.counts['skipped_windows'] == 3
+
+
+def test_voltages_without_joint_states_do_not_pile_up(monitor):
+    send(monitor, 0.0, 60.0, (AMPLIFIER_VOLTAGE,))
+    assert len(monitor._torque) < 500

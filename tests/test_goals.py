@@ -326,6 +326,14 @@ def test_a_motion_that_began_while_the_clock_stood_can_be_braked():
     assert np.isfinite(node._patient_until)
 
 
+def test_a_clock_is_told_to_be_missing_once_it_had_time_to_be_found():
+    node = SimpleNamespace(_motion=object(), clocks=lambda: 0, _discovered=np.inf,
+                           _publisher=SimpleNamespace(get_subscription_count=lambda: 0))
+    assert MotionNode._missing(node, 0) == '/clock'
+    node._discovered = 0.0
+    assert 'nobody publishes' in MotionNode._missing(node, 0)
+
+
 def test_without_control_msgs_the_action_is_refused_in_one_line():
     with pytest.raises(InputError, match='control_msgs is not installed'):
         goal_server.action_type()

@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rcl_interfaces.srv import SetParameters
 from rclpy.duration import Duration
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from node_bench import (
@@ -122,6 +124,40 @@ def test_bad_joint_states_are_dropped_and_counted(bench):
     assert child.poll() is None
     assert 'Traceback' not in bench.said()
     assert 'missing joint arm_joint_0' in bench.said()
+
+
+def test_a_clock_before_zero_is_refused_and_ends_no_node(bench):
+    """rclpy itself raises an error where it takes one."""
+    diagnostics, nodes = bench.listen(DIAGNOSTICS), ('par4_kinematics', 'par4_feedforward')
+    children = [bench.start(node, **SIMULATED) for node in nodes]
+    clocks, clock = bench.publisher(CLOCK, len(nodes)), message_type(CLOCK)()
+    clock.clock.sec = -5
+
+    def told_or_ended() -> bool:
+        clocks.publish(clock)
+        return (any(child.poll() is not None for child in children)
+                or all('rejected_messages' in bench.counts(diagnostics, node) for node in nodes))
+
+    bench.wait(told_or_ended, 'refusals of the clock')
+    assert [child.poll() for child in children] == [None] * len(nodes)
+    assert '/clock: -5 s; a clock begins at 0' in bench.said()
+
+
+def test_a_node_keeps_the_clock_that_it_was_started_with(bench):
+    """By another one a motion would be over at once, while the robot goes on."""
+    child = bench.start('par4_kinematics', **SIMULATED)
+    client = bench.node.create_client(SetParameters, 'par4_kinematics/set_parameters')
+    bench.wait(client.service_is_ready, 'the parameters of a node')
+    answers = []
+    for value in (False, True):
+        asked = SetParameters.Request(
+            parameters=[Parameter('use_sim_time', value=value).to_parameter_msg()])
+        answer = client.call_async(asked)
+        bench.wait(answer.done, 'an answer')
+        answers.append(answer.result().results[0])
+    assert [answer.successful for answer in answers] == [False, True]
+    assert 'start it anew' in answers[0].reason
+    assert child.poll() is None
 
 
 @pytest.mark.parametrize('model', ['table1', 'table1_full'])

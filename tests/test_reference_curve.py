@@ -18,7 +18,7 @@ from par4_kinematics.limits import check_torque
 from par4_kinematics.position import forward_kinematics, inverse_kinematics
 from par4_kinematics.workspace import home_pose, inside
 from par4_sim.reference import ReferenceQueue
-from par4_sim.reference_curve import HARDEST, ReferenceLimits
+from par4_sim.reference_curve import HARDEST, ReferenceLimits, between
 from par4_sim.simulation import build_simulation
 from robots import REFERENCE
 
@@ -62,6 +62,45 @@ def test_points_within_the_limits_with_a_way_beyond_them_are_refused():
     swing = points(np.stack((there, there)), np.array([[8.0] * 4, [-8.0] * 4]))
     with pytest.raises(InputError, match='on the way .* z of D -1'):
         LIMITS.check(np.array((0.0, 0.1)), swing)
+
+
+@pytest.mark.parametrize(('span', 'qd', 'qdd', 'named'), [
+    (4.0, 0.0, 2.4, 'z of D -1'),
+    (4.0, 0.0, -2.4, 'z of D -0.5'),
+    (5.0, -0.5, 0.0, 'z of D -1'),
+])
+def test_a_way_that_swings_out_of_the_workspace_and_back_is_refused(span, qd, qdd, named):
+    """From rest to a moving point at the same place: the longer ahead, the further the swing."""
+    both = points(np.stack((HOME_Q, HOME_Q)), np.array([[0.0] * 4, [qd] * 4]),
+                  np.array([[0.0] * 4, [qdd] * 4]))
+    LIMITS.check(np.array((0.0, 0.1)), both)
+    with pytest.raises(InputError, match=f'on the way .* {named}'):
+        LIMITS.check(np.array((0.0, span)), both)
+
+
+def test_no_way_that_is_let_pass_leaves_the_workspace():
+    """But for what lies between two looks: 5 mm, and 5 mrad of theta."""
+    space, generator = REFERENCE.limits.workspace, np.random.default_rng(7)
+    shares, followed = np.linspace(0.0, 1.0, 100), np.empty((100, 12))
+    kept = 0
+    for _ in range(1500):
+        span = 10.0 ** generator.uniform(-2.0, 1.0)
+        scale = min(1.0, 0.5 / span)  # of the time in which a joint goes far
+        first, second = (points(
+            HOME_Q + generator.uniform(-0.2, 0.2, 4), generator.normal(0.0, scale, 4),
+            generator.normal(0.0, 10.0 * scale ** 2, 4))[0] for _ in range(2))
+        if generator.integers(2):
+            second[:4] = first[:4]
+        with suppress(InputError, UnreachableError):
+            LIMITS.check(np.array((0.0, span)), np.stack((first, second)))
+            for share, state in zip(shares, followed, strict=True):
+                between(first, second, span, share, state)
+            x = forward_kinematics(REFERENCE.geometry, followed[:, :4])
+            beyond = np.stack((np.hypot(x[:, 0], x[:, 1]) - space.radius, x[:, 2] - space.z[1],
+                               space.z[0] - x[:, 2], np.abs(x[:, 3]) - space.theta))
+            assert beyond.max() < 5e-3, (first, second, span)
+            kept += 1
+    assert kept > 300
 
 
 def test_torque_beyond_the_limit_is_refused_and_so_is_none():

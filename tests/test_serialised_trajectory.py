@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from contextlib import suppress
 
 import numpy as np
@@ -94,6 +95,22 @@ def test_bytes_are_given_their_effort_as_the_message_is(how, count):
         write_effort(built, effort)
         assert deserialize_message(given, JointTrajectory) == built
         np.testing.assert_array_equal(read_serialised_trajectory(given, FIELDS[3:]).effort, effort)
+
+
+def test_a_message_is_copied_once():
+    """A copy by Python holds the threads of the physics for milliseconds; the one here is numpy's.
+    """
+    point = JointTrajectoryPoint(positions=np.zeros(200_001))
+    data = serialize_message(JointTrajectory(joint_names=['arm'], points=[point])) + bytes(4)
+    assert len(data) % 8 == 0, 'behind its first four bytes it is to be filled up'
+    SerialisedTrajectory(data)
+    tracemalloc.start()
+    try:
+        SerialisedTrajectory(data)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most < 1.1 * len(data)
 
 
 def test_a_reference_at_rest_rests_where_it_is_told_to():

@@ -17,10 +17,15 @@ COLUMNS = 16
 NO_TORQUE = math.inf
 """In place of the torque of a point for which none will come."""
 LOOKS = 8
-"""Parts of a segment between which its curve is held against the limits."""
+"""Parts of a segment between which its curve is held against the limits of the joints."""
+CLOSE_LOOKS = 64
+"""Parts of a segment that may leave the limits, between which it is held against all of them."""
 LONG_WAY = 0.02
 """Travel of a joint between two points, by position or speed, rad, beyond which the platform is
 looked at between them."""
+ASIDE = 2e-3
+"""How far the curve of a joint may go beyond both its points, rad, before the platform is looked at
+there."""
 SHORTEST = 1e-3
 """Seconds that a join of two curves takes at least, whatever their times say."""
 STILL = 1e-3
@@ -69,15 +74,18 @@ def _suspect(times, points, row, low, high, speed):
             for joint in range(4):
                 if not (low <= state[joint] <= high and abs(state[4 + joint]) <= speed):
                     return row
+                one, other = points[row, joint], points[row + 1, joint]
+                if not min(one, other) - ASIDE <= state[joint] <= max(one, other) + ASIDE:
+                    return row
         row += 1
     return -1
 
 
 def _looked_at(times: np.ndarray, points: np.ndarray, row: int) -> np.ndarray:
-    """Return q, qd, qdd (LOOKS - 1, 12) on the segment behind point `row`."""
-    states = np.empty((LOOKS - 1, 12))
-    for look in range(1, LOOKS):
-        between(points[row], points[row + 1], times[row + 1] - times[row], look / LOOKS,
+    """Return q, qd, qdd (CLOSE_LOOKS - 1, 12) on the segment behind point `row`."""
+    states = np.empty((CLOSE_LOOKS - 1, 12))
+    for look in range(1, CLOSE_LOOKS):
+        between(points[row], points[row + 1], times[row + 1] - times[row], look / CLOSE_LOOKS,
                 states[look - 1])
     return states
 

@@ -21,6 +21,8 @@ from par4_kinematics.ros.node import Par4Node, State, run
 
 LONGEST_GAP = 5
 """Periods without a sample within a window that is still looked at."""
+ASTRAY_NS = round(2 * WINDOW * SECOND)
+"""Distance from the first stamp of a window at which no stamp belongs to the same time."""
 
 
 class MonitorNode(Par4Node):
@@ -64,6 +66,7 @@ class MonitorNode(Par4Node):
             if is_foreign(message):
                 return
             stamp_ns = time_ns(message.header.stamp)
+            self._leave_other_times(stamp_ns)
             if topic is AMPLIFIER_VOLTAGE:
                 self._torque[stamp_ns] = self._gain * joint_values(message, 'effort')
                 return
@@ -75,6 +78,18 @@ class MonitorNode(Par4Node):
 
         return take
 
+    def _leave_other_times(self, stamp_ns: int) -> None:
+        """Begin a window anew that this stamp is far from: it would wait, and grow, until then."""
+        first_ns = next(iter(self._position or self._torque), stamp_ns)
+        if abs(stamp_ns - first_ns) > ASTRAY_NS:
+            self._forget()
+            self._skip(f'a stamp {(stamp_ns - first_ns) / SECOND:.3g} s from its first')
+
+    def _skip(self, why: str) -> None:
+        self.counts['skipped_windows'] += 1
+        self.get_logger().info(f'window skipped: {why}', throttle_duration_sec=10.0,
+                               throttle_time_source_type=self.wall_clock)
+
     def _look(self) -> None:
         """Look at the window that is complete and begin the next."""
         position, torque = self._position, self._torque or self._effort
@@ -83,9 +98,7 @@ class MonitorNode(Par4Node):
             log = self._window(position, torque)
             projected, lengths, self._rms = projections(log, self._robot, self._model)
         except Par4Error as error:
-            self.counts['skipped_windows'] += 1
-            self.get_logger().info(f'window skipped: {error}', throttle_duration_sec=10.0,
-                                   throttle_time_source_type=self.wall_clock)
+            self._skip(str(error))
             return
         self._watch.take(float(log.t[-1]), projected, lengths)
 

@@ -185,13 +185,14 @@ class MotionNode(Par4Node):
                 self._over(0)
                 return
             self._brake(played, now_ns)
+        # at every look, for the clock of a simulation that has ended asks for no further points
+        if not (self._braking or self._robot_is_there()):
+            self._fail(InputError(
+                f'{played.motion.name} aborted: nobody publishes {JOINT_STATES.name} any '
+                f'more, so that the robot or its driver has ended; play it anew'))
+            return
         while played.sent < len(played.times_ns) and (
                 played.times_ns[played.sent] <= now_ns + self._ahead_ns):
-            if not (self._braking or self._robot_is_there()):
-                self._fail(InputError(
-                    f'{played.motion.name} aborted: nobody publishes {JOINT_STATES.name} any '
-                    f'more, so that the robot or its driver has ended; play it anew'))
-                return
             self._send_chunk(played)
         self._feed_back(played, now_ns)
         if self._standstill is not None:
@@ -316,8 +317,9 @@ class MotionNode(Par4Node):
             return 'a goal'
         listeners = self._publisher.get_subscription_count()
         if now_ns == 0:
-            return f'{CLOCK.name}' + ('' if self.clocks() else ', which nobody publishes: '
-                                      'use_sim_time is for a simulation')
+            nobody = self.clocks() == 0 and time.monotonic() > self._discovered
+            return f'{CLOCK.name}' + (', which nobody publishes: use_sim_time is for a simulation'
+                                      if nobody else '')
         if self._robot_at is None:
             return JOINT_STATES.name
         wanted = self.parameters.listeners

@@ -18,12 +18,14 @@ from typing import Any, ClassVar
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, JumpThreshold, TimeJump
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.signals import SignalHandlerOptions
@@ -42,6 +44,8 @@ from par4_kinematics.runner import runner_has_ended
 NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_messages',
               'skipped_windows')
 """Faults that are logged when they happen, or that a busy machine has all the time."""
+SIMULATED_TIME = 'use_sim_time'
+"""Parameter of every node of ROS: whether it follows a published clock."""
 PATIENCE = 3.0
 """Seconds that a node has to end in before another signal interrupts it."""
 SILENCE = 0.95
@@ -131,8 +135,33 @@ class Par4Node(Node):
         self._jumps = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
                           on_clock_change=False), post_callback=self._on_jump)
+        self.add_on_set_parameters_callback(self._keep_clock)
         self._diagnostics = self.publisher_of(DIAGNOSTICS)
         self.create_timer(REPORT_PERIOD, self._report, clock=self.wall_clock)
+
+    def _keep_clock(self, parameters: list[Parameter]) -> SetParametersResult:
+        """Refuse another clock: what the node has begun would be over, or never, by it."""
+        if any(parameter.name == SIMULATED_TIME and parameter.value != self.simulated_time
+               for parameter in parameters):
+            return SetParametersResult(successful=False, reason=(
+                f'{SIMULATED_TIME}: a node keeps the clock it was started with; start it anew'))
+        return SetParametersResult(successful=True)
+
+    def create_subscription(self, msg_type: Any, topic: str, callback: Callable[..., None],
+                            *arguments: Any, **options: Any) -> Subscription:
+        """Return a subscription; one of the clock, as rclpy makes it, rejects times before zero."""
+        if msg_type is message_type(CLOCK):
+            callback = self._without_bad_clocks(callback)
+        return super().create_subscription(msg_type, topic, callback, *arguments, **options)
+
+    def _without_bad_clocks(self, callback: Callable[..., None]) -> Callable[[Any], None]:
+        def take(message: Any) -> None:
+            if message.clock.sec < 0:
+                self.reject(CLOCK, InputError(f'{message.clock.sec} s; a clock begins at 0'))
+                return
+            callback(message)
+
+        return take
 
     def publisher_of(self, topic: Topic) -> Publisher:
         """Return a publisher of a topic of the contract."""
@@ -233,7 +262,7 @@ class Par4Node(Node):
     @property
     def simulated_time(self) -> bool:
         """Whether the node follows a published clock."""
-        return bool(self.get_parameter('use_sim_time').value)
+        return bool(self.get_parameter(SIMULATED_TIME).value)
 
     def end(self) -> None:
         """Begin to end, as a signal or ~/stop asks; a node that has more to do sets `finished`."""

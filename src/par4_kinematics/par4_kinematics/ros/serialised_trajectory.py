@@ -135,7 +135,7 @@ class SerialisedTrajectory:
     """
 
     def __init__(self, data: bytes) -> None:
-        body = data[_BEHIND:]
+        body = memoryview(data)[_BEHIND:]
         try:
             if data[:2] != b'\x00\x01':
                 raise ValueError
@@ -149,7 +149,7 @@ class SerialisedTrajectory:
             raise InputError(_CUT_OFF)
         self._stamp_ns = seconds * SECOND + nanoseconds
         self._head, self._first = data[:_BEHIND], at // 4
-        padded = np.frombuffer(body + bytes(-len(body) % 8), dtype=np.uint8)
+        padded = _aligned(body)
         self._words, self._numbers = padded.view('<u4'), padded.view('<f8')
         self._places = np.empty((count, 5), dtype=np.int64)
         self._sizes = np.empty((count, 4), dtype=np.int64)
@@ -236,19 +236,30 @@ def _parts(fields: tuple[str, ...]) -> np.ndarray:
     return np.array([_ARRAYS.index(field) for field in fields])
 
 
-def _count(body: bytes, at: int) -> tuple[int, int]:
+def _aligned(body: memoryview) -> np.ndarray:
+    """Return the bytes as whole numbers of eight, with zeros behind them.
+
+    numpy copies many without holding other threads of Python, as joining bytes does.
+    """
+    padded = np.empty(len(body) + -len(body) % 8, dtype=np.uint8)
+    padded[:len(body)] = np.frombuffer(body, dtype=np.uint8)
+    padded[len(body):] = 0
+    return padded
+
+
+def _count(body: memoryview, at: int) -> tuple[int, int]:
     at = at + 3 & -4
     return struct.unpack_from('<I', body, at)[0], at + 4
 
 
-def _text(body: bytes, at: int) -> tuple[str, int]:
+def _text(body: memoryview, at: int) -> tuple[str, int]:
     size, at = _count(body, at)
     if at + size > len(body):
         raise ValueError
-    return body[at:at + size - 1].decode(), at + size
+    return str(body[at:at + size - 1], 'utf-8'), at + size
 
 
-def _texts(body: bytes, at: int) -> tuple[list[str], int]:
+def _texts(body: memoryview, at: int) -> tuple[list[str], int]:
     count, at = _count(body, at)
     if count > len(body):
         raise ValueError
