@@ -117,8 +117,8 @@ class Axis(FileModel):
         joint: name of its joint.
         kind: whether it slides or turns.
         gain: torque or force per volt, N m/V or N/V.
-        gravity: whether the axis lifts a load: 'vertical' where it turns in a vertical plane or
-            slides up and down; 'unknown' lets the data tell.
+        gravity: 'vertical' if the axis lifts a load, because it turns in a vertical plane or slides
+            up and down; 'none' if not; 'unknown' lets the data tell.
         gear_ratio: turns of the motor for one turn of the joint, or None.
         pole_pairs: of the motor, or None.
         motor_gain: torque or force at the joint per ampere, N m/A or N/A, or None.
@@ -146,7 +146,7 @@ class Axis(FileModel):
 
     @property
     def hanging(self) -> Hanging | None:
-        """How gravity loads the axis where its base terms are to say so, else None."""
+        """How gravity loads the axis, if its base terms contain that load; else None."""
         if self.gravity == 'none':
             return None
         return 'turning' if self.kind == 'revolute' else 'sliding'

@@ -44,11 +44,11 @@ class _Part:
 class Projection:
     """What a design leaves of the target. Each part is computed when it is asked for.
 
-    The prior of unnamed causes counts as rows of its own, which no other column has.
+    The prior of unnamed causes counts as additional rows, in which all other columns are zero.
 
     Attributes:
-        evidence: whose target.
-        hypotheses: in the design, beside the base columns.
+        evidence: has the target and the columns.
+        hypotheses: of the design, which also has the base columns.
     """
 
     evidence: Evidence
@@ -132,8 +132,8 @@ class Projection:
     def gains(self, effect: Effect | Kind, shapes: Sequence[Shape]) -> np.ndarray:
         """Return twice the gain in log-likelihood by an effect on all joints at each shape, (s,).
 
-        Linear algebra of small matrices, joint by joint: what a joint's columns do to the others
-        goes through the design alone.
+        The columns of an effect on different joints have no rows in common, so the algebra is that
+        of small matrices, joint by joint; only the design connects them.
         """
         size, gram, moment = self._normal_equations(effect, shapes)
         return quadratic(gram, moment, size)
@@ -224,7 +224,7 @@ def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> np.ndar
     Args:
         gram: (..., k, k).
         moment: (..., k).
-        size: what the diagonal was before anything was taken out, (..., k).
+        size: diagonal of gram before a projection made it smaller, (..., k).
     """
     scale = np.sqrt(np.maximum(size, 1e-30))
     values, vectors = np.linalg.eigh(gram / (scale[..., :, None] * scale[..., None, :]))
