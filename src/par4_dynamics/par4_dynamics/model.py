@@ -345,7 +345,11 @@ def _numbers(parameter: EffectParameter, given: Number, acting: tuple[int, ...],
 
 
 def read_model(name_or_path: str | Path, machine: Robot | Axis) -> Model:
-    """Return the model of a `model.yaml` or built-in name for `machine`; see `build_model`."""
+    """Return the model of a `model.yaml` or built-in name for `machine`.
+
+    Raises:
+        InputError: see `read_model_file` and `build_model`.
+    """
     return read_file_and_model(name_or_path, machine)[1]
 
 

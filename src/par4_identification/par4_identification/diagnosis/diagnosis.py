@@ -182,6 +182,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
 
     Raises:
         InputError: data that cannot be filtered.
+        UnreachableError: joint positions with which the mechanism does not close.
     """
     rules = rules or (OF_AXIS if isinstance(machine, Axis) else Rules())
     if conditioning is None:

@@ -198,7 +198,8 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'pa
     Raises:
         InputError: data that cannot be filtered or do not excite the parameters; for instruments,
             a log without a reference or a machine that cannot be simulated.
-        UnreachableError: for instruments, the simulated machine leaves its workspace.
+        UnreachableError: joint positions with which the mechanism does not close; for instruments,
+            the simulated machine leaves its workspace.
     """
     targets, bases = [], []
     fitting, payloads = fitting or Fitting(), payloads or {}

@@ -73,8 +73,8 @@ class NextExperiment:
     """The next motion, or why there is none.
 
     Attributes:
-        motion: None where no motion of the library separates any pair.
-        separations: of each pair of names.
+        motion: None if no candidate motion separates any pair.
+        separations: one for each pair of explanations.
     """
 
     motion: Motion | None
