@@ -54,14 +54,15 @@ class ActiveEffect:
 
 @dataclass(frozen=True)
 class Model:
-    """Torque of a motion: W chi of (21), plus distributed bodies (`full`), plus effects.
+    """The model of a machine: torque = W chi of (21) + distributed bodies (`full`) + effects.
 
     Attributes:
         rigid_body: 'paper' for (20), 'full' for distributed rods and bars.
         values: base parameter name -> (J,).
-        bodies: the masses that `full` distributes.
-        effects: what else the machine does.
-        torque_limit: of the drives where the model needs its own, N m.
+        bodies: masses of rods and bars, which `full` distributes along them.
+        effects: the effects of the machine, with values and joints.
+        torque_limit: of the drives, N m, if the model needs another one than the robot file; else
+            None.
     """
 
     rigid_body: RigidBody
@@ -88,14 +89,14 @@ class Model:
         return torque_of_values(state, {name: self.values[name] for name in FRICTION})
 
     def nominal(self, state: State) -> Nominal:
-        """Return the torque of a motion as effects that scale or shift it refer to it."""
+        """Return the nominal torque of a motion, which effects need that scale or shift torque."""
         added = sum(active.torque(state) for active in self.effects
                     if not active.effect.needs_nominal)
         return Nominal(torque_of_values(state, self._linear), self.friction_torque(state),
                        self.values, self.rigid_torque, added)
 
     def known_torque(self, state: State) -> np.ndarray:
-        """Return what is not linear in the base parameters (n, J): bodies and effects."""
+        """Return the torque (n, J), N m, of distributed bodies and effects: all but W chi."""
         return self._with_effects(state, self.distributed_torque(state))
 
     def torque(self, state: State) -> np.ndarray:
@@ -198,7 +199,7 @@ def build_model(machine: Robot | Axis, model_file: ModelFile,
                 library: Mapping[str, Effect] = CATALOGUE) -> Model:
     """Return the model of `machine` with the parameters and effects of `model_file`.
 
-    `library` is what the names of effects stand for.
+    `library` says which effect each name stands for.
 
     Raises:
         InputError: a parameter that is missing, in another unit than its own or has the wrong
@@ -344,7 +345,11 @@ def _numbers(parameter: EffectParameter, given: Number, acting: tuple[int, ...],
 
 
 def read_model(name_or_path: str | Path, machine: Robot | Axis) -> Model:
-    """Return the model of a `model.yaml` or built-in name for `machine`; see `build_model`."""
+    """Return the model of a `model.yaml` or built-in name for `machine`.
+
+    Raises:
+        InputError: see `read_model_file` and `build_model`.
+    """
     return read_file_and_model(name_or_path, machine)[1]
 
 

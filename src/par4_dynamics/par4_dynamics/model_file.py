@@ -40,7 +40,16 @@ class EffectEntry(FileModel):
 
 
 class ModelFile(FileModel):
-    """The content of `model.yaml`."""
+    """The content of `model.yaml`.
+
+    Attributes:
+        schema_name: of the file.
+        rigid_body: 'paper' for (20), 'full' with the robot's rods and bars distributed.
+        parameters: name of a base parameter -> value with unit and standard deviation.
+        effects: what the machine does beyond (20).
+        torque_limit: of the drives, N m, if the model needs another one than the robot file.
+        provenance: where the model comes from; only for readers.
+    """
 
     schema_name: Literal['par4/model/1'] = Field(MODEL_SCHEMA, alias='schema')
     rigid_body: RigidBody = 'paper'
@@ -93,5 +102,9 @@ def read_model_file(name_or_path: str | Path) -> ModelFile:
 
 
 def write_model_file(path: str | Path, model_file: ModelFile) -> None:
-    """Write a `model.yaml` atomically."""
+    """Write a `model.yaml`, whole or not at all.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
     write_yaml(path, model_file.to_yaml())

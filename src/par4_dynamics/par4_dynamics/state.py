@@ -29,14 +29,14 @@ SMALL_ANGLE = 1e-5
 
 @dataclass(frozen=True)
 class Nominal:
-    """What is known of the torque of a motion: effects that scale with load or shift it need it.
+    """The nominal torque of a motion, which effects need that scale or shift torque.
 
     Attributes:
         torque: of the model without effects, (n, J) N m.
         friction: the part of it that is friction, (n, J) N m.
         values: base parameter name -> (J,).
-        rigid_torque: returns the torque without friction of another motion, (n, J) N m.
-        added: torque of effects that add one of their own, (n, J) N m.
+        rigid_torque: function of another motion; returns its torque without friction, (n, J) N m.
+        added: torque of the effects whose torque does not depend on the nominal one, (n, J) N m.
     """
 
     torque: np.ndarray
@@ -78,11 +78,11 @@ class State:
         t: time since the start of the log, (n,) s.
         q, qd, qdd: joints, (n, J).
         geometry: dimensions, or None for a single axis; then x, xd, xdd are None too.
-        x, xd, xdd: pose of D and theta, (n, 4).
-        nominal: the torque of this motion as far as known, None where only motion is.
-        hanging: how gravity loads a single axis, None where it does not or with a geometry.
-        told_hz: frequency, Hz, up to which the positions may swing a load: what lies beyond is
-            noise that motors and encoders share. Infinite where nothing says so.
+        x, xd, xdd: pose of D (in `base`) and theta, and their derivatives, (n, 4).
+        nominal: nominal torque of this motion; None if only the motion is known.
+        hanging: how gravity loads a single axis; None if it does not, and with a geometry.
+        told_hz: frequency, Hz, up to which a model may let the positions swing a load. Beyond it
+            motors follow the noise of their encoders. Infinite if the data show no such noise.
     """
 
     t: np.ndarray
@@ -180,7 +180,7 @@ class State:
         """Return the joint torques J_1^T f (n, 4), N m, that carry a generalised force f.
 
         Args:
-            force: (n, 4) or (4,): force on D in `base`, N, and moment about theta, N m.
+            force: (n, 4) or (4,): force at D in `base`, N, and moment about theta, N m.
         """
         force = np.broadcast_to(np.asarray(force, dtype=float), self.platform.x.shape)
         return np.einsum('nij,ni->nj', self.jacobian, force)
@@ -188,7 +188,9 @@ class State:
 
 def state_of_joints(geometry: Geometry | None, t: ArrayLike, q: ArrayLike, qd: ArrayLike,
                     qdd: ArrayLike) -> State:
-    """Return the state of a joint motion (n, J); with a geometry, its platform motion is solved.
+    """Return the state of a joint motion (n, J) at times t (n,), s.
+
+    With a geometry the platform motion is computed, by forward kinematics.
 
     Raises:
         UnreachableError: joint positions with which the mechanism does not close.
@@ -204,7 +206,7 @@ def state_of_joints(geometry: Geometry | None, t: ArrayLike, q: ArrayLike, qd: A
 
 def state_of_platform(geometry: Geometry, t: ArrayLike, x: ArrayLike, xd: ArrayLike,
                       xdd: ArrayLike) -> State:
-    """Return the state of a platform motion (n, 4) of D and theta.
+    """Return the state of a platform motion x, xd, xdd (n, 4) of D and theta at times t (n,), s.
 
     Raises:
         UnreachableError: a pose that a leg cannot reach.

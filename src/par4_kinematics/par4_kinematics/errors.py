@@ -22,8 +22,8 @@ class Par4Error(Exception):
 
 
 class UnreachableError(Par4Error):
-    """A pose that a leg cannot reach, or joint angles with which the mechanism does not close."""
+    """Raised for a pose out of reach of a leg, or joint angles that do not close the mechanism."""
 
 
 class InputError(Par4Error):
-    """A file, parameter or message that breaks the contract."""
+    """Raised for a file, parameter or message that breaks the contract."""

@@ -22,13 +22,13 @@ MAX_SAMPLES = 2_000_000
 
 @dataclass(frozen=True)
 class Motion:
-    """A sampled motion; SI, radians.
+    """A sampled motion of joints and platform; SI units, radians, frame `base`.
 
     Attributes:
-        name: what it is.
-        t: from 0, evenly spaced, (n,).
-        q, qd, qdd: joints, (n, 4).
-        x, xd, xdd: pose of D and theta, (n, 4).
+        name: of the motion, for messages.
+        t: times from 0, evenly spaced, (n,) s.
+        q, qd, qdd: positions, speeds and accelerations of the joints, (n, 4) rad.
+        x, xd, xdd: the same of the platform: x, y, z of D in `base`, m, and theta, rad, (n, 4).
     """
 
     name: str

@@ -141,12 +141,12 @@ def write_recipe(path: str | Path, recipe: Mapping[str, Any]) -> None:
 
 
 def write_motion(path: str | Path, motion: Motion, frame: str = 'joint') -> None:
-    """Write a motion as `motion.yaml` and a CSV of the same stem beside it, both whole or neither.
+    """Write a motion as `motion.yaml` and a CSV of the same stem beside it; both files or neither.
 
     Args:
         path: of the YAML file.
         motion: what to write.
-        frame: 'joint' or 'platform'.
+        frame: whether the samples are written as 'joint' or as 'platform' motion.
     """
     path = Path(path)
     table = path.with_suffix('.csv')
@@ -272,13 +272,14 @@ def _rms(columns: np.ndarray) -> np.ndarray:
 
 def named_motion(name_or_path: str | Path, robot: Robot, duration: float | None = None,
                  seed: int = 0, period: float = 1e-3) -> Motion:
-    """Return the motion adept, excitation or circle, or that of a file, within robot's limits.
+    """Return the motion of a name (adept, excitation, circle) or of a file, within robot's limits.
 
     Args:
-        name_or_path: one of `NAMED_MOTIONS` or the path of a `motion.yaml`, which stands as it is.
+        name_or_path: one of `NAMED_MOTIONS`, or the path of a `motion.yaml`; that motion is not
+            changed.
         robot: the machine.
-        duration: of a named motion, s; adept and circle repeat as often as fits, at least once.
-            None for the motion's own.
+        duration: of a named motion, s; None for the motion's own. Adept and circle are repeated
+            as often as fits, at least once.
         seed: of the excitation.
         period: seconds between the samples of a named motion; a file has its own.
 

@@ -175,8 +175,8 @@ def inverse_kinematics(geometry: Geometry, x: ArrayLike) -> np.ndarray:
 def forward_kinematics(geometry: Geometry, q: ArrayLike, start: ArrayLike = HOME) -> np.ndarray:
     """Return the poses x (..., 4), m and rad, of the joint positions q (..., 4), rad.
 
-    Rows are taken in order and each starts from the ones before (a log is solved in a few
-    iterations a sample); a row that fails from there is tried again from the home pose.
+    Rows are solved in order, each from the solution of the rows before it, so that a log takes a
+    few iterations a sample. A row that fails from there is tried again from the home pose.
 
     Args:
         geometry: dimensions of the robot.
@@ -184,7 +184,8 @@ def forward_kinematics(geometry: Geometry, q: ArrayLike, start: ArrayLike = HOME
         start: pose near the first sample.
 
     Raises:
-        UnreachableError: joint positions that no pose of this assembly mode closes.
+        UnreachableError: joint positions for which the mechanism does not close in this assembly
+            mode.
         InputError: wrong shape or a value that is not finite.
     """
     rows, leading = as_rows(q, 'joint positions q')

@@ -26,7 +26,14 @@ JOINT_NAMES = tuple(f'arm_joint_{leg}' for leg in range(LEGS))
 
 
 class Bodies(FileModel):
-    """Masses that the base parameters do not tell apart: one rod, one bar (kg), tool, theta."""
+    """Masses and an inertia that the base parameters do not tell apart.
+
+    Attributes:
+        rod_mass: m_5, of one rod, kg.
+        bar_mass: m_3, of one bar, kg.
+        theta_inertia: of what turns with theta, kg m2.
+        tool_mass: kg.
+    """
 
     rod_mass: StrictFloat = Field(0.0, ge=0)
     bar_mass: StrictFloat = Field(0.0, ge=0)
@@ -89,7 +96,16 @@ class Limits(FileModel):
 
 
 class Robot(FileModel):
-    """A machine with the Par4 topology."""
+    """A machine with the Par4 topology: the content of its `robot.yaml`.
+
+    Attributes:
+        schema_name: of the file.
+        name: of the robot.
+        geometry: dimensions, m and rad.
+        bodies: masses and inertia that the base parameters do not tell apart.
+        drives: gains, limits, loops and encoders of the four drives.
+        limits: of joint positions and speeds, and of the workspace.
+    """
 
     schema_name: Literal['par4/robot/1'] = Field(alias='schema')
     name: str
@@ -117,8 +133,8 @@ class Axis(FileModel):
         joint: name of its joint.
         kind: whether it slides or turns.
         gain: torque or force per volt, N m/V or N/V.
-        gravity: whether the axis lifts a load: 'vertical' where it turns in a vertical plane or
-            slides up and down; 'unknown' lets the data tell.
+        gravity: 'vertical' if the axis lifts a load, because it turns in a vertical plane or slides
+            up and down; 'none' if not; 'unknown' lets the data tell.
         gear_ratio: turns of the motor for one turn of the joint, or None.
         pole_pairs: of the motor, or None.
         motor_gain: torque or force at the joint per ampere, N m/A or N/A, or None.
@@ -146,7 +162,7 @@ class Axis(FileModel):
 
     @property
     def hanging(self) -> Hanging | None:
-        """How gravity loads the axis where its base terms are to say so, else None."""
+        """How gravity loads the axis, if its base terms contain that load; else None."""
         if self.gravity == 'none':
             return None
         return 'turning' if self.kind == 'revolute' else 'sliding'
@@ -167,7 +183,11 @@ def read_machine(name_or_path: str | Path) -> Robot | Axis:
 
 
 def read_robot(name_or_path: str | Path) -> Robot:
-    """Return the Par4 robot of a `robot.yaml` or of a built-in name; see `read_machine`."""
+    """Return the Par4 robot of a `robot.yaml` or of a built-in name.
+
+    Raises:
+        InputError: see `read_machine`; also if the file describes an axis.
+    """
     path = resolve_builtin(name_or_path, 'par4_kinematics')
     content = read_yaml(path)
     expect_schema(content, (ROBOT_SCHEMA,), str(path))

@@ -117,9 +117,11 @@ def jacobian_parts(geometry: Geometry, x: ArrayLike, point: float = AT_D
 
 
 def jacobian(geometry: Geometry, x: ArrayLike, point: float = AT_D) -> np.ndarray:
-    """Return J_1 (2) or, with point = AT_D2, J_2 (10), (..., 4, 4): point velocity = J qdot.
+    """Return the Jacobian J (..., 4, 4) at poses x (..., 4), m and rad: point velocity = J qdot.
 
-    The fourth row is thetadot in both. Singular poses (theta = 90 degrees) give infinities.
+    It is J_1 (2) for the point D or, with point = AT_D2, J_2 (10) for D'. The first three rows are
+    the velocity of the point in `base`, the fourth is thetadot. Singular poses (theta = 90 degrees)
+    give infinities.
 
     Raises:
         UnreachableError: a pose that a leg cannot reach.
@@ -152,6 +154,12 @@ def joint_velocity(geometry: Geometry, x: ArrayLike, xd: ArrayLike) -> np.ndarra
 
 
 def condition_number(geometry: Geometry, x: ArrayLike) -> np.ndarray:
-    """Return cond(J_x) (...,) at poses x, its theta column divided by h so that units agree."""
+    """Return the condition number (...,) of J_x (3) at poses x (..., 4), m and rad.
+
+    The theta column is divided by h, so that all columns have one unit.
+
+    Raises:
+        UnreachableError: a pose that a leg cannot reach.
+    """
     j_x, _ = jacobian_parts(geometry, x)
     return np.linalg.cond(j_x / np.array((1.0, 1.0, 1.0, geometry.platform_bar_length)))

@@ -39,7 +39,8 @@ def reachable(geometry: Geometry, x: ArrayLike) -> np.ndarray:
 def inside(robot: Robot, x: ArrayLike) -> np.ndarray:
     """Return whether poses x (..., 4) keep the robot's workspace limits, booleans (...,).
 
-    The limits are a cylinder of D and a range of |theta|; they do not say that a leg reaches.
+    The limits are a cylinder for D and a range of |theta|. A pose within them may still be out of
+    reach of a leg, see `reachable`.
 
     Raises:
         InputError: wrong shape or a value that is not finite.
@@ -53,7 +54,9 @@ def inside(robot: Robot, x: ArrayLike) -> np.ndarray:
 
 
 def home_pose(robot: Robot) -> np.ndarray:
-    """Return the pose (4,) where motions start: HOME if the robot has it, else mid-cylinder.
+    """Return the pose (4,), m and rad, where motions start.
+
+    It is HOME if that lies within the robot's workspace limits, else the middle of these.
 
     Raises:
         InputError: the legs do not reach the middle of the robot's workspace limits.

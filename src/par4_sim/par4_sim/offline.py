@@ -39,8 +39,8 @@ def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: 
     """Write the bag of a motion and return the simulation's counts.
 
     Args:
-        simulation: at rest at home; closed by this function.
-        motion: what the drives follow, behind an approach from home where it begins elsewhere.
+        simulation: at rest at home; this function closes it.
+        motion: that the drives follow. If it begins elsewhere, an approach from home comes first.
         robot: for the limits of the approach.
         path: of the bag, which must not exist; it appears only when complete.
         feedforward: model whose torques the drives get, or None.
@@ -50,7 +50,7 @@ def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: 
 
     Raises:
         InputError: the path exists, or the approach leaves the limits.
-        UnreachableError: the machine was driven out of its workspace.
+        UnreachableError: the drives moved the machine out of its workspace.
     """
     if Path(path).exists():
         raise InputError(f'{path}: exists already; give another path or remove it')

@@ -298,7 +298,9 @@ class Simulation:
 
 
 def build_plant(machine: Machine, fidelity: str, dt: float = STEP) -> Plant:
-    """Return the plant of that fidelity, behind its transmissions where these are not rigid.
+    """Return the plant of that fidelity, with springs and gaps where transmissions are not rigid.
+
+    `dt` is the step of its physics, s.
 
     Raises:
         InputError: unknown fidelity, masses that make a body negative.
@@ -325,14 +327,14 @@ def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: f
     Args:
         robot: geometry, drives, limits.
         model: the machine as it truly is.
-        fidelity: of FIDELITIES.
-        sample_period: s.
+        fidelity: of the plant, one of FIDELITIES.
+        sample_period: time between recorded samples, s.
         seed: of the noise.
-        loads: further torques on its joints.
-        pose: where it rests at first (4,); None for home.
+        loads: further torques on the joints.
+        pose: pose (4,), m and rad, at which it rests at first; None for home.
         law: of the drives, one of LAWS.
-        known: model that the law knows, where it needs one.
-        limits: what the drives follow at the most; None for all that they are told.
+        known: model that the law of the drives uses, if it needs one.
+        limits: of the references that the drives follow; None to follow any reference.
         step: of the physics and the drives, s.
         noise: sizes by name, as `Noise` has them.
 

@@ -20,8 +20,8 @@ from par4_dynamics.state import State
 class DistributedRods(Effect):
     """tau += m_5, m_3 (torque of a distributed kg of rods, bars minus that of their end masses).
 
-    The bars between the half plates are next to the rods what theta inertia of the wrong sign is;
-    a machine may have heavy rods without heavy bars, but not the reverse.
+    Beside that of the rods, the column of the bars looks like theta inertia of the wrong sign. A
+    machine may have heavy rods without heavy bars, but not the reverse.
     """
 
     name = 'distributed_rods'

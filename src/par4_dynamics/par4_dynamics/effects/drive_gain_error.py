@@ -1,4 +1,4 @@
-"""Torque constant of a drive that is not what the record was scaled with."""
+"""A drive whose torque constant is not the one that the record was scaled with."""
 
 from __future__ import annotations
 

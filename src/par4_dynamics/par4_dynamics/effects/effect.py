@@ -28,17 +28,20 @@ CERTAIN = 3.0
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """A parameter of an effect: its name, unit, and whether each joint has its own.
+    """A parameter of an effect.
 
     Attributes:
-        default: taken where a model does not give it: a number, or the name of the parameter whose
-            value it then has; None where a model must give it.
-        other_unit: a second unit that gives the parameter another meaning, see the effect.
-        size: numbers it has; more than one for a vector of the machine.
-        uniform: True where one number may stand for all numbers of a vector.
-        is_shape: True where the columns depend on it; False where it is a coefficient.
-        per_order: True where it may have a value for each order of a periodic torque, or each term
-            of a series; the one of them that is a shape gives the orders.
+        name: of the parameter, in `model.yaml` and `diagnosis.json`.
+        unit: of its value, on a machine whose joints turn.
+        scope: 'joint' if each joint has its own value, 'machine' if there is one.
+        default: value that it has if a model does not give one: a number, or the name of another
+            parameter whose value it then has. None if a model must give it.
+        other_unit: a second unit, which gives the parameter another meaning; see the effect.
+        size: number of numbers it has; more than one for a vector of the machine.
+        uniform: whether one number may stand for all numbers of a vector.
+        is_shape: whether the columns depend on it; if not, it is a coefficient.
+        per_order: whether it may have a value for each order of a periodic torque, or for each term
+            of a series. The one of these parameters that is a shape lists the orders.
     """
 
     name: str
@@ -54,7 +57,7 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class Signature:
-    """How the effect shows in a plot: residual over `abscissa` (n, J), labelled."""
+    """How an effect shows best in a plot: the residual over `abscissa` (n, J), with its label."""
 
     abscissa: np.ndarray
     label: str
@@ -92,36 +95,37 @@ def single(value: float | tuple[float, ...]) -> float:
 class Effect(ABC):
     """One effect of the catalogue.
 
-    Its torque is linear in coefficients c, given its shape parameters:
-    torque_j = sum_k columns[:, j, k] c_k (shared by the joints) or c_kj (one a joint).
+    For given shape parameters its torque is linear in coefficients c. On joint j it is
+    torque_j = sum_k columns[:, j, k] c_k if the joints share the coefficients, and
+    torque_j = sum_k columns[:, j, k] c_kj if each joint has its own.
 
     Attributes:
         name: the name in `diagnosis.json` and `model.yaml`.
-        parameters: what describes it to a user.
-        shared: True where the joints share the coefficients.
-        separable: of shared coefficients, the sets (indices of columns) that a machine may have
-            each without the others, such as the zero of one encoder; empty where all belong
-            together.
-        needs_platform: True where a single axis cannot have it.
-        needs_nominal: True where its columns need `State.nominal`.
-        fixed_coefficients: True where the coefficients are 1 and only the shape is free; a fit
-            of another size is evidence against the effect.
-        fixed_range: of such coefficients as fitted, within which they are believed to be 1.
-        expanded: True where the columns are a series around the one coefficient, which the shape
-            `expanded_at` holds: a search goes to where both agree.
-        retimes: True where it is the torque of the motion at another time, to first order.
-        tolerance: by which its torque may change more than that of others from data to data: what
-            its columns leave out goes with the motion.
-        against_the_others: whether what all joints have in common is a base parameter, so that
-            only differences between joints show.
-        needs_both_ways: whether a motion that goes one way only cannot tell it from friction, or,
-            of a torque read at another time, from one that is bound to another position.
-        of_axis: whether a diagnosis asks for it on single axes only: what loads the arms of a Par4
-            has names of its own.
+        parameters: the parameters that a user gives or reads.
+        shared: whether the joints share the coefficients.
+        separable: sets of shared coefficients (indices of columns) of which a machine may have one
+            without the others, such as the zero of one encoder; empty if all belong together.
+        needs_platform: whether only a machine with a platform can have it.
+        needs_nominal: whether its columns need `State.nominal`.
+        fixed_coefficients: whether the coefficients are 1 on any machine that has it, so that only
+            the shape is free. A fit that gives other coefficients is evidence against the effect.
+        fixed_range: lowest and highest fitted coefficient that is still believed to be such a 1.
+        expanded: whether the columns are a first-order series around a value of its one
+            coefficient. The shape `expanded_at` holds that value; a search looks for the value at
+            which the fitted coefficient equals it.
+        retimes: whether it is, to first order, the torque of the motion at another time.
+        tolerance: factor by which its torque may change more than that of other effects from data
+            to data, because what its columns leave out depends on the motion.
+        against_the_others: whether the part that all joints have in common is a base parameter, so
+            that only differences between joints show.
+        needs_both_ways: whether it cannot be told from friction if the joint moves one way only
+            (for a torque that is read at another time: from a torque at another position).
+        of_axis: whether it is searched on single axes only, because the loads of a Par4's arms are
+            effects of their own.
         told_by_speeds: whether its torque is a function of the joint's speed alone, so that mean
             torques at steady speeds can tell it.
-        law: the shape parameter whose values are laws of the effect, of which data may not tell
-            which one holds; None where there is one law.
+        law: the shape parameter whose values are different laws of the effect, if data may not
+            tell which one holds; None if there is one law.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
     """
 
@@ -144,15 +148,15 @@ class Effect(ABC):
     phrase: ClassVar[str]
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
-        """Return the shape parameters worth trying on this motion; one empty one if linear."""
+        """Return the shapes worth trying on this motion: one, empty, if the torque is linear."""
         return ({},)
 
     def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:
-        """Return shapes around `shape`, `step` being 1 for the spacing of `shapes`."""
+        """Return shapes around `shape`; `step` is in units of the spacing of `shapes`."""
         return (shape,)
 
     def on_slide(self) -> Effect:
-        """Return the effect as it is searched for on a linear axis."""
+        """Return the effect in the form in which it is searched on a linear axis."""
         return self
 
     def parts(self, shape: Shape) -> tuple[Shape, ...]:
@@ -164,14 +168,14 @@ class Effect(ABC):
         return shape
 
     def exact_at(self, shape: Shape, joints: int) -> np.ndarray | None:
-        """Return the shared coefficients (K,) at which alone the columns of a shape are exact.
+        """Return the only shared coefficients (K,) at which the columns of a shape are exact.
 
-        None where the torque is linear in the coefficients.
+        None if the torque is linear in the coefficients, so that the columns are always exact.
         """
         return None
 
     def terms(self, shape: Shape) -> int:
-        """Return by how many coefficients a shape has more than the simplest one."""
+        """Return how many coefficients a shape has beyond those of the simplest shape."""
         return 0
 
     @abstractmethod
@@ -181,7 +185,7 @@ class Effect(ABC):
     def coefficients(self, values: Values) -> np.ndarray:
         """Return the coefficients (K, J) of parameter values, each (J,).
 
-        By default the parameters that are no shapes, in their order.
+        By default they are the values of the parameters that are no shapes, in their order.
         """
         return np.stack([values[parameter.name] for parameter in self.parameters
                          if not parameter.is_shape])
@@ -193,9 +197,10 @@ class Effect(ABC):
                 if parameter.is_shape else next(rows) for parameter in self.parameters}
 
     def senseless(self, values: Values) -> str | None:
-        """Return why these values, of the joints it acts on, make no law at all; None if they do.
+        """Return why no law has these values, of the joints that it acts on; None if one has.
 
-        A model file with such values is refused. What no machine has is for `implausible`.
+        A model file with such values is refused. `implausible` judges whether a machine may have
+        them.
         """
         return None
 
@@ -206,12 +211,12 @@ class Effect(ABC):
         Args:
             values: of all parameters.
             std: their standard deviations, of the same shapes; zero where a value is known.
-            base: base parameters (J,) that go with the values.
+            base: base parameters (J,) that were fitted together with the values.
         """
 
     @abstractmethod
     def signature(self, state: State) -> Signature:
-        """Return the abscissa over which the effect shows."""
+        """Return the quantity over which the effect shows best in a plot, and its label."""
 
     def shape_of(self, values: Values) -> Shape:
         """Return the shape parameters among the values of one joint."""
@@ -227,7 +232,7 @@ class Effect(ABC):
 
         Args:
             state: the motion.
-            values: of all parameters.
+            values: of all parameters, for all joints of the machine.
             joints: where the effect acts; a shared effect acts on all.
         """
         coefficients = self.coefficients(values)

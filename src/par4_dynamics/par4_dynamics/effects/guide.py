@@ -1,4 +1,4 @@
-"""What an engineer wants to know of each effect beside its law: physics, remedy, usual size.
+"""What an engineer wants to know of each effect besides its law: physics, remedy, usual size.
 
 The pages of effects are made from this and from the catalogue (`make site`).
 """

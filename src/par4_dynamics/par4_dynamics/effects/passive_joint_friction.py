@@ -24,11 +24,11 @@ LARGEST = 1.0
 
 
 class PassiveJointFriction(Effect):
-    """tau += J_1^T f, f . Xdot = sum over the passive joints of coulomb |w| + viscous w^2.
+    """tau += J_1^T f, f . Xdot = sum of coulomb |w| (fading at rest) + viscous w^2, passive joints.
 
-    All 20 joints are alike: 8 rods with a ball at both ends and 4 pivots of the two bars; w is
-    their relative angular velocity, see `par4_kinematics.passive`. Coulomb friction fades where a
-    joint rests, as tanh(|w| / AT_REST).
+    w is the relative angular velocity of each of the 20 passive joints, see
+    `par4_kinematics.passive`: 8 rods with a ball at both ends and 4 pivots of the two bars. All are
+    alike. At rest the Coulomb friction fades as tanh(|w| / AT_REST).
     """
 
     name = 'passive_joint_friction'

@@ -1,12 +1,12 @@
-"""Coulomb friction of what the encoders do not see directly, where it rests."""
+"""Coulomb friction at rest of joints that the encoders do not see directly."""
 
 from __future__ import annotations
 
 import numpy as np
 
 AT_REST = 0.03
-"""rad/s below which a joint of platform or forearms counts as resting. Friction then holds against
-any torque up to that of Coulomb, and the sign of the rate is the sign of its noise."""
+"""rad/s below which a joint of platform or forearms counts as resting. Friction then has
+any value up to that of Coulomb, and the sign of the measured rate is the sign of its noise."""
 
 
 def fading_sign(rate: np.ndarray) -> np.ndarray:

@@ -24,8 +24,8 @@ LONGEST = 0.15
 class TimeOffset(Effect):
     """tau += tau(t - d) - tau(t): positive where torque was stamped late.
 
-    The column is that change divided by the delay it is `expanded_at`, exact where the
-    coefficient d equals it and the slope -dtau/dt at 0.
+    The column is this change, at the delay that the shape `expanded_at` holds, divided by that
+    delay; at 0 it is the slope -dtau/dt. It is exact where the coefficient d equals `expanded_at`.
     """
 
     name = 'time_offset'

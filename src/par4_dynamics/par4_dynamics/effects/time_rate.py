@@ -1,4 +1,4 @@
-"""Rates of what is known at the samples of a motion only."""
+"""Time derivatives of quantities that are known only at the samples of a motion."""
 
 from __future__ import annotations
 

@@ -37,16 +37,16 @@ from par4_kinematics.robot import Axis, Robot
 
 @dataclass(frozen=True)
 class Changes:
-    """What is different, and how wrong the model is as it stands.
+    """What has changed since a model or since older bags, and how wrong the model is as it stands.
 
     Attributes:
-        terms: of the base parameters.
+        terms: the base parameters.
         before, after: parameters of every joint.
-        explanation: the readings and what they leave.
-        margins: gain in log-likelihood of each reading on rows that no fit has seen.
-        parameters: before, as the readings take them.
-        given_rms: held-out rms of the model as it stands, nothing fitted, (J,), N m.
-        since: what the data are compared with, in words.
+        explanation: the readings, and the part of the change that they do not explain.
+        margins: gain in log-likelihood of each reading on held-out rows.
+        parameters: those before, in the form that readings use.
+        given_rms: rms that the model leaves on held-out rows with nothing fitted, (J,), N m.
+        since: the model or the bags that the data are compared with, in words.
     """
 
     terms: tuple[BaseTerm, ...]

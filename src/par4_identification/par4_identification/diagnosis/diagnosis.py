@@ -110,10 +110,10 @@ is left: noise that wanders is in both."""
 
 def manageable(fit_logs: Sequence[Log], holdout_logs: Sequence[Log]
                ) -> tuple[Sequence[Log], Sequence[Log], float]:
-    """Return the logs to fit and those held out, thinned to at most `MOST` readings each.
+    """Return the logs to fit and those held out, and the share of all readings that these have.
 
-    Long logs are looked at in stretches that are spread over them. The third is the share of all
-    readings that is looked at.
+    Each of the two has at most `MOST` readings: of longer logs only stretches are taken, spread
+    over them.
     """
     logs = [*fit_logs, *holdout_logs]
     if sum(log.tau.size for log in fit_logs) <= MOST >= sum(log.tau.size for log in holdout_logs):
@@ -132,8 +132,8 @@ def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Ro
                conditioning: Conditioning) -> tuple[list[Run], list[Run]]:
     """Return the rows to fit and those held out.
 
-    Without held-out logs the last log is held out; of a single log the last stretch without gaps
-    or, where there is one only, its last third, cut at a standstill within a sixth of the rows. Of
+    Without held-out logs the last log is held out. Of a single log the last stretch without gaps
+    is; of a single stretch its last third, cut at a standstill within a sixth of the rows. Of
     steady speeds every third is held out.
     """
     fit_runs = runs_of_logs(fit_logs, machine, conditioning)
@@ -166,18 +166,23 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     """Return what the model gets wrong about the machine that made the logs.
 
     Args:
-        fit_logs: data to learn from.
-        machine: geometry, bodies, gains.
+        fit_logs: logs to fit.
+        machine: that was recorded: geometry, bodies, gains.
         baseline: model whose rigid body and effects are taken as known; equation (20) without
             effects if None. Its base parameters are fitted anew.
-        holdout_logs: data to confirm on; see `split_runs`.
-        library: effects that may be named; all of the catalogue by default.
-        rules: what a cause must show.
-        conditioning: filters and rates; by default those that suit logs of a Par4.
+        holdout_logs: logs to confirm causes on; see `split_runs` if there are none.
+        library: effects that may be named, by name; `LIBRARY` by default.
+        rules: what a cause must gain; by default those of a Par4, or `OF_AXIS` for an axis.
+        conditioning: filters and rates. By default those that suit a Par4 and its encoders; for an
+            axis, give those of `conditioning_for`.
         progress: called with the name of each step.
+
+    Returns:
+        the answer, or why the data cannot carry one.
 
     Raises:
         InputError: data that cannot be filtered.
+        UnreachableError: joint positions with which the mechanism does not close.
     """
     rules = rules or (OF_AXIS if isinstance(machine, Axis) else Rules())
     if conditioning is None:

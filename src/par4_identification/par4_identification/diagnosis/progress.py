@@ -1,4 +1,4 @@
-"""What a long step tells whoever waits for it."""
+"""How a long computation reports its steps to the one who waits for it."""
 
 from __future__ import annotations
 

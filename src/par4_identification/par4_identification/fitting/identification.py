@@ -88,13 +88,13 @@ class Identification:
     """Identified base parameters.
 
     Attributes:
-        terms: which parameters, in the order of (23).
-        estimate: the fit; its labels tell which value is whose.
+        terms: the base parameters, in the order of (23).
+        estimate: the fit; its labels say which parameter, and of which joint, each value is.
         rigid_body: 'paper' for (20), 'full' with the robot's rods and bars distributed.
-        runs: the rows behind it.
-        fitting: how it was made.
-        shared_condition: condition number of the rows with one value for all joints and without
-            offsets, where more is estimated; else None.
+        runs: the rows that were fitted.
+        fitting: estimator and options of the fit.
+        shared_condition: if joints have values of their own or offsets were fitted, the condition
+            number of the same rows without these; else None.
     """
 
     terms: tuple[BaseTerm, ...]
@@ -112,12 +112,12 @@ class Identification:
 
     @property
     def parameters(self) -> dict[str, Parameter]:
-        """Values with standard deviations, by name; one number or one a joint."""
+        """Values with standard deviations, by name: one number, or one for each joint."""
         return {term.name: self._parameter(term.name, term.unit) for term in self.terms}
 
     @property
     def left_out(self) -> tuple[BaseTerm, ...]:
-        """Base terms of every machine that the data do not show."""
+        """Base terms that were not fitted because the data do not show them."""
         known = {term.name for term in self.terms}
         return tuple(term for term in BASE_TERMS
                      if not term.needs_platform and term.name not in known)
@@ -138,11 +138,13 @@ class Identification:
 
     def model_file(self, provenance: dict[str, Any], machine: Robot | Axis | None = None
                    ) -> ModelFile:
-        """Return the model to be written; zero is what is negative by noise only or does not show.
+        """Return the model to be written.
+
+        A parameter that is negative by noise only, or that was not fitted, is written as zero.
 
         Args:
             provenance: where it comes from.
-            machine: that was recorded; an error then has the units of it.
+            machine: that was recorded; errors then use its units.
 
         Raises:
             InputError: a parameter came out negative that physics forbids to be.
@@ -196,7 +198,8 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'pa
     Raises:
         InputError: data that cannot be filtered or do not excite the parameters; for instruments,
             a log without a reference or a machine that cannot be simulated.
-        UnreachableError: for instruments, the simulated machine leaves its workspace.
+        UnreachableError: joint positions with which the mechanism does not close; for instruments,
+            the simulated machine leaves its workspace.
     """
     targets, bases = [], []
     fitting, payloads = fitting or Fitting(), payloads or {}

@@ -69,10 +69,17 @@ def errors(measured: np.ndarray, calculated: np.ndarray, rows: np.ndarray) -> Er
 
 def validate(log: Log, machine: Robot | Axis, model: Model,
              conditioning: Conditioning | None = None) -> Validation:
-    """Return how well `model` calculates the torque of a log that it was not identified from.
+    """Return how well a model calculates the torque of a log that it was not identified from.
+
+    Args:
+        log: of another motion.
+        machine: that was recorded.
+        model: nothing of it is fitted.
+        conditioning: filters and rates; by default the usual ones of identification.
 
     Raises:
         InputError: data that cannot be filtered.
+        UnreachableError: joint positions with which the mechanism does not close.
     """
     runs = runs_of_log(log, machine, conditioning)
     measured = np.concatenate([run.tau for run in runs])

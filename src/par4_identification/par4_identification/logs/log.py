@@ -38,11 +38,13 @@ class Log:
         t: (n,) s.
         q: (n, J) rad.
         tau: (n, J) N m.
-        segments: contiguous stretches, in order, covering all n samples; filter none across them.
-        reference: the motion asked for, if the bag holds one.
-        accounts: what was read, repaired and dropped; None of samples that come from no bag.
-        doubtful: samples at which the torque of a joint must not be compared with a model, because
-            position or torque there are filled in or wrong, (n, J); None where there is none.
+        segments: stretches without a gap, in order, covering all n samples; no filter may reach
+            across their ends.
+        reference: the motion that was asked for, if the bag holds one.
+        accounts: counts of what was read, repaired and dropped; None if the samples come from no
+            bag.
+        doubtful: whether the torque of a joint must not be compared with a model at a sample,
+            because position or torque there are filled in or wrong, (n, J); None if no sample is.
     """
 
     name: str

@@ -42,16 +42,17 @@ from par4_kinematics.robot import Axis, Robot
 
 
 def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = None) -> Log:
-    """Return what a bag measured of a machine, repaired, counted and on an even grid.
+    """Return the log of a bag: positions and torques, repaired and on an even grid.
 
-    Torque is gain x `amplifier_voltage` (24) where that topic has messages, else the effort of
-    `joint_states`. Evenly stamped samples pass unchanged; otherwise positions and torques follow
-    cubic splines, once, from their own stamps.
+    The torque is gain x `amplifier_voltage` (24) if that topic has messages, else the effort of
+    `joint_states`. Evenly stamped samples are not changed; others are interpolated to the grid,
+    positions and torques each by one cubic spline through their own stamps. Every repair is counted
+    in `Log.accounts`.
 
     Args:
         path: of the bag.
-        machine: names the joints and, for voltages, the gains.
-        namespace: that the topics sit under; see `read_bag`.
+        machine: has the names of the joints and, for voltages, the gains.
+        namespace: of the topics; see `read_bag`.
 
     Raises:
         InputError: the bag cannot be read, lacks joints, positions, torques or stamps, mixes

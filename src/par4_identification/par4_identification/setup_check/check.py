@@ -47,12 +47,14 @@ Step = Callable[[SetupCheck], SetupCheck]
 
 def check_setup(logs: Sequence[Log], machine: Robot | Axis, model: Model | None = None
                 ) -> SetupCheck:
-    """Return the mistakes of the setup and the faults of the logs, with what is certain mended.
+    """Return the mistakes of the setup and the faults of the logs, and the logs mended.
+
+    Only findings whose mend is certain are mended.
 
     Args:
         logs: as they were read.
         machine: as the robot file has it.
-        model: known of this machine; without one a common factor of all torques hardly shows.
+        model: a model of this machine; without one a common factor of all torques hardly shows.
     """
     check = SetupCheck((), tuple(logs), machine)
     steps: tuple[Step, ...] = (

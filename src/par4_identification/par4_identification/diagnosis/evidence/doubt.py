@@ -1,4 +1,4 @@
-"""Deviations that also reach to what other readings of the same data say of a cause."""
+"""Standard deviations that allow for other explanations of the same data."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from par4_identification.diagnosis.evidence.observations import Observations
 
 def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter], share: float = 1.0
                ) -> dict[str, Parameter]:
-    """Return parameters whose deviations reach to what another fit of the same cause says.
+    """Return parameters whose deviations include the difference to another fit of the same cause.
 
-    Beside an unnamed cause the size of a named one depends on which of the two has the torque that
-    either could have.
+    Beside an unnamed cause, for example, the size of a named one depends on which of the two gets
+    the torque that both could have.
 
     Args:
         parameters: as told.
         other: of the other fit.
-        share: of the distance that is a deviation.
+        share: part of the difference that counts as a standard deviation.
     """
     result = {}
     for name, parameter in parameters.items():
@@ -41,9 +41,9 @@ def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter], sh
 
 def with_doubt_of_time(parameters: dict[str, Parameter], observations: Observations
                        ) -> dict[str, Parameter]:
-    """Return the parameters of a periodic torque whose phases hold an unknown delay.
+    """Return the parameters of a periodic torque with phases that allow for an unknown delay.
 
-    Of a motion that goes one way at one speed nobody can say when the torque was read: a delay
+    A motion that goes one way at one speed does not show when the torque was read: a delay
     turns each phase by order x speed x delay. Positions and torques of one message are read within
     a sample of each other, as likely at any time.
     """
@@ -63,11 +63,11 @@ def with_doubt_of_time(parameters: dict[str, Parameter], observations: Observati
 def with_doubt_of_choice(parameters: dict[str, Parameter], evidence: Evidence,
                          hypothesis: Hypothesis, named: Sequence[Hypothesis],
                          corrected: Callable[[Fit], Fit]) -> dict[str, Parameter]:
-    """Return the parameters of a cause where causes are told on some joints or with some sets.
+    """Return the parameters of a cause with deviations that allow for other joints and parts.
 
-    Their values hold if no cause has more of them than it needs: the other joints are then alike
-    and the other dimensions right. What the data say without this assumption belongs to the
-    deviations.
+    The values are right if no cause acts on more joints, or has more parts, than the search gave
+    it: the other joints are then alike and the other dimensions right. What the data say without
+    this assumption is added to the deviations.
 
     Args:
         parameters: of the cause.
@@ -107,10 +107,10 @@ def _whole(hypothesis: Hypothesis, joints: tuple[int, ...]) -> Hypothesis:
 
 def with_doubt_of_size(parameters: dict[str, Parameter], evidence: Evidence,
                        hypothesis: Hypothesis, fit: Fit) -> dict[str, Parameter]:
-    """Return the parameters of an effect whose coefficients are 1 on a machine that obeys its law.
+    """Return the parameters of an effect with fixed coefficients, with deviations for their error.
 
-    That they come out at another size says by which share the law is wrong, and its numbers with
-    it.
+    On a machine that obeys the law these coefficients are 1. How far they are from 1 shows by which
+    share the law, and so its parameters, may be wrong.
     """
     if not hypothesis.named.fixed_coefficients:
         return parameters

@@ -28,8 +28,8 @@ def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, inde
                       errors: Sequence[np.ndarray] = ()) -> dict[str, Parameter]:
     """Return the parameters of hypothesis number `index` of a fit, as files have them.
 
-    One number for a parameter of the machine, else one for each joint of the hypothesis; a vector
-    for a parameter that has several numbers. See `estimated` for the arguments.
+    A parameter of the machine is one number, one of joints has a number for each joint of the
+    hypothesis, and a parameter of several numbers is a vector. See `estimated` for the arguments.
     """
     values, stds = estimated(evidence, hypothesis, fit, index, errors=errors)
     return {item.name: Parameter(value=_told(hypothesis, item, values),
@@ -39,7 +39,7 @@ def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, inde
 
 def told_values(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
                 ) -> dict[str, Parameter]:
-    """Return the same without standard deviations, which cost far more than the values."""
+    """Return the same parameters without standard deviations, which take far longer to compute."""
     values = hypothesis.named.values(
         fit.coefficients[index][:, _acting(evidence, hypothesis)], hypothesis.shape)
     return {item.name: Parameter(value=_told(hypothesis, item, values), unit=item.unit)
@@ -50,23 +50,23 @@ def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
               inflation: float = 1.0, errors: Sequence[np.ndarray] = ()) -> tuple[Values, Values]:
     """Return the values of the parameters of hypothesis number `index` and their deviations.
 
-    The standard deviations are those of coefficients and shape together: an error of the shape
-    moves the coefficients, and so does one of the other columns. They follow by finite differences
-    of `Effect.values`.
+    The standard deviations follow from the covariance of coefficients and shape together, because
+    an error of the shape moves the coefficients, as an error of any other column does. They are
+    computed with finite differences of `Effect.values`.
 
     Args:
         evidence: rows that were fitted.
         hypothesis: the cause.
         fit: of all causes.
         index: of this one.
-        inflation: of the variances, by what the model may get wrong (`Requirement.inflation`):
-            a bound that needs no rows.
-        errors: torques by which the model may be wrong, see `torque_errors`, whose share of the
+        inflation: factor of the variances for the errors of the model (`Requirement.inflation`): a
+            bound that needs no rows.
+        errors: torques by which the model may be wrong, see `torque_errors`; their part of the
             covariance is computed from the rows.
 
     Returns:
-        Two of the shapes that `Effect.values` gives for the joints of the hypothesis, for all
-        joints where they share the coefficients.
+        values and standard deviations, as `Effect.values` gives them, for the joints of the
+        hypothesis, or for all joints if they share the coefficients.
     """
     effect, shape = hypothesis.named, hypothesis.shape
     coefficients = fit.coefficients[index][:, _acting(evidence, hypothesis)]
@@ -95,9 +95,10 @@ def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
 
 
 def fixed_sizes(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int) -> np.ndarray:
-    """Return the coefficients (K, k) on its joints of an effect that has them 1, as fitted.
+    """Return the fitted coefficients (K, k), on its k joints, of an effect with fixed coefficients.
 
-    Its columns have the nominal friction; what they must reach is the refitted one.
+    The columns contain the nominal friction, so the coefficients are given relative to the refitted
+    friction: 1 if the law holds.
     """
     observations, acting = evidence.observations, _acting(evidence, hypothesis)
     nominal = observations.runs[0].state.known.values['coulomb_friction'][acting]

@@ -1,10 +1,10 @@
-"""What the laws of named causes may get wrong of their own torque.
+"""The error that the laws of named causes may have in their own torque.
 
-The law of a library is never quite that of a machine. What it gets wrong follows the motion like
-the torque itself: more in one place, direction, at one speed or under one load than elsewhere, or a
-little earlier.
-Such an error is part of the covariance of the rows. Only a cause that resembles one of its shapes
-must therefore explain more than the error may make.
+The law of a library is never quite that of a machine. Its error follows the motion like the torque
+itself: it is larger in one place, direction, at one speed or under one load than elsewhere, or acts
+a little earlier. Each of these ways is a column. Such an error is part of the covariance of the
+rows. A cause that resembles one of the columns must therefore explain more than the error may make;
+other causes need not.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The data of a diagnosis: rows to fit and rows held out, columns filtered once and kept."""
+"""The data of a diagnosis: rows, and the columns of effects, filtered once and kept."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Least squares of any set of causes from products of columns that are computed once.
 
-A pool holds the whitened columns of every hypothesis that has been looked at closely. Products of
-all columns with each other and with the target, on the rows to fit and on the rows held out, are
-all that a fit needs and all that its error on rows it has not seen needs. A model, with or without
-one of its causes, on these joints or those, then costs a small linear system.
+A pool holds the whitened columns of every hypothesis that has been looked at closely, and the
+products of all columns with each other and with the target, on fitted and on held-out rows. A fit
+and its error on held-out rows need nothing else. So any model, with or without one of its causes,
+on these joints or those, costs a small linear system.
 """
 
 from __future__ import annotations

@@ -45,11 +45,11 @@ class _Part:
 class Projection:
     """What a design leaves of the target. Each part is computed when it is asked for.
 
-    The prior of unnamed causes counts as rows of its own, which no other column has.
+    The prior of unnamed causes counts as additional rows, in which all other columns are zero.
 
     Attributes:
-        evidence: whose target.
-        hypotheses: in the design, beside the base columns.
+        evidence: has the target and the columns.
+        hypotheses: of the design, which also has the base columns.
     """
 
     evidence: Evidence
@@ -134,8 +134,8 @@ class Projection:
     def gains(self, effect: Effect | Kind, shapes: Sequence[Shape]) -> np.ndarray:
         """Return twice the gain in log-likelihood by an effect on all joints at each shape, (s,).
 
-        Linear algebra of small matrices, joint by joint: what a joint's columns do to the others
-        goes through the design alone.
+        The columns of an effect on different joints have no rows in common, so the algebra is that
+        of small matrices, joint by joint; only the design connects them.
         """
         size, gram, moment = self._normal_equations(effect, shapes)
         return quadratic(gram, moment, size)

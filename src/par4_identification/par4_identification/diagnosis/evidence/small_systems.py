@@ -57,7 +57,7 @@ def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> np.ndar
     Args:
         gram: (..., k, k).
         moment: (..., k).
-        size: what the diagonal was before anything was taken out, (..., k).
+        size: diagonal of gram before a projection made it smaller, (..., k).
     """
     scale = np.sqrt(np.maximum(size, 1e-30))
     gram, moment = gram / (scale[..., :, None] * scale[..., None, :]), moment / scale

@@ -1,8 +1,8 @@
 """Unnamed causes: functions of the motion with free coefficients, sorted into kinds.
 
-What no effect of the library explains still acts like something: a force on the platform, a
-function of speed, friction that changes with time. A kind is searched, accepted and tested like an
-effect; its coefficients have a weak prior instead of a meaning.
+A torque that no effect of the library explains still acts like something: a force on the platform,
+a function of speed, friction that changes with time. A kind is such a family of functions. It is
+searched, accepted and tested like an effect; its coefficients have no meaning but a weak prior.
 """
 
 from __future__ import annotations

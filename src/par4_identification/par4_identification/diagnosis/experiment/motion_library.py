@@ -1,8 +1,8 @@
 """Motions that tell causes apart: strokes at constant speed, reversals, vibrations, cycles.
 
-Each shows some of what effects differ in: a friction curve wants many constant speeds in both
-directions, presliding wants reversals, delays want vibration, statics want the corners of the
-workspace, theta wants to turn alone.
+Each shows some of the differences between effects: many constant speeds in both directions show
+friction curves, reversals show presliding, vibrations show delays, the corners of the workspace
+show static torques, and turning theta alone shows what belongs to theta.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ def motion_library(robot: Robot, model: Model, seed: int = 0) -> list[Motion]:
 
     Args:
         robot: the machine.
-        model: its torque, which must stay within the drives'.
+        model: computes the torque, which must stay within that of the drives.
         seed: of the random excitations.
 
     Returns:
-        None at all for drives that do not even hold the platform or a workspace out of reach.
+        motions; none if the drives cannot even hold the platform, or the workspace is out of reach.
     """
     try:
         limits = limits_of(robot, model)

@@ -1,11 +1,12 @@
 """The motion that would tell apart what the data at hand cannot, with the expected separation.
 
-For names A and B and a motion: the torque of the fitted model with A, without noise, on the old
-rows and on those of the motion, is fitted by the base terms, the other causes and B at any shape.
-Half the whitened squared residual is the expected difference of log-likelihood, A over B, if A is
-true. The same with A and B exchanged; the smaller counts, since nobody knows which is true. Of what
-has no name, A is the unnamed cause and B the name that comes nearest; of a name that nearly passes
-as a cause, B is nothing at all. There A alone counts as true.
+How well a motion separates the names A and B is computed as follows. The fitted model with A gives
+a torque without noise, on the old rows and on those of the motion. Base terms, the other causes and
+B at any shape are fitted to it. Half the sum of squares of the whitened residual is the expected
+difference of log-likelihood, A over B, if A is true. The same is done with A and B exchanged, and
+the smaller difference counts, since nobody knows which is true. For an unnamed cause, A is that
+cause and B the name that comes nearest. For a name that nearly passes as a cause, B is no cause at
+all. In these two cases only A counts as true.
 """
 
 from __future__ import annotations
@@ -73,8 +74,8 @@ class NextExperiment:
     """The next motion, or why there is none.
 
     Attributes:
-        motion: None where no motion of the library separates any pair.
-        separations: of each pair of names.
+        motion: None if no candidate motion separates any pair.
+        separations: one for each pair of explanations.
     """
 
     motion: Motion | None
@@ -93,16 +94,16 @@ class NextExperiment:
 
 def next_experiment(diagnosis: Diagnosis, machine: Robot | Axis, seed: int = 0
                     ) -> NextExperiment | None:
-    """Return the motion that tells causes from twins, and unnamed causes from the nearest name.
+    """Return the motion that would tell causes from their twins, and unnamed causes from names.
 
     Args:
         diagnosis: the answer with its evidence.
-        machine: that was measured.
-        seed: of the random motions.
+        machine: that was recorded.
+        seed: of the random motions among the candidates.
 
     Returns:
-        None without twins and doubts, for a single axis, and for a robot that can do no motion of
-        the library.
+        the motion and what it separates. None if there are no twins and no doubts, for a single
+        axis, and for a robot that can do none of the candidate motions.
     """
     if not isinstance(machine, Robot):
         return None

@@ -1,1 +1,1 @@
-"""The model that a diagnosis starts from, or why the data carry none."""
+"""The model that a diagnosis starts from, or why the data cannot carry a diagnosis."""

@@ -1,4 +1,4 @@
-"""The data gate: whether data are fit for a diagnosis, asked before any model is blamed."""
+"""The data gate: decides whether data can carry a diagnosis, before any model is blamed."""
 
 from __future__ import annotations
 

@@ -31,10 +31,11 @@ the nominal one."""
 def beside_retimed(base_model: Model, observations: Observations, machine: Robot | Axis,
                     baseline: ModelFile | None, rigid_body: str,
                     sigma: np.ndarray, library: Mapping[str, Effect]) -> Model:
-    """Return the model fitted together with a lag or a delay, where one explains most of the error.
+    """Return the model fitted together with a lag or a delay, if one explains most of the error.
 
-    Such an effect is bilinear: its column is the rate of the torque of the base parameters, which
-    without it come out wrong in first order. Both are fitted in turn until they agree.
+    Such an effect is bilinear: its column is the rate of a torque that is computed from the base
+    parameters, and without it these come out wrong in first order. Both are fitted in turn until
+    they agree.
     """
     everywhere = tuple(range(observations.joints))
     whitener = flat_whitener(observations, sigma)

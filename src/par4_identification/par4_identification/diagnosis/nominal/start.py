@@ -1,8 +1,8 @@
 """The base parameters that a diagnosis starts from, or the reasons why there are none.
 
-A Par4 must show all its base parameters. An axis may be any machine: where the bodies alone do
-not explain enough of its torque, it is looked at again beside a torque that is bound to its
-position, periodic or not, and an inertia that its motion does not show is left out.
+The data of a Par4 must show all its base parameters. An axis may be any machine. If the bodies
+alone do not explain enough of its torque, they are fitted again beside a torque that depends on the
+position, periodic or not; an inertia that its motion does not show is left out.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ class Start:
     """Where a diagnosis starts.
 
     Attributes:
-        observations: rows to fit, perhaps without the column of a parameter they do not show.
-        identification: base parameters; None where they cannot be told at all.
-        left_out: parameters that the motion does not show.
-        reasons: why the data are unfit, each with what to do; empty where they are fit.
-        bound: whether most of the torque is bound to the position.
+        observations: rows to fit, without the column of a parameter that they do not show.
+        identification: base parameters; None if they cannot be fitted at all.
+        left_out: names of parameters that the motion does not show.
+        reasons: why the data cannot carry a diagnosis, each with what to do; empty if they can.
+        bound: whether most of the torque depends on the position alone.
     """
 
     observations: Observations

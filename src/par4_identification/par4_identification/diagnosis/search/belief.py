@@ -30,8 +30,8 @@ class Belief:
         candidates: the library.
         pool: fits.
         projections: of the same rows.
-        rules: what the torques of a model may get wrong.
-        dithered: what encoder counts may have made of the motion.
+        rules: by how much the torques of a model may be wrong.
+        dithered: the motion as encoders could have read it whose counts lie elsewhere.
     """
 
     candidates: Candidates
@@ -71,10 +71,10 @@ class Belief:
         return requirement_of(self.pool, model, self.rules).inflation
 
     def _follows_its_law(self, hypothesis: Hypothesis, others: Model) -> bool:
-        """Return whether a torque read at another time has the second order of its law.
+        """Return whether a torque at another time has the second order of its law.
 
-        What the other causes get wrong counts as noise. Where no law passes so, what its own
-        torque gets wrong counts, too: some law it must have.
+        Errors of the other causes count as noise. If no law passes like that, the error of its own
+        torque counts as noise, too, because some law must hold.
         """
         projection = self.projections.beside(others)
 
@@ -126,8 +126,8 @@ class Belief:
     def _driven_beside(self, others: Model, fit: Fit, inflation: float) -> str | None:
         """Return why the friction of an axis beside a cause, the last of a fit, is none, or None.
 
-        At a speed that hardly changes, a constant torque and friction stand for each other. A
-        torque that comes and goes along a turn cannot stand for friction and is not asked.
+        At a speed that hardly changes, a constant torque and friction cannot be told apart, so one
+        may take the place of the other. A periodic torque cannot and is not checked.
         """
         observations = self.pool.evidence.observations
         if observations.runs[0].state.geometry is not None:

@@ -35,8 +35,8 @@ class Candidate:
 
     Attributes:
         hypothesis: the effect with that shape.
-        gain: in log-likelihood on the rows to fit.
-        tried: number of shapes.
+        gain: in log-likelihood on the fitted rows.
+        tried: number of shapes that were tried.
     """
 
     hypothesis: Hypothesis
@@ -50,11 +50,11 @@ class Candidates:
     Args:
         library: effects that may be named.
         evidence: whitened rows to fit.
-        rules: `Rules.evidence` tells where a dear search is worth its time.
-        swing: transmissions that twist as an earlier search found them.
+        rules: `Rules.evidence` decides whether an expensive search is worth its time.
+        swing: transmissions that twist, as an earlier search found them.
 
     Attributes:
-        swing: the same as this one found them.
+        swing: transmissions that twist, as this search found them.
         family: number of effects and shapes that are tried.
     """
 
@@ -87,8 +87,8 @@ class Candidates:
                      ) -> list[Shape]:
         """Return the shapes of the grid that explain more than `least`, the best first.
 
-        None for orders of periodic torques, for transmissions that twist, which have no grid, and
-        for series, which hold only where their one coefficient is.
+        There are none for orders of periodic torques and for transmissions that twist, which have
+        no grid, and for series, which hold only near their one coefficient.
         """
         effect = candidate.hypothesis.named
         if (order_name(effect) is not None or effect.expanded

@@ -1,12 +1,12 @@
 """The false causes that encoder counts make, by errors in the columns of a fit.
 
-Positions in counts give the model's torque an error e that the measured torque has not, so that a
-residual holds -e. A column Z of a cause has the same positions, and so has X of the base terms: the
-moment of the cause with the residual is not that of the machine, but changed by
--(Z - X (X^T X)^-1 X^T Z)^T e. Coarse encoders on slow motions look like rods, theta inertia,
-Stribeck friction, presliding or gaps in this way (errors in variables). The filter of the positions
-makes this nothing on the mean of a log; it is more where the motion is lively, less where it is
-calm.
+Positions in counts give the model's torque an error e that the measured torque does not have, so
+the residual contains -e. The column Z of a cause and the columns X of the base terms are computed
+from the same positions. The product of Z with the residual is therefore not that of the machine,
+but differs by -(Z - X (X^T X)^-1 X^T Z)^T e (errors in variables). In this way coarse encoders on
+slow motions look like rods, theta inertia, Stribeck friction, presliding or gaps. The filter of the
+positions makes this zero on the mean of a log; it is more where the motion is lively and less where
+it is calm.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ TINY = 1e-9
 
 
 def counted_squares(dithered: Dithered, evidence: Evidence) -> float:
-    """Return by how much the error that encoder counts make of a torque exceeds the noise.
+    """Return by how much the torque error that encoder counts make exceeds the noise.
 
-    In whitened squares on the rows of the evidence, the mean of the draws. What does not exceed
-    the noise is a part of it. More is left where nameless functions took it away from the noise,
-    since it follows the motion. Zero where the counts are not known.
+    The value is in whitened squares on the rows of the evidence, the mean over the draws. It is
+    positive where the noise model lacks a part of that error because unnamed functions took it
+    away, since it follows the motion. It is zero if the counts are not known.
     """
     draws = dithered.noise(evidence, delivered)
     squares = float(np.mean([np.sum(draw ** 2) for draw in draws])) if draws else 0.0
@@ -51,7 +51,7 @@ class Counts:
     """The moments that the noise of counts gives hypotheses, each computed once.
 
     Args:
-        dithered: the motion as encoders could have told it that count otherwise.
+        dithered: the motion as encoders could have read it whose counts lie elsewhere.
     """
 
     dithered: Dithered
@@ -60,10 +60,10 @@ class Counts:
     _torque: list[np.ndarray] | None = None
 
     def imitate(self, projection: Projection, hypothesis: Hypothesis) -> float:
-        """Return how much of the log-likelihood of a cause, on fitted rows, counts could give.
+        """Return how much of the log-likelihood of a cause, on fitted rows, counts could make.
 
-        Their effect is allowed to be anything up to `DOUBT` times what is computed. Where one draw
-        says that they could give next to nothing, the others are not computed.
+        Their effect may be up to `DOUBT` times as large as computed. If one draw says that they
+        make next to nothing, the others are not computed.
         """
         draws = len(self.dithered.draws)
         if not draws:
@@ -85,8 +85,9 @@ class Counts:
     def corrected(self, evidence: Evidence, fit: Fit) -> Fit:
         """Return a fit without the bias that counts give its values (errors in variables).
 
-        The products of the columns with the target lack those with the error of the model's
-        torque, which the draws tell; see Fuller, Measurement Error Models, 1987.
+        The error that counts make in the model's torque changes the products of the columns with
+        the target. The draws give that change; it is put back (Fuller, Measurement Error Models,
+        1987).
         """
         draws = len(self.dithered.draws)
         if not draws:

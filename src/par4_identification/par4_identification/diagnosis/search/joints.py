@@ -22,16 +22,18 @@ def with_needed_joints(pool: Pool, belief: Belief, hypothesis: Hypothesis, other
                        ) -> Hypothesis:
     """Return a name with only those joints and parts that are worth their price.
 
-    Joints share the base parameters, so that an effect on one leaves a trace on all, and what all
-    have in common belongs to the base: every set of joints is tried. So is, of a shared effect,
-    every choice of its separable sets: one dimension that is wrong looks like several. What rows
-    held out miss is needed, whatever its price. A joint that is worth little more than its price
-    goes, too, if no machine could have its value: small errors of a strong cause look like that.
+    Joints share the base parameters, so an effect on one joint leaves a trace on all, and what all
+    have in common belongs to the base. Therefore every set of joints is tried. For a shared effect
+    every choice of its separable sets is tried, because one wrong dimension looks like several. A
+    set without which held-out rows fit much worse is kept, whatever its price. A joint that is
+    worth little more than its price is dropped if no machine could have its value: small errors of
+    a strong cause look like that.
 
     Args:
         pool: fits.
-        belief: what a machine can have; its rules have the price of a coefficient, what rows held
-            out must gain, and how much worse a set of joints may be to be believed.
+        belief: judges whether a machine can have a cause. Its rules have the price of a coefficient
+            (`price`), the gain on held-out rows (`margin`), and how much worse than the best a set
+            of joints may be (`twin`).
         hypothesis: an effect on all joints.
         others: the causes beside it.
     """
@@ -64,7 +66,7 @@ def _by_itself(hypothesis: Hypothesis) -> Hypothesis:
 
 def with_acting_joints(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Model
                        ) -> Hypothesis:
-    """Return an unnamed cause without the joints that rows held out do not ask for."""
+    """Return an unnamed cause without the joints that held-out rows do not need."""
     if hypothesis.effect.shared:
         return hypothesis
     everywhere = tuple(range(pool.evidence.observations.joints))
@@ -81,7 +83,7 @@ def with_acting_joints(pool: Pool, rules: Rules, hypothesis: Hypothesis, others:
 def choices(hypothesis: Hypothesis, everywhere: tuple[int, ...]) -> Iterator[Hypothesis]:
     """Yield a name on each set of joints, or with each choice of its separable sets.
 
-    Those with few come first. A machine with one joint leaves no choice.
+    Small sets come first. There are none for a machine with one joint.
     """
     effect = hypothesis.named
     if len(everywhere) == 1:
@@ -100,7 +102,7 @@ def choices(hypothesis: Hypothesis, everywhere: tuple[int, ...]) -> Iterator[Hyp
 
 def _with_confirmed_orders(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Model
                            ) -> Hypothesis:
-    """Return a periodic torque without the orders that rows held out do not ask for."""
+    """Return a periodic torque without the orders that held-out rows do not need."""
     if isinstance(hypothesis.effect, Kind):
         return hypothesis
     name = order_name(hypothesis.effect)

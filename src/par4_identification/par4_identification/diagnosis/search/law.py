@@ -36,16 +36,16 @@ SECOND_ORDER = 10.0
 
 @dataclass(frozen=True)
 class Dithered:
-    """The same motion as encoders could have read it whose counts lie elsewhere.
+    """The same motion as other encoders could have read it, whose counts lie elsewhere.
 
     Positions are rounded to counts and filtered. This gives the torque of the model an error e, and
-    its rate the error de/dt. A lag amplifies e and a delay only moves it, so that least squares
-    favour the one where e is noise that came in, the other where it is motion that the filter took
-    away. The moments that the columns have with these errors, known from these draws, are therefore
+    its rate the error de/dt. A lag amplifies e and a delay only moves it. So least squares favour
+    the delay if e is noise that the counts added, and the lag if e is motion that the filter took
+    away. The products of the columns with these errors are known from the draws and are therefore
     taken out of the normal equations.
 
     Attributes:
-        draws: the observations, with other positions; none where the noise of these is not known.
+        draws: the observations with other positions; empty if the noise of positions is not known.
     """
 
     draws: tuple[Observations, ...] = ()
@@ -56,12 +56,12 @@ class Dithered:
 
     def obeys(self, projection: Projection, hypothesis: Hypothesis, time: float,
               inflation: float = 1.0) -> bool:
-        """Return whether a torque read `time` (s) away has the second order of that effect.
+        """Return whether a torque that is `time` (s) late has the second order of an effect.
 
-        Beside the effect's own column that of d2(torque)/dt2 is free. Its coefficient is 0 for the
-        true effect; a lag in place of a delay, or the reverse, gives +-time^2 / 2. Without draws
-        nothing is held against the effect. `inflation` of the variances, by what the model may get
-        wrong, asks the same of the second order (`Requirement.inflation`).
+        A column d2(torque)/dt2 is fitted beside the effect's own. Its coefficient is 0 for the true
+        effect, and +-time^2 / 2 for a lag in place of a delay or the reverse. Without draws the
+        answer is yes. `inflation` enlarges the variances for the errors of the model
+        (`Requirement.inflation`).
         """
         if not self.draws:
             return True
@@ -110,10 +110,10 @@ def is_noisy(runs: Sequence[Run]) -> bool:
 
 
 def dithered_state(run: Run, state: State, random: np.random.Generator) -> State:
-    """Return a motion of `run`, or of its beginning, as it could be mistaken for the true one.
+    """Return the motion of `run`, or of its beginning, with another draw of the position noise.
 
-    A motion as lively as the true one is told by encoders whose counts lie elsewhere, or whose
-    noise is another one, and filtered.
+    A motion as lively as the true one is read by encoders whose counts lie elsewhere, or with other
+    white noise, and filtered.
     """
     period = float(state.t[1] - state.t[0])
     true = run.likely[:len(state.q)]

@@ -30,18 +30,18 @@ WIDEST_APART = 0.5
 
 def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection, rules: Rules
                 ) -> tuple[Shape, float]:
-    """Return the orders of an effect, given a projection, and twice what they gain.
+    """Return the orders of an effect beside a projection, and twice what they gain.
 
-    An order after the first must gain three things together: what every cause must, what chance
-    gives to the best of so many orders, and what may be an error of the orders before it, which
-    are waves on any machine, so that the error is that of a Par4. The range of positions must also
-    be wide enough to tell it from these.
+    An order after the first must gain the sum of three things: what every cause must gain, what
+    chance gives to the best of so many orders, and what an error of the orders before it may make.
+    Orders are waves on any machine, so that error is the one of a Par4, also on an axis. The range
+    of positions must also be wide enough to tell the order from those before it.
 
     Args:
         effect: with a shape parameter that may be a tuple of orders.
         shapes: one order each, evenly spaced.
-        projection: what is known beside it.
-        rules: what a cause must show.
+        projection: of the causes beside it.
+        rules: what a cause must gain.
     """
     name = order_name(effect)
     if name is None:
@@ -167,9 +167,10 @@ class Lines:
     def of(cls, projection: Projection, highest: float) -> Lines:
         """Return the spectrum of what a projection leaves, up to an order.
 
-        The whitened residual stands for the product of both: a whitening filter changes a wave
-        little but its size and phase, and the phase turns over with the direction, so that the
-        directions are summed apart. Rows are summed in cells of an eighth of the shortest period.
+        It is computed from the whitened residual and the unfiltered wave. A whitening filter
+        changes little of a wave but its size and phase. The phase shift changes its sign with the
+        direction of motion, so the two directions are summed separately. Rows are summed in cells
+        of an eighth of the shortest period.
         """
         evidence = projection.evidence
         runs, ends = evidence.observations.runs, evidence.ends

@@ -28,10 +28,10 @@ SMALL = 0.05
 def polished(search: Search, model: Sequence[Hypothesis]) -> Model:
     """Return a model whose shapes fit the fitted rows best.
 
-    The search tries shapes on a grid. What it gives is off by up to half a step of that, which may
-    be many standard deviations of a strong cause. Orders of periodic torques stay whole numbers,
-    a shape that has its default value keeps it unless `Rules.price` is gained, and none goes where
-    no machine can be.
+    The search tries shapes on a grid, so its result is off by up to half a step, which may be many
+    standard deviations of a strong cause. Orders of periodic torques stay whole numbers. A shape
+    that has its default value keeps it unless another one gains `Rules.price`. No shape moves to a
+    value that no machine can have.
     """
     model, pool = _sought_again(search, tuple(model)), search.pool
     for place, item in enumerate(model):
@@ -48,7 +48,7 @@ def polished(search: Search, model: Sequence[Hypothesis]) -> Model:
 
 
 def polished_alone(search: Search, item: Hypothesis, others: Model) -> Hypothesis:
-    """Return a hypothesis whose shape fits the fitted rows best beside others as they are."""
+    """Return a hypothesis whose shape fits the fitted rows best; the others are not changed."""
     return _with_best_shape(search.pool, (*others, item), item)[-1]
 
 

@@ -1,4 +1,4 @@
-"""How much a cause must gain, to be more than chance and more than an error of the model."""
+"""How much a cause must gain, so that neither chance nor an error of the model explains it."""
 
 from __future__ import annotations
 
@@ -27,10 +27,11 @@ class Requirement:
     explains the same share of the squares.
 
     Attributes:
-        fit: on the rows to fit, whatever the named causes get wrong resembles.
-        heldout: on rows that no fit has seen, likewise.
-        beside_law_error: the same two where the error of the named causes is fitted beside them.
-        inflation: of the variances of fitted values, by the errors of the causes' torques.
+        fit: on the fitted rows, whatever the error of the named causes looks like.
+        heldout: the same on held-out rows.
+        beside_law_error: the same two, if the error of the named causes is fitted beside them.
+        inflation: factor by which the errors of the causes' torques enlarge the variances of fitted
+            values.
     """
 
     fit: float
@@ -47,9 +48,9 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
         pool: fits.
         model: causes, the one in question among them.
         rules: how much of each torque may be wrong.
-        cause: the one in question. The error of an unnamed cause resembles what the unnamed cause
-            has in common with a name. It counts by the share of its gain that the name loses
-            beside the unnamed cause.
+        cause: the one in question. If it is a name, the error of the unnamed causes counts by the
+            share of its gain that the name loses beside them, because that error resembles what
+            they have in common with the name.
     """
     named = [item for item in model if not isinstance(item.effect, Kind)]
     base, only_named, whole = (pool.fit(part) for part in ((), named, model))
@@ -93,8 +94,8 @@ def torque_errors(evidence: Evidence, fit: Fit, rules: Rules) -> list[np.ndarray
 def error_of(item: Hypothesis, rules: Rules) -> float:
     """Return the share (rms) of the torque of a named cause that may be wrong.
 
-    That a machine may be any holds for its laws of friction, of springs and of gaps. A torque that
-    is read at another time is that torque, on any machine.
+    An axis may have other laws of friction, springs and gaps than the library. A delay or a lag has
+    no such law: on any machine it is the torque at another time. So it has the error of a Par4.
     """
     return min(rules.named_error, Rules.named_error) if item.named.retimes else rules.named_error
 

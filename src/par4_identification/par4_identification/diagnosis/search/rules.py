@@ -1,4 +1,4 @@
-"""The numbers that decide what gets a name; the only ones of search and verdict."""
+"""The numbers that decide which cause gets a name; search and verdict have no others."""
 
 from __future__ import annotations
 
@@ -7,30 +7,30 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Rules:
-    """What a cause must show. These numbers were fixed before any study that is scored.
+    """What a cause must gain. These numbers were fixed before any study that is scored.
 
-    A log-likelihood is half the sum of the squares of whitened rows that a cause removes. No torque
-    is known exactly. A row therefore has three errors beside its noise, each of which is a share
-    (rms) of a torque that the model already has. `Requirement` says how they add up.
+    The log-likelihood that a cause gains is half the sum of squares of whitened rows that it
+    removes. No torque is known exactly. So a row has three errors besides its noise, each of which
+    is a share (rms) of a torque that the model already has. `Requirement` says how they add up.
 
     Attributes:
-        evidence: a cause must gain as much log-likelihood on the fitted rows.
-        margin: a cause must gain as much log-likelihood on held-out rows.
-        price: each coefficient must be worth as much log-likelihood beside the others. So the
-            explanation with the fewest coefficients, and with the fewest joints, is taken among
-            equal ones.
-        twin: two names whose log-likelihoods differ by no more are twins.
-        equal: of two names whose log-likelihoods differ by no more the simpler one goes first.
+        evidence: log-likelihood that a cause must gain on the fitted rows.
+        margin: log-likelihood that a cause must gain on held-out rows; an unnamed one twice as
+            much.
+        price: log-likelihood that each coefficient must be worth beside the others. So the
+            explanation with the fewest coefficients and joints is taken among equal ones.
+        twin: largest difference of the log-likelihoods of two names that are twins.
+        equal: largest difference of log-likelihood at which the simpler of two names goes first.
         base_error: share (rms) of the measured torque that sampling, filters and base terms get
             wrong.
         noise_error: share of the squares of the noise by which its model may be wrong.
         named_error: share (rms) of the torque of named causes that may be wrong.
         unnamed_error: share (rms) of the torque of unnamed causes that may be wrong.
-        better: log-likelihood on rows held out by which an unnamed cause must explain more than
-            names, to be told in their place. The laws of a machine that nearly hold lose some tens
-            to a nameless function.
-        floor_excess: rms of what is left over the noise floor beyond which it is described, as
-            noise that wanders, lines or bursts.
+        better: log-likelihood on held-out rows by which an unnamed cause must explain more than
+            names, to be told in their place. A law that nearly holds on a machine explains some
+            tens less than an unnamed function.
+        floor_excess: ratio of the rms of the remainder to the noise floor above which the
+            remainder is described, as noise that wanders, lines or bursts.
     """
 
     evidence: float = 25.0
@@ -47,6 +47,6 @@ class Rules:
 
 
 OF_AXIS = Rules(base_error=3e-3, named_error=0.1, better=100.0)
-"""Of a single axis, which may be any machine: its friction, its springs and its gaps follow the
-laws of the library less closely than those of a Par4, and so does its torque, which is often a
-current times a constant. Delays and lags have no such laws (`error_of`)."""
+"""Rules for a single axis. It may be any machine, so its friction, springs and gaps follow the laws
+of the library less closely than those of a Par4. Its torque, often a current times a constant, is
+known less exactly, too. Delays and lags keep the error of a Par4, see `error_of`."""

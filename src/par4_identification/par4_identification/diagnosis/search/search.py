@@ -1,4 +1,4 @@
-"""The search for causes: names first, then what is unnamed, each tested again beside the others."""
+"""The search for causes: names first, then unnamed causes, each tested again beside the others."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ class Rejected:
 
 @dataclass(frozen=True)
 class Rival:
-    """What could explain the data in the place of a cause.
+    """A hypothesis that could explain the data in the place of a cause.
 
     Attributes:
-        hypothesis: a name or an unnamed cause; None for nothing at all.
-        margin: log-likelihood on rows that no fit has seen, of the cause over this.
-        fit_margin: the same on the rows to fit.
-        believable: whether it is a name whose values and law could be real.
+        hypothesis: a name or an unnamed cause; None for no cause at all.
+        margin: log-likelihood of the cause over this, on held-out rows.
+        fit_margin: the same on the fitted rows.
+        believable: False for a name whose values or law no machine can have.
     """
 
     hypothesis: Hypothesis | None
@@ -125,21 +125,21 @@ class Search:
         return model
 
     def _does_as_well(self, trial: Model, model: Model) -> bool:
-        """Return whether what a step leads to explains what the model explains that it came from.
+        """Return whether a trial explains as much as the model from which a step led to it.
 
-        A cause that makes others needless may lose as much as chance makes of each of them.
+        For each cause that it dropped it may explain less by as much as chance makes.
         """
         dropped = len(names_of(model) - names_of(trial))
         loss = 0.5 * (sum(self.pool.fit(trial).squares) - sum(self.pool.fit(model).squares))
         return loss < dropped * (self.rules.evidence + self.rules.margin)
 
     def _gives_names_away(self, trial: Model, model: Model) -> bool:
-        """Return whether a trial lacks names of a model for an unnamed cause that does little more.
+        """Return whether a trial lost names to an unnamed cause that does little more than they.
 
-        A nameless function of the speed has the columns of every law of the speed in it, so that
-        beside it none explains anything of its own. It takes their place only if it explains
+        An unnamed function of the speed contains the columns of every law of the speed, so that
+        beside it no law explains anything of its own. It takes their place only if it explains
         `Rules.better` more than they do, and if none of them alone explains what it does, but for
-        the share that may be wrong of it.
+        the share of it that may be wrong.
         """
         lost = [item for item in named_of(model) if item.effect.name not in names_of(trial)]
         new = [item for item in unnamed_of(trial) if item.effect.name not in names_of(model)]
@@ -238,10 +238,10 @@ class Search:
         return reason is None
 
     def tested(self, model: Model) -> Model:
-        """Return a model without the causes that become superfluous beside the others.
+        """Return a model without the causes that are superfluous beside the others.
 
-        The shape of a cause is sought again around what it was, its joints among all sets; the
-        cause that misses what it must gain by most goes first.
+        The best shape and the joints of each cause are sought again. Then the cause that falls
+        shortest of what it must gain is removed, and so on, until none falls short.
         """
         while model:
             model = tuple(self._adjusted(item, others_of(model, item)) for item in model)
@@ -332,7 +332,7 @@ class Search:
         return min(found, key=lambda item: item[0])[1] if found else None
 
     def rivals(self, cause: Hypothesis, others: Model) -> list[Rival]:
-        """Return what could explain the data in the place of a cause, the strongest first."""
+        """Return the rivals of a cause beside the others, the strongest first."""
         own = self.pool.fit((*others, cause))
         projection = self.weighing.beside(others)
         names = names_of((*others, cause))

@@ -17,7 +17,7 @@ EXPANSIONS = 4
 def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
     """Return the shapes of an effect worth trying on the longest run of the data.
 
-    Of an axis, whose speeds may be any, an order of a periodic torque is worth trying where the
+    For an axis, which may have any speed, an order of a periodic torque is worth trying if the
     torque's filter passes it at the speeds of the slower quarter of the motion.
     """
     run = max(observations.runs, key=lambda run: len(run.t))
@@ -31,7 +31,7 @@ def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
 
 
 def order_name(effect: Effect) -> str | None:
-    """Return the shape parameter that may be a tuple of orders, None where no effect has any."""
+    """Return the shape parameter of an effect that may be a tuple of orders, or None."""
     return next((parameter.name for parameter in effect.parameters
                  if parameter.per_order and parameter.is_shape), None)
 
@@ -52,7 +52,7 @@ def best_shape(effect: Effect, shapes: Sequence[Shape],
 
 
 def self_consistent(projection: Projection, effect: Effect, shape: Shape) -> Shape:
-    """Return the shape of a series at which the coefficient that it gives is the one assumed."""
+    """Return the shape of a series whose fitted coefficient is the value that the shape assumes."""
     for _ in range(EXPANSIONS):
         estimate = projection.estimate(effect, shape)
         shape = {'expanded_at': float(estimate[0])}

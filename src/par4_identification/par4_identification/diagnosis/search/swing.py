@@ -1,4 +1,4 @@
-"""Where the compliances of transmissions lie: their resonances make the fit far from linear."""
+"""A search for the compliances of transmissions, whose resonances make the fit far from linear."""
 
 from __future__ import annotations
 
@@ -61,15 +61,17 @@ class Swing:
 
 def swing_in(projection: Projection, least: float, price: float, known: Swing | None = None
              ) -> Swing | None:
-    """Return the transmissions whose torque the target of a projection has.
+    """Return the transmissions that twist, by the torque that they leave in a projection.
+
+    None if a first look promises too little.
 
     Args:
         projection: whose residual is the target.
-        least: twice the gain in log-likelihood that a first look must promise; else None.
-        price: the same that a damping ratio of its own must be worth.
-        known: what was found beside other causes, or with another nominal torque. Where the way
-            down from there ends below what the first look promises, that is the answer, which is
-            much quicker. Elsewhere the better of two ways down is.
+        least: twice the gain in log-likelihood that the first look must promise.
+        price: twice the gain that a damping ratio other than the usual one must be worth.
+        known: result beside other causes, or with another nominal torque. The descent begins
+            there, and if it leaves less than the first look promises, its end is the answer, which
+            is much quicker. If not, the better of two descents is.
     """
     evidence, target = projection.evidence, projection.residual
     springs = {id(run.state): Springs(run.state) for run in evidence.observations.runs}

@@ -1,4 +1,4 @@
-"""What a cause gains beside others, and whether that is as much as it must gain."""
+"""What a cause gains beside others, and whether that is enough."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Weighing:
                 for part in (self._pool.evidence, self._pool.heldout)]
 
     def gains(self, cause: Hypothesis, others: Model) -> tuple[float, float]:
-        """Return the gain in log-likelihood beside others on rows to fit and on rows held out."""
+        """Return the gain in log-likelihood beside others, on fitted and on held-out rows."""
         without, together = self._pool.fit(others), self._pool.fit((*others, cause))
         return (0.5 * (without.fit_squares - together.fit_squares),
                 0.5 * (without.heldout_squares - together.heldout_squares))
@@ -64,10 +64,10 @@ class Weighing:
         return fit_gain - by_counts[0], gain - by_counts[1]
 
     def corrected(self, fit: Fit) -> Fit:
-        """Return a fit of the rows to fit with the values that are told.
+        """Return a fit with the values that the answer tells.
 
-        They are without what encoder counts make of them, and those of a torque that is not linear
-        in them are those at which it was fitted.
+        The bias that encoder counts make is taken out of them. A torque that is not linear in its
+        values has those at which it was fitted.
         """
         return self._counts.corrected(self._pool.evidence, pinned(self._pool.evidence, fit))
 
@@ -76,10 +76,11 @@ class Weighing:
         return requirement_of(self._pool, model, self._rules, cause)
 
     def standing(self, cause: Hypothesis, others: Model) -> float:
-        """Return what a cause gains beside others over what it must gain, on the worse data.
+        """Return the ratio of what a cause gains beside others to what it must gain.
 
-        A name that does not gain what any error of the other names could make of it is looked at
-        beside the errors that they can have.
+        It is the smaller of the ratios on fitted and on held-out rows. A name gets a second chance
+        if it fails only because an error of the other names might look like it: it is then weighed
+        beside the errors that their laws can have.
         """
         needed = self.requirement((*others, cause), cause)
         fit_gain, gain = self.sound_gains(cause, others)
@@ -94,10 +95,10 @@ class Weighing:
 
     def _standing_beside_law_error(self, cause: Hypothesis, others: Model, needed: Requirement
                                    ) -> float:
-        """Return the same where the laws of the other names may be wrong in any of their ways.
+        """Return the same beside the errors that the laws of the other names can have.
 
-        Where more than noise is left, its size counts as that of the noise: what is weak waits
-        until what is strong is known.
+        If the model leaves more than noise, the size of what it leaves takes the place of the
+        noise, so that a weak cause waits until the strong ones are known.
         """
         beside = (*others, *self._law_error(others))
         gains, by_counts = self.gains(cause, beside), self._by_counts(cause, others)

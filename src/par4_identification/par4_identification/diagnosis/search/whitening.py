@@ -1,4 +1,4 @@
-"""The noise of the rows: what is left when everything that follows the motion is removed."""
+"""The noise of the rows: what is left after all that follows the motion has been taken away."""
 
 from __future__ import annotations
 

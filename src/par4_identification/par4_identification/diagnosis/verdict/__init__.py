@@ -1,1 +1,1 @@
-"""What is said of the causes found: rivals, twins, floor, the answer."""
+"""How sure the causes are that were found: rivals, twins, noise floor, and the answer."""

@@ -1,7 +1,7 @@
-"""Deviations that hold how far rows held out disagree with the rows that were fitted.
+"""Standard deviations that allow for the disagreement between held-out and fitted rows.
 
-What a law leaves out goes with the motion, so that another motion of the same machine gives other
-values. Where two estimates lie farther apart than their deviations allow, the deviations are too
+What a law leaves out depends on the motion, so another motion of the same machine gives other
+values. If two estimates lie farther apart than their deviations allow, the deviations are too
 small, by the root of the mean square of the differences over their own deviation (Birge 1932).
 """
 
@@ -26,12 +26,12 @@ LARGEST = 0.5
 
 def with_disagreement(parameters: dict[str, Parameter], fitted: dict[str, Parameter],
                       other: dict[str, Parameter]) -> dict[str, Parameter]:
-    """Return parameters whose deviations are as much larger as two estimates disagree.
+    """Return parameters with deviations enlarged by the disagreement of two estimates.
 
     Args:
-        parameters: as told.
-        fitted: of least squares on the rows to fit.
-        other: of least squares on other rows.
+        parameters: whose deviations are enlarged.
+        fitted: by least squares on the fitted rows.
+        other: by least squares on other rows.
     """
     squares = []
     for name, one in fitted.items():
@@ -53,7 +53,7 @@ def with_disagreement(parameters: dict[str, Parameter], fitted: dict[str, Parame
 
 def parameters_by(evidence: Evidence, hypotheses: Sequence[Hypothesis], index: int,
                   errors: Sequence[np.ndarray] = ()) -> dict[str, Parameter]:
-    """Return the parameters that rows give one of several causes, its shape one step from its own.
+    """Return the parameters of one of several causes by other rows, its shape moved by one step.
 
     Orders of periodic torques stay whole numbers.
 

@@ -1,4 +1,4 @@
-"""What a diagnosis answers."""
+"""The answer of a diagnosis: causes, verdict, errors and the extended model."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ class Cause:
     """A named cause.
 
     Attributes:
-        effect: from the catalogue.
-        joints: where it acts.
-        parameters: with standard deviations; one number for the machine or one a joint in
-            `joints`.
-        twins: names that explain the data as well.
-        visible_fraction: rms left of it after refitting the base parameters, over its full rms.
-        p_value: family-wise.
-        margin: log-likelihood on rows that no fit has seen, over the best that could stand in
-            its place.
-        rival: what that is: a name, a kind of unnamed cause, or None for nothing.
-        gain: share of the squared error of held-out rows, whitened, that it removes beside the
-            other causes.
-        predictable: whether the model can say its torque at each instant.
+        effect: of the library that was searched.
+        joints: indices of the joints on which it acts.
+        parameters: name -> value with standard deviation: one number for the machine, or one for
+            each of `joints`.
+        twins: names that explain the fitted rows as well, within `Rules.twin`.
+        visible_fraction: rms of its torque that no base parameter can take, over its full rms.
+        p_value: of its gain on the fitted rows, family-wise over all effects and shapes.
+        margin: log-likelihood on held-out rows, over the best that could stand in its place.
+        rival: that best: a name, a kind of unnamed cause, or None for no cause.
+        gain: share of the whitened squared error of held-out rows that it removes beside the other
+            causes.
+        predictable: whether the model can compute its torque at each instant; false for backlash
+            that was told by its bounces.
     """
 
     effect: Effect
@@ -57,11 +57,11 @@ class Cause:
 
     @property
     def is_nothing(self) -> bool:
-        """Whether all sizes that it is told with are zero within their deviations."""
+        """Whether all its sizes are zero within one standard deviation."""
         return self.is_zero_within(1.0)
 
     def is_zero_within(self, deviations: float) -> bool:
-        """Return whether all sizes that it is told with are zero within so many deviations."""
+        """Return whether all its sizes are zero within so many standard deviations."""
         sizes = [self.parameters[parameter.name] for parameter in self.effect.parameters
                  if not parameter.is_shape and parameter.name in self.parameters]
         return bool(sizes) and all(np.all(
@@ -96,12 +96,12 @@ class Remaining:
     """What neither names nor unnamed causes explain.
 
     Attributes:
-        floor_excess: its rms on held-out rows over the noise floor.
-        unrelated: what of it follows nothing in the motion.
-        nearest: where nothing is named, the effect that explains most without passing as a cause.
-        uneven: whether torques at steady speeds miss the model by more than their own noise, though
-            no function of the speed fits them all.
-        swing_hz: frequency of something that swings and is most of it, Hz; None where nothing does.
+        floor_excess: rms of the remainder on held-out rows over the noise floor.
+        unrelated: the parts of the remainder that follow nothing in the motion.
+        nearest: if nothing is named, the effect that explains most without passing as a cause.
+        uneven: whether torques at steady speeds differ from the model by more than their own noise,
+            though no function of the speed fits them all.
+        swing_hz: frequency, Hz, at which most of the remainder swings; None if it does not.
     """
 
     floor_excess: float
@@ -116,7 +116,7 @@ class Unusable:
     """Data that cannot carry a diagnosis.
 
     Attributes:
-        reasons: why, and behind a semicolon what to do.
+        reasons: each says why and, after a semicolon, what to do.
         fit_runs: rows that were to be fitted.
     """
 
@@ -127,25 +127,26 @@ class Unusable:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The answer.
+    """The answer of a diagnosis.
 
     Attributes:
         verdict: 'clean', 'explained', 'partly_explained' or 'unknown'.
-        causes: with a name, strongest first.
-        unnamed: causes without a name, strongest first.
-        rejected: candidates that were looked at and why they are no causes.
-        holdout: errors before and after.
-        remaining: what is left.
+        causes: named causes, strongest first.
+        unnamed: unnamed causes, strongest first.
+        rejected: candidates that were looked at closely, and why they are no causes.
+        holdout: errors on held-out rows without and with the named causes.
+        remaining: what neither named nor unnamed causes explain.
         base_before, base_after: base parameters without and with the named causes.
         extended_model: base parameters and named causes as one model.
         fit_runs: rows that were fitted.
         evidence: these rows, whitened.
-        hypotheses: of the named causes, in their order.
-        fitted_rms: what base parameters and named causes leave on the rows that were fitted, N m.
-        left_out: base parameters that the motion does not show.
-        share: of the readings of long logs that was looked at, in stretches spread over them.
-        doubts: what is unnamed or nearly passes as a cause, and what else it may be.
-        effects: what their names stand for.
+        hypotheses: those of the named causes, in the order of `causes`.
+        fitted_rms: rms that base parameters and named causes leave on the fitted rows, N m.
+        left_out: names of base parameters that were not fitted because the motion does not show
+            them.
+        share: share of the readings that was looked at; less than 1 for long logs.
+        doubts: each unnamed cause, or name that nearly passes as a cause, and what else it may be.
+        effects: name -> effect, of the library that was searched and of the catalogue.
     """
 
     verdict: Verdict

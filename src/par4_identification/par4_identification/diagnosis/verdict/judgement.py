@@ -21,10 +21,10 @@ class Judgement:
 
     Attributes:
         hypothesis: the cause.
-        margin: log-likelihood on rows that no fit has seen, over the best rival.
-        rival: its name, or what it acts like; None where nothing does better than no cause.
-        twins: names that explain the data as well.
-        p_value: of its gain on the rows to fit, family-wise over all effects and shapes.
+        margin: log-likelihood on held-out rows, over the best rival.
+        rival: name of the best rival, or what it acts like; None if the best is no cause at all.
+        twins: names that explain the fitted rows as well.
+        p_value: of its gain on the fitted rows, family-wise over all effects and shapes.
     """
 
     hypothesis: Hypothesis
@@ -42,9 +42,9 @@ class UnnamedCause:
         kind: what it acts like, by name.
         phrase: in words.
         joints: on which it acts.
-        torque_rms: of its torque on rows held out, over the joints, N m.
-        share: of the squared error that all causes explain, the part that is lost without it.
-        margin: log-likelihood on rows that no fit has seen.
+        torque_rms: rms of its torque on held-out rows, over all joints, N m.
+        share: part of the squared error explained by all causes that is lost without it.
+        margin: log-likelihood that it gains on held-out rows.
     """
 
     kind: str
@@ -56,7 +56,7 @@ class UnnamedCause:
 
 
 def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
-    """Return a named cause of a model against its rivals."""
+    """Return how a named cause of a model compares with its rivals."""
     others = others_of(model, cause)
     rivals = [rival for rival in search.rivals(cause, others) if rival.believable]
     twins = tuple(

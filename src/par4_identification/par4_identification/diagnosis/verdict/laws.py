@@ -1,11 +1,11 @@
-"""Deviations that hold which law of a cause is true, where the data do not tell.
+"""Standard deviations that allow for the choice among laws that the data do not tell apart.
 
 A cause may follow one of several laws: Stribeck friction dies away as a Gaussian or as an
 exponential of the speed. The same rows then give each law a velocity of its own, and the deviation
 that least squares computes for one law knows nothing of the others. Model averaging does (Draper
-1995; Buckland, Burnham and Augustin 1997): laws of as many free numbers, likely alike beforehand,
-weigh as their likelihoods, and the variance about the told value is the mean over the laws of the
-squared deviation and of the squared distance of what each says.
+1995; Buckland, Burnham and Augustin 1997): laws with equally many free numbers and equal prior
+probability weigh as their likelihoods. The variance about the told value is the weighted mean, over
+the laws, of the squared deviation plus the squared distance of the law's value from the told one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from par4_identification.diagnosis.search.search import Search
 
 def with_doubt_of_law(parameters: dict[str, Parameter], search: Search, cause: Hypothesis,
                       model: Model, errors: Sequence[np.ndarray]) -> dict[str, Parameter]:
-    """Return the parameters of a cause with deviations that hold the choice of its law.
+    """Return the parameters of a cause with deviations that allow for the choice of its law.
 
     Args:
         parameters: as told, by the law of the cause.

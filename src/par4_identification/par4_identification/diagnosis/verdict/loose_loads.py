@@ -25,7 +25,7 @@ nearer than a load that rattles in a gap."""
 
 
 def loose_loads(search: Search, model: Model) -> tuple[Rattle | None, Model]:
-    """Return the loads that rattle, None where none do, and the causes that stand beside them."""
+    """Return the loads that rattle, None if none do, and the causes that stand beside them."""
     found = _rattle(search, model)
     if found is None:
         return None, model
@@ -34,7 +34,7 @@ def loose_loads(search: Search, model: Model) -> tuple[Rattle | None, Model]:
 
 
 def cause_of(effect: Effect, found: Rattle) -> tuple[Cause, EffectEntry]:
-    """Return loads that rattle as a cause, which gains nothing, and as part of a model."""
+    """Return loads that rattle as a cause, whose gain is zero, and as an entry of a model file."""
     parameters = {'gap': Parameter(value=tuple(map(float, found.gap)), unit='rad',
                                    std=tuple(map(float, WIDTH_ERROR * found.gap)))}
     cause = Cause(effect, found.joints, parameters, (), 1.0, found.p_value, 0.0, None,

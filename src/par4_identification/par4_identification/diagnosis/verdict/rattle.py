@@ -1,8 +1,8 @@
 """Backlash, told by its residual: loads rattle in their gaps after their torque changes sign.
 
-A load in a gap bounces between the flanks; no column of the motion as it was read gives its torque
-again. What the rows leave over is that of the load's slip against its motor, large for a while
-after the transmitted torque has changed sides and quiet where the load leans on one flank.
+A load in a gap bounces between the flanks, and no column computed from the measured motion has its
+torque. The residual is then the torque of the load's slip against its motor: large for a while
+after the transmitted torque has changed sides, and small while the load leans on one flank.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ class Rattle:
     """Joints whose loads rattle.
 
     Attributes:
-        joints: which.
-        gap: about how wide their gaps are, (k,) rad.
-        p_value: that none does, family-wise over all joints.
+        joints: indices of the joints.
+        gap: approximate width of their gaps, (k,) rad.
+        p_value: probability of such residuals if no load rattles, family-wise over all joints.
     """
 
     joints: tuple[int, ...]
@@ -90,9 +90,9 @@ class _Slip:
 
 
 def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle | None:
-    """Return the joints whose loads rattle in every part of the data, or None.
+    """Return the joints whose loads rattle in every part of the data; None if there are none.
 
-    None is told of logs whose rows are too slow for bounces.
+    In logs whose rows are too slow for bounces none are found.
 
     Args:
         parts: rows with a nominal torque and the torque that the model leaves of them, (m, J) of
@@ -117,8 +117,8 @@ def gaps(observations: Observations, left: Sequence[np.ndarray]
          ) -> list[tuple[float, float] | None]:
     """Return the gap of each joint and its standard deviation by noise, rad.
 
-    Of a joint without a gap it is what the noise moves. None of a joint whose load changes sides
-    too rarely, or too often to come to rest between.
+    For a joint without a gap the value is what the noise makes. It is None for a joint whose load
+    changes sides too rarely, or too often to come to rest in between.
 
     Args:
         observations: rows with a nominal torque.

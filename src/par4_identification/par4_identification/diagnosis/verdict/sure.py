@@ -1,9 +1,9 @@
-"""Names that are not told because something without a name takes their place.
+"""Names that are not told because an unnamed function explains more in their place.
 
-Of something that no library has the nearest name explains a part of what a nameless function
-explains, and is wrong. An axis may be any machine on any motion, with laws that no library has; the
-motion of a Par4 excites all that its effects have in common with unnamed functions, so that there
-it is enough to compare each name with these.
+If a machine has a cause that is in no library, the nearest name is wrong: it explains a part of
+what an unnamed function explains. On a Par4 it is enough to compare each name with the unnamed
+functions, because its motion excites all that they have in common with effects. An axis may be any
+machine on any motion, so its names are also judged together, and its delays beside unnamed causes.
 """
 
 from __future__ import annotations
@@ -25,24 +25,25 @@ Doubt = Callable[[Search, Hypothesis, Model], Model | None]
 POSITION, PERIODIC = 'position', 'periodic'
 """Kinds of unnamed causes that are smooth functions and sums of waves of the position."""
 MOST_LEFT = 0.5
-"""Error with the names over that without them, on rows held out, up to which they are told although
-what they leave is no noise."""
+"""Largest ratio of the error with the names to that without them, on held-out rows, with which they
+are told although what they leave is no noise."""
 NO_NOISE = 5.0
-"""Error over the white noise of the rows from which on it is no noise."""
+"""Ratio of an error to the white noise of the rows above which it is no noise."""
 CHANCE = 0.025
-"""Probability of an error on rows held out that is no smaller with the names, by how the parts of
-the motion happen to be drawn."""
+"""Largest probability, over draws of parts of the motion, that the error on held-out rows is no
+smaller with the names."""
 MOST = 1.0
-"""Change of a time by the unnamed causes beside it, over it, at the most: what a torque read at
-another time leaves, every faulty model leaves, too."""
+"""Largest relative change of a delay or lag by unnamed causes beside it. Every faulty model leaves
+something that looks like a torque at another time."""
 
 
 def without_doubtful_names(search: Search, model: Model) -> Model:
-    """Return the model of an axis without names that are doubtful in any way.
+    """Return the model of an axis without doubtful names.
 
-    In the place of none a nameless function explains far more. Nor has it a delay or a lag beside
-    unnamed causes that make another time of it, nor any names that together leave most of an error
-    that is no noise, or all of it on rows held out.
+    A name is doubtful if an unnamed function explains far more in its place. A delay or a lag is
+    doubtful if its time changes much with the unnamed causes beside it. All names are doubtful if
+    together they leave most of an error that is no noise, or if they do not lower the error on
+    held-out rows by more than chance.
     """
     if {Cogging.name, PERIODIC} <= {item.effect.name for item in model}:
         # its waves may be orders of the cogging that were lost beside other causes
@@ -56,7 +57,7 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
 
 
 def without_replaceable_names(search: Search, model: Model) -> Model:
-    """Return a model without the names in whose place a nameless function explains far more."""
+    """Return a model without the names in whose place an unnamed function explains far more."""
     return _without(search, model, _replaced)
 
 
@@ -71,7 +72,7 @@ def _without(search: Search, model: Model, *doubts: Doubt) -> Model:
 
 
 def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
-    """Return the model with a nameless function in the place of a name, if it explains far more."""
+    """Return the model with an unnamed function in the place of a name, if it explains far more."""
     others = others_of(model, item)
     best = next(iter(_nameless(search, item, others)), None)
     if best is None or -best[1] <= _law_may_lose(search, best[0], others):
@@ -83,7 +84,7 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
 
 
 def _timed_otherwise(search: Search, item: Hypothesis, model: Model) -> Model | None:
-    """Return the model without a delay or lag that unnamed causes make another one of."""
+    """Return the model without a delay or lag whose time changes much beside unnamed causes."""
     others = others_of(model, item)
     if unnamed_of(model) and item.named.retimes:
         named = tuple(named_of(model))
@@ -96,10 +97,11 @@ def _timed_otherwise(search: Search, item: Hypothesis, model: Model) -> Model | 
 
 
 def _law_may_lose(search: Search, kind: Hypothesis, others: Model) -> float:
-    """Return by how much a nameless function may explain more than a name that is right.
+    """Return by how much an unnamed function may explain more than a name that is right.
 
-    A torque may be wrong by a share of itself, and a function with many coefficients makes more of
-    what other causes leave. In a long log of little noise either is much log-likelihood.
+    The law of a name may be wrong by a share of its torque, and a function with many coefficients
+    can follow what other causes leave. In a long log with little noise both are worth much
+    log-likelihood.
     """
     rules = search.rules
     return max(rules.better, rules.twin,
@@ -110,9 +112,9 @@ def _nameless(search: Search, item: Hypothesis, others: Model
               ) -> list[tuple[Hypothesis, float]]:
     """Return unnamed causes that could stand in the place of a name, and its margin over each.
 
-    The strongest come first. The nominal torque has the name's own torque in it, so that shares of
-    it are none. A series, such as that of a torque over the position, says the same as a nameless
-    function of it.
+    The strongest come first. Kinds that scale with the nominal torque are left out, because it
+    contains the name's own torque. For a series over the position, smooth functions and waves of
+    the position are left out, because they say the same.
     """
     series = any(parameter.per_order for parameter in item.named.parameters)
     return [(rival.hypothesis, rival.margin) for rival in search.rivals(item, others)
@@ -122,7 +124,7 @@ def _nameless(search: Search, item: Hypothesis, others: Model
 
 
 def _doubt_of_all(search: Search, model: Model) -> str | None:
-    """Return why the names of a model are none together, None where they may be."""
+    """Return why the names of a model are doubtful together; None if they are not."""
     named = tuple(named_of(model))
     if not named:
         return None

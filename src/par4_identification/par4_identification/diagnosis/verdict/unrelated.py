@@ -1,8 +1,8 @@
 """What follows nothing in the motion: noise that wanders, lines of one frequency, bursts.
 
-The residual of the final model is looked at as a signal. White noise of the measured level is the
-floor; what exceeds it without following the motion is a fact about the machine's surroundings, not
-about its model.
+The residual of the final model is taken as a signal. White noise of the measured level is its
+floor. What exceeds the floor without following the motion comes from the machine's surroundings and
+is no error of its model.
 """
 
 from __future__ import annotations
@@ -99,8 +99,8 @@ def unrelated(fit: Sequence[Left], heldout: Sequence[Left], floor: np.ndarray, r
     """Return what residuals contain that follows nothing in the motion.
 
     Args:
-        fit, heldout: what the model leaves.
-        floor: what a perfect model would leave, (J,), N m.
+        fit, heldout: what the model leaves of fitted and held-out rows, see `left_of`.
+        floor: rms that a perfect model would leave, (J,), N m.
         rules: `Rules.floor_excess` tells how much more than that is more than noise, and
             `Rules.named_error` how much of it may be an error of the causes' torque.
     """

@@ -1,9 +1,9 @@
-"""Deviations that hold what weak causes would change, which have too little evidence for a name.
+"""Standard deviations that allow for weak causes, which have too little evidence for a name.
 
-The values of causes hold if nothing else acts on the machine. On most machines more does: effects
-that gain more than their numbers would by chance (Akaike), and less than a name needs. The values
-with one of these in the model are as good as the told ones. What is true lies anywhere between, so
-that the variance grows by a third of the square of the distance.
+The values of causes are right if nothing else acts on the machine. On most machines more does:
+effects that gain more than their numbers would by chance (Akaike), and less than a name needs. The
+values with one of these in the model are as good as the told ones, and the truth lies anywhere
+between. So the variance grows by a third of the square of the difference.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ SHARE = 3.0 ** -0.5
 
 
 def weak_causes(search: Search, model: Model) -> list[Hypothesis]:
-    """Return the effects that may act beside a model, though they have no name in it.
+    """Return the effects that may act beside a model, although they are not named in it.
 
     A machine can have them, and they gain more than chance gives to so many numbers and to the best
-    of so many shapes. None are returned beside no name.
+    of so many shapes. The list is empty if the model has no name.
     """
     found: list[Hypothesis] = []
     if not named_of(model):
@@ -45,9 +45,9 @@ def weak_causes(search: Search, model: Model) -> list[Hypothesis]:
 
 def widened(search: Search, causes: Sequence[Cause], named: Sequence[Hypothesis],
             weak: Sequence[Hypothesis]) -> list[Cause]:
-    """Return causes with the deviations that hold what each of the weak ones would change.
+    """Return causes with deviations that include what each weak cause would change.
 
-    A cause keeps its name: it is one whatever else acts, only how large it is depends on that.
+    Weak causes change how large a cause is, not whether it is one, so every cause keeps its name.
 
     Args:
         search: of the causes.
