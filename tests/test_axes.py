@@ -38,7 +38,11 @@ from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import identify
 from par4_identification.reports.diagnosis_report import report_of_diagnosis
 from par4_identification.reports.outcome.changes import payload_causes_json, phrases_of_changes
-from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis, source_of_order
+from par4_identification.reports.outcome.diagnosis import (
+    diagnosis_json,
+    outcome_of_diagnosis,
+    source_of_order,
+)
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.plateaus import plateaus_of
 from par4_identification.signals.rows import Conditioning, finer, runs_of_log
@@ -169,6 +173,9 @@ def test_a_slide_has_one_order_whatever_its_pitch(pitch):
     assert cause.parameters['periods'].number == pytest.approx(2.0 * np.pi / pitch, rel=1e-3)
     assert cause.parameters['amplitude'].value == pytest.approx((9.0,), rel=0.02)
     assert f'a pitch of {1e3 * pitch:.1f} mm' in outcome_of_diagnosis(found, machine).sentence
+    told = diagnosis_json(found, machine, None)['causes'][0]['parameters']
+    assert {name: item['unit'] for name, item in told.items()} == {
+        'amplitude': 'N', 'periods': 'rad/m', 'phase': 'rad'}
 
 
 @pytest.mark.parametrize(('chance', 'names'), [(1.0, ['cogging']), (CHANCE, [])])

@@ -52,7 +52,7 @@ from par4_kinematics.interface import (
     REFERENCE,
 )
 from par4_kinematics.motion import Motion, motion_of_joints
-from par4_kinematics.motion_file import named_motion
+from par4_kinematics.motion_file import named_motion, write_motion
 from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import SECOND, joint_values, time_ns, write_joint_state
@@ -278,6 +278,16 @@ def test_a_motion_ends_when_the_simulation_ends_in_order(bench):
     assert bench.ended(simulated.child) == 0
     assert bench.ended(player) == 2
     assert 'excitation aborted: nobody publishes joint_states any more' in bench.said()
+
+
+def test_a_motion_that_the_robot_did_not_follow_has_not_been_played(bench, tmp_path):
+    """Its drives tripped on the way, so that it stands near home."""
+    simulated = Simulated(bench, following_error_limit=5e-4)
+    write_motion(tmp_path / 'away.yaml', quintic_motion(AWAY_Q))
+    player = bench.start('par4_motion', motion=str(tmp_path / 'away.yaml'), **SIMULATED)
+    assert bench.ended(player) == 2
+    assert 'the robot did not follow' in bench.said()
+    wait_for_state(bench, simulated.diagnostics, 'par4_simulation', ERROR, 'call ~/reset')
 
 
 def test_two_robots_in_two_namespaces_do_not_hear_each_other(bench):

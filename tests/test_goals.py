@@ -281,17 +281,16 @@ def test_the_end_of_a_goal_is_judged_by_what_the_robot_tells_of_it(following):
     end_ns, ended = int(following._played.times_ns[-1]), following._goals._ended
     for q, stamp_ns in ((HOME_Q, end_ns - SECOND // 10), (AWAY_Q - 0.01, end_ns)):
         MotionNode._on_joint_state(following, joint_state(q, stamp_ns))
-        MotionNode._look_for_end(following, following._played, end_ns + 9 * SECOND)
+        MotionNode._look_for_end(following, following._played)
         assert not ended.done()
     MotionNode._on_joint_state(following, joint_state(AWAY_Q, end_ns + 1))
-    MotionNode._look_for_end(following, following._played, end_ns + 9 * SECOND)
+    MotionNode._look_for_end(following, following._played)
     assert ended.result().end == 'succeed'
 
 
 def test_a_goal_of_a_robot_that_tells_no_more_is_aborted(following):
     following._arrivals['joint_states'].age = 10.0
-    MotionNode._look_for_end(following, following._played,
-                             int(following._played.times_ns[-1]) + 1)
+    MotionNode._look_for_end(following, following._played)
     assert following._goals._ended.result().end == 'abort'
     assert 'joint_states came, but no more' in following._goals._ended.result().words
 
@@ -320,7 +319,7 @@ def test_rest_is_looked_for_until_the_robot_has_told_of_the_time_after_it():
 
 def test_a_motion_that_began_while_the_clock_stood_can_be_braked():
     node = SimpleNamespace(
-        _pace=0.0, _goals=object(), get_logger=mock.Mock(),
+        _pace=0.0, _goals=object(), get_logger=mock.Mock(), _hear_the_robot=lambda: None,
         _send_chunk=lambda sent: setattr(sent, 'sent', len(sent.times_ns)))
     MotionNode._brake(node, played(named_motion('excitation', ROBOT, 5.0)), SECOND)
     assert np.isfinite(node._patient_until)

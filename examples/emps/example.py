@@ -188,7 +188,7 @@ def main() -> int:
     except Par4Error as error:
         print(f'error: {error}', file=sys.stderr)
         return 2
-    console.print('\nThrough a bag, par4_identify --offsets (rows above 0.05 m/s):')
+    console.print('\nThrough a bag, par4_identify --offsets:')
     for name, entry in {**identification['parameters'], **identification['offsets']}.items():
         console.print(f'  {name} {np.atleast_1d(entry["value"])[0]:.4g} ± '
                       f'{np.atleast_1d(entry["std"])[0]:.2g} {entry["unit"]}')

@@ -18,6 +18,11 @@ def unit_on(machine: Robot | Axis, unit: str) -> str:
     return unit
 
 
+def parameter_unit(machine: Robot | Axis, name: str, unit: str) -> str:
+    """Return the unit of a parameter as it is on the machine: a phase is an angle on all."""
+    return unit if name == 'phase' else unit_on(machine, unit)
+
+
 def spelled_alike(one: str, other: str) -> bool:
     """Return whether two texts are one unit, as 'kg*m^2', 'kg·m²' and 'kg m2' are.
 

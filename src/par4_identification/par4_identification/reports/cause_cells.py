@@ -15,7 +15,7 @@ from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis
 from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.diagnosis import phrase_of_cause, told_from_zero
 from par4_identification.reports.residual_plots import signature
-from par4_kinematics.machine_units import unit_on
+from par4_kinematics.machine_units import parameter_unit, unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.words import (
     in_words,
@@ -75,7 +75,7 @@ def parameter_cells(cause: Cause, name: str, machine: Robot | Axis) -> dict[str,
         found = dict(zip(cause.joints, cells, strict=True))
         cells = [found.get(joint, '') for joint in range(joints)]
     return {'name': in_words(name), 'cells': cells[:1] if common else cells, 'common': common,
-            'unit': typeset(unit_on(machine, parameter.unit))}
+            'unit': typeset(parameter_unit(machine, name, parameter.unit))}
 
 
 def _order_cells(parameter: Parameter, name: str, machine: Robot | Axis) -> dict[str, Any]:
@@ -85,7 +85,7 @@ def _order_cells(parameter: Parameter, name: str, machine: Robot | Axis) -> dict
         for own, error in zip(parts_of_orders(parameter.value), parts_of_orders(parameter.std),
                               strict=True)]
     return {'name': in_words(name), 'cells': [', '.join(orders)], 'common': True,
-            'unit': typeset(unit_on(machine, parameter.unit))}
+            'unit': typeset(parameter_unit(machine, name, parameter.unit))}
 
 
 def _signature_of_cause(diagnosis: Diagnosis, index: int, machine: Robot | Axis, names: Names

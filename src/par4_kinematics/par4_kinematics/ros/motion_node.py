@@ -8,6 +8,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -15,11 +16,11 @@ from par4_kinematics.acceleration import platform_motion
 from par4_kinematics.approach import with_approach
 from par4_kinematics.braking import ways_to_rest
 from par4_kinematics.errors import InputError, Par4Error
-from par4_kinematics.interface import CLOCK, JOINT_STATES, REFERENCE
+from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, REFERENCE
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import inverse_kinematics
-from par4_kinematics.robot import read_robot
+from par4_kinematics.robot import JOINT_NAMES, read_robot
 from par4_kinematics.ros.convert import (
     SECOND,
     Trajectory,
@@ -62,6 +63,8 @@ STANDSTILL = 3.0
 for."""
 FEEDBACK = 0.05
 """Seconds of wall time between two feedbacks of a goal."""
+ARRIVED = 0.1
+"""How far a joint may stand from the end of a motion that counts as followed, rad."""
 DISCOVERY = 3.5
 """Seconds of wall time in which listeners are found: a lost packet is repeated after 3 s."""
 
@@ -121,7 +124,8 @@ class MotionNode(Par4Node):
         self._listeners = 0
         self._settling_since, self._settling_since_ns = 0.0, 0
         self._message = JointTrajectory()
-        self._robot_listener = self.subscribe(JOINT_STATES, self._on_joint_state)
+        self._robot_listener: Subscription | None = self.subscribe(
+            JOINT_STATES, self._on_joint_state)
         self.create_timer(TICK, self._tick, clock=self.wall_clock)
         self.serve('~/stop', self._stop)
         if asked.motion == ACTION:
@@ -198,7 +202,7 @@ class MotionNode(Par4Node):
         if self._standstill is not None:
             self._look_for_rest(played, now_ns, self._standstill)
         elif now_ns > played.times_ns[-1]:
-            self._look_for_end(played, now_ns)
+            self._look_for_end(played)
 
     def _robot_is_there(self) -> bool:
         """Return whether a robot tells of itself: one that comes anew stands somewhere else."""
@@ -223,16 +227,42 @@ class MotionNode(Par4Node):
         return elapsed_ns, tuple(np.array([np.interp(at, told, column) for column in part.T])
                                  for part in played.points)
 
-    def _look_for_end(self, played: Played, now_ns: int) -> None:
-        """End after the last point; a goal, where the robot tells of a time after it."""
+    def _look_for_end(self, played: Played) -> None:
+        """End after the last point, where the robot tells of a time after it."""
         last_ns = int(played.times_ns[-1])
         if self._goals is None:
-            self._over(now_ns - last_ns)
+            self._look_for_arrival(played, last_ns)
         elif self._stamp_ns > last_ns:
             self._over(self._stamp_ns - last_ns)
         elif (self._arrivals[JOINT_STATES.name].age or 0.0) > STANDSTILL:
             self._fail(InputError(f'{played.motion.name} aborted: {JOINT_STATES.name} came, but no '
                                   f'more, so that it is not known where the robot is'))
+
+    def _look_for_arrival(self, played: Played, last_ns: int) -> None:
+        """End a motion; it fails if the robot stands somewhere else than at its end."""
+        if self._robot_listener is None:
+            self._hear_the_robot()
+            self._patient_until = time.monotonic() + STANDSTILL
+        if self._stamp_ns > last_ns and self._robot_at is not None:
+            away = np.abs(self._robot_at - played.points[0][-1])
+            joint = int(np.argmax(away))
+            if away[joint] > ARRIVED:
+                self._fail(InputError(
+                    f'{played.motion.name} was played, but {JOINT_NAMES[joint]} stands '
+                    f'{away[joint]:.2g} rad from its end: the robot did not follow; '
+                    f'{DIAGNOSTICS.name} may say why'))
+                return
+        elif time.monotonic() < self._patient_until:
+            return
+        else:
+            self.get_logger().warning(f'no {JOINT_STATES.name} tell whether the robot followed '
+                                      f'{played.motion.name} to its end')
+        self._over(0)
+
+    def _hear_the_robot(self) -> None:
+        """Listen to a robot whose joint states were not asked for while its motion was played."""
+        if self._robot_listener is None:
+            self._robot_listener = self.subscribe(JOINT_STATES, self._on_joint_state)
 
     def _over(self, late_ns: int) -> None:
         """End what was played, `late_ns` after its last point."""
@@ -285,8 +315,7 @@ class MotionNode(Par4Node):
             while played.sent < len(played.times_ns):
                 self._send_chunk(played)
         self._standstill = Standstill()
-        if self._goals is None:
-            self._robot_listener = self.subscribe(JOINT_STATES, self._on_joint_state)
+        self._hear_the_robot()
         self._patient_until = time.monotonic() + STANDSTILL + (
             self._rests_between_ns[1] - now_ns) / SECOND / min(1.0, max(SLOWEST, self._pace))
         self.get_logger().warning('asked to stop: braking on the path of the motion')
@@ -333,8 +362,9 @@ class MotionNode(Par4Node):
         return ''
 
     def _begin(self, motion: Motion, robot_at: np.ndarray, now_ns: int) -> Played:
-        if self._goals is None:
+        if self._goals is None and self._robot_listener is not None:
             self.destroy_subscription(self._robot_listener)
+            self._robot_listener = None
         motion = with_approach(motion, self._robot, robot_at)
         pace = (now_ns - self._settling_since_ns) / (time.monotonic() - self._settling_since)
         self._pace = pace / SECOND

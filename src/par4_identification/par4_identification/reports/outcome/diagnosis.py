@@ -13,7 +13,7 @@ from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis, Unusa
 from par4_identification.diagnosis.verdict.unrelated import Unrelated
 from par4_identification.reports.outcome.next_experiment import advice, next_experiment_json
 from par4_identification.reports.outcome.outcome import FLOOR_EXCESS, over_joints
-from par4_kinematics.machine_units import unit_on
+from par4_kinematics.machine_units import parameter_unit, unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
@@ -378,7 +378,7 @@ def diagnosis_json(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
         'causes': [{
             'effect': cause.effect.name, 'joints': cause.joints,
             'parameters': {name: {'value': parameter.value, 'std': parameter.std,
-                                  'unit': unit_on(machine, parameter.unit)}
+                                  'unit': parameter_unit(machine, name, parameter.unit)}
                            for name, parameter in cause.parameters.items()},
             'indistinguishable_from': cause.twins, 'visible_fraction': cause.visible_fraction,
             'p_value': cause.p_value, 'margin': cause.margin, 'rival': cause.rival}

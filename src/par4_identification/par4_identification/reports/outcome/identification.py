@@ -32,7 +32,7 @@ from par4_identification.reports.outcome.outcome import (
 )
 from par4_identification.reports.outcome.results import data_of_logs
 from par4_kinematics.machine_units import unit_on
-from par4_kinematics.robot import Axis, Robot
+from par4_kinematics.robot import Axis, Robot, read_robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
 from par4_sim.report.words import in_words, joint_labels, listed, number, percent, torque_name
@@ -74,7 +74,8 @@ class ParameterRow:
     Attributes:
         name, symbol, unit: of the parameter; the name tells the joint where each has its own.
         value, std, relative_std: identified; the latter a fraction.
-        paper, paper_relative_std: of TABLE 1, its f_v read as 2.04; None for other machines.
+        paper, paper_relative_std: of TABLE 1, its f_v read as 2.04; None for machines of other
+            dimensions.
         printed: what TABLE 1 prints where that is not plausible, else None.
         true: what the machine was simulated with, else None.
     """
@@ -93,10 +94,14 @@ class ParameterRow:
 
 def table_of_parameters(identification: Identification, machine: Robot | Axis,
                         truth: Model | None = None) -> tuple[ParameterRow, ...]:
-    """Return TABLE 1: identified values beside the paper's (Par4 only) and, if given, the true."""
-    is_par4 = isinstance(machine, Robot)
-    paper = read_model_file('table1').parameters if is_par4 else {}
-    printed = read_model_file('table1_as_printed').parameters if is_par4 else {}
+    """Return TABLE 1: identified values beside the paper's and, if given, the true ones.
+
+    The paper's are shown of a robot with the dimensions of the paper's.
+    """
+    is_papers = (isinstance(machine, Robot)
+                 and machine.geometry == read_robot('reference').geometry)
+    paper = read_model_file('table1').parameters if is_papers else {}
+    printed = read_model_file('table1_as_printed').parameters if is_papers else {}
     symbols = {term.name: term.symbol for term in identification.terms}
     estimate, rows = identification.estimate, []
     for label, value, std in zip(estimate.labels, estimate.values, estimate.std, strict=True):

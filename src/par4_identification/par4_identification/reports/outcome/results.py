@@ -10,7 +10,7 @@ from par4_dynamics.model_file import ModelFile
 from par4_dynamics.parameters import Parameter
 from par4_identification.logs.bag_hash import bag_sha256
 from par4_identification.logs.log import Log
-from par4_kinematics.machine_units import unit_on
+from par4_kinematics.machine_units import parameter_unit
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.results import origin
 
@@ -37,7 +37,8 @@ def bags_of(model_file: ModelFile) -> frozenset[str]:
 def model_in_units(model_file: ModelFile, machine: Robot | Axis) -> ModelFile:
     """Return the model with the units of its parameters as they are on the machine."""
     def converted(parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
-        return {name: parameter.model_copy(update={'unit': unit_on(machine, parameter.unit)})
+        return {name: parameter.model_copy(update={
+                    'unit': parameter_unit(machine, name, parameter.unit)})
                 for name, parameter in parameters.items()}
 
     return model_file.model_copy(update={
