@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from par4_dynamics.model import build_model, read_model
 from par4_identification.fitting.identification import identify
 from par4_identification.fitting.validation import validate
+from par4_identification.reports.outcome.identification import table_of_parameters
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.noise import ArNoise, fit_noise
 from par4_identification.signals.rows import runs_of_log
@@ -114,6 +115,16 @@ def test_parameters_come_back_within_their_intervals():
             scores.append(score)
     assert inside >= 57
     assert 0.8 < np.sqrt(np.mean(np.square(scores))) < 1.3
+
+
+@pytest.mark.parametrize(('robot', 'shown'), [(REFERENCE, True), (OTHER, False)])
+def test_the_papers_values_are_shown_of_a_robot_of_its_dimensions(robot, shown):
+    model = TABLE_1 if shown else other_model()
+    identification = identify([log_of_model(robot, model, duration=5.0, seed=0)], robot)
+    rows = table_of_parameters(identification, robot)
+    assert {row.paper is not None for row in rows} == {shown}
+    assert {row.name for row in rows if row.printed is not None} == (
+        {'viscous_friction'} if shown else set())
 
 
 def test_full_rigid_body_removes_the_bias_of_the_paper():

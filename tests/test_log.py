@@ -10,6 +10,7 @@ import pytest
 
 from par4_identification.logs.accounts import SHORTEST_SEGMENT
 from par4_identification.logs.bag_repair import repair_bag
+from par4_identification.logs.jumps import joints_of_recordings
 from par4_identification.logs.log import Log
 from par4_identification.logs.read_log import read_log
 from par4_identification.logs.stamps import CROWDED
@@ -641,6 +642,21 @@ def test_single_axis(tmp_path):
     log = read_log(tmp_path / 'bag', axis)
     np.testing.assert_array_equal(log.q, true_position(even())[:, :1])
     np.testing.assert_array_equal(log.tau, 35.15 * true_torque(even())[:, :1])
+
+
+def test_a_log_that_begins_or_ends_in_a_quick_motion_is_not_cut():
+    """A motor that dashes off: no step is like the median of those around it. Counts a sample."""
+    start = np.array((0.8, 9.7, 26.4, 40.6, 49.9, 57.2, 69.2, 82.0, 88.9, 108.6, 130.5, 134.1))
+    steps = np.concatenate((start, np.full(14000, 134.0), start[::-1]))
+    q = np.concatenate(([0.0], np.cumsum(steps)))[:, None] * 2.0 * np.pi / 8192.0
+    width = np.ones(len(steps))
+    assert len(joints_of_recordings(q, width)) == 0
+    assert len(joints_of_recordings(q[::-1], width)) == 0
+    for row in (0, 2, len(q) - 1, len(q) - 2):
+        wrong = q.copy()
+        wrong[row] += 0.7
+        cuts = joints_of_recordings(wrong, width)
+        assert {row, row + 1} & set(cuts.tolist())
 
 
 @pytest.mark.parametrize('jitter', [0, 20_000])

@@ -19,6 +19,8 @@ BEYOND = 12.0
 ALONE = 3.0
 """Ratio of a jump to what the steps two samples away are off: a quick motion after a long rest is
 beyond the scatter, too, but smooth."""
+LONE = 0.8
+"""Share of a jump beside an end by which it must differ from the next step inside."""
 WIDEST = 3
 """Samples after which what jumps back is no spike."""
 TURNS = 2.0 * np.pi, 360.0
@@ -95,11 +97,23 @@ def joints_of_recordings(q: np.ndarray, width: np.ndarray) -> np.ndarray:
         return np.zeros(0, dtype=int)
     found = [jumps_of(own, width) for own in q.T]
     off, large = (np.stack(part, axis=1) for part in zip(*found, strict=True))
+    width = np.reshape(width, (-1, 1))
     rows = np.arange(len(off))
     beside = (rows < AROUND) | (rows >= len(off) - AROUND)
+    rate = np.diff(q, axis=0) / width
     return np.array([row + 1 for row in rows[large.any(axis=1)]
-                     if beside[row] or (_stays(off, large, row) >= 2 and not _held(q, row))],
-                    dtype=int)
+                     if (_is_alone(rate, off / width, large, row) if beside[row] else
+                         _stays(off, large, row) >= 2 and not _held(q, row))], dtype=int)
+
+
+def _is_alone(rate: np.ndarray, off: np.ndarray, large: np.ndarray, row: int) -> bool:
+    """Return whether a step beside an end differs from the next one inside as much as it jumps.
+
+    Where a log begins or ends in a quick start or stop, no step is like those around it, but each
+    is like the next.
+    """
+    inner = row + 1 if row < AROUND else row - 1
+    return bool((large[row] & (np.abs(rate[row] - rate[inner]) > LONE * np.abs(off[row]))).any())
 
 
 def _stays(off: np.ndarray, large: np.ndarray, row: int) -> int:
