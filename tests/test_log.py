@@ -647,7 +647,8 @@ def test_single_axis(tmp_path):
 def test_a_log_that_begins_or_ends_in_a_quick_motion_is_not_cut():
     """A motor that dashes off: no step is like the median of those around it. Counts a sample."""
     start = np.array((0.8, 9.7, 26.4, 40.6, 49.9, 57.2, 69.2, 82.0, 88.9, 108.6, 130.5, 134.1))
-    steps = np.concatenate((start, np.full(14000, 134.0), start[::-1]))
+    dash = np.concatenate((start, np.linspace(134.0, 1.0, 60)))
+    steps = np.concatenate((dash, np.full(20000, 1.0), dash[::-1]))
     q = np.concatenate(([0.0], np.cumsum(steps)))[:, None] * 2.0 * np.pi / 8192.0
     width = np.ones(len(steps))
     assert len(joints_of_recordings(q, width)) == 0
