@@ -1,4 +1,4 @@
-"""par4_identify without the report: the same numbers, and nothing is loaded to draw."""
+"""Commands without their report: the same numbers, and nothing is loaded to draw."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from par4_sim.bag_writer import BagWriter
 
 RUN = """
 import sys
-from par4_identification.commands.identify import identify_bags
-identify_bags.main(sys.argv[1:], standalone_mode=False)
-print('loaded:', *sorted({'matplotlib', 'jinja2', 'scipy.signal'} & set(sys.modules)))
+from par4_identification.commands.{command} import {command}_bags
+{command}_bags.main(sys.argv[1:], standalone_mode=False)
+print('loaded:', *sorted({{'matplotlib', 'jinja2', 'scipy.signal'}} & set(sys.modules)))
 """
 
 
@@ -31,14 +31,20 @@ def test_without_report_the_numbers_are_the_same_and_nothing_draws(tmp_path):
         for row in range(len(t)):
             bag.write_joint_state('/joint_states', (1000 + row) * 1_000_000, ['slide'], [q[row]],
                                   effort=[force[row]])
+    def run(command: str, option: str) -> str:
+        return subprocess.run(
+            [sys.executable, '-c', RUN.format(command=command), tmp_path / 'bag', '--robot',
+             tmp_path / 'axis.yaml', '--output', tmp_path / command, option],
+            capture_output=True, text=True, check=True).stdout
+
     found = []
     for option, words in (('--report', 'results and report:'), ('--no-report', 'results:')):
-        done = subprocess.run(
-            [sys.executable, '-c', RUN, tmp_path / 'bag', '--robot', tmp_path / 'axis.yaml',
-             '--output', tmp_path / 'out', option], capture_output=True, text=True, check=True)
-        assert words in done.stdout
-        found.append((tmp_path / 'out' / 'identification.json').read_text())
-    assert done.stdout.splitlines()[-1] == 'loaded:'
+        said = run('identify', option)
+        assert words in said
+        found.append((tmp_path / 'identify' / 'identification.json').read_text())
     assert found[0] == found[1]
-    assert {path.name for path in (tmp_path / 'out').iterdir()} == {
-        'identification.json', 'model.yaml'}
+    files = {'identify': {'identification.json', 'model.yaml'}, 'diagnose': {
+        'diagnosis.json', 'extended_model.yaml'}}
+    for command, lines in (('identify', said), ('diagnose', run('diagnose', '--no-report'))):
+        assert lines.splitlines()[-1] == 'loaded:'
+        assert {path.name for path in (tmp_path / command).iterdir()} == files[command]

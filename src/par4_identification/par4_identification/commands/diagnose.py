@@ -51,6 +51,8 @@ class GreedyBags(click.Command):
 @conditioning_options
 @click.option('--simulate/--no-simulate', default=True, show_default=True,
               help='run the motion held out through the pybullet plant, the model before and after')
+@click.option('--report/--no-report', default=True, show_default=True,
+              help='draw report.html')
 def diagnose_bags(**options: Any) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
     with loading():

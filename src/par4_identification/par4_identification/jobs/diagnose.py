@@ -56,7 +56,7 @@ from par4_sim.report.words import listed, number
 def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple[str, ...],
                   robot: str, model: str | None, output: Path, namespace: str | None,
                   cutoff: float | None, rows: float | None, low_speed: float | None,
-                  simulate: bool) -> None:
+                  simulate: bool, report: bool) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
     machine = read_machine(robot)
     # refuses a model of another machine before any long work
@@ -118,9 +118,13 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
         origin = provenance('par4_diagnose', machine, (*bags, *holdout, *before),
                             {'holdout': holdout, 'before': before, 'model': model,
                              'namespace': namespace, **asdict(conditioning)})
-        status.update('drawing the report')
-        # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.reports.diagnosis_report import report_of_diagnosis
+        page = None
+        if report:
+            status.update('drawing the report')
+            # the plot library is slow to load, and some homes make it talk on stderr
+            from par4_identification.reports.diagnosis_report import report_of_diagnosis
+            page = report_of_diagnosis(diagnosis, outcome, machine, logs, origin, experiment,
+                                       confrontation, changes)
         results = {
             'diagnosis.json': {**diagnosis_json_with_changes(
                                    diagnosis_json(diagnosis, machine, experiment), changes,
@@ -129,8 +133,7 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
                                'simulation': simulation_json(confrontation)},
             'extended_model.yaml': extended and model_in_units(
                 extended.model_copy(update={'provenance': origin}), machine),
-            'report.html': report_of_diagnosis(diagnosis, outcome, machine, logs, origin,
-                                               experiment, confrontation, changes)}
+            'report.html': page}
         motion = None if experiment is None else experiment.motion
         if motion is not None:  # before what names it
             write_motion(output / MOTION_FILE, motion, 'platform')
@@ -145,7 +148,8 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
         console.print(errors_in_lines(changes, diagnosis, machine), soft_wrap=True, markup=False)
     console.print(f'{verdict}: {outcome.sentence}',
                   soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results and report: {output}', soft_wrap=True, markup=False)
+    console.print(f'results{" and report" if report else ""}: {output}', soft_wrap=True,
+                  markup=False)
 
 
 def _hangs(machine: Robot | Axis) -> bool:
