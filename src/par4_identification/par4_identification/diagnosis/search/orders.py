@@ -22,6 +22,8 @@ STRONGEST = 32
 """Lines that are looked at closely."""
 PADDED = 4.0
 """Length of a spectrum over the range of positions: orders are half of what tells two apart."""
+ROUNDS = 2
+"""In which orders between whole ones are settled beside each other."""
 SETTLING = (0.25, 0.0625, 0.01)
 """Shares of that distance by which an order is moved to settle it."""
 WIDEST_APART = 0.5
@@ -64,20 +66,13 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
             break
         found.append(order)
         gain += more
-    if len(found) > 1 and not set(found) <= set(orders):
-        found = [_beside_the_others(effect, name, order, projection, set(found) - {order}, apart)
-                 if order not in orders else order for order in found]
+    for _ in range(ROUNDS if len(found) > 1 and not set(found) <= set(orders) else 0):
+        for place, order in enumerate(found):
+            if order not in orders:
+                others = found[:place] + found[place + 1:]
+                found[place] = _beside(others, effect, name, order, orders, projection, apart,
+                                       rules)
     return _shape(name, sorted(found)), gain
-
-
-def _beside_the_others(effect: Effect, name: str, order: float, projection: Projection,
-                       others: set[float], apart: float) -> float:
-    """Return an order between those of the grid where it gains most beside all others."""
-    joints = tuple(range(projection.evidence.observations.joints))
-    known = Hypothesis(effect, _shape(name, sorted(others)), joints)
-    beside = project(projection.evidence, (*projection.hypotheses, known))
-    return _settled(order, beside.gain(effect, {name: order}), apart, 0.0,
-                    lambda some: beside.gains(effect, [{name: float(trial)} for trial in some]))[0]
 
 
 def _shape(name: str, orders: Sequence[float]) -> Shape:
@@ -89,6 +84,32 @@ def _resolution(projection: Projection) -> float:
     runs = projection.evidence.observations.runs
     span = max(float(np.max(np.ptp(run.q, axis=0))) for run in runs)
     return 2.0 * np.pi / max(span, 1e-9)
+
+
+def _beside(others: Sequence[float], effect: Effect, name: str, order: float, orders: np.ndarray,
+            projection: Projection, apart: float, rules: Rules) -> float:
+    """Return an order between those of the grid where it gains most beside all others.
+
+    Lines that are hardly apart push each other away, so that one of them may be of the grid.
+    """
+    joints = tuple(range(projection.evidence.observations.joints))
+    known = Hypothesis(effect, _shape(name, sorted(others)), joints)
+    beside = project(projection.evidence, (*projection.hypotheses, known))
+
+    def worth(some: np.ndarray) -> np.ndarray:
+        return beside.gains(effect, [{name: float(trial)} for trial in some])
+
+    settled, gain = _settled(order, float(worth(np.array([order]))[0]), apart, worth)
+    nearest = float(orders[np.argmin(np.abs(orders - settled))])
+    is_near = abs(nearest - settled) < 0.5 * apart and nearest not in others
+    if is_near and not _is_decided(gain, float(worth(np.array([nearest]))[0]), rules):
+        return nearest
+    return settled
+
+
+def _is_decided(gain: float, whole: float, rules: Rules) -> bool:
+    """Return whether an order gains (twice, each) decidedly more than one of the grid."""
+    return gain > whole + 2.0 * rules.evidence + rules.named_error ** 2 * max(whole, 0.0)
 
 
 def _strongest(effect: Effect, name: str, orders: np.ndarray, projection: Projection,
@@ -114,26 +135,24 @@ def _strongest(effect: Effect, name: str, orders: np.ndarray, projection: Projec
         power = np.where(is_new(orders), lines.power(orders), -1.0)
         tried = np.sort(orders[np.argsort(-power)[:STRONGEST]])
     shape, gain = best_shape(effect, shapes(tried), worth)
-    order, whole = single(shape[name]), True
+    order = single(shape[name])
     if apart > WIDEST_APART:
         return order, gain
+    found_at, most = order, gain
     between = lines.between(orders, apart)
     if len(between):
         worths = worth(shapes(between))
-        if np.max(worths) > gain:
-            order, gain = float(between[np.argmax(worths)]), float(np.max(worths))
-            whole = False
-    needed = 2.0 * rules.evidence + rules.named_error ** 2 * gain if whole else 0.0
-    moved = _settled(order, gain, apart, needed, lambda some: worth(shapes(some)))
-    return moved if moved[1] > gain + needed else (order, gain)
+        if _is_decided(float(np.max(worths)), gain, rules):
+            found_at, most = float(between[np.argmax(worths)]), float(np.max(worths))
+    moved = _settled(found_at, most, apart, lambda some: worth(shapes(some)))
+    return moved if _is_decided(moved[1], gain, rules) else (order, gain)
 
 
-def _settled(order: float, gain: float, apart: float, needed: float,
+def _settled(order: float, gain: float, apart: float,
              worth: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
     """Return the order of the largest worth around one that is right to half of `apart`.
 
-    Parabolas through three orders lead there. If the first one promises less than `needed` above
-    `gain`, the order stays.
+    Parabolas through three orders lead there.
     """
     for step in apart * np.array(SETTLING):
         below, above = worth(order + step * np.array((-1.0, 1.0)))
@@ -142,12 +161,10 @@ def _settled(order: float, gain: float, apart: float, needed: float,
         curvature = below + above - 2.0 * gain
         shift = (float(np.clip(0.5 * (below - above) / curvature, -1.0, 1.0)) if curvature < 0.0
                  else float(np.sign(above - below)))
-        if 0.5 * shift * (above - below) + 0.5 * shift ** 2 * curvature <= needed:
-            break
         trial = order + shift * step
         most = float(worth(np.array([trial]))[0])
         if most > gain:
-            order, gain, needed = trial, most, 0.0
+            order, gain = trial, most
     return order, gain
 
 
