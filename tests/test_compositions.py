@@ -112,7 +112,6 @@ def test_a_namespace_has_a_clock_of_its_own_and_reaches_every_node():
     ({'window': 'yes'}, "argument window: 'yes' asked; known are true, false"),
     ({'seed': '1.5'}, "argument seed: expected a whole number, found '1.5'"),
     ({'noise': 'much'}, "argument noise: expected a number, found 'much'"),
-    ({'machine': ''}, 'argument machine: nothing given; it means: model.yaml'),
 ])
 def test_arguments_that_make_no_sense_are_refused(given, said):
     with pytest.raises(InputError, match=said):

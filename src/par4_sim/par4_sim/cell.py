@@ -42,17 +42,13 @@ class Argument:
         """Return what a text means.
 
         Raises:
-            InputError: it is not among the choices, empty where the default is not, or not a number
-                where one is expected.
+            InputError: it is not among the choices, or not a number where one is expected.
         """
         if self.allowed and text not in self.allowed:
             raise InputError(f'argument {self.name}: {text!r} asked; known are '
                              f'{", ".join(self.allowed)}')
         if isinstance(self.default, bool):
             return text == 'true'
-        if not text and self.default != '':
-            raise InputError(f'argument {self.name}: nothing given; it means: {self.description}; '
-                             f'leave it out for {self.written}')
         try:
             return type(self.default)(text)
         except ValueError:
