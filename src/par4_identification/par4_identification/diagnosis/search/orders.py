@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.fft import next_fast_len
@@ -21,7 +22,8 @@ ALL_TRIED = 200
 STRONGEST = 32
 """Lines that are looked at closely."""
 PADDED = 4.0
-"""Length of a spectrum over the range of positions: orders are half of what tells two apart."""
+"""Length of a spectrum over the range of positions: its step is a quarter of the distance at which
+two orders can be told apart."""
 ROUNDS = 2
 """In which orders between whole ones are settled beside each other."""
 SETTLING = (0.25, 0.0625, 0.01)
@@ -129,7 +131,7 @@ def _strongest(effect: Effect, name: str, orders: np.ndarray, projection: Projec
         new = is_new(np.array([single(shape[name]) for shape in some]))
         return np.where(new, projection.gains(effect, some), -np.inf)
 
-    lines = Lines.of(projection, float(orders[-1]))
+    lines = Lines(projection, float(orders[-1]))
     tried = orders
     if len(orders) > ALL_TRIED:
         power = np.where(is_new(orders), lines.power(orders), -1.0)
@@ -170,46 +172,45 @@ def _settled(order: float, gain: float, apart: float,
 
 @dataclass(frozen=True)
 class Lines:
-    """The spectrum of a residual over the joint positions.
+    """The spectrum of what a projection leaves, over the joint positions; made when asked for.
+
+    It is computed from the whitened residual and the unfiltered wave. A whitening filter changes
+    little of a wave but its size and phase. The phase shift changes its sign with the direction of
+    motion, so the two directions are summed separately. Rows are summed in cells of an eighth of
+    the shortest period.
 
     Attributes:
-        step: from order to order.
-        powers: of the orders 0, step, 2 step ..., (k,), without units.
+        projection: leaves it.
+        highest: order that is asked for.
     """
 
-    step: float
-    powers: np.ndarray
+    projection: Projection
+    highest: float
 
-    @classmethod
-    def of(cls, projection: Projection, highest: float) -> Lines:
-        """Return the spectrum of what a projection leaves, up to an order.
-
-        It is computed from the whitened residual and the unfiltered wave. A whitening filter
-        changes little of a wave but its size and phase. The phase shift changes its sign with the
-        direction of motion, so the two directions are summed separately. Rows are summed in cells
-        of an eighth of the shortest period.
-        """
-        evidence = projection.evidence
+    @cached_property
+    def _spectrum(self) -> tuple[float, np.ndarray]:
+        """Step from order to order, and the powers of the orders 0, step, 2 step ..., no units."""
+        evidence = self.projection.evidence
         runs, ends = evidence.observations.runs, evidence.ends
         positions = [np.concatenate([run.q[:, joint] for run in runs])
                      for joint in range(evidence.observations.joints)]
-        cell = np.pi / (4.0 * highest)
+        cell = np.pi / (4.0 * self.highest)
         span = max(float(np.ptp(q)) for q in positions)
         count = int(next_fast_len(int(np.ceil(PADDED * span / cell)) + 1, real=True))
         powers = np.zeros(count // 2 + 1)
         for joint, q in enumerate(positions):
-            residual = projection.residual[ends[joint]:ends[joint + 1]]
+            residual = self.projection.residual[ends[joint]:ends[joint + 1]]
             speed = np.concatenate([run.speed[:, joint] for run in runs])
             cells = ((q - q.min()) / cell).astype(int)
             for side in (speed > 0.0, speed < 0.0):
                 summed = np.bincount(cells[side], residual[side], count)
                 powers += np.abs(np.fft.rfft(summed)) ** 2
-        return cls(2.0 * np.pi / (cell * count), powers)
+        return 2.0 * np.pi / (cell * count), powers
 
     def power(self, orders: np.ndarray) -> np.ndarray:
         """Return the power at some orders, (k,)."""
-        places = np.round(orders / self.step).astype(int)
-        return self.powers[np.minimum(places, len(self.powers) - 1)]
+        step, powers = self._spectrum
+        return powers[np.minimum(np.round(orders / step).astype(int), len(powers) - 1)]
 
     def between(self, orders: np.ndarray, apart: float) -> np.ndarray:
         """Return the strongest lines that are none of the orders, (k,), at most `STRONGEST`.
@@ -217,11 +218,12 @@ class Lines:
         A line belongs to an order that is nearer than half of what tells two apart: the torque of
         a motor returns after a turn. Behind a gear it need not.
         """
-        inner = self.powers[1:-1]
-        peaks = 1 + np.flatnonzero((inner >= self.powers[:-2]) & (inner > self.powers[2:]))
-        places = peaks * self.step
+        step, powers = self._spectrum
+        inner = powers[1:-1]
+        peaks = 1 + np.flatnonzero((inner >= powers[:-2]) & (inner > powers[2:]))
+        places = peaks * step
         distance = np.min(np.abs(orders[np.clip(
             np.searchsorted(orders, places)[:, None] - (0, 1), 0, len(orders) - 1)]
             - places[:, None]), axis=1)
         kept = peaks[(distance > 0.5 * apart) & (places > orders[0]) & (places < orders[-1])]
-        return np.sort(kept[np.argsort(-self.powers[kept])[:STRONGEST]]) * self.step
+        return np.sort(kept[np.argsort(-powers[kept])[:STRONGEST]]) * step
