@@ -29,8 +29,9 @@ from par4_dynamics.model import read_model
 from par4_identification.gains.static_push import read_force
 from par4_identification.jobs.inspect import inspect
 from par4_identification.logs.bag_repair import repair_bag
+from par4_identification.logs.column_choice import chosen_columns
 from par4_identification.logs.read_log import read_log
-from par4_identification.logs.table_bag import chosen_columns, measured_of_files
+from par4_identification.logs.table_bag import measured_of_files
 from par4_kinematics import motion_file, robot
 from par4_kinematics.errors import LONGEST_LINE, InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, REFERENCE

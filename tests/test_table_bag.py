@@ -23,8 +23,9 @@ from scipy.io import savemat
 from par4_dynamics.model import read_model
 from par4_identification.commands import bag
 from par4_identification.jobs.bag import joint_names
+from par4_identification.logs.column_choice import chosen_columns
 from par4_identification.logs.read_log import read_log
-from par4_identification.logs.table_bag import Part, chosen_columns, measured_of_files
+from par4_identification.logs.table_bag import Part, measured_of_files
 from par4_identification.logs.units import UNITS
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import JOINT_NAMES, Axis

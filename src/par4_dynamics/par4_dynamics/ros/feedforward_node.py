@@ -14,7 +14,8 @@ from par4_kinematics.limits import check_points, check_torque
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import Trajectory
-from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.node import Par4Node
+from par4_kinematics.ros.process import run
 from par4_kinematics.ros.serialised_trajectory import SerialisedTrajectory, serialised_rest
 from par4_kinematics.workspace import home_pose
 

@@ -6,13 +6,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from par4_identification.logs.table_bag import (
-    Part,
-    Scales,
-    chosen_columns,
-    measured_of_files,
-    write_measured,
-)
+from par4_identification.logs.column_choice import Scales, chosen_columns
+from par4_identification.logs.table_bag import Part, measured_of_files, write_measured
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import JOINT_NAMES, Axis, Robot, read_machine

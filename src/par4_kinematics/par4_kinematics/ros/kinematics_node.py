@@ -14,7 +14,8 @@ from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns, write_pose
 from par4_kinematics.ros.kinematics_parameters import KinematicsParameters
-from par4_kinematics.ros.node import Par4Node, run
+from par4_kinematics.ros.node import Par4Node
+from par4_kinematics.ros.process import run
 
 
 class KinematicsNode(Par4Node):

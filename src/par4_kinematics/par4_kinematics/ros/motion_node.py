@@ -31,7 +31,8 @@ from par4_kinematics.ros.convert import (
 )
 from par4_kinematics.ros.goal_server import ACTION, GoalServer
 from par4_kinematics.ros.motion_parameters import MotionParameters
-from par4_kinematics.ros.node import Par4Node, State, run
+from par4_kinematics.ros.node import Par4Node, State
+from par4_kinematics.ros.process import run
 from par4_kinematics.standstill import Standstill
 from par4_kinematics.workspace import home_pose
 

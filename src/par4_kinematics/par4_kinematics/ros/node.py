@@ -1,43 +1,33 @@
-"""What the nodes of all packages share: start and end, parameters, topics, diagnostics."""
+"""What the nodes of all packages share: parameters, topics, clock, state, diagnostics."""
 
 from __future__ import annotations
 
-import gc
 import math
-import os
-import signal
-import sys
-import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, ClassVar
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, JumpThreshold, TimeJump
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
-from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
-from rclpy.utilities import remove_ros_args, try_shutdown
 from std_srvs.srv import Trigger
 
-from par4_kinematics.errors import InputError, Par4Error, UnreachableError, one_line
+from par4_kinematics.errors import InputError, Par4Error, UnreachableError
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, Topic
+from par4_kinematics.ros.arrivals import Arrivals
 from par4_kinematics.ros.convert import SECOND, write_time
-from par4_kinematics.ros.numbering import Numbering
-from par4_kinematics.ros.parameters import NodeParameters, answered, declare
+from par4_kinematics.ros.parameters import NodeParameters, declare
 from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.runner import runner_has_ended
 
@@ -46,8 +36,6 @@ NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_me
 """Faults that are logged when they happen, or that a busy machine has all the time."""
 SIMULATED_TIME = 'use_sim_time'
 """Parameter of every node of ROS: whether it follows a published clock."""
-PATIENCE = 3.0
-"""Seconds that a node has to end in before another signal interrupts it."""
 SILENCE = 0.95
 """Seconds of wall time after which a stream that flowed, or the clock, counts as dead."""
 REPORT_PERIOD = 1.0
@@ -71,33 +59,6 @@ class State:
     OK: ClassVar[bytes] = DiagnosticStatus.OK
     WARN: ClassVar[bytes] = DiagnosticStatus.WARN
     ERROR: ClassVar[bytes] = DiagnosticStatus.ERROR
-
-
-class Arrivals:
-    """What came on a topic.
-
-    Attributes:
-        stream: whether messages are to come all the time.
-        received: how many messages came.
-        numbering: of the messages.
-    """
-
-    def __init__(self, stream: bool) -> None:
-        self.stream = stream
-        self.received = 0
-        self.numbering = Numbering()
-        self._last: float | None = None
-
-    def take(self, number: int) -> None:
-        """Take the number of a message that came now."""
-        self.received += 1
-        self.numbering.take(number)
-        self._last = time.monotonic()
-
-    @property
-    def age(self) -> float | None:
-        """Seconds of wall time since the newest message, None before the first."""
-        return None if self._last is None else time.monotonic() - self._last
 
 
 class Par4Node(Node):
@@ -390,79 +351,3 @@ class Par4Node(Node):
 
     def close(self) -> None:
         """Complete what the node writes and release what it holds; called once at the end."""
-
-
-def _prepare_environment() -> None:
-    # other machines' robots are met on purpose only
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    home = os.environ.get('HOME')
-    if not (home and os.access(home, os.W_OK)) and not {'ROS_LOG_DIR', 'ROS_HOME'} & {*os.environ}:
-        os.environ['ROS_LOG_DIR'] = str(Path(tempfile.gettempdir()) / 'par4_log')
-
-
-def _initialise(arguments: list[str]) -> None:
-    try:
-        # with rclpy's own handlers the context is gone before the node can end its work
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rclpy names no public class for bad ROS arguments
-        raise InputError(f'ROS arguments: {error}; give them as --ros-args -p NAME:=VALUE') \
-            from error
-    strange = remove_ros_args(arguments)[1:]
-    if strange:
-        raise InputError(f'unknown argument {strange[0]}; parameters are given as --ros-args '
-                         f'-p NAME:=VALUE, see --help')
-
-
-@contextmanager
-def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
-    """Yield a node that SIGINT and SIGTERM finish, as soon as it has started.
-
-    A terminal and `ros2 launch` both send SIGINT on one Ctrl-C: the second one means nothing more.
-    """
-    node = None
-    asked_at = math.inf
-
-    def end(_signal: int, _frame: Any) -> None:
-        nonlocal asked_at
-        if time.monotonic() - asked_at > PATIENCE:
-            raise KeyboardInterrupt
-        if asked_at == math.inf:
-            asked_at = time.monotonic()
-            if node is not None:
-                node.end()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, end)
-    try:
-        _initialise(sys.argv)
-        node = node_class()
-        if asked_at < math.inf:
-            node.end()
-        gc.freeze()  # what is loaded stays: a full collection of it would stop the node for 0.1 s
-        yield node
-    finally:
-        if node is not None:
-            node.finished = True
-            node.close()
-            node.destroy_node()
-        try_shutdown()
-
-
-def run(node_class: type[Par4Node]) -> int:
-    """Run a node until it is finished, SIGINT or SIGTERM; return the exit code.
-
-    `--help` and `--config` only print. 0 is a proper end, 2 bad input: one line `error: ...` on
-    stderr. A signal that comes later interrupts a node that does not end.
-    """
-    if answered(node_class.PARAMETERS, sys.argv[1:]):
-        return 0
-    _prepare_environment()
-    try:
-        with _running(node_class) as node:
-            node.work()
-    except KeyboardInterrupt:
-        pass
-    except (Par4Error, NameValidationException) as error:
-        print(f'error: {one_line(str(error))}', file=sys.stderr)
-        return 2
-    return 0

@@ -1,0 +1,152 @@
+"""Which columns of a logger's files are which quantity, in which unit.
+
+What a column means is said by whoever has the file, as `QUANTITY=COLUMN:UNIT`; nothing is guessed.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from dataclasses import dataclass, fields
+from itertools import combinations
+
+import numpy as np
+
+from par4_identification.logs.units import UNITS, Unit, unit_named
+from par4_kinematics.errors import InputError
+
+EXAMPLE = 'time=1:ms position=angle:deg torque=current:A'
+MOST_COLUMNS = 1000
+"""In a span of columns."""
+LONGEST_NUMBER = 9
+"""Digits of the number of a column."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which columns are a quantity.
+
+    Attributes:
+        quantity: time, position, velocity, torque or voltage.
+        columns: names or numbers, one a joint; one for time.
+        unit: its name.
+    """
+
+    quantity: str
+    columns: tuple[str, ...]
+    unit: str
+
+    @property
+    def meaning(self) -> Unit:
+        """What the unit is."""
+        return unit_named(self.quantity, self.unit)
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Numbers of the machine that some units need, one for all joints or one a joint.
+
+    Attributes:
+        counts_per_turn: of the joint, behind its gear.
+        motor_gain: torque at the joint per ampere, N m/A or N/A, (24) with a current for a voltage.
+    """
+
+    counts_per_turn: tuple[float, ...] = ()
+    motor_gain: tuple[float, ...] = ()
+
+
+def chosen_columns(text: str) -> dict[str, Choice]:
+    """Return what `QUANTITY=COLUMN[,COLUMN...]:UNIT ...` says, by quantity.
+
+    A column is a name or a number counted from 1, `2-5` the numbers 2 to 5; names with spaces are
+    quoted.
+
+    Raises:
+        InputError: another form, an unknown quantity or unit, no position, neither torque nor
+            voltage, numbers of columns that differ, or a column that is two quantities.
+    """
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise InputError(f'--columns {text!r}: {error}; close the quotes') from None
+    choices: dict[str, Choice] = {}
+    for word in words:
+        quantity, equals, rest = word.partition('=')
+        columns, colon, unit = rest.rpartition(':')
+        if not equals or not colon or not columns or not unit:
+            raise InputError(f'--columns: {word!r} is not QUANTITY=COLUMN:UNIT; write for example '
+                             f"'{EXAMPLE}'")
+        unit_named(quantity, unit)
+        if quantity in choices:
+            raise InputError(f'--columns: {quantity} is given twice; part the columns of several '
+                             f'joints by commas')
+        choices[quantity] = Choice(quantity, _expanded(columns), unit)
+    if 'position' not in choices or not {'torque', 'voltage'} & set(choices):
+        raise InputError(f"--columns: found {', '.join(choices) or 'nothing'}; needed are position "
+                         f"and torque or voltage, for example '{EXAMPLE}'")
+    joints = len(choices['position'].columns)
+    for quantity, choice in choices.items():
+        wanted = 1 if quantity == 'time' else joints
+        if len(choice.columns) != wanted:
+            raise InputError(f'--columns: {quantity} has {len(choice.columns)} columns, expected '
+                             f'{wanted}' + ('' if quantity == 'time' else ', as position has'))
+    for one, other in combinations(choices.values(), 2):
+        common = [name for name in one.columns if name in other.columns]
+        if common:
+            raise InputError(f'--columns: {common[0]} is {one.quantity} and {other.quantity}; a '
+                             f'column is one of them, give the other its own')
+    kinds = {choice.meaning.kind for choice in choices.values()} - {None}
+    if len(kinds) > 1:
+        units = ', '.join(f'{choice.quantity} in {choice.unit}' for choice in choices.values()
+                          if choice.meaning.kind)
+        raise InputError(f'--columns: {units}; a joint turns or slides, not both')
+    return choices
+
+
+def _expanded(columns: str) -> tuple[str, ...]:
+    names: list[str] = []
+    for part in columns.split(','):
+        span = re.fullmatch(r'(\d+)-(\d+)', part.strip())
+        if span is None:
+            names.append(part.strip())
+            continue
+        first, last = (int(number[-LONGEST_NUMBER:]) for number in span.groups())
+        if not 0 <= last - first < MOST_COLUMNS or max(map(len, span.groups())) > LONGEST_NUMBER:
+            raise InputError(f'--columns: {part.strip()!r} is no span of 1 to {MOST_COLUMNS} '
+                             f'columns; write it as FIRST-LAST')
+        names += [str(number) for number in range(first, last + 1)]
+    return tuple(names)
+
+
+def refuse_unused(scales: Scales, choices: dict[str, Choice]) -> None:
+    """Refuse scales that no unit of the choices needs.
+
+    Raises:
+        InputError: a scale that is given for nothing.
+    """
+    needed = {choice.meaning.scale for choice in choices.values()}
+    for field in fields(scales):
+        if getattr(scales, field.name) and field.name not in needed:
+            units = ' or '.join(name for known in UNITS.values() for name, unit in known.items()
+                                if unit.scale == field.name)
+            found = ', '.join(f'{choice.quantity} in {choice.unit}' for choice in choices.values())
+            raise InputError(f'--{field.name.replace("_", "-")} is for {units}, found {found}; '
+                             f'mend --columns or leave it out')
+
+
+def si_factors(choice: Choice, scales: Scales, joints: int) -> np.ndarray:
+    """Return SI units per unit of each joint, (J,).
+
+    Raises:
+        InputError: a scale that is missing, or not one number a joint.
+    """
+    unit = choice.meaning
+    if unit.scale is None:
+        return np.full(1 if choice.quantity == 'time' else joints, unit.factor)
+    given = getattr(scales, unit.scale)
+    option = '--' + unit.scale.replace('_', '-')
+    if len(given) not in (1, joints):
+        raise InputError(f'{choice.quantity} in {choice.unit}: {option} has {len(given)} numbers, '
+                         f'give one' + (f' or {joints}' if joints > 1 else ''))
+    scale = np.broadcast_to(np.array(given), (joints,))
+    return unit.factor * scale if unit.scale == 'motor_gain' else unit.factor / scale

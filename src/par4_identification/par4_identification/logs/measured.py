@@ -1,0 +1,172 @@
+"""What a logger's files measured, and what looks wrong about it.
+
+What can be checked without knowing the machine is checked: stamps, gaps, jumps, ranges, and whether
+the speed is the slope of the position, which tells a wrong unit of either.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from par4_identification.logs.stamps import GAP
+from par4_identification.logs.units import Kind, si_unit
+
+JUMP = 0.4
+"""Turns between two samples above which a position has wrapped around or slipped."""
+FACTOR = 2.0
+"""By which a recorded speed may differ from the slope of the position: loggers filter and quantise
+speeds, a wrong unit makes a factor of six at least."""
+LARGEST = 1e12
+"""SI units; what is beyond is no reading of a machine, and its square may be infinite."""
+PLAIN_TURNS = 1e3
+"""Turns beyond which whole numbers are counts rather than angles."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What files measured, in SI units, ready to be written.
+
+    Attributes:
+        kind: of the joints.
+        stamp: (n,) ns.
+        values: quantity -> (n, J).
+        rows: that the files have.
+        untimed: of them without a time, left out.
+    """
+
+    kind: Kind
+    stamp: np.ndarray
+    values: dict[str, np.ndarray]
+    rows: int
+    untimed: int
+
+    @property
+    def joints(self) -> int:
+        """Number of joints J."""
+        return self.values['position'].shape[1]
+
+    @property
+    def period(self) -> float:
+        """Median spacing of the stamps, s."""
+        return 1e-9 * float(np.median(np.diff(self.stamp)))
+
+    def account(self) -> tuple[str, ...]:
+        """Return what was read, a line each: rate, then range of every quantity."""
+        spacing = 1e-9 * np.diff(self.stamp)
+        missing = spacing > GAP * self.period
+        jitter = np.sqrt(np.mean((spacing[(spacing > 0.0) & ~missing] - self.period) ** 2))
+        lines = [f'{len(self.stamp)} of {self.rows} rows, '
+                 f'{1e-9 * (self.stamp[-1] - self.stamp[0]):.6g} s at {1.0 / self.period:.5g} Hz '
+                 f'(every {1e3 * self.period:.4g} ms +- {1e3 * jitter:.2g} ms rms), '
+                 f'{np.count_nonzero(missing)} gaps'
+                 + (f', the longest {spacing.max():.4g} s' if missing.any() else '')]
+        for quantity, values in self.values.items():
+            unit = si_unit(quantity, self.kind)
+            ranges = ', '.join(
+                f'{low:.4g} to {high:.4g}' if np.isfinite(low) else 'no numbers'
+                for low, high in zip(*_ranges(values)))
+            lines.append(f'{quantity}: {ranges} {unit}')
+        return tuple(lines)
+
+    def findings(self) -> tuple[str, ...]:
+        """Return what looks wrong, in words; nothing for good files."""
+        found = [f'{count} {words}' for count, words in (
+            (self.untimed, 'rows without a time, left out'),
+            (np.count_nonzero(np.diff(self.stamp) == 0), 'stamps repeated'),
+            (np.count_nonzero(np.diff(self.stamp) < 0), 'times the clock goes back')) if count]
+        for quantity, values in self.values.items():
+            empty = np.count_nonzero(~np.isfinite(values))
+            if empty:
+                found.append(f'{quantity}: {empty} of {values.size} cells hold no number')
+            absurd = np.count_nonzero(np.isfinite(values) & ~are_readings(values))
+            if absurd:
+                found.append(f'{quantity}: {absurd} of {values.size} cells are beyond {LARGEST:g} '
+                             f'{si_unit(quantity, self.kind)}; mend the file there')
+            for joint, (low, high) in enumerate(zip(*_ranges(values))):
+                if not low < high:
+                    what = 'the same in all rows' if low == high else 'no numbers'
+                    found.append(f'{quantity} of joint {joint}: {what}; is it the right column?')
+        return (*found, *self._twins(), *self._odd_positions(), *self._odd_speeds())
+
+    def _twins(self) -> list[str]:
+        """Return which columns hold the numbers of another one that does not stand still."""
+        found = []
+        columns = [(f'{quantity} of joint {joint}', column)
+                   for quantity, values in self.values.items()
+                   for joint, column in enumerate(values.T)]
+        for index, (name, column) in enumerate(columns):
+            twin = next((other for other, earlier in columns[:index]
+                         if np.array_equal(column, earlier, equal_nan=True)), None)
+            if twin is not None and len(np.unique(column[np.isfinite(column)])) > 1:
+                found.append(f'{name}: the same numbers as {twin}; is it the right column?')
+        return found
+
+    def _odd_positions(self) -> list[str]:
+        if self.kind == 'linear':
+            return []
+        found = []
+        for joint, column in enumerate(self.values['position'].T):
+            rows = np.flatnonzero(are_readings(column))
+            if len(rows) < 2:
+                continue  # said elsewhere
+            q, apart = column[rows], np.diff(rows)
+            jumps = np.abs(np.diff(q)) / (2.0 * np.pi)
+            jumped = rows[1:][(jumps > max(JUMP, 20.0 * np.median(jumps)))
+                              & (apart <= GAP * np.median(apart))]
+            if len(jumped):
+                turns = jumps[np.searchsorted(rows, jumped[0]) - 1]
+                found.append(f'position of joint {joint}: jumps by {turns:.3g} turns at '
+                             f'row {jumped[0] + 1} and {len(jumped) - 1} times more; where the '
+                             f'encoder wraps around, give --unwrap')
+            elif np.abs(q).max() > 2.0 * np.pi * PLAIN_TURNS and np.array_equal(q, np.rint(q)):
+                found.append(f'position of joint {joint}: whole numbers up to '
+                             f'{np.abs(q).max():.4g} rad; are they counts?')
+        return found
+
+    def _odd_speeds(self) -> list[str]:
+        """Return where the integral of the speed is not the position but a multiple of it.
+
+        What happens in gaps of the log belongs to neither.
+        """
+        if 'velocity' not in self.values:
+            return []
+        found = []
+        for joint, columns in enumerate(zip(self.values['position'].T, self.values['velocity'].T)):
+            known = np.logical_and(*map(are_readings, columns))
+            if np.count_nonzero(known) < 2:
+                continue  # said elsewhere
+            q, qd = (column[known] for column in columns)
+            spacing = 1e-9 * np.diff(self.stamp[known])
+            whole = (spacing > 0.0) & (spacing <= GAP * np.median(spacing))
+            q, way = (np.cumsum(np.where(whole, steps, 0.0)) for steps in (
+                np.diff(q), 0.5 * (qd[1:] + qd[:-1]) * spacing))
+            if np.ptp(q) == 0.0 or np.ptp(way) == 0.0:
+                continue  # said elsewhere
+            q, way = q - q.mean(), way - way.mean()
+            ratio = float(q @ way / (q @ q))
+            alike = float(q @ way / np.sqrt((q @ q) * (way @ way)))
+            if abs(alike) > 0.9 and not 1.0 / FACTOR < ratio < FACTOR:
+                found.append(f'velocity of joint {joint}: {ratio:.4g} times the slope of the '
+                             f'position; check the unit of either')
+            elif abs(alike) <= 0.9:
+                found.append(f'velocity of joint {joint}: not the slope of the position (their '
+                             f'correlation is {alike:.2f}); check the columns')
+        return found
+
+
+def are_readings(values: np.ndarray) -> np.ndarray:
+    """Return which values a machine can have."""
+    return np.abs(values) <= LARGEST
+
+
+def _ranges(values: np.ndarray) -> tuple[list[float], list[float]]:
+    """Return least and largest finite value of each column, NaN without one."""
+    finite = np.where(np.isfinite(values), values, np.nan)
+    low, high = [], []
+    for column in finite.T:
+        known = column[~np.isnan(column)]
+        low.append(float(known.min()) if len(known) else np.nan)
+        high.append(float(known.max()) if len(known) else np.nan)
+    return low, high

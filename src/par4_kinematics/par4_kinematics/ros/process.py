@@ -1,0 +1,103 @@
+"""The process of a node: ROS arguments, signals, a proper end, the exit code."""
+
+from __future__ import annotations
+
+import gc
+import math
+import os
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.exceptions import NameValidationException
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args, try_shutdown
+
+from par4_kinematics.errors import InputError, Par4Error, one_line
+from par4_kinematics.ros.node import Par4Node
+from par4_kinematics.ros.parameters import answered
+
+PATIENCE = 3.0
+"""Seconds that a node has to end in before another signal interrupts it."""
+
+
+def _prepare_environment() -> None:
+    # other machines' robots are met on purpose only
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    home = os.environ.get('HOME')
+    if not (home and os.access(home, os.W_OK)) and not {'ROS_LOG_DIR', 'ROS_HOME'} & {*os.environ}:
+        os.environ['ROS_LOG_DIR'] = str(Path(tempfile.gettempdir()) / 'par4_log')
+
+
+def _initialise(arguments: list[str]) -> None:
+    try:
+        # with rclpy's own handlers the context is gone before the node can end its work
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rclpy names no public class for bad ROS arguments
+        raise InputError(f'ROS arguments: {error}; give them as --ros-args -p NAME:=VALUE') \
+            from error
+    strange = remove_ros_args(arguments)[1:]
+    if strange:
+        raise InputError(f'unknown argument {strange[0]}; parameters are given as --ros-args '
+                         f'-p NAME:=VALUE, see --help')
+
+
+@contextmanager
+def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
+    """Yield a node that SIGINT and SIGTERM finish, as soon as it has started.
+
+    A terminal and `ros2 launch` both send SIGINT on one Ctrl-C: the second one means nothing more.
+    """
+    node = None
+    asked_at = math.inf
+
+    def end(_signal: int, _frame: Any) -> None:
+        nonlocal asked_at
+        if time.monotonic() - asked_at > PATIENCE:
+            raise KeyboardInterrupt
+        if asked_at == math.inf:
+            asked_at = time.monotonic()
+            if node is not None:
+                node.end()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
+    try:
+        _initialise(sys.argv)
+        node = node_class()
+        if asked_at < math.inf:
+            node.end()
+        gc.freeze()  # what is loaded stays: a full collection of it would stop the node for 0.1 s
+        yield node
+    finally:
+        if node is not None:
+            node.finished = True
+            node.close()
+            node.destroy_node()
+        try_shutdown()
+
+
+def run(node_class: type[Par4Node]) -> int:
+    """Run a node until it is finished, SIGINT or SIGTERM; return the exit code.
+
+    `--help` and `--config` only print. 0 is a proper end, 2 bad input: one line `error: ...` on
+    stderr. A signal that comes later interrupts a node that does not end.
+    """
+    if answered(node_class.PARAMETERS, sys.argv[1:]):
+        return 0
+    _prepare_environment()
+    try:
+        with _running(node_class) as node:
+            node.work()
+    except KeyboardInterrupt:
+        pass
+    except (Par4Error, NameValidationException) as error:
+        print(f'error: {one_line(str(error))}', file=sys.stderr)
+        return 2
+    return 0
