@@ -9,6 +9,8 @@ import numpy as np
 import scipy
 
 ORDER = 6
+NEARLY_ONE = 0.9999
+"""Largest absolute value of a pole of the noise, of one that has a variance."""
 
 
 @dataclass(frozen=True)
@@ -158,34 +160,63 @@ def fit_noise(residuals: list[np.ndarray], valid: list[np.ndarray], parameters: 
               order: int = ORDER) -> ArNoise:
     """Return the autoregressive model of residual series (n_i,), rows not `valid` left out.
 
-    Yule-Walker on the pooled autocovariance of all series; nothing is joined. With missing rows and
-    noise that wanders slowly, the variance of the innovations is so small a difference of large
-    numbers that it may come out a hundred times too small. It is therefore that of the innovations
-    themselves. `parameters` is how many of the fitted parameters fall on these rows, a correction
-    of the variance.
+    Yule-Walker on the pooled autocovariance of all series; nothing is joined. With missing rows
+    what is read of it need not be the autocovariance of any noise, above all where the noise
+    wanders slowly; then Burg's method. The variance of the innovations is that of the innovations
+    themselves, as a small difference of large numbers would come out up to a hundred times too
+    small. `parameters` is how many of the fitted parameters fall on these rows, a correction of the
+    variance.
     """
+    count = max(float(sum(np.count_nonzero(mask) for mask in valid)), 1.0)
+    coefficients = _yule_walker(residuals, valid, order)
+    if coefficients is None:
+        coefficients = _burg(residuals, valid, order)
+    guess = max(sum(float(np.sum(residual[mask] ** 2))
+                    for residual, mask in zip(residuals, valid)) / count, 1e-18)
+    found = ArNoise(coefficients, guess)
+    squares = sum(float(np.sum(found.whiten(residual[:, None], mask) ** 2))
+                  for residual, mask in zip(residuals, valid))
+    return replace(found, variance=max(guess * squares / max(count - parameters, 1.0), 1e-18))
+
+
+def _yule_walker(residuals: list[np.ndarray], valid: list[np.ndarray], order: int
+                 ) -> np.ndarray | None:
+    """Return the coefficients (p,) of the pooled autocovariance; None if no noise has it."""
     products, pairs = np.zeros(order + 1), np.zeros(order + 1)
     for residual, mask in zip(residuals, valid):
         kept = np.where(mask, residual, 0.0)
         for lag in range(min(order + 1, len(kept))):
             products[lag] += kept[lag:] @ kept[:len(kept) - lag]
             pairs[lag] += np.count_nonzero(mask[lag:] & mask[:len(mask) - lag])
-    count = max(pairs[0], 1.0)
     covariance = products / np.maximum(pairs, 1.0)
     # taper: with missing rows the estimate need not be positive definite
-    covariance *= 1.0 - np.arange(order + 1) / count
-    covariance *= count / max(count - parameters, 1.0)
-    floor = max(covariance[0], 1e-18)
-    covariance[0] = floor * (1.0 + 1e-6)
-    for used in range(order, 0, -1):
-        coefficients = scipy.linalg.solve_toeplitz(covariance[:used], covariance[1:used + 1])
-        variance = covariance[0] - coefficients @ covariance[1:used + 1]
-        stable = np.max(np.abs(np.linalg.eigvals(_companion(coefficients)))) < 0.9999
-        if variance > 0 and stable:
-            found = ArNoise(np.concatenate((coefficients, np.zeros(order - used))),
-                            float(variance))
-            squares = sum(float(np.sum(found.whiten(residual[:, None], mask) ** 2))
-                          for residual, mask in zip(residuals, valid))
-            return replace(found, variance=max(
-                found.variance * squares / max(count - parameters, 1.0), 1e-18))
-    return ArNoise(np.zeros(order), float(floor))
+    covariance *= 1.0 - np.arange(order + 1) / max(pairs[0], 1.0)
+    covariance[0] = max(covariance[0], 1e-18) * (1.0 + 1e-6)
+    coefficients = scipy.linalg.solve_toeplitz(covariance[:order], covariance[1:])
+    innovation = covariance[0] - coefficients @ covariance[1:]
+    stable = np.max(np.abs(np.linalg.eigvals(_companion(coefficients)))) < NEARLY_ONE
+    return coefficients if innovation > 0.0 and stable else None
+
+
+def _burg(residuals: list[np.ndarray], valid: list[np.ndarray], order: int) -> np.ndarray:
+    """Return the coefficients (p,) that predict stretches without missing rows both ways best.
+
+    Burg's method for segments (S. de Waele, P. M. T. Broersen, The Burg algorithm for segments,
+    IEEE Trans. Signal Processing 48(10), 2000): each coefficient of reflection is at most 1, so
+    that the model is stable.
+    """
+    series = [(np.where(mask, residual, 0.0), np.where(mask, residual, 0.0), mask)
+              for residual, mask in zip(residuals, valid)]
+    coefficients = np.zeros(0)
+    for _ in range(order):
+        # errors of a row predicted by those before it, and of the first of them by those after
+        series = [(ahead[1:], back[:-1], whole[1:] & mask[:len(whole[1:])])
+                  for (ahead, back, whole), mask in zip(series, valid)]
+        both = sum(2.0 * float(ahead[whole] @ back[whole]) for ahead, back, whole in series)
+        each = sum(float(ahead[whole] @ ahead[whole] + back[whole] @ back[whole])
+                   for ahead, back, whole in series)
+        reflection = NEARLY_ONE * both / each if each > 0.0 else 0.0
+        series = [(ahead - reflection * back, back - reflection * ahead, whole)
+                  for ahead, back, whole in series]
+        coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
+    return coefficients
