@@ -1,9 +1,10 @@
-"""Names that are not told because an unnamed function explains more in their place.
+"""Names that are not told because something else explains more in their place.
 
 If a machine has a cause that is in no library, the nearest name is wrong: it explains a part of
 what an unnamed function explains. On a Par4 it is enough to compare each name with the unnamed
 functions, because its motion excites all that they have in common with effects. An axis may be any
 machine on any motion, so its names are also judged together, and its delays beside unnamed causes.
+A name falls, too, if another that was rejected explains more in its place.
 """
 
 from __future__ import annotations
@@ -53,12 +54,12 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
         for item in named_of(model):
             search.journal.reject(item, reason)
         return search.with_nameless(()) or tuple(unnamed_of(model))
-    return _without(search, model, _replaced, _timed_otherwise)
+    return _without(search, model, _replaced, _outdone, _timed_otherwise)
 
 
 def without_replaceable_names(search: Search, model: Model) -> Model:
-    """Return a model without the names in whose place an unnamed function explains far more."""
-    return _without(search, model, _replaced)
+    """Return a model without the names in whose place another cause explains far more."""
+    return _without(search, model, _replaced, _outdone)
 
 
 def _without(search: Search, model: Model, *doubts: Doubt) -> Model:
@@ -81,6 +82,25 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
     search.journal.reject(item, f'{kind.effect.phrase} explains {-margin:.0f} more in its '
                                 f'place on rows held out')
     return (*others, kind)
+
+
+def _outdone(search: Search, item: Hypothesis, model: Model) -> Model | None:
+    """Return the model without a name, if a name that was rejected explains more in its place.
+
+    It may have been rejected because all its values may as well be zero. A name that explains less
+    of all rows together than one that is no cause has no better claim. Twins are told beside it.
+    """
+    others, rules = others_of(model, item), search.rules
+    for rival in search.rivals(item, others):
+        if (rival.believable and rival.hypothesis is not None
+                and not isinstance(rival.hypothesis.effect, Kind)
+                and abs(rival.fit_margin) >= rules.twin
+                and -rival.margin > rival.fit_margin + max(rules.better, rules.twin)):
+            search.journal.reject(
+                item, f'{rival.hypothesis.label} explains {-rival.margin:.0f} more in its place on '
+                      f'rows held out, and is no cause itself')
+            return search.with_nameless(others)
+    return None
 
 
 def _timed_otherwise(search: Search, item: Hypothesis, model: Model) -> Model | None:
