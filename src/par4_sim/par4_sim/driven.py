@@ -7,26 +7,64 @@ of a simulation.
 
 from __future__ import annotations
 
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 import numba
 import numpy as np
 
-from par4_kinematics.geometry import LEGS
+from par4_kinematics.geometry import HOME, LEGS
 from par4_sim.control_loop import TORQUE, ControlLoop, control_step, record_sample
-from par4_sim.exact import QD, ExactPlant, Q, X, advance
+from par4_sim.exact import OPEN, QD, ExactPlant, Q, X, advance
+from par4_sim.force_plate import ForcePlate, press
+from par4_sim.held_load import HeldLoad, held_row
+from par4_sim.machine import LoadTorque
 from par4_sim.plant import Plant
 from par4_sim.reference import ReferenceQueue
 
+COMPILED = (HeldLoad, ForcePlate)
+"""Loads that steps can be compiled with, one of each at the most, in this order."""
+NO_LOADS: tuple[Any, ...] = (
+    np.empty((0, LEGS)), 1.0, np.empty(0), np.empty(0), np.empty(0), np.array(HOME)[None],
+    np.empty((0, 2)), np.zeros(1, dtype=np.int64))
+"""What `_packed_loads` returns where there are none."""
+
 
 @numba.njit(cache=True, error_model='numpy')
-def _driven_steps(times, points, loop, plant, start, plant_step, first, count, dt):
-    """Do physics steps; return how many were done and -1, a leg that cannot reach, or LOST.
+def _under_loads(loads, time, state, tau, dt, torque):
+    """Write what loads leave of the drives' torque tau (4,); return whether the mechanism closes.
+
+    Args:
+        loads: of `_packed_loads`.
+        time: at the beginning of the step, s.
+        state: of the plant.
+        tau: N m.
+        dt: s.
+        torque: (4,), written.
+    """
+    course, period, packed, plate, home, poses, told, count = loads
+    middle = time + 0.5 * dt
+    torque[:] = tau
+    if course.shape[0] > 0:
+        torque -= course[held_row(course.shape[0], period, middle)]
+    if plate.shape[0] > 0:
+        q, against = np.empty(4), np.empty(4)
+        for joint in range(4):
+            q[joint] = state[Q, joint] + 0.5 * dt * state[QD, joint]
+        if not press(packed, plate, home, poses, told, count, middle, q, against):
+            return False
+        torque -= against
+    return True
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _driven_steps(times, points, loop, plant, loads, start, plant_step, first, count, dt):
+    """Do physics steps; return how many were done and -1, a leg that cannot reach, LOST or OPEN.
 
     Args:
         times, points: of the ReferenceQueue.
         loop: ControlLoop.kernel_state.
         plant: ExactPlant.kernel_state.
+        loads: of `_packed_loads`.
         start: time of step 0 on the queue's clock, s.
         plant_step: number of the first step as the plant counts.
         first, count: number of the first step as the drives count, and of steps.
@@ -34,24 +72,29 @@ def _driven_steps(times, points, loop, plant, start, plant_step, first, count, d
     """
     encoders, law, amplifier, lag, drive, currents, saturated, history, lead = loop
     constants, friction, harmonics, state, work = plant
+    loaded, torque = loads[0].shape[0] > 0 or loads[3].shape[0] > 0, np.empty(4)
     for done in range(count):
         step = first + done
         control_step(times, points, start + step * dt, state[Q], state[QD], encoders, law,
                      amplifier, lag, drive, currents, saturated, history, step, lead)
-        leg = advance(constants, friction, harmonics, state, work, (plant_step + done) * dt,
-                      history[TORQUE, step % history.shape[1]], dt)
+        delivered, time = history[TORQUE, step % history.shape[1]], (plant_step + done) * dt
+        if not loaded:
+            torque = delivered
+        elif not _under_loads(loads, time, state, delivered, dt, torque):
+            return done, OPEN
+        leg = advance(constants, friction, harmonics, state, work, time, torque, dt)
         if leg >= 0:
             return done, leg
     return count, -1
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _driven_samples(times, points, loop, plant, recorder, start, plant_step, first, dt, sample,
-                    substeps, ahead, waiting, readings, torque_noise, position_noise, told):
+def _driven_samples(times, points, loop, plant, loads, recorder, start, plant_step, first, dt,
+                    sample, substeps, ahead, waiting, readings, torque_noise, position_noise, told):
     """Do all physics steps that samples need and record these; see `drive_samples`.
 
     Returns:
-        How many steps were done, and -1, a leg that cannot reach, or LOST.
+        How many steps were done, and -1, a leg that cannot reach, LOST or OPEN.
     """
     history, state = loop[7], plant[3]
     shifts, encoders, torque_step = recorder
@@ -64,8 +107,8 @@ def _driven_samples(times, points, loop, plant, recorder, start, plant_step, fir
                 readings[waiting, 2] = state[X]
                 waiting += 1
             count = min(sample_step + ahead - step, substeps - step % substeps)
-            done, leg = _driven_steps(times, points, loop, plant, start, plant_step + step - first,
-                                      step, count, dt)
+            done, leg = _driven_steps(times, points, loop, plant, loads, start,
+                                      plant_step + step - first, step, count, dt)
             step += done
             if leg >= 0:
                 return step - first, leg
@@ -75,8 +118,26 @@ def _driven_samples(times, points, loop, plant, recorder, start, plant_step, fir
 
 
 def can_be_driven(plant: Plant, loop: ControlLoop) -> TypeGuard[ExactPlant]:
-    """Return whether all that acts in a step is compiled: no loads, no drives that look ahead."""
-    return type(plant) is ExactPlant and not plant.loads and not loop.controller.stride
+    """Return whether all that acts in a step is compiled: no other loads than those of `COMPILED`,
+    no drives that look ahead.
+    """
+    return (type(plant) is ExactPlant and not loop.controller.stride
+            and _kinds(plant.loads) in ((), COMPILED[:1], COMPILED[1:], COMPILED))
+
+
+def _kinds(loads: tuple[LoadTorque, ...]) -> tuple[type, ...]:
+    return tuple(type(load) for load in loads)
+
+
+def _packed_loads(loads: tuple[LoadTorque, ...], steps: int) -> tuple[object, ...]:
+    """Return loads as `_under_loads` takes them, with room for what they note in so many steps."""
+    course, plate = NO_LOADS[:2], NO_LOADS[2:]
+    for load in loads:
+        if isinstance(load, HeldLoad):
+            course = load.torque, load.period
+        elif isinstance(load, ForcePlate):
+            plate = load.kernel_state(steps)
+    return *course, *plate
 
 
 def drive_plant(plant: ExactPlant, loop: ControlLoop, reference: ReferenceQueue, start: float,
@@ -94,8 +155,9 @@ def drive_plant(plant: ExactPlant, loop: ControlLoop, reference: ReferenceQueue,
     Raises:
         UnreachableError: the platform was driven out of reach.
     """
-    done, leg = _driven_steps(reference.times, reference.points, loop.kernel_state,
-                              plant.kernel_state, start, plant.steps, first, count, plant.dt)
+    done, leg = _driven_steps(
+        reference.times, reference.points, loop.kernel_state, plant.kernel_state,
+        _packed_loads(plant.loads, count), start, plant.steps, first, count, plant.dt)
     plant.count_steps(done, leg)
 
 
@@ -132,7 +194,8 @@ def drive_samples(plant: ExactPlant, loop: ControlLoop, reference: ReferenceQueu
     told = np.empty((count, 4, LEGS))
     done, leg = _driven_samples(
         reference.times, reference.points, loop.kernel_state, plant.kernel_state,
-        loop.recorder_state, start, plant.steps, first, plant.dt, sample, substeps, ahead,
-        len(waiting), readings, torque_noise, position_noise, told)
+        _packed_loads(plant.loads, steps), loop.recorder_state, start, plant.steps, first,
+        plant.dt, sample, substeps, ahead, len(waiting), readings, torque_noise, position_noise,
+        told)
     plant.count_steps(done, leg)
     return told, readings
