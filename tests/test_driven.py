@@ -13,10 +13,12 @@ from par4_dynamics.model import read_model
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.workspace import home_pose
 from par4_sim.driven import can_be_driven
+from par4_sim.elastic import ElasticPlant, split_machine
 from par4_sim.exact import ExactPlant
 from par4_sim.force_plate import ForcePlate
 from par4_sim.held_load import HeldLoad
 from par4_sim.noise import Noise
+from par4_sim.plant import STEP
 from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.simulation import Simulation, Told
 from robots import REFERENCE
@@ -28,6 +30,11 @@ MACHINES = {
                        entry('cogging', amplitude=0.5, periods=22.0, phase=(0.0, 1.0, 2.0, 3.0))),
     'told late': (entry('time_offset', delay=1.4e-3),),
     'told early': (entry('time_offset', delay=-1.4e-3),),
+    'soft': (entry('elastic_transmission', stiffness=(4e3, 8e3, 6e3, 5e3)),),
+    'soft, rattling, told late': (
+        entry('elastic_transmission', joints=(1, 2), stiffness=8e3),
+        entry('backlash', joints=(0,), gap=5e-4), entry('time_offset', delay=1.4e-3)),
+    'soft, loaded, pressed': (entry('elastic_transmission', stiffness=8e3),),
     'loaded': (),
     'pressed': (),
     'loaded, pressed': (),
@@ -47,18 +54,28 @@ def machine_named(name):
 
 def readings_of(plant):
     """Return what plates under a machine measured, (n, 4)."""
+    exact = plant.driven if isinstance(plant, ElasticPlant) else plant
     return np.concatenate([np.empty((0, 4)), *(
-        load.readings for load in plant.loads if isinstance(load, ForcePlate))])
+        load.readings for load in exact.loads if isinstance(load, ForcePlate))])
 
 
 class Stepped(ExactPlant):
     """The same plant; nothing compiled knows it, so that it is stepped from Python."""
 
 
+def plant_with(plant, machine):
+    """Return a machine's plant, of that class behind springs if there are any."""
+    if machine.transmission.is_rigid:
+        return plant(machine)
+    driven, motors = split_machine(machine)
+    substeps = motors.substeps(STEP)
+    return ElasticPlant(plant(driven, STEP / substeps), motors, substeps)
+
+
 def simulation_with(plant, machine, period=1e-3, limits=None, kept=0):
     noise = Noise(torque_noise=0.1, correlation_time=0.01, position_noise=1e-5,
                   stamp_jitter=0.1 * period)
-    return Simulation(REFERENCE, plant(machine), period, REFERENCE.drives.torque_limit,
+    return Simulation(REFERENCE, plant_with(plant, machine), period, REFERENCE.drives.torque_limit,
                       holding_torque(REFERENCE, TABLE_1), machine.amplifier, machine.sensors,
                       noise, seed=3, limits=limits, kept=kept)
 
