@@ -45,10 +45,8 @@ def unrendered(monkeypatch) -> None:
     Laying out and writing a picture takes a second. This is for tests of words and numbers; those
     of reports, `check_in_browser`, do without it.
     """
-    from par4_sim.report.drawing import Figure
-
-    monkeypatch.setattr(Figure, 'savefig', lambda _figure, stream, **_: stream.write(
-        '<svg xmlns="http://www.w3.org/2000/svg"/>'))
+    monkeypatch.setattr('par4_sim.report.drawing.svg_of',
+                        lambda _figure: '<svg xmlns="http://www.w3.org/2000/svg"/>')
 
 
 @pytest.fixture
