@@ -14,6 +14,9 @@ from hypothesis import HealthCheck, settings
 for library in ('OPENBLAS', 'OMP', 'MKL'):
     os.environ.setdefault(f'{library}_NUM_THREADS', '1')
 
+# as in the Makefile: every process that tests start would compile the modules anew
+os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
+
 # the same few examples in every run; `make fuzz` draws others, and many
 CALM = {'deadline': None, 'database': None,
         'suppress_health_check': [HealthCheck.too_slow, HealthCheck.data_too_large,
