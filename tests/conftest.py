@@ -14,6 +14,9 @@ from hypothesis import HealthCheck, settings
 for library in ('OPENBLAS', 'OMP', 'MKL'):
     os.environ.setdefault(f'{library}_NUM_THREADS', '1')
 
+# as in the Makefile: every process that tests start would compile the modules anew
+os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
+
 # the same few examples in every run; `make fuzz` draws others, and many
 CALM = {'deadline': None, 'database': None,
         'suppress_health_check': [HealthCheck.too_slow, HealthCheck.data_too_large,
@@ -45,10 +48,8 @@ def unrendered(monkeypatch) -> None:
     Laying out and writing a picture takes a second. This is for tests of words and numbers; those
     of reports, `check_in_browser`, do without it.
     """
-    from par4_sim.report.drawing import Figure
-
-    monkeypatch.setattr(Figure, 'savefig', lambda _figure, stream, **_: stream.write(
-        '<svg xmlns="http://www.w3.org/2000/svg"/>'))
+    monkeypatch.setattr('par4_sim.report.drawing.svg_of',
+                        lambda _figure: '<svg xmlns="http://www.w3.org/2000/svg"/>')
 
 
 @pytest.fixture

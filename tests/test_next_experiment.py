@@ -30,6 +30,7 @@ from par4_kinematics.motion import check_limits
 from par4_kinematics.motion_file import read_motion, write_motion
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.workspace import home_pose
+from par4_sim.held_load import HeldLoad
 from par4_sim.machine_effects import machine_of_model
 from par4_sim.platform_forces import PlatformForces
 from robots import OTHER, REFERENCE, model_with, other_model
@@ -79,7 +80,7 @@ def loaded(load):
 
 
 def with_constant_load(level):
-    return loaded(lambda time, q, qd: np.full(4, level))  # noqa: ARG005
+    return loaded(HeldLoad(np.full((1, 4), level), 1.0))
 
 
 def with_weights(first_moment):

@@ -274,11 +274,13 @@ def test_what_a_node_cannot_start_with_is_said_in_one_line(bench, node, paramete
     assert said in line
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_signals_end_every_node_properly(bench, number):
+@pytest.mark.parametrize(('start', 'number'), [(Bench.execute, signal.SIGINT),
+                                               (Bench.start, signal.SIGTERM)])
+def test_signals_end_every_node_properly(bench, start, number):
+    """As a user starts them and as other tests do: a node takes both signals in the same way."""
     diagnostics = bench.listen(DIAGNOSTICS)
     own = {'par4_simulation': {'fidelity': 'exact'}, 'par4_motion': SIMULATED}
-    children = {node: bench.execute(node, **own.get(node, {})) for node in MODULES}
+    children = {node: start(bench, node, **own.get(node, {})) for node in MODULES}
     bench.wait(lambda: {message.status[0].name for message in diagnostics} == {
         f'/{node}' for node in MODULES}, 'diagnostics of every node')
     for child in children.values():

@@ -21,6 +21,7 @@ from par4_identification.logs.log import Log
 from par4_kinematics.approach import with_approach
 from par4_kinematics.motion import Motion
 from par4_kinematics.workspace import home_pose
+from par4_sim.held_load import HeldLoad
 from par4_sim.machine import Machine
 from par4_sim.noise import Noise, NoiseSource
 from par4_sim.plant import Plant
@@ -53,14 +54,9 @@ class Wander:
                              self.seed)
         return self.level * drawn(source, samples)
 
-    def load(self, samples: int):
+    def load(self, samples: int) -> HeldLoad:
         """Return the load as a machine takes it."""
-        path = self.path(samples)
-
-        def load(time, q, qd):  # noqa: ARG001
-            return path[min(int(time / PERIOD), len(path) - 1)]
-
-        return load
+        return HeldLoad(self.path(samples), PERIOD)
 
 
 def drawn(source: NoiseSource, samples: int) -> np.ndarray:
@@ -72,32 +68,29 @@ def drawn(source: NoiseSource, samples: int) -> np.ndarray:
     return rows
 
 
-class Watched:
-    """A plant whose true positions and torques are kept, a row a step; implements `Plant`.
+class Lossy:
+    """A plant that a cause outside the library takes torque from; implements `Plant`.
 
     Args:
         plant: the mechanism.
-        act: what torque is lost between drives and plant, None for nothing.
+        act: what torque is lost between drives and plant.
+
+    Attributes:
+        lost: the torque lost in each step, (4,) N m.
     """
 
-    def __init__(self, plant: Plant, act: Act | None = None) -> None:
+    def __init__(self, plant: Plant, act: Act) -> None:
         self._plant = plant
         self._act = act
-        self.positions: list[np.ndarray] = []
-        self.torques: list[np.ndarray] = []
         self.lost: list[np.ndarray] = []
 
     def __getattr__(self, name: str):
         return getattr(self._plant, name)
 
     def step(self, tau: np.ndarray) -> None:
-        """Keep the positions and advance."""
-        self.positions.append(self._plant.q)
-        self.torques.append(np.array(tau))
-        if self._act is not None:
-            self.lost.append(np.array(self._act(self._plant, tau)))
-            tau = tau - self.lost[-1]
-        self._plant.step(tau)
+        """Advance under what the cause leaves of the torque."""
+        self.lost.append(np.array(self._act(self._plant, tau)))
+        self._plant.step(tau - self.lost[-1])
 
 
 @dataclass(frozen=True)
@@ -137,15 +130,14 @@ def holding_torque(known: Known) -> np.ndarray:
 
 
 def simulation_of(known: Known, machine: Machine, fidelity: str, noise: Noise, seed: int,
-                  outside: tuple[Outside, Values] | None = None) -> Simulation:
-    """Return the simulation of a machine at rest, its plant watched."""
+                  outside: tuple[Outside, Values] | None = None, kept: int = 0) -> Simulation:
+    """Return the simulation of a machine at rest, with the torques of `kept` physics steps."""
     robot = known.robot
     plant = build_plant(machine, fidelity)
-    act = (outside[0].starts(known, outside[1], plant.dt) if outside and outside[0].starts
-           else None)
-    return Simulation(robot, Watched(plant, act), PERIOD,
-                      robot.drives.torque_limit, holding_torque(known), machine.amplifier,
-                      machine.sensors, noise, seed)
+    if outside and outside[0].starts:
+        plant = Lossy(plant, outside[0].starts(known, outside[1], plant.dt))
+    return Simulation(robot, plant, PERIOD, robot.drives.torque_limit, holding_torque(known),
+                      machine.amplifier, machine.sensors, noise, seed, kept=kept)
 
 
 def record(known: Known, machine: Machine, motion: Motion, *, fidelity: str, noise: Noise,
@@ -157,40 +149,39 @@ def record(known: Known, machine: Machine, motion: Motion, *, fidelity: str, noi
         outside: a cause outside the library and its values.
         every: samples from row to row of the log.
     """
-    simulation = simulation_of(known, machine, fidelity, Noise(), seed, outside)
+    simulation = simulation_of(known, machine, fidelity, Noise(), seed)
     # encoders or dimensions that err see home elsewhere: as into a bag, the drives are led there
     motion = with_approach(motion, known.robot, simulation.q)
     samples = round((motion.duration + 2.0 * DWELL) / PERIOD)
+    each = round(PERIOD / simulation.plant.dt)
+    simulation.close()
     if wander:
-        simulation.close()
         machine = loaded(machine, wander, samples)
-        simulation = simulation_of(known, machine, fidelity, Noise(), seed, outside)
+    simulation = simulation_of(known, machine, fidelity, Noise(), seed, outside, samples * each)
     plant = simulation.plant
     start = simulation.time + DWELL
     simulation.queue_reference(start + motion.t, motion.q, motion.qd, motion.qdd)
     if feedforward:
         state = state_of_joints(known.robot.geometry, motion.t, motion.q, motion.qd, motion.qdd)
         simulation.queue_effort(start + motion.t, feedforward.torque(state))
-    told = [simulation.next_sample() for _ in range(samples)]
-    each = round(PERIOD / plant.dt)
-    true = np.array(plant.positions[::each][:samples])
+    told = simulation.next_samples(samples)
     # drives answer encoder counts at every step; what of that a recorder folds into its band
-    steps = (np.arange(len(plant.torques)) * plant.dt + plant.torque_offset)
+    delivered = simulation.delivered
+    steps = np.arange(len(delivered)) * plant.dt + plant.torque_offset
     fold = min(FOLD, 0.4 / (every * PERIOD))
-    smooth = CubicSpline(steps, in_band(np.array(plant.torques), fold, plant.dt))
-    folded = np.array([sample.true_torque for sample in told]) - smooth(
-        np.arange(samples) * PERIOD)
+    smooth = CubicSpline(steps, in_band(delivered, fold, plant.dt))
+    folded = told.true_torque - smooth(np.arange(samples) * PERIOD)
     simulation.close()
     sensors = machine.sensors
+    true = told.true_q
     reading = true + sensors.encoder_offset + sensors.eccentricity * np.sin(
         true + sensors.eccentricity_phase)
-    torque = np.array([sample.effort for sample in told])
-    counted = np.array([sample.q for sample in told])
+    torque, counted = told.effort, told.q
     added = drawn(NoiseSource(noise, PERIOD, seed), samples)
     t = np.arange(samples) * PERIOD
     path = wander.path(samples) if wander else np.zeros_like(torque)
     strange = np.zeros_like(torque)
-    if plant.lost:
+    if isinstance(plant, Lossy):
         lost = np.array(plant.lost)
         lost = 0.5 * (lost + np.concatenate((lost[:1], lost[:-1])))
         strange = Torques(t, reading).amplified(machine, lost[::each][:samples], true)
@@ -198,7 +189,7 @@ def record(known: Known, machine: Machine, motion: Motion, *, fidelity: str, noi
         more = outside[0].tells(outside[1], t, torque, np.random.default_rng((seed, 9)))
         torque, strange = torque + more, strange + more
     rows = slice(0, samples, every)
-    log = Log(name=name, joint_names=known.robot.joint_names, start_stamp=told[0].time_ns,
+    log = Log(name=name, joint_names=known.robot.joint_names, start_stamp=int(told.time_ns[0]),
               period=every * PERIOD, t=t[rows], q=counted[rows], tau=(torque + added)[rows],
               segments=(slice(0, len(t[rows])),), reference=None, accounts=None)
     return Recording(log, t, reading, counted, every, torque - folded, added + folded, path,

@@ -7,6 +7,8 @@ motor that holds each joint still with limited torque: real sticking.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -162,8 +164,10 @@ class BulletPlant:
         return pybullet.getJointState(body, link, physicsClientId=self._client)[:2]
 
     def _read_arms(self) -> None:
-        states = np.array([self._joint(body, link) for body, link in self._arms])
-        self._q, self._qd = states.T
+        client = self._client  # not by name, which takes longer than the reading
+        states = [pybullet.getJointState(body, link, client) for body, link in self._arms]
+        self._q = np.array([state[0] for state in states])
+        self._qd = np.array([state[1] for state in states])
 
     def reset(self, x: ArrayLike) -> None:
         """Put the machine at rest at pose x (4,); raises UnreachableError."""
@@ -268,7 +272,7 @@ class BulletPlant:
         self._steps += 1
         self._qd_before = self._qd
         self._read_arms()
-        if not np.isfinite(self._q).all():
+        if not math.isfinite(sum(self._q.tolist())):
             raise UnreachableError(
                 f'after {self.time:.4f} s the joint positions are {self._q.tolist()}: the machine '
                 f'was driven out of reach; check the torques and the motion')

@@ -97,6 +97,7 @@ class ControlLoop:
         amplifier, sensors: as they truly are.
         plant: for the times at which its readings and torques are valid.
         substeps: physics steps from sample to sample, all done before a sample is recorded.
+        kept: physics steps whose torques stay in the history, beyond those that are read.
 
     Attributes:
         controller: the law and what it counts.
@@ -104,7 +105,7 @@ class ControlLoop:
     """
 
     def __init__(self, drives: Drives, controller: Controller, amplifier: Amplifier,
-                 sensors: Sensors, plant: Plant, substeps: int) -> None:
+                 sensors: Sensors, plant: Plant, substeps: int, kept: int = 0) -> None:
         self.controller = controller
         self._law = controller.law
         self._encoders = sensors.encoders(drives.encoder_counts)
@@ -116,7 +117,7 @@ class ControlLoop:
         shift = plant.torque_offset / plant.dt
         self._shifts = np.round((shift + sensors.torque_delay / plant.dt, shift), 9)
         self.steps_ahead = max(substeps, math.ceil(-self._shifts.min()) + 1)
-        rows = self.steps_ahead + max(0, math.ceil(self._shifts.max())) + SPARE
+        rows = self.steps_ahead + max(0, math.ceil(self._shifts.max())) + SPARE + kept
         self._history = np.zeros((2, rows, LEGS))
         self._currents = np.zeros((2, LEGS))
 
@@ -130,6 +131,11 @@ class ControlLoop:
     def recorder_state(self) -> tuple[object, ...]:
         """What `record_sample` takes from here behind the number of the step, in its order."""
         return self._shifts, self._encoders, self._torque_step
+
+    def delivered(self, steps: int) -> np.ndarray:
+        """Return the torque (n, 4), N m, of the last of so many steps, as many as are kept."""
+        rows = self._history.shape[1]
+        return self._history[TORQUE, np.arange(max(0, steps - rows), steps) % rows]
 
     def restart(self, q: np.ndarray, holding: np.ndarray) -> None:
         """Begin settled at positions q (4,) with the commands `holding` (4,), N m."""

@@ -190,6 +190,16 @@ class ElasticPlant:
         self._motor = np.zeros((3, LEGS))
 
     @property
+    def driven(self) -> Plant:
+        """What the springs drive."""
+        return self._plant
+
+    @property
+    def kernel_state(self) -> tuple[Any, ...]:
+        """What `motor_step` takes of the motors, their state, and the steps of the plant to one."""
+        return self._packed, self._friction, self._motor, self._acts, self._substeps
+
+    @property
     def time(self) -> float:
         """Seconds since the last reset."""
         return self._plant.time

@@ -58,6 +58,8 @@ STUCK, FREE = 0.0, 2.0
 MAX_EVENTS = 16
 LOST = 4
 """Returned in place of a leg where the motion is no longer finite."""
+OPEN = 5
+"""In place of a leg where the mechanism does not close half a step on, where a load is taken."""
 
 PLATFORM, HAS_FORCES, HAS_PIVOTS = 36, 51, 52
 """Where, behind those of the mechanism, platform forces and two flags are in the constants."""
@@ -382,14 +384,15 @@ class ExactPlant:
 
         Args:
             done: steps.
-            leg: what `advance` returned last.
+            leg: what `advance` returned last, or OPEN.
 
         Raises:
             UnreachableError: the platform was driven out of reach.
         """
         self._steps += done
         if leg >= 0:
-            at = f'leg {leg} was driven out of reach' if leg < LEGS else 'the motion is not finite'
+            at = f'leg {leg} was driven out of reach' if leg < LEGS else {
+                LOST: 'the motion is not finite', OPEN: 'the mechanism does not close'}[leg]
             raise UnreachableError(
                 f'after {self.time:.4f} s {at} at pose {np.round(self._state[X], 4).tolist()}; '
                 f'check the torques and the motion')

@@ -52,6 +52,7 @@ class Told(Generic[Time]):
         voltage: amplifier input after clipping, V.
         true_torque: torque that the amplifiers deliver, N m.
         true_pose: x, y, z, theta, m, rad.
+        true_q: joint positions where the encoders sit, rad.
     """
 
     time_ns: Time
@@ -61,6 +62,7 @@ class Told(Generic[Time]):
     voltage: np.ndarray
     true_torque: np.ndarray
     true_pose: np.ndarray
+    true_q: np.ndarray
 
 
 Sample = Told[int]
@@ -87,6 +89,7 @@ class Simulation:
         pose: where the machine rests at first (4,); None for home.
         controller: law of the drives; None for their own loops.
         limits: what the drives follow at the most; None for all that they are told.
+        kept: physics steps of which `delivered` tells the torque.
 
     Attributes:
         sample_period: s.
@@ -100,7 +103,7 @@ class Simulation:
                  holding_torque: np.ndarray, amplifier: Amplifier, sensors: Sensors, noise: Noise,
                  seed: int, pose: np.ndarray | None = None,
                  controller: Controller | None = None,
-                 limits: ReferenceLimits | None = None) -> None:
+                 limits: ReferenceLimits | None = None, kept: int = 0) -> None:
         self._substeps = round(sample_period / plant.dt)
         if self._substeps < 1 or abs(self._substeps * plant.dt - sample_period) > 1e-9:
             raise InputError(f'publish rate: {1 / sample_period:g} Hz asked, the physics runs at '
@@ -114,7 +117,7 @@ class Simulation:
         self._holding_torque = holding_torque
         self._loop = ControlLoop(
             robot.drives, controller or DriveLoops(robot.drives, torque_limit, plant.dt), amplifier,
-            sensors, plant, self._substeps)
+            sensors, plant, self._substeps, kept)
         self._driven = plant if can_be_driven(plant, self._loop) else None
         self._ahead = self._loop.steps_ahead
         self._pose = home_pose(robot) if pose is None else pose
@@ -159,6 +162,11 @@ class Simulation:
                 'saturated_commands': self._loop.controller.saturated_commands,
                 'saturated_speeds': self._loop.controller.saturated_speeds,
                 'unsolved_programs': self._loop.controller.unsolved}
+
+    @property
+    def delivered(self) -> np.ndarray:
+        """Torque of the amplifiers (n, 4), N m, of the last physics steps, as many as are kept."""
+        return self._loop.delivered(self._steps)
 
     @property
     def starved(self) -> bool:
@@ -226,7 +234,8 @@ class Simulation:
                                  self._source.position)
         stamp_ns = round(self._samples * self.sample_period * 1e9) + self._source.stamp_ns
         self._samples += 1
-        return Sample(stamp_ns, told[0], told[1], told[2], told[2] / self._gain, told[3], pose)
+        return Sample(stamp_ns, told[0], told[1], told[2], told[2] / self._gain, told[3], pose,
+                      q)
 
     def next_samples(self, count: int) -> Samples:
         """Return what as many calls of `next_sample` do, to the last digit.
@@ -257,7 +266,8 @@ class Simulation:
         number = np.arange(first, first + count)
         stamp_ns = np.rint(number * self.sample_period * 1e9).astype(np.int64) + jitter_ns
         q, qd, effort, torque = recorded.transpose(1, 0, 2)
-        return Samples(stamp_ns, q, qd, effort, effort / self._gain, torque, readings[:count, 2])
+        return Samples(stamp_ns, q, qd, effort, effort / self._gain, torque, readings[:count, 2],
+                       readings[:count, 0])
 
     def _needed(self) -> int:
         """Return how many physics steps the next sample takes."""

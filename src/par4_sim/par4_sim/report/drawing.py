@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes as Axes  # also for those who draw with what is here
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure as Figure
 from matplotlib.patches import Patch
@@ -27,11 +28,13 @@ PIXELS = 700
 """Columns of an envelope."""
 STYLE: dict[RcKeyType, Any] = {
     'svg.hashsalt': 'par4', 'font.size': 8.5, 'axes.titlesize': 9, 'axes.labelsize': 8.5,
-    'axes.titleweight': 'bold', 'axes.titlelocation': 'left', 'axes.spines.top': False,
-    'axes.spines.right': False, 'axes.edgecolor': '#8a9199', 'axes.labelcolor': INK,
-    'axes.linewidth': 0.7, 'xtick.color': '#8a9199', 'ytick.color': '#8a9199',
-    'xtick.labelcolor': INK, 'ytick.labelcolor': INK, 'text.color': INK, 'axes.grid': True,
-    'grid.color': '#eceff2', 'grid.linewidth': 0.7, 'axes.axisbelow': True,
+    'axes.titleweight': 'bold', 'axes.titlelocation': 'left',
+    'axes.titley': 1.0,  # else each is lifted above what stands over its axes: nothing, in a fifth
+    # of the time of a picture
+    'axes.spines.top': False, 'axes.spines.right': False, 'axes.edgecolor': '#8a9199',
+    'axes.labelcolor': INK, 'axes.linewidth': 0.7, 'xtick.color': '#8a9199',
+    'ytick.color': '#8a9199', 'xtick.labelcolor': INK, 'ytick.labelcolor': INK, 'text.color': INK,
+    'axes.grid': True, 'grid.color': '#eceff2', 'grid.linewidth': 0.7, 'axes.axisbelow': True,
     'legend.frameon': False, 'legend.fontsize': 8.5, 'lines.linewidth': 1.0,
     'path.simplify_threshold': 0.2}
 
@@ -81,9 +84,17 @@ def legend(figure: Figure, entries: Sequence[tuple[str, str]]) -> None:
                   handleheight=0.7)
 
 
+def svg_of(figure: Figure) -> str:
+    """Return the figure as an SVG.
+
+    Drawing it lays it out; `savefig` would draw it twice, once to do that alone.
+    """
+    stream = io.StringIO()
+    FigureCanvasSVG(figure).print_svg(stream, metadata={'Date': None, 'Creator': None})
+    return stream.getvalue()
+
+
 def image(figure: Figure) -> str:
     """Return the figure as a data URI of an SVG that names no address."""
-    stream = io.StringIO()
-    figure.savefig(stream, format='svg', metadata={'Date': None, 'Creator': None})
-    svg = re.sub(r'<metadata>.*?</metadata>|<!DOCTYPE.*?>', '', stream.getvalue(), flags=re.DOTALL)
+    svg = re.sub(r'<metadata>.*?</metadata>|<!DOCTYPE.*?>', '', svg_of(figure), flags=re.DOTALL)
     return 'data:image/svg+xml;base64,' + base64.b64encode(svg.encode()).decode()
