@@ -180,11 +180,14 @@ def source_of_order(order: float, machine: Robot | Axis) -> str | None:
     """Return which part of a drive makes so many periods a turn of the joint, if that is known.
 
     A motor's magnets make multiples of its pole pairs in a turn of the motor, its slots other
-    whole numbers; what is no whole number of them comes from behind the gear.
+    whole numbers; what is no whole number of them comes from behind the gear. A weight off the axis
+    of the joint pulls once in its turn.
     """
     if not isinstance(machine, Axis) or machine.kind == 'linear':
         return None
     gear, pairs = machine.gear_ratio, machine.pole_pairs
+    if order == 1.0:
+        return 'as of a weight off the axis'
     if gear is None and pairs is None:
         return None
     in_motor = order / (gear or 1.0)
