@@ -15,7 +15,11 @@ from axes import Motor, recorded
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
 from par4_identification.logs.jumps import joints_of_recordings
 from par4_identification.logs.log import Log
-from par4_identification.reports.outcome.diagnosis import source_of_order
+from par4_identification.reports.outcome.diagnosis import (
+    diagnosis_json,
+    outcome_of_diagnosis,
+    source_of_order,
+)
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.robot import Axis
@@ -97,6 +101,38 @@ def test_lines_of_counts_do_not_raise_the_filter_of_the_torque():
 
     assert cutoff(tau + lines) == cutoff(tau) == CONDITIONING.torque_cutoff_hz
     assert cutoff(tau + 0.05 * np.sin(2.0 * np.pi * 60.0 * t)) > 80.0  # as of a motor's slots
+
+
+# ------------------------------------------------------------------------- what is left
+
+
+def loose(gap, stiffness=1000.0, damping=1.0, load=0.09):
+    """Return the log of a motor that moves its load through a gap (rad) and a soft coupling."""
+    period = 2.5e-4
+    t = period * np.arange(72000)
+    q = (0.6 * np.sin(2.0 * np.pi * 0.5 * t) + 0.25 * np.sin(2.0 * np.pi * 1.3 * t + 1.0)
+         + 0.06 * np.sin(2.0 * np.pi * 3.1 * t + 2.0))
+    qd = np.gradient(q, t)
+    there, speed, passed = q[0], qd[0], np.zeros(len(t))
+    for row in range(len(t)):
+        apart = q[row] - there
+        if abs(apart) > 0.5 * gap:
+            passed[row] = (stiffness * (apart - np.copysign(0.5 * gap, apart))
+                           + damping * (qd[row] - speed))
+        speed += period * (passed[row] - 0.05 * np.tanh(speed / 0.01)) / load
+        there += period * speed
+    noise = 0.02 * np.random.default_rng(0).standard_normal(len(t))
+    tau = 0.02 * np.gradient(qd, t) + 0.1 * np.sign(qd) + 0.05 * qd + passed + noise
+    return logged(q[::4], tau[::4])
+
+
+def test_an_axis_whose_error_is_no_noise_is_not_clean():
+    """No function of the motion tells where a load is that swings in a gap."""
+    found = diagnosed(loose(6e-3), axis())
+    assert found.holdout.baseline_rms[0] > 20.0 * found.holdout.noise_floor_rms[0]
+    assert found.verdict == 'unknown'
+    assert 'follows nothing known of the motion' in outcome_of_diagnosis(found, axis()).sentence
+    assert diagnosis_json(found, axis())['remaining']['significant'] is True
 
 
 # ------------------------------------------------------------------------- setup
