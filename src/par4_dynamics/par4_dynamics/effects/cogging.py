@@ -20,7 +20,8 @@ LOWEST_PERIODS, HIGHEST_PERIODS = 4, 160
 MOST_PERIODS = 4000
 """Of an axis: the teeth of a motor's gear, some tens of turns of which make one of the joint."""
 LEAST_TURNS = 1.5
-"""Periods in the range of a joint below which they cannot be told from gravity."""
+"""Periods in the range of a joint below which they cannot be told from gravity. An axis that makes
+as many turns tells what returns with each turn from any other function of its position."""
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -44,6 +45,17 @@ def _waves(state: State, periods: float) -> np.ndarray:
     columns = np.empty((*state.q.shape, 2))
     _power_rows(state.phasor, int(periods), columns)
     return columns
+
+
+def lowest_order(state: State, span: float) -> int:
+    """Return the lowest order worth trying of a joint that moves over a range of `span` rad.
+
+    It is `LOWEST_PERIODS`, or 1 on an axis that makes `LEAST_TURNS` turns: a weight off its axis
+    pulls once in a turn. The weight of an axis that is known to hang is a base term, though.
+    """
+    turns = state.geometry is None and span >= LEAST_TURNS * 2.0 * np.pi
+    usual = (2 if state.hanging == 'turning' else 1) if turns else LOWEST_PERIODS
+    return max(usual, int(np.ceil(LEAST_TURNS * 2.0 * np.pi / max(span, 1e-3))))
 
 
 def _highest(state: State) -> int:
@@ -92,9 +104,8 @@ class Cogging(Effect):
     def shapes(self, state: State) -> tuple[Shape, ...]:
         # periods a turn are whole: the torque returns after one turn
         span = float(np.max(np.ptp(state.q, axis=0)))  # of the joint that moves most
-        lowest = max(LOWEST_PERIODS, int(np.ceil(LEAST_TURNS * 2.0 * np.pi / max(span, 1e-3))))
         return tuple({'periods': float(periods)}
-                     for periods in range(lowest, _highest(state) + 1))
+                     for periods in range(lowest_order(state, span), _highest(state) + 1))
 
     def parts(self, shape: Shape) -> tuple[Shape, ...]:
         periods = shape['periods']

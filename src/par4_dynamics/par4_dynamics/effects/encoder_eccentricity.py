@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from par4_dynamics.effects.cogging import LEAST_TURNS
 from par4_dynamics.effects.effect import (
     Base,
     Effect,
@@ -27,6 +28,9 @@ class EncoderEccentricity(Effect):
 
     Speed and acceleration change with it, viscous friction too. The coefficients are shared, as
     those of `EncoderOffset`: A_i cos(phi_i) and A_i sin(phi_i) of each joint.
+
+    Args:
+        turns: False on a slide, whose position is no angle.
     """
 
     name = 'encoder_eccentricity'
@@ -35,8 +39,21 @@ class EncoderEccentricity(Effect):
                   EffectParameter('phase', 'rad', 'joint'))
     shared = True
     separable = ((0, 1), (2, 3), (4, 5), (6, 7))
-    needs_platform = True
     needs_nominal = True
+
+    def __init__(self, turns: bool = True) -> None:
+        self.turns = turns
+
+    def on_slide(self) -> Effect:
+        return type(self)(turns=False)
+
+    def shapes(self, state: State) -> tuple[Shape, ...]:
+        if state.geometry is not None:
+            return ({},)
+        # an axis must come by the same angle again, at another speed, before a wave of its reading
+        # is told from whatever else depends on the position
+        span = float(np.max(np.ptp(state.q, axis=0)))
+        return ({},) if self.turns and span >= LEAST_TURNS * 2.0 * np.pi else ()
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         sine, cosine = np.sin(state.q), np.cos(state.q)

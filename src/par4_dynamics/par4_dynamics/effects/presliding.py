@@ -47,6 +47,16 @@ def _share_rows(q, distance, share):
                                             q[row, joint] - q[row - 1, joint], distance)
 
 
+def built_up(q: np.ndarray, distance: float) -> np.ndarray:
+    """Return the share -1 .. 1 of the Coulomb level that friction has along positions (n, J).
+
+    It is 0 at the start and builds up over `distance`, in the unit of the positions.
+    """
+    share = np.empty(q.shape)
+    _share_rows(np.ascontiguousarray(q, dtype=float), distance, share)
+    return share
+
+
 def _goes_both_ways(q: np.ndarray, stroke: float) -> bool:
     """Return whether a joint of a motion (n, J) goes to and fro by strokes of that length.
 
@@ -84,8 +94,7 @@ class Presliding(Effect):
         return around('distance', single(shape['distance']), (DISTANCES[1] / DISTANCES[0]) ** step)
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        share = np.empty_like(state.q)
-        _share_rows(np.ascontiguousarray(state.q), single(shape['distance']), share)
+        share = built_up(state.q, single(shape['distance']))
         level = state.known.values['coulomb_friction']
         return (level * (share - np.sign(state.qd)))[..., None]
 

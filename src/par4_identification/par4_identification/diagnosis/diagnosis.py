@@ -78,6 +78,7 @@ from par4_identification.diagnosis.verdict.laws import with_doubt_of_law
 from par4_identification.diagnosis.verdict.loose_loads import cause_of, loose_loads
 from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.sure import (
+    is_no_noise,
     without_doubtful_names,
     without_replaceable_names,
 )
@@ -325,12 +326,15 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     excess = float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30)))
     steady = evidence.observations.steady
     swing = None if steady or excess < rules.floor_excess or alone.lines else swing_of(rest)
+    # an axis may have causes that no function of its motion follows, such as a load with play
+    no_noise = isinstance(machine, Axis) and not steady and is_no_noise(
+        heldout, left, [old - new for old, new in zip(before, after)], floor, rules)
     remaining = Remaining(excess, alone, None if near is None else near.named,
-                          steady and excess > UNEVEN, swing)
+                          steady and excess > UNEVEN, swing, no_noise)
     doubts = [doubt_of(search, item, model) for item in unnamed_of(model)] or [
         None if near is None else Pair(near, None, (), twins=False)]
     incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest
-                      or remaining.uneven or swing)
+                      or remaining.uneven or remaining.no_noise or swing)
     return Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
         rejected=search.journal.beside(item.label for item in named),

@@ -1,7 +1,8 @@
 """Jumps of positions from one sample to the next: what no machine does.
 
 One joint that jumps and stays is a slipped encoder. Several that jump together are two recordings
-joined, or samples that are missing without a gap in the stamps: the log is cut there.
+joined, or samples that are missing without a gap in the stamps: the log is cut there. So it is
+where the only joint of an axis goes on at another speed: an encoder that slips does not change it.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ BEYOND = 12.0
 ALONE = 3.0
 """Ratio of a jump to what the steps two samples away are off: a quick motion after a long rest is
 beyond the scatter, too, but smooth."""
+MOSTLY = 0.98
+"""Share of the changes of the speed in which the jumps themselves have no part."""
 LONE = 0.8
 """Share of a jump beside an end by which it must differ from the next step inside."""
 WIDEST = 3
@@ -86,6 +89,8 @@ def without_turns(q: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndar
 def joints_of_recordings(q: np.ndarray, width: np.ndarray) -> np.ndarray:
     """Return the rows before which several positions jump and stay, or any beside an end.
 
+    The only joint of an axis must also go on at another speed, or its encoder may have slipped.
+
     A jump so near an end cannot be told from a wrong reading; what lies beyond is too short to
     be used.
 
@@ -101,9 +106,25 @@ def joints_of_recordings(q: np.ndarray, width: np.ndarray) -> np.ndarray:
     rows = np.arange(len(off))
     beside = (rows < AROUND) | (rows >= len(off) - AROUND)
     rate = np.diff(q, axis=0) / width
+    least = min(2, q.shape[1])
     return np.array([row + 1 for row in rows[large.any(axis=1)]
                      if (_is_alone(rate, off / width, large, row) if beside[row] else
-                         _stays(off, large, row) >= 2 and not _held(q, row))], dtype=int)
+                         _stays(off, large, row) >= least and not _held(q, row)
+                         and (least > 1 or _goes_on_otherwise(rate[:, 0], row)))], dtype=int)
+
+
+def _goes_on_otherwise(rate: np.ndarray, row: int) -> bool:
+    """Return whether a joint has another speed after a jump than before.
+
+    Its speed changes by far more than it does in as many samples elsewhere.
+
+    Args:
+        rate: its steps, (n - 1,) rad a period.
+        row: the step that jumps.
+    """
+    means = np.convolve(rate, np.full(AROUND, 1.0 / AROUND), 'valid')
+    changes = np.abs(means[AROUND + 1:] - means[:-AROUND - 1])  # across the step AROUND rows on
+    return bool(changes[row - AROUND] > ALONE * float(np.quantile(changes, MOSTLY)))
 
 
 def _is_alone(rate: np.ndarray, off: np.ndarray, large: np.ndarray, row: int) -> bool:

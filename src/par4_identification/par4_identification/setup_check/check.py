@@ -27,7 +27,12 @@ from par4_identification.setup_check.motion import moving, passing_singular_pose
 from par4_identification.setup_check.pace import pace_finding, pace_of
 from par4_identification.setup_check.repair import slowed
 from par4_identification.setup_check.scale import scale_findings
-from par4_identification.setup_check.timing import on_time, timing_findings, timing_of
+from par4_identification.setup_check.timing import (
+    on_time,
+    timing_findings,
+    timing_of,
+    with_memory,
+)
 from par4_identification.setup_check.units import in_si
 from par4_identification.setup_check.wiring import (
     Wiring,
@@ -161,8 +166,12 @@ def _past_singular_poses(check: SetupCheck) -> SetupCheck:
 def _timed(check: SetupCheck) -> SetupCheck:
     """Return the check with every torque at the time of its positions."""
     for number, log in enumerate(check.logs):
-        rows = equations_or_none(stretches_of([log]), _geometry(check))
-        timing = None if rows is None else timing_of(rows)
+        stretches = stretches_of([log])
+        rows = equations_or_none(stretches, _geometry(check))
+        if rows is None:
+            continue
+        rival = equations_of(stretches, None, columns_of=with_memory) if rows.of_axis else None
+        timing = timing_of(rows, rival)
         if timing is not None:
             logs = list(check.logs)
             logs[number] = on_time(log, timing)

@@ -137,17 +137,19 @@ def _with_own_torques(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], 
     return found, without(log, cut)
 
 
-def _unslipped(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
+def _unslipped(log: Log, machine: Robot | Axis) -> tuple[list[Finding], Log]:
     steps = slips(log)
     if not steps:
         return [], log
     found = []
+    slides = isinstance(machine, Axis) and machine.kind == 'linear'
+    unit, scale = ('mm', 1e3) if slides else ('degrees', math.degrees(1.0))
     for row, joint, step in steps:
         count = resolution(log.q[:, joint])
         found.append(Finding(
             'encoder_slip', (joint,), _span(log, row, len(log.t) - 1),
             f'the position of joint {joint} in {log.name} jumps by '
-            f'{number(math.degrees(step), 3)} +- {number(math.degrees(2.0 * count), 1)} degrees '
+            f'{number(scale * step, 3)} +- {number(scale * 2.0 * count, 1)} {unit} '
             f'within a sample at {number(float(log.t[row]), 4)} s and stays there; from then on '
             'the step is taken off',
             f'Tighten the coupling of the encoder of joint {joint} and set its zero anew.', True))

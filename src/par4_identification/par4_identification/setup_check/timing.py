@@ -13,7 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from par4_dynamics.base_terms import base_columns
+from par4_dynamics.effects.presliding import built_up
 from par4_dynamics.parameters import Parameter
+from par4_dynamics.state import State
 from par4_identification.logs.log import Log
 from par4_identification.setup_check.clustered import basis_of, clustered_std, clusters_of
 from par4_identification.setup_check.equations import Equations, Fit
@@ -51,6 +54,8 @@ BETTER = 0.95
 DRIFT_DEVIATIONS = 15.0
 """Standard deviations that a drift must be from zero. They are so many because residuals are not
 white, and the stated deviation takes them for white."""
+BUILDING_UP = 0.003, 0.01, 0.03, 0.1
+"""Shares of the range of an axis over which friction may build up after a reversal."""
 STEPS = 6
 """Of Gauss and Newton."""
 
@@ -83,11 +88,13 @@ class Timing:
         return self.delay + self.rate * (t - self.start)
 
 
-def timing_of(rows: Equations) -> Timing | None:
+def timing_of(rows: Equations, rival: Equations | None = None) -> Timing | None:
     """Return delay and drift of the torque of one log; None where it is on time.
 
     Args:
         rows: of one log.
+        rival: the same rows of a machine that could make its torque look late though it is not.
+            If it leaves less than another time of the torque, nothing is wrong with the time.
     """
     before = rows.fit()
     torque = _Torque(rows)
@@ -97,6 +104,7 @@ def timing_of(rows: Equations) -> Timing | None:
     rows = replace(rows, valid=rows.valid & inside[:, None])
     if (rows.valid.sum(axis=0) < 50).any():
         return None
+    other = np.inf if rival is None else replace(rival, valid=rows.valid).fit().left
     grid = GRID * np.arange(-round(LONGEST / GRID), round(LONGEST / GRID) + 1)
     left = [rows.fit(torque.at(np.full(len(rows.t), delay))).error for delay in grid]
     start, end = float(rows.t[0]), float(rows.t[-1])
@@ -111,16 +119,28 @@ def timing_of(rows: Equations) -> Timing | None:
         else (SMALLEST_DELAY, FEWER, FEWER_BY_DRIFT))
     drifts = (abs(rate) * (end - start) > SMALLEST_DRIFT
               and max(SMALLEST_RATE, DRIFT_DEVIATIONS * rate_std) < abs(rate) < LARGEST_RATE
-              and own.left < by_drift * fit.left and own.physical
+              and own.left < min(by_drift * fit.left, other) and own.physical
               and own.error < min(UNEXPLAINED, BETTER * before.error))
     if drifts:
         return Timing(late - rate * (middle - start), rate, start, end,
                       (drifting[2], rate_std), before, own)
-    if abs(delay) > smallest and fit.left < fewer * now.left and fit.physical and (
+    if abs(delay) > smallest and fit.left < min(fewer * now.left, other) and fit.physical and (
             abs(delay) < LONGEST and fit.error < min(
                 UNEXPLAINED, BETTER * before.error)):
         return Timing(delay, 0.0, start, end, (delay_std, 0.0), before, fit)
     return None
+
+
+def with_memory(state: State) -> np.ndarray:
+    """Return the base columns of an axis, and friction that builds up after reversals, (n, J, p).
+
+    Like a torque that is read late, such friction lags behind the motion: after each reversal it
+    rises only as the joint goes on (Dahl, A solid friction model, 1968). The torque of the
+    bodies does not lag with it, and that tells the two apart.
+    """
+    span = max(float(np.max(np.ptp(state.q, axis=0))), 1e-12)
+    building = [built_up(state.q, share * span) for share in BUILDING_UP]
+    return np.concatenate((np.stack(building, axis=-1), base_columns(state)), axis=-1)
 
 
 class _Torque:

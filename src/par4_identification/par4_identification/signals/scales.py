@@ -170,11 +170,17 @@ def _known_hz(logs: Sequence[Log], robot: Robot, usual: Conditioning) -> float:
 
 
 def _reach(log: Log) -> float:
-    """Return the cut-off (Hz) that passes what the torque has above its noise."""
+    """Return the cut-off (Hz) that passes what the torque has above its noise.
+
+    Only what a filter can pass is counted. Counts at a steady speed make lines, which fold to any
+    frequency up to half the sample rate and say nothing of how far the torque of the motion
+    reaches.
+    """
     frequency, powers = mean_spectrum([log.tau[segment] for segment in log.segments], log.period)
     power = powers.sum(axis=1)
     noise = float(np.median(power[frequency > 0.8 * frequency[-1]]))
-    above = np.cumsum(np.where(frequency > 0.0, np.maximum(power - 2.0 * noise, 0.0), 0.0))
+    inside = (frequency > 0.0) & (frequency <= OF_RATE / log.period)
+    above = np.cumsum(np.where(inside, np.maximum(power - 2.0 * noise, 0.0), 0.0))
     if above[-1] < noise * len(power):
         return 0.0  # no more than its noise
     return INSIDE * float(frequency[np.searchsorted(above, ENERGY * above[-1])])

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 from numpy.polynomial.legendre import legvander
 
-from par4_dynamics.effects.cogging import HIGHEST_PERIODS, LEAST_TURNS, LOWEST_PERIODS
+from par4_dynamics.effects.cogging import HIGHEST_PERIODS, lowest_order
 from par4_dynamics.effects.effect import Shape
 from par4_dynamics.effects.position_torque import WIDEST
 from par4_dynamics.effects.rest import fading_sign
@@ -27,7 +27,7 @@ from par4_identification.diagnosis.evidence.observations import Observations
 
 PRIOR_ROWS = 3.0
 """Weight of the prior, zero, of a coefficient whose column has the size 1: as that many rows."""
-PERIODS = np.arange(LOWEST_PERIODS, HIGHEST_PERIODS + 1)
+PERIODS = np.arange(1, HIGHEST_PERIODS + 1)
 SLIPS = np.geomspace(1e-3, 0.5, 9)
 """rad: deflections at which the springs of friction with a memory slip."""
 RELAXATIONS = (0.1, 0.4, 1.6, 6.4)
@@ -414,7 +414,8 @@ def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], s
         residual = np.concatenate([np.where(run.valid[:, joint], part[:, joint], 0.0)
                                    for run, part in zip(observations.runs, left)])
         power = _powers(np.exp(1j * q), residual, PERIODS[0], len(PERIODS))
-        power[PERIODS * span[joint] < LEAST_TURNS * 2.0 * np.pi] = 0.0
+        lowest = lowest_order(observations.runs[0].state, float(span[joint]))
+        power[lowest > PERIODS] = 0.0
         chosen.append(tuple(int(period) for period in PERIODS[np.argsort(-power)[:4]]))
     return tuple(chosen)
 

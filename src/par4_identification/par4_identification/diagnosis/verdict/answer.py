@@ -102,6 +102,8 @@ class Remaining:
         uneven: whether torques at steady speeds differ from the model by more than their own noise,
             though no function of the speed fits them all.
         swing_hz: frequency, Hz, at which most of the remainder swings; None if it does not.
+        no_noise: whether it is too much for noise and for what may be wrong of the torques, though
+            it follows nothing that is known of the motion.
     """
 
     floor_excess: float
@@ -109,6 +111,7 @@ class Remaining:
     nearest: Effect | None
     uneven: bool = False
     swing_hz: float | None = None
+    no_noise: bool = False
 
 
 @dataclass(frozen=True)

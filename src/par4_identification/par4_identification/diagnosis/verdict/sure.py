@@ -9,7 +9,7 @@ A name falls, too, if another that was rejected explains more in its place.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -17,8 +17,10 @@ from par4_dynamics.effects.cogging import Cogging
 from par4_identification.diagnosis.evidence.fit import residuals, rms_of
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.causes import Model, named_of, others_of, unnamed_of
+from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
 
 Doubt = Callable[[Search, Hypothesis, Model], Model | None]
@@ -60,6 +62,26 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
 def without_replaceable_names(search: Search, model: Model) -> Model:
     """Return a model without the names in whose place another cause explains far more."""
     return _without(search, model, _replaced, _outdone)
+
+
+def is_no_noise(heldout: Observations, left: Sequence[np.ndarray], named: Sequence[np.ndarray],
+                floor: np.ndarray, rules: Rules) -> bool:
+    """Return whether what a model of an axis leaves is too much for noise.
+
+    Noise may be `NO_NOISE` times as large as its floor says, and so may the error of the measured
+    torque. A share of the torque of the names may be wrong, too.
+
+    Args:
+        heldout: rows that were held out.
+        left: what the model leaves of them, (m, J) of each run, N m.
+        named: torque of the names there, the same.
+        floor: of the noise, (J,) N m.
+        rules: say how much of each torque may be wrong.
+    """
+    measured = rms_of(heldout, [run.tau for run in heldout.runs])
+    error = np.hypot(np.sqrt(np.mean(floor ** 2)), rules.base_error * measured)
+    limit = np.hypot(NO_NOISE * error, rules.named_error * rms_of(heldout, named))
+    return bool(rms_of(heldout, left) > limit)
 
 
 def _without(search: Search, model: Model, *doubts: Doubt) -> Model:

@@ -28,6 +28,8 @@ ALL = 0.999
 UNLIKE = 5.0
 """Error on fitted rows over that on rows held out from which the recordings hold different things:
 motions alone make a factor of two or three."""
+NO_FUNCTION = 'a torque that follows nothing known of the motion'
+"""What is left where it is too much for noise and no function fits it."""
 STANDS_OUT = 2.0
 """Standard deviations within which a sentence leaves a size out beside another that stands out."""
 
@@ -54,6 +56,7 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
                             *_phrases_of_unrelated(diagnosis.remaining.unrelated),
                             *_phrase_of_swing(diagnosis.remaining.swing_hz)])
               or (nearest and f'{nearest.phrase}, which does not pass as a cause')
+              or (diagnosis.remaining.no_noise and NO_FUNCTION)
               or 'a torque that changes from speed to speed')
     if diagnosis.verdict == 'clean':
         wandering = ('' if not diagnosis.remaining.unrelated.wanders else
@@ -180,11 +183,14 @@ def source_of_order(order: float, machine: Robot | Axis) -> str | None:
     """Return which part of a drive makes so many periods a turn of the joint, if that is known.
 
     A motor's magnets make multiples of its pole pairs in a turn of the motor, its slots other
-    whole numbers; what is no whole number of them comes from behind the gear.
+    whole numbers; what is no whole number of them comes from behind the gear. A weight off the axis
+    of the joint pulls once in its turn.
     """
     if not isinstance(machine, Axis) or machine.kind == 'linear':
         return None
     gear, pairs = machine.gear_ratio, machine.pole_pairs
+    if order == 1.0:
+        return 'as of a weight off the axis'
     if gear is None and pairs is None:
         return None
     in_motor = order / (gear or 1.0)
@@ -354,6 +360,12 @@ def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis,
             f'{", and more" if len(found.bursts) > 5 else ""}).',
             'Look at what happened then; leave the stretch out or record again.'))
     size = f'What is left is {number(remaining.floor_excess, 2)} times the noise floor'
+    if remaining.no_noise:
+        remarks.append(Remark(
+            False, f'{size}, too much for noise.',
+            'Look for what acts by itself: a load with play or on a soft coupling, something that '
+            'touches the machine, a current that is not that of the motor.'))
+        return remarks
     if found.wanders and remaining.swing_hz is None:
         remarks.append(Remark(
             True, f'{size}: noise that wanders, {number(float(found.wandering_rms.max()), 2)} '
@@ -392,8 +404,9 @@ def diagnosis_json(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
             'explained_fraction_ci': holdout.interval},
         'remaining': {
             'significant': bool(unnamed or found.lines or found.bursts or swing
-                                or diagnosis.remaining.uneven),
-            'looks_like': next((item.phrase for item in unnamed), swing[0] if swing else None),
+                                or diagnosis.remaining.uneven or diagnosis.remaining.no_noise),
+            'looks_like': next((item.phrase for item in unnamed), swing[0] if swing else
+                               NO_FUNCTION if diagnosis.remaining.no_noise else None),
             'wandering_rms': found.wandering_rms if found.wanders else None,
             'correlation_time': found.correlation_time if found.wanders else None,
             'lines': [{'frequency_hz': line.frequency_hz, 'amplitude': line.amplitude}

@@ -1,0 +1,189 @@
+"""Causes of single axes, each made by physics of its own: what is named, and what is not accused.
+
+The plants are stepped in time in `axes.recorded` or here; no formula of an effect makes a log.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mistakes
+import numpy as np
+import pytest
+from axes import Motor, recorded
+
+from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
+from par4_identification.logs.jumps import joints_of_recordings
+from par4_identification.logs.log import Log
+from par4_identification.reports.outcome.diagnosis import (
+    diagnosis_json,
+    outcome_of_diagnosis,
+    source_of_order,
+)
+from par4_identification.setup_check.check import check_setup
+from par4_identification.signals.scales import conditioning_for
+from par4_kinematics.robot import Axis
+
+SPINDLE = Motor(0.03, 0.2, 0.02)
+ONCE_IN_A_TURN = ('torque_offset', 'stribeck', 'cogging', 'encoder_eccentricity', 'time_offset')
+
+
+def axis(**facts):
+    """Return an axis that turns, with facts of its nameplate."""
+    return Axis.model_validate({'schema': 'par4/axis/1', 'name': 'axis', 'joint': 'motor',
+                                'kind': 'revolute', 'gain': 1.0, **facts})
+
+
+def turns(t):
+    """Return positions that go over some turns and back, now faster, now slower."""
+    return 18.0 * np.sin(0.5 * t) + 4.0 * np.sin(1.7 * t)
+
+
+def logged(q, tau, period=1e-3):
+    """Return the log of a motion and its torque, (n,) each."""
+    return Log('axis', ('motor',), 1, period, period * np.arange(len(q)), q[:, None], tau[:, None],
+               (slice(0, len(q)),), None, None)
+
+
+def diagnosed(log, machine):
+    """Return the diagnosis of a log with the scales that suit it."""
+    library = {name: LIBRARY[name] for name in ONCE_IN_A_TURN}
+    return diagnose([log], machine, library=library,
+                    conditioning=conditioning_for([log], machine, CONDITIONING))
+
+
+def named(diagnosis):
+    """Return the names of a diagnosis."""
+    return [cause.effect.name for cause in diagnosis.causes]
+
+
+# ------------------------------------------------------------------------- once in a turn
+
+
+def test_a_weight_off_the_axis_is_a_torque_once_in_a_turn():
+    """Before, orders began at four: the machine was called clean at ten times its noise."""
+    log = recorded(replace(SPINDLE, hanging=0.33), turns, 14.0, 400.0, noise=0.02)
+    cause, = diagnosed(log, axis()).causes
+    assert cause.effect.name == 'cogging'
+    assert cause.parameters['periods'].value == 1.0
+    assert cause.parameters['amplitude'].value == pytest.approx((0.33,), rel=0.02)
+    assert source_of_order(1.0, axis(gear_ratio=30)) == 'as of a weight off the axis'
+
+
+def test_the_weight_of_an_axis_that_hangs_is_no_cause():
+    log = recorded(replace(SPINDLE, hanging=0.33), turns, 14.0, 400.0, noise=0.02)
+    assert named(diagnosed(log, axis(gravity='vertical'))) == []
+
+
+def test_an_encoder_beside_its_shaft_is_no_torque():
+    """The motion is that of the shaft; what is read runs ahead and behind it once in a turn."""
+    log = recorded(SPINDLE, turns, 14.0, 400.0, noise=0.01, counts=1 << 20)
+    cause, = diagnosed(replace(log, q=log.q + 4e-3 * np.sin(log.q + 1.0)), axis()).causes
+    assert cause.effect.name == 'encoder_eccentricity'
+    assert cause.parameters['amplitude'].value == pytest.approx((4e-3,), rel=0.1)
+    assert cause.parameters['phase'].value == pytest.approx((1.0,), abs=0.1)
+
+
+# ------------------------------------------------------------------------- filters
+
+
+def test_lines_of_counts_do_not_raise_the_filter_of_the_torque():
+    """A loop that answers counts at a steady speed has lines, which fold to any frequency."""
+    t = 1e-3 * np.arange(16000)
+    q = 3.0 * np.sin(2.0 * np.pi * 0.4 * t) + 0.2 * np.sin(2.0 * np.pi * 2.1 * t)
+    random = np.random.default_rng(5)
+    tau = (0.01 * np.gradient(np.gradient(q, t), t) + 0.02 * np.gradient(q, t)
+           + 0.005 * random.standard_normal(len(t)))
+    lines = 0.05 * np.sin(2.0 * np.pi * 413.0 * t)
+
+    def cutoff(torque):
+        return conditioning_for([logged(q, torque)], axis(), CONDITIONING).torque_cutoff_hz
+
+    assert cutoff(tau + lines) == cutoff(tau) == CONDITIONING.torque_cutoff_hz
+    assert cutoff(tau + 0.05 * np.sin(2.0 * np.pi * 60.0 * t)) > 80.0  # as of a motor's slots
+
+
+# ------------------------------------------------------------------------- what is left
+
+
+def loose(gap, stiffness=1000.0, damping=1.0, load=0.09):
+    """Return the log of a motor that moves its load through a gap (rad) and a soft coupling."""
+    period = 2.5e-4
+    t = period * np.arange(72000)
+    q = (0.6 * np.sin(2.0 * np.pi * 0.5 * t) + 0.25 * np.sin(2.0 * np.pi * 1.3 * t + 1.0)
+         + 0.06 * np.sin(2.0 * np.pi * 3.1 * t + 2.0))
+    qd = np.gradient(q, t)
+    there, speed, passed = q[0], qd[0], np.zeros(len(t))
+    for row in range(len(t)):
+        apart = q[row] - there
+        if abs(apart) > 0.5 * gap:
+            passed[row] = (stiffness * (apart - np.copysign(0.5 * gap, apart))
+                           + damping * (qd[row] - speed))
+        speed += period * (passed[row] - 0.05 * np.tanh(speed / 0.01)) / load
+        there += period * speed
+    noise = 0.02 * np.random.default_rng(0).standard_normal(len(t))
+    tau = 0.02 * np.gradient(qd, t) + 0.1 * np.sign(qd) + 0.05 * qd + passed + noise
+    return logged(q[::4], tau[::4])
+
+
+def test_an_axis_whose_error_is_no_noise_is_not_clean():
+    """No function of the motion tells where a load is that swings in a gap."""
+    found = diagnosed(loose(6e-3), axis())
+    assert found.holdout.baseline_rms[0] > 20.0 * found.holdout.noise_floor_rms[0]
+    assert found.verdict == 'unknown'
+    assert 'follows nothing known of the motion' in outcome_of_diagnosis(found, axis()).sentence
+    assert diagnosis_json(found, axis())['remaining']['significant'] is True
+
+
+# ------------------------------------------------------------------------- setup
+
+
+def stage(friction, seed=0):
+    """Return the log of a stage on a given motion with friction (n,) of its positions."""
+    t = 2e-3 * np.arange(13000)
+    q = (0.15 * np.sin(2.0 * np.pi * 0.2 * t) + 0.03 * np.sin(2.0 * np.pi * 0.9 * t + 1.0)
+         + 0.008 * np.sin(2.0 * np.pi * 2.3 * t + 2.0))
+    noise = 0.04 * np.random.default_rng(seed).standard_normal(len(t))
+    return logged(q, 0.3 * np.gradient(np.gradient(q, t), t) + np.gradient(q, t) + friction(q)
+                  + noise, 2e-3)
+
+
+def slipping_springs(q):
+    """Return the force of three springs that slip, one after the other, as they are drawn (n,)."""
+    force = np.zeros(len(q))
+    for limit, stiffness in ((2.4, 2400.0), (2.0, 1000.0), (1.6, 400.0)):
+        own = 0.0
+        for row, step in enumerate(np.diff(q)):
+            own = min(max(own + stiffness * step, -limit), limit)
+            force[row + 1] += own
+    return force
+
+
+def test_friction_that_builds_up_is_no_delay():
+    """It lags behind the motion, too, but the torque of the bodies does not."""
+    assert check_setup([stage(slipping_springs)], axis()).findings == ()
+
+
+def test_a_delay_of_dry_friction_is_a_delay():
+    log = stage(lambda q: 3.0 * np.sign(np.gradient(q)))
+    late, = check_setup([mistakes.recorded_late(log, 0.05)], axis()).findings
+    assert late.finding == 'delay'
+
+
+def test_a_slide_slips_by_millimetres():
+    log = stage(lambda q: 3.0 * np.sign(np.gradient(q)))
+    slip, = check_setup([mistakes.slipped(log, 0, 9.0, 0.02)], axis(kind='linear')).findings
+    assert slip.finding == 'encoder_slip'
+    assert 'jumps by 20.0 +- ' in slip.evidence
+    assert ' mm within a sample' in slip.evidence
+    assert 'degrees' not in slip.evidence
+
+
+def test_recordings_of_an_axis_that_were_joined_are_cut_apart():
+    """A slip does not change the speed of the only joint; samples that are missing do."""
+    log = stage(lambda q: 3.0 * np.sign(np.gradient(q)))
+    kept = np.r_[0:4000, 4400:13000]
+    width = np.ones(len(kept) - 1)
+    assert joints_of_recordings(log.q[kept], width).tolist() == [4000]
+    slipped = mistakes.slipped(log, 0, 9.0, 0.02).q[:len(kept)]
+    assert joints_of_recordings(slipped, width).tolist() == []
