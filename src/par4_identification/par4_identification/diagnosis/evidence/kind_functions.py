@@ -1,0 +1,240 @@
+"""Functions of the motion that kinds of unnamed causes are made of, and their scales.
+
+Each function returns columns (n, J, k) of a motion, N m per unit coefficient, of the size 1 on the
+fitted data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import scipy
+from numpy.polynomial.legendre import legvander
+
+from par4_dynamics.effects.rest import fading_sign
+from par4_dynamics.effects.shifted import shift_columns
+from par4_dynamics.effects.time_rate import time_rate
+from par4_dynamics.state import State
+
+SLIPS = np.geomspace(1e-3, 0.5, 9)
+"""rad: deflections at which the springs of friction with a memory slip."""
+RELAXATIONS = (0.1, 0.4, 1.6, 6.4)
+"""s: times in which the force of a spring that creeps dies away."""
+READING_DEGREE = 3
+"""Of the polynomial of a joint's position by which its reading may be wrong."""
+Periods = tuple[tuple[int, ...], ...]
+"""Periods a turn, of each joint."""
+
+
+@dataclass(frozen=True)
+class PlatformRanges:
+    """Scales of the platform's motion in the fitted data, (4,) each.
+
+    Attributes:
+        x: lowest and highest pose.
+        xd, xdd: largest speed and acceleration.
+        force: forces, N, and moment, N m, each of which takes joint torques of 1 N m (rms).
+    """
+
+    x: tuple[np.ndarray, np.ndarray]
+    xd: np.ndarray
+    xdd: np.ndarray
+    force: np.ndarray
+
+    def place(self, x: np.ndarray) -> np.ndarray:
+        """Return poses (n, 4) in -1 .. 1 of the fitted ones."""
+        low, high = self.x
+        return 2.0 * (x - low) / np.maximum(high - low, 1e-12) - 1.0
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Scales and periods of the fitted data, which make a kind the same function on others."""
+
+    q: tuple[np.ndarray, np.ndarray]
+    qd: np.ndarray
+    qdd: np.ndarray
+    end: float
+    platform: PlatformRanges | None
+    periods: Periods = ()
+
+    @property
+    def of_platform(self) -> PlatformRanges:
+        """The scales of the platform.
+
+        Raises:
+            TypeError: the machine has none.
+        """
+        if self.platform is None:
+            raise TypeError('an axis has no platform')
+        return self.platform
+
+
+def splines(values: np.ndarray, low: np.ndarray, high: np.ndarray, count: int) -> np.ndarray:
+    """Return cubic B-splines (n, J, count) of values (n, J) over low .. high (J,)."""
+    unit = np.clip((values - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
+    knots = np.concatenate(([0.0] * 3, np.linspace(0.0, 1.0, count - 2), [1.0] * 3))
+    flat = scipy.interpolate.BSpline.design_matrix(
+        np.minimum(unit.ravel(), 1.0 - 1e-12), knots, 3).toarray()
+    return flat.reshape(*values.shape, count)
+
+
+def position(state: State, ranges: Ranges) -> np.ndarray:
+    return splines(state.q, *ranges.q, 10)
+
+
+def speed(state: State, ranges: Ranges) -> np.ndarray:
+    sign = np.sign(state.qd)
+    if state.geometry is None:  # of an axis, whose speeds may be any, and whose ways may differ
+        decays = [np.exp(-(state.qd / (share * ranges.qd)) ** 2) for share in (0.01, 0.03, 0.1)]
+        slow = [decay * part for decay in decays for part in (sign, np.ones_like(sign))]
+    else:
+        slow = [np.exp(-(state.qd / speed) ** 2) * sign for speed in (0.05, 0.15, 0.5)]
+    smooth = splines(np.abs(state.qd), np.zeros_like(ranges.qd), ranges.qd, 6)
+    return np.concatenate((np.stack([*slow, np.ones_like(sign), np.abs(state.qd)], axis=-1),
+                           smooth * sign[..., None]), axis=-1)
+
+
+def time(state: State, ranges: Ranges) -> np.ndarray:
+    time = np.broadcast_to(state.t[:, None], state.q.shape)
+    return splines(time, np.zeros(state.joints), np.full(state.joints, ranges.end), 6)
+
+
+def acceleration(state: State, ranges: Ranges) -> np.ndarray:
+    scaled = state.qdd / ranges.qdd
+    bent = [np.sin(state.q) * scaled, np.cos(state.q) * scaled, np.sign(state.qd) * np.abs(scaled),
+            (state.qd / ranges.qd) ** 2 * np.cos(state.q)]
+    return np.stack([scaled, np.abs(scaled), *bent], axis=-1)
+
+
+def platform(state: State, ranges: Ranges) -> np.ndarray:
+    motion, scales = state.platform, ranges.of_platform
+    place, speed, acceleration = (
+        scales.place(motion.x), motion.xd / scales.xd, motion.xdd / scales.xdd)
+    parts = [place, speed, acceleration]
+    parts += [acceleration * place[:, [axis]] for axis in range(4)]
+    parts += [speed * speed[:, [axis]] for axis in range(4)]
+    features = np.concatenate(parts, axis=1)
+    return np.broadcast_to(features[:, None, :], (*state.q.shape, features.shape[1]))
+
+
+def _waves(state: State, periods: Periods) -> np.ndarray:
+    angle = np.array(periods, dtype=float) * state.q[..., None]  # (n, J, k)
+    return np.concatenate((np.sin(angle), np.cos(angle)), axis=-1)
+
+
+def periodic(state: State, ranges: Ranges) -> np.ndarray:
+    return _waves(state, ranges.periods)
+
+
+def torque(state: State, ranges: Ranges) -> np.ndarray:
+    return state.known.delivered[..., None] * _waves(state, ranges.periods)
+
+
+def rate(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    # The second rate would do, too, but the noise of encoder counts in it is that of the torque.
+    return time_rate(state, state.known.delivered)[..., None]
+
+
+def reading(state: State, ranges: Ranges) -> np.ndarray:
+    low, high = ranges.q
+    unit = 2.0 * (state.q - low) / np.maximum(high - low, 1e-12) - 1.0
+    errors = legvander(unit, READING_DEGREE)  # (n, J, k) of each joint's own position
+    return np.concatenate([shift_columns(state, errors[..., degree])
+                           for degree in range(READING_DEGREE + 1)], axis=-1)
+
+
+def load(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    delivered = state.known.delivered
+    return np.stack((delivered, np.abs(delivered) * np.sign(state.qd)), axis=-1)
+
+
+def wrench(state: State, ranges: Ranges) -> np.ndarray:
+    motion, scales = state.platform, ranges.of_platform
+    place, speed = scales.place(motion.x), motion.xd / scales.xd
+    side = np.concatenate((np.sign(speed[:, :3]), fading_sign(motion.xd[:, 3:])), axis=1)
+    forces = scales.force * np.stack(
+        (np.ones_like(place), place, side, speed, np.abs(speed) * speed))
+    return np.stack([state.torque_of_force(axis * force)
+                     for axis in np.eye(4) for force in forces], axis=-1)
+
+
+def place(state: State, ranges: Ranges) -> np.ndarray:
+    return splines(state.q, *ranges.q, 20) * np.sign(state.qd)[..., None]
+
+
+def memory(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    return elastic_slip(np.ascontiguousarray(state.q), SLIPS)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def elastic_slip(q, slips):
+    """Return springs that follow q (n, J) and slip at a deflection, (n, J, k), over that.
+
+    Prandtl's stop operators: their sums make any friction with a memory of the way it came
+    (Maxwell slip, Dahl, Bouc and Wen).
+    """
+    share = np.zeros((*q.shape, len(slips)))
+    for row in range(1, q.shape[0]):
+        for joint in range(q.shape[1]):
+            step = q[row, joint] - q[row - 1, joint]
+            for k in range(len(slips)):
+                moved = share[row - 1, joint, k] + step / slips[k]
+                share[row, joint, k] = min(max(moved, -1.0), 1.0)
+    return share
+
+
+def pose(state: State, ranges: Ranges) -> np.ndarray:
+    place = ranges.of_platform.place(state.platform.x)
+    features = np.concatenate((np.ones_like(place[:, :1]), place, place ** 2), axis=1)
+    return features[:, None, :] * np.sign(state.qd)[..., None]
+
+
+def creep(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    """A spring at rest anywhere, and others whose forces die away with `RELAXATIONS`."""
+    start = state.q[0]
+    period = (state.t[-1] - state.t[0]) / max(len(state.t) - 1, 1)
+    columns = [np.ones_like(state.q), state.q - start]
+    for time in RELAXATIONS:
+        moved = state.q - start
+        columns.append(moved - _crept(moved, np.exp(-period / time)))
+    return np.stack(columns, axis=-1)
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _crept(moved, kept):
+    """Return where the dampers of springs in series come that are moved (n, J).
+
+    From sample to sample they keep this share of their distance. `scipy.signal` has this filter,
+    too, but takes a second to load.
+    """
+    crept = np.empty_like(moved)
+    crept[0] = (1.0 - kept) * moved[0]
+    for row in range(1, len(moved)):
+        crept[row] = (1.0 - kept) * moved[row] + kept * crept[row - 1]
+    return crept
+
+
+def gain(state: State, ranges: Ranges) -> np.ndarray:
+    torque = state.known.delivered
+    level = np.sqrt(np.mean(torque ** 2, axis=0)) + 1e-9
+    drifts = time(state, ranges) * torque[..., None]
+    bent = [np.tanh(torque / (share * level)) for share in (0.03, 0.1, 0.3)]
+    bent += [torque * np.abs(torque) / level, torque * np.abs(state.qd) / ranges.qd]
+    return np.concatenate((drifts, np.stack(bent, axis=-1)), axis=-1)
+
+
+def coupling(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    torque = state.known.delivered
+    return np.stack([np.delete(torque, joint, axis=1) for joint in range(state.joints)], axis=1)
+
+
+def drift(state: State, ranges: Ranges) -> np.ndarray:
+    return time(state, ranges) * np.sign(state.qd)[..., None]
+
+
+Function = Callable[[State, Ranges], np.ndarray]
+"""Columns (n, J, k) of a motion at these scales."""
