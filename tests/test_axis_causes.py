@@ -45,9 +45,9 @@ def logged(q, tau, period=1e-3):
                (slice(0, len(q)),), None, None)
 
 
-def diagnosed(log, machine):
-    """Return the diagnosis of a log with the scales that suit it."""
-    library = {name: LIBRARY[name] for name in ONCE_IN_A_TURN}
+def diagnosed(log, machine, names=ONCE_IN_A_TURN):
+    """Return the diagnosis of a log by some names with the scales that suit it."""
+    library = {name: LIBRARY[name] for name in names}
     return diagnose([log], machine, library=library,
                     conditioning=conditioning_for([log], machine, CONDITIONING))
 
@@ -82,6 +82,29 @@ def test_an_encoder_beside_its_shaft_is_no_torque():
     assert cause.effect.name == 'encoder_eccentricity'
     assert cause.parameters['amplitude'].value == pytest.approx((4e-3,), rel=0.1)
     assert cause.parameters['phase'].value == pytest.approx((1.0,), abs=0.1)
+
+
+# ------------------------------------------------------------------------- springs
+
+
+def test_a_spring_is_no_polynomial_of_the_ninth_degree():
+    """It was one on the fitted rows, beyond doubt, and none at all where others go."""
+    random, period = np.random.default_rng(121), 4e-3
+    speed = np.concatenate([np.r_[np.full(round(abs(step) / 1.2 / period), np.copysign(1.2, step)),
+                                  np.zeros(100)]
+                            for step in np.diff(np.r_[0.0, random.uniform(0.0, 1.5, 14)])])
+    kernel = np.hanning(61) / np.hanning(61).sum()
+    speed = np.convolve(speed, kernel, 'same')
+    q = period * np.cumsum(speed)
+    tau = (0.05 * np.gradient(speed, period) + 0.8 * np.sign(speed) + 0.2 * speed
+           + 2.2 * (q + 0.6) + 0.003 * random.standard_normal(len(q)))
+    found = diagnosed(logged(np.round(q * 6366.0) / 6366.0, tau, period), axis(),
+                      ('torque_offset', 'position_torque', 'friction_drift'))
+    assert named(found) == ['position_torque']
+    coefficients = found.causes[0].parameters['coefficients']
+    _, slope = np.ravel(coefficients.value)  # of the first degree
+    low, high = found.causes[0].parameters['range'].value
+    assert abs(slope - 2.2 * 0.5 * (high - low)) < 2.0 * np.ravel(coefficients.std)[1]
 
 
 # ------------------------------------------------------------------------- filters

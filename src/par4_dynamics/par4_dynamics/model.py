@@ -254,6 +254,9 @@ def _active_effect(entry: EffectEntry, effect: Effect, machine: Robot | Axis) ->
     joints = len(machine.joint_names)
     if effect.needs_platform and not isinstance(machine, Robot):
         raise InputError(f'effect {effect.name} needs a platform, the machine is a single axis')
+    if effect.needs_turning and isinstance(machine, Axis) and machine.kind == 'linear':
+        raise InputError(f'effect {effect.name} needs a platform or an axis that turns, the '
+                         f'machine is a linear axis')
     known = {parameter.name: parameter for parameter in effect.parameters}
     required = {name for name, parameter in known.items() if parameter.default is None}
     if not required <= set(entry.parameters) <= set(known) or not entry.parameters:

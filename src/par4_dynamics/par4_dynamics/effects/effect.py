@@ -106,6 +106,7 @@ class Effect(ABC):
         separable: sets of shared coefficients (indices of columns) of which a machine may have one
             without the others, such as the zero of one encoder; empty if all belong together.
         needs_platform: whether only a machine with a platform can have it.
+        needs_turning: whether an axis can have it only if it turns, because it needs an angle.
         needs_nominal: whether its columns need `State.nominal`.
         fixed_coefficients: whether the coefficients are 1 on any machine that has it, so that only
             the shape is free. A fit that gives other coefficients is evidence against the effect.
@@ -134,6 +135,7 @@ class Effect(ABC):
     shared: ClassVar[bool] = False
     separable: ClassVar[tuple[tuple[int, ...], ...]] = ()
     needs_platform: ClassVar[bool] = False
+    needs_turning: ClassVar[bool] = False
     needs_nominal: ClassVar[bool] = False
     fixed_coefficients: ClassVar[bool] = False
     fixed_range: ClassVar[tuple[float, float]] = (0.5, 1.5)
@@ -177,6 +179,10 @@ class Effect(ABC):
     def terms(self, shape: Shape) -> int:
         """Return how many coefficients a shape has beyond those of the simplest shape."""
         return 0
+
+    def with_fewer_terms(self, shape: Shape) -> tuple[Shape, ...]:
+        """Return the shapes of the same series with fewer coefficients, the fewest first."""
+        return ()
 
     @abstractmethod
     def columns(self, state: State, shape: Shape) -> np.ndarray:

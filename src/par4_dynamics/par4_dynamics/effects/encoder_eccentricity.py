@@ -28,9 +28,6 @@ class EncoderEccentricity(Effect):
 
     Speed and acceleration change with it, viscous friction too. The coefficients are shared, as
     those of `EncoderOffset`: A_i cos(phi_i) and A_i sin(phi_i) of each joint.
-
-    Args:
-        turns: False on a slide, whose position is no angle.
     """
 
     name = 'encoder_eccentricity'
@@ -39,13 +36,8 @@ class EncoderEccentricity(Effect):
                   EffectParameter('phase', 'rad', 'joint'))
     shared = True
     separable = ((0, 1), (2, 3), (4, 5), (6, 7))
+    needs_turning = True
     needs_nominal = True
-
-    def __init__(self, turns: bool = True) -> None:
-        self.turns = turns
-
-    def on_slide(self) -> Effect:
-        return type(self)(turns=False)
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         if state.geometry is not None:
@@ -53,7 +45,7 @@ class EncoderEccentricity(Effect):
         # an axis must come by the same angle again, at another speed, before a wave of its reading
         # is told from whatever else depends on the position
         span = float(np.max(np.ptp(state.q, axis=0)))
-        return ({},) if self.turns and span >= LEAST_TURNS * 2.0 * np.pi else ()
+        return ({},) if span >= LEAST_TURNS * 2.0 * np.pi else ()
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         sine, cosine = np.sin(state.q), np.cos(state.q)

@@ -53,6 +53,9 @@ class PositionTorque(Effect):
     def terms(self, shape: Shape) -> int:
         return int(single(shape['degree']))
 
+    def with_fewer_terms(self, shape: Shape) -> tuple[Shape, ...]:
+        return tuple({**shape, 'degree': float(degree)} for degree in range(1, self.terms(shape)))
+
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return polynomials(state.q, single(shape['low']), single(shape['high']),
                            int(single(shape['degree'])))

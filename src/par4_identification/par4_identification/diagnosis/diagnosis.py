@@ -213,7 +213,8 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     slides = isinstance(machine, Axis) and machine.kind == 'linear'
     applicable = {name: effect.on_slide() if slides else effect for name, effect in searched.items()
                   if not (effect.of_axis if isinstance(machine, Robot) else
-                          effect.needs_platform or effect.against_the_others)
+                          effect.needs_platform or effect.against_the_others
+                          or (slides and effect.needs_turning))
                   and (effect.told_by_speeds or not observations.steady)}
     base_model = build_model(machine, baseline_with(
         baseline, rigid_body, identification.parameters, observations.terms, ()))

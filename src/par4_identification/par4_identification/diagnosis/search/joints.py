@@ -38,7 +38,8 @@ def with_needed_joints(pool: Pool, belief: Belief, hypothesis: Hypothesis, other
         others: the causes beside it.
     """
     rules = belief.rules
-    hypothesis = _with_confirmed_orders(pool, rules, hypothesis, others)
+    hypothesis = _with_confirmed_terms(pool, rules, _with_confirmed_orders(
+        pool, rules, hypothesis, others), others)
     # what the causes get wrong may look like one more joint, though not all of it
     doubt = np.sqrt(requirement_of(pool, (*others, hypothesis), rules).inflation)
     price = rules.price * doubt
@@ -116,3 +117,20 @@ def _with_confirmed_orders(pool: Pool, rules: Rules, hypothesis: Hypothesis, oth
             break
         hypothesis = trials[int(np.argmin(squares))]
     return hypothesis
+
+
+def _with_confirmed_terms(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Model
+                          ) -> Hypothesis:
+    """Return a series without the highest terms that held-out rows do not need.
+
+    Where little noise is in the rows, terms of any number fit them better, as they follow what the
+    columns of the true ones get wrong; where the fitted motion hardly goes they then have any size.
+    """
+    fewer = [replace(hypothesis, shape=shape)
+             for shape in hypothesis.named.with_fewer_terms(hypothesis.shape)]
+    trials = [*fewer, hypothesis]
+    if not fewer:
+        return hypothesis
+    squares = [pool.fit((*others, trial)).heldout_squares for trial in trials]
+    most = min(squares) + 2.0 * rules.margin
+    return next(trial for trial, left in zip(trials, squares) if left <= most)
