@@ -26,6 +26,7 @@ from par4_kinematics.robot import Axis
 
 SPINDLE = Motor(0.03, 0.2, 0.02)
 ONCE_IN_A_TURN = ('torque_offset', 'stribeck', 'cogging', 'encoder_eccentricity', 'time_offset')
+SPRINGS = ('torque_offset', 'position_torque', 'friction_drift')
 
 
 def axis(**facts):
@@ -87,9 +88,9 @@ def test_an_encoder_beside_its_shaft_is_no_torque():
 # ------------------------------------------------------------------------- springs
 
 
-def test_a_spring_is_no_polynomial_of_the_ninth_degree():
-    """It was one on the fitted rows, beyond doubt, and none at all where others go."""
-    random, period = np.random.default_rng(121), 4e-3
+def sprung(seed, noise):
+    """Return the log of an axis with a return spring, which moves from place to place and rests."""
+    random, period = np.random.default_rng(seed), 4e-3
     speed = np.concatenate([np.r_[np.full(round(abs(step) / 1.2 / period), np.copysign(1.2, step)),
                                   np.zeros(100)]
                             for step in np.diff(np.r_[0.0, random.uniform(0.0, 1.5, 14)])])
@@ -97,14 +98,28 @@ def test_a_spring_is_no_polynomial_of_the_ninth_degree():
     speed = np.convolve(speed, kernel, 'same')
     q = period * np.cumsum(speed)
     tau = (0.05 * np.gradient(speed, period) + 0.8 * np.sign(speed) + 0.2 * speed
-           + 2.2 * (q + 0.6) + 0.003 * random.standard_normal(len(q)))
-    found = diagnosed(logged(np.round(q * 6366.0) / 6366.0, tau, period), axis(),
-                      ('torque_offset', 'position_torque', 'friction_drift'))
+           + 2.2 * (q + 0.6) + noise * random.standard_normal(len(q)))
+    return logged(np.round(q * 6366.0) / 6366.0, tau, period)
+
+
+def test_a_spring_is_no_polynomial_of_the_ninth_degree():
+    """It was one on the fitted rows, beyond doubt, and none at all where others go."""
+    found = diagnosed(sprung(121, 0.003), axis(), SPRINGS)
     assert named(found) == ['position_torque']
     coefficients = found.causes[0].parameters['coefficients']
     _, slope = np.ravel(coefficients.value)  # of the first degree
     low, high = found.causes[0].parameters['range'].value
     assert abs(slope - 2.2 * 0.5 * (high - low)) < 2.0 * np.ravel(coefficients.std)[1]
+
+
+@pytest.mark.parametrize('seed', [121, 122, 123])
+def test_an_inertia_that_a_strong_cause_hides_comes_back_beside_it(seed):
+    """The spring makes it negative, so that it is left out at first."""
+    found = diagnosed(sprung(seed, 0.03), axis(), SPRINGS)
+    assert named(found) == ['position_torque']
+    assert found.left_out == () == found.unnamed
+    assert found.base_after['actuator_inertia'].value == pytest.approx(0.05, rel=0.02)
+    assert found.base_after['coulomb_friction'].value == pytest.approx(0.8, rel=0.02)
 
 
 # ------------------------------------------------------------------------- filters

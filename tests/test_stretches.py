@@ -10,7 +10,7 @@ import pytest
 from measured import log_of_model
 
 from par4_dynamics.model import read_model
-from par4_identification.diagnosis.diagnosis import MOST, manageable
+from par4_identification.diagnosis.split import MOST, manageable
 from par4_identification.fitting.identification import identify
 from par4_identification.logs import stretches
 from par4_identification.logs.log import Log

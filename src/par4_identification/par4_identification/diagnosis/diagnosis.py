@@ -40,7 +40,7 @@ from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
 from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
-from par4_identification.diagnosis.nominal.start import alike, start_of
+from par4_identification.diagnosis.nominal.start import Start, shown, start_beside, start_of
 from par4_identification.diagnosis.progress import Progress, silent
 from par4_identification.diagnosis.search.candidates import Candidates, goes_both_ways
 from par4_identification.diagnosis.search.causes import (
@@ -58,6 +58,7 @@ from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.swing import Swing
 from par4_identification.diagnosis.search.whitening import quieter, whitener_of
+from par4_identification.diagnosis.split import manageable, split_runs
 from par4_identification.diagnosis.verdict.agreement import parameters_by, with_disagreement
 from par4_identification.diagnosis.verdict.answer import (
     Cause,
@@ -84,11 +85,8 @@ from par4_identification.diagnosis.verdict.sure import (
 )
 from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, unrelated
 from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widened
-from par4_identification.fitting.identification import INERTIA
 from par4_identification.logs.log import Log
-from par4_identification.logs.stretches import parted, seconds_of, spread_over
-from par4_identification.signals.plateaus import every_third_between
-from par4_identification.signals.rows import Conditioning, Run, runs_of_logs
+from par4_identification.signals.rows import Conditioning, Run
 from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.robot import Axis, Robot
 
@@ -97,9 +95,6 @@ CONDITIONING = Conditioning(low_speed=0.02)
 LIBRARY = {name: effect for name, effect in CATALOGUE.items()
            if name not in ('quantization', 'torque_saturation')}
 """Effects that may be named: all but those that add no torque to a motion."""
-MOST = 480_000
-"""Readings of torque that are fitted: two minutes of four joints at 1 kHz. Of more, stretches are
-looked at, so that time and memory end; what the model gets wrong limits a long log anyway."""
 EITHER_SIDE = 2.0
 """Deviations of a 95 % interval."""
 PASSES = 3
@@ -107,57 +102,6 @@ PASSES = 3
 UNEVEN = 3.0
 """What is left at steady speeds over what the parts of each say of its mean, beyond which something
 is left: noise that wanders is in both."""
-
-
-def manageable(fit_logs: Sequence[Log], holdout_logs: Sequence[Log]
-               ) -> tuple[Sequence[Log], Sequence[Log], float]:
-    """Return the logs to fit and those held out, and the share of all readings that these have.
-
-    Each of the two has at most `MOST` readings: of longer logs only stretches are taken, spread
-    over them.
-    """
-    logs = [*fit_logs, *holdout_logs]
-    if sum(log.tau.size for log in fit_logs) <= MOST >= sum(log.tau.size for log in holdout_logs):
-        return fit_logs, holdout_logs, 1.0
-    if not holdout_logs:
-        fit_logs, holdout_logs = ((fit_logs[:-1], fit_logs[-1:]) if len(fit_logs) > 1 else
-                                  ([part] for part in parted(fit_logs[0], 2.0 / 3.0)))
-    fitted, held = (
-        spread_over(part, seconds_of(part) * MOST * share / sum(log.tau.size for log in part))
-        for part, share in ((fit_logs, 1.0), (holdout_logs, 0.5)))
-    used = sum(log.tau.size for log in (*fitted, *held))
-    return fitted, held, used / sum(log.tau.size for log in logs)
-
-
-def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Robot | Axis,
-               conditioning: Conditioning) -> tuple[list[Run], list[Run]]:
-    """Return the rows to fit and those held out.
-
-    Without held-out logs the last log is held out. Of a single log the last stretch without gaps
-    is; of a single stretch its last third, cut at a standstill within a sixth of the rows. Of
-    steady speeds every third is held out.
-    """
-    fit_runs = runs_of_logs(fit_logs, machine, conditioning)
-    if holdout_logs:
-        return fit_runs, runs_of_logs(holdout_logs, machine, conditioning)
-    if conditioning.steady:
-        run, = fit_runs
-        kept = every_third_between(run.speed[:, 0])
-        return [run.part(~kept)], [run.part(kept)]
-    if len(fit_logs) > 1:
-        last = fit_logs[-1].name
-        return ([run for run in fit_runs if run.name != last],
-                [run for run in fit_runs if run.name == last])
-    if len(fit_runs) > 1:
-        return fit_runs[:-1], fit_runs[-1:]
-    run = fit_runs[0]
-    rows = len(run.t)
-    cut = 2 * rows // 3
-    resting = np.flatnonzero(run.standstill.all(axis=1))
-    resting = resting[(resting > rows // 2) & (resting < 5 * rows // 6)]
-    if len(resting):
-        cut = int(resting[np.argmin(np.abs(resting - cut))])
-    return [run.part(slice(0, cut))], [run.part(slice(cut, rows))]
 
 
 def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None = None,
@@ -198,17 +142,34 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     heldout = observe(holdout_runs, machine, rigid_body, known)
     progress('fitting the base model')
     start = start_of(observations, machine, rigid_body, rules)
-    observations, identification, reasons = (start.observations, start.identification,
-                                             list(start.reasons))
-    if start.left_out:
-        heldout = alike(heldout.without(INERTIA), observations)
-        holdout_runs = list(heldout.runs)
-    if not any(run.valid.any() for run in holdout_runs):
+    reasons = list(start.reasons)
+    if not any(run.valid.any() for run in shown(heldout, start).runs):
         reasons.append('no joint moves in the held-out data; give a bag of another motion')
-    if reasons or identification is None:  # without one there is a reason
+    if reasons or start.identification is None:  # without one there is a reason
         return Unusable(tuple(reasons), tuple(fit_runs))
 
     searched = LIBRARY if library is None else library
+    effects = {**CATALOGUE, **searched}
+    answer = _diagnosed(start, heldout, machine, baseline, searched, rules, tuple(fit_runs),
+                        progress)
+    if start.left_out and answer.causes:
+        beside = observe(fit_runs, machine, rigid_body,
+                         build_model(machine, answer.extended_model, effects))
+        again = start_beside(start, observations, beside.target, machine, rigid_body)
+        if again is not None:
+            progress('diagnosing again, as the causes found let the motion show the inertia')
+            answer = _diagnosed(again, heldout, machine, baseline, searched, rules,
+                                tuple(fit_runs), progress)
+    return replace(answer, share=share)
+
+
+def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
+               baseline: ModelFile | None, searched: Mapping[str, Effect], rules: Rules,
+               fit_runs: tuple[Run, ...], progress: Progress) -> Diagnosis:
+    """Return the diagnosis of rows to fit and rows held out from base parameters to begin with."""
+    observations, heldout, identification = (start.observations, shown(heldout, start),
+                                             start.fitted)
+    rigid_body = baseline.rigid_body if baseline else 'paper'
     effects = {**CATALOGUE, **searched}
     slides = isinstance(machine, Axis) and machine.kind == 'linear'
     applicable = {name: effect.on_slide() if slides else effect for name, effect in searched.items()
@@ -253,9 +214,8 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
                          moved.with_nominal(better), kinds, search.pool.evidence if same else None,
                          search.candidates.swing)
         model = search.run(tuple(named))
-    answer = _answer(search, model, machine, baseline, rigid_body, effects, tuple(fit_runs),
-                     progress)
-    return replace(answer, left_out=start.left_out, share=share)
+    answer = _answer(search, model, machine, baseline, rigid_body, effects, fit_runs, progress)
+    return replace(answer, left_out=start.left_out)
 
 
 def _search(observations: Observations, heldout: Observations, whitener: Whitener,

@@ -51,6 +51,17 @@ class Start:
     reasons: tuple[str, ...]
     bound: bool = False
 
+    @property
+    def fitted(self) -> Identification:
+        """The base parameters.
+
+        Raises:
+            TypeError: they cannot be fitted.
+        """
+        if self.identification is None:
+            raise TypeError('no base parameters to start from')
+        return self.identification
+
 
 def start_of(observations: Observations, machine: Robot | Axis, rigid_body: RigidBody, rules: Rules
              ) -> Start:
@@ -69,13 +80,33 @@ def start_of(observations: Observations, machine: Robot | Axis, rigid_body: Rigi
     return start
 
 
-def alike(heldout: Observations, observations: Observations) -> Observations:
-    """Return held-out rows without those that accelerate more than the fitted rows.
+def start_beside(start: Start, observations: Observations, target: Sequence[np.ndarray],
+                 machine: Robot | Axis, rigid_body: RigidBody) -> Start | None:
+    """Return a start with the inertia that another one left out; None if it stays hidden.
 
-    A model without inertia says nothing of stronger accelerations.
+    A strong cause may make an inertia negative that the motion shows well once the cause is known.
+
+    Args:
+        start: that left the inertia out.
+        observations: all rows to fit, with the column of the inertia.
+        target: of these, without the torque of the causes found from `start`, (m, J) a run, N m.
+        machine: that was recorded.
+        rigid_body: 'paper' or 'full'.
     """
+    again = _start(observations, target, machine, rigid_body)
+    return None if again.reasons or _hides_inertia(again) else replace(again, bound=start.bound)
+
+
+def shown(heldout: Observations, start: Start) -> Observations:
+    """Return held-out rows as far as a start can say something of them.
+
+    Without an inertia it says nothing of accelerations that are stronger than the fitted ones.
+    """
+    if not start.left_out:
+        return heldout
+    heldout = heldout.without(INERTIA)
     most = STRONGER * max(float(np.quantile(np.abs(run.rows(run.state.qdd)[run.valid]), 0.99))
-                          for run in observations.runs if run.valid.any())
+                          for run in start.observations.runs if run.valid.any())
     return replace(heldout, runs=tuple(
         replace(run, valid=run.valid & (np.abs(run.rows(run.state.qdd)) <= most))
         for run in heldout.runs))

@@ -1,0 +1,68 @@
+"""Which readings of which logs are fitted, and which are held out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from par4_identification.logs.log import Log
+from par4_identification.logs.stretches import parted, seconds_of, spread_over
+from par4_identification.signals.plateaus import every_third_between
+from par4_identification.signals.rows import Conditioning, Run, runs_of_logs
+from par4_kinematics.robot import Axis, Robot
+
+MOST = 480_000
+"""Readings of torque that are fitted: two minutes of four joints at 1 kHz. Of more, stretches are
+looked at, so that time and memory end; what the model gets wrong limits a long log anyway."""
+
+
+def manageable(fit_logs: Sequence[Log], holdout_logs: Sequence[Log]
+               ) -> tuple[Sequence[Log], Sequence[Log], float]:
+    """Return the logs to fit and those held out, and the share of all readings that these have.
+
+    Each of the two has at most `MOST` readings: of longer logs only stretches are taken, spread
+    over them.
+    """
+    logs = [*fit_logs, *holdout_logs]
+    if sum(log.tau.size for log in fit_logs) <= MOST >= sum(log.tau.size for log in holdout_logs):
+        return fit_logs, holdout_logs, 1.0
+    if not holdout_logs:
+        fit_logs, holdout_logs = ((fit_logs[:-1], fit_logs[-1:]) if len(fit_logs) > 1 else
+                                  ([part] for part in parted(fit_logs[0], 2.0 / 3.0)))
+    fitted, held = (
+        spread_over(part, seconds_of(part) * MOST * share / sum(log.tau.size for log in part))
+        for part, share in ((fit_logs, 1.0), (holdout_logs, 0.5)))
+    used = sum(log.tau.size for log in (*fitted, *held))
+    return fitted, held, used / sum(log.tau.size for log in logs)
+
+
+def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Robot | Axis,
+               conditioning: Conditioning) -> tuple[list[Run], list[Run]]:
+    """Return the rows to fit and those held out.
+
+    Without held-out logs the last log is held out. Of a single log the last stretch without gaps
+    is; of a single stretch its last third, cut at a standstill within a sixth of the rows. Of
+    steady speeds every third is held out.
+    """
+    fit_runs = runs_of_logs(fit_logs, machine, conditioning)
+    if holdout_logs:
+        return fit_runs, runs_of_logs(holdout_logs, machine, conditioning)
+    if conditioning.steady:
+        run, = fit_runs
+        kept = every_third_between(run.speed[:, 0])
+        return [run.part(~kept)], [run.part(kept)]
+    if len(fit_logs) > 1:
+        last = fit_logs[-1].name
+        return ([run for run in fit_runs if run.name != last],
+                [run for run in fit_runs if run.name == last])
+    if len(fit_runs) > 1:
+        return fit_runs[:-1], fit_runs[-1:]
+    run = fit_runs[0]
+    rows = len(run.t)
+    cut = 2 * rows // 3
+    resting = np.flatnonzero(run.standstill.all(axis=1))
+    resting = resting[(resting > rows // 2) & (resting < 5 * rows // 6)]
+    if len(resting):
+        cut = int(resting[np.argmin(np.abs(resting - cut))])
+    return [run.part(slice(0, cut))], [run.part(slice(cut, rows))]
