@@ -107,22 +107,21 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
 
 
 def _outdone(search: Search, item: Hypothesis, model: Model) -> Model | None:
-    """Return the model without a name, if a name that was rejected explains more in its place.
+    """Return the model without a name, if a name that was rejected explains far more in its place.
 
-    It may have been rejected because all its values may as well be zero. A name that explains less
-    of all rows together than one that is no cause has no better claim. Twins are told beside it.
+    It may have been rejected because all its values may as well be zero. A name that is so far
+    behind one that is no cause has no better claim.
     """
-    others, rules = others_of(model, item), search.rules
-    for rival in search.rivals(item, others):
-        if (rival.believable and rival.hypothesis is not None
-                and not isinstance(rival.hypothesis.effect, Kind)
-                and abs(rival.fit_margin) >= rules.twin
-                and -rival.margin > rival.fit_margin + max(rules.better, rules.twin)):
-            search.journal.reject(
-                item, f'{rival.hypothesis.label} explains {-rival.margin:.0f} more in its place on '
-                      f'rows held out, and is no cause itself')
-            return search.with_nameless(others)
-    return None
+    others = others_of(model, item)
+    rival = next((rival for rival in search.rivals(item, others) if rival.believable
+                  and rival.hypothesis is not None
+                  and not isinstance(rival.hypothesis.effect, Kind)), None)
+    if rival is None or rival.hypothesis is None or (
+            -rival.margin <= _law_may_lose(search, rival.hypothesis, others)):
+        return None
+    search.journal.reject(item, f'{rival.hypothesis.label} explains {-rival.margin:.0f} more in '
+                                f'its place on rows held out, and is no cause itself')
+    return search.with_nameless(others)
 
 
 def _timed_otherwise(search: Search, item: Hypothesis, model: Model) -> Model | None:
@@ -138,16 +137,16 @@ def _timed_otherwise(search: Search, item: Hypothesis, model: Model) -> Model | 
     return None
 
 
-def _law_may_lose(search: Search, kind: Hypothesis, others: Model) -> float:
-    """Return by how much an unnamed function may explain more than a name that is right.
+def _law_may_lose(search: Search, rival: Hypothesis, others: Model) -> float:
+    """Return by how much a rival may explain more than a name that is right.
 
-    The law of a name may be wrong by a share of its torque, and a function with many coefficients
-    can follow what other causes leave. In a long log with little noise both are worth much
+    The law of a name may be wrong by a share of its torque, and a rival with many coefficients can
+    follow what other causes leave. In a long log with little noise both are worth much
     log-likelihood.
     """
     rules = search.rules
     return max(rules.better, rules.twin,
-               rules.unnamed_error * search.weighing.gains(kind, others)[1])
+               rules.unnamed_error * search.weighing.gains(rival, others)[1])
 
 
 def _nameless(search: Search, item: Hypothesis, others: Model
