@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hidden.hiders import HIDERS
 from hidden.machines import Known, known_machine
+from hidden.scenario import Task, draw_scenario, record_scenario
 from measured import DWELL, excitation, log_of_machine, log_of_model
 
 from par4_dynamics.model import build_model, read_model
@@ -52,6 +53,31 @@ def cogged_and_sticky():
     return [log_of_machine(REFERENCE, machine, read_model('table1', REFERENCE),
                            duration=duration, seed=seed) for duration, seed in
             ((FIT, 31), (HELD_OUT, 32))]
+
+
+@pytest.fixture(scope='module')
+def pulled():
+    """Return a robot and two logs: it moves so slowly beside a cable that its inertia is vague."""
+    scenario = draw_scenario(Task('realistic', 8901401, None, True))
+    assert 'cable_spring' in dict(scenario.hidden)
+    return scenario.known.robot, [recording.log for recording in record_scenario(scenario)]
+
+
+@pytest.mark.parametrize(('beside', 'is_shown'), [
+    (('cable_spring', 'joint_friction_difference', 'viscous_asymmetry'), True),
+    (('torque_offset', 'coulomb_asymmetry'), False)])
+def test_data_that_show_the_inertia_beside_the_causes_found_are_not_refused(
+        pulled, beside, is_shown):
+    robot, (fit, heldout) = pulled
+    result = diagnose([fit], robot, holdout_logs=[heldout],
+                      library={name: diagnosis.LIBRARY[name] for name in beside})
+    assert isinstance(result, Unusable) is not is_shown
+    if is_shown:
+        assert set(names(result)) == set(beside)
+        inertia = result.base_after['actuator_inertia']
+        assert inertia.std < 0.1 * inertia.value
+    else:
+        assert 'does not excite actuator_inertia' in result.reasons[0]
 
 
 def test_two_effects_are_both_named(cogged_and_sticky):

@@ -152,14 +152,17 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     effects = {**CATALOGUE, **searched}
     answer = _diagnosed(start, heldout, machine, baseline, searched, rules, tuple(fit_runs),
                         progress)
-    if start.left_out and answer.causes:
+    again = None
+    if (start.left_out or start.unless_shown) and answer.causes:
         beside = observe(fit_runs, machine, rigid_body,
                          build_model(machine, answer.extended_model, effects))
         again = start_beside(start, observations, beside.target, machine, rigid_body)
-        if again is not None:
-            progress('diagnosing again, as the causes found let the motion show the inertia')
-            answer = _diagnosed(again, heldout, machine, baseline, searched, rules,
-                                tuple(fit_runs), progress)
+    if again is not None:
+        progress('diagnosing again, as the causes found let the motion show the inertia')
+        answer = _diagnosed(again, heldout, machine, baseline, searched, rules, tuple(fit_runs),
+                            progress)
+    elif start.unless_shown:
+        return Unusable(start.unless_shown, tuple(fit_runs))
     return replace(answer, share=share)
 
 

@@ -1,8 +1,9 @@
 """The base parameters that a diagnosis starts from, or the reasons why there are none.
 
-The data of a Par4 must show all its base parameters. An axis may be any machine. If the bodies
-alone do not explain enough of its torque, they are fitted again beside a torque that depends on the
-position, periodic or not; an inertia that its motion does not show is left out.
+The data of a Par4 must show all its base parameters, the inertia of its actuators at the latest
+beside the causes that are found. An axis may be any machine. If the bodies alone do not explain
+enough of its torque, they are fitted again beside a torque that depends on the position, periodic
+or not; an inertia that its motion does not show is left out.
 """
 
 from __future__ import annotations
@@ -42,6 +43,8 @@ class Start:
         identification: base parameters; None if they cannot be fitted at all.
         left_out: names of parameters that the motion does not show.
         reasons: why the data cannot carry a diagnosis, each with what to do; empty if they can.
+        unless_shown: why they cannot unless the motion shows the inertia beside causes that are
+            found; empty if that is no reason.
         bound: whether most of the torque depends on the position alone.
     """
 
@@ -49,6 +52,7 @@ class Start:
     identification: Identification | None
     left_out: tuple[str, ...]
     reasons: tuple[str, ...]
+    unless_shown: tuple[str, ...] = ()
     bound: bool = False
 
     @property
@@ -67,8 +71,12 @@ def start_of(observations: Observations, machine: Robot | Axis, rigid_body: Rigi
              ) -> Start:
     """Return where a diagnosis of these rows of a machine starts."""
     start = _start(observations, None, machine, rigid_body)
-    if not start.reasons or observations.runs[0].state.geometry is not None:
+    if not start.reasons:
         return start
+    if observations.runs[0].state.geometry is not None:
+        only_vague = (start.identification is not None and _is_vague(start.identification)
+                      and len(start.reasons) == 1)  # as beside a strong cause
+        return replace(start, reasons=(), unless_shown=start.reasons) if only_vague else start
     bound = () if observations.steady else (Cogging(), PositionTorque())
     for effect in (None, *bound):
         target = None if effect is None else _without(effect, observations, rules)
@@ -82,12 +90,12 @@ def start_of(observations: Observations, machine: Robot | Axis, rigid_body: Rigi
 
 def start_beside(start: Start, observations: Observations, target: Sequence[np.ndarray],
                  machine: Robot | Axis, rigid_body: RigidBody) -> Start | None:
-    """Return a start with the inertia that another one left out; None if it stays hidden.
+    """Return a start beside causes, with the inertia that they hid; None if it stays hidden.
 
     A strong cause may make an inertia negative that the motion shows well once the cause is known.
 
     Args:
-        start: that left the inertia out.
+        start: without an inertia, or with one that is vague.
         observations: all rows to fit, with the column of the inertia.
         target: of these, without the torque of the causes found from `start`, (m, J) a run, N m.
         machine: that was recorded.
@@ -127,12 +135,22 @@ def _start(observations: Observations, target: Sequence[np.ndarray] | None, mach
 
 def _hides_inertia(start: Start) -> bool:
     """Return whether the motion does not tell the inertia, or tells one that none can have."""
-    if start.identification is None:
-        return True
-    estimate = start.identification.estimate
-    names = [term.name for term in start.identification.terms]
-    value, std = (part[names.index(INERTIA)] for part in (estimate.values, estimate.std))
-    return value < 0.0 or std > WORST_STD * abs(value)
+    return start.identification is None or (
+        _inertia(start.identification)[0] < 0.0 or _is_vague(start.identification))
+
+
+def _is_vague(identification: Identification) -> bool:
+    """Return whether the motion does not tell the inertia."""
+    value, std = _inertia(identification)
+    return std > WORST_STD * abs(value)
+
+
+def _inertia(identification: Identification) -> tuple[float, float]:
+    """Return the inertia of an actuator and its standard deviation, kg m2."""
+    names = [term.name for term in identification.terms]
+    value, std = (part[names.index(INERTIA)] for part in (
+        identification.estimate.values, identification.estimate.std))
+    return float(value), float(std)
 
 
 def _without(effect: Effect, observations: Observations, rules: Rules) -> tuple[np.ndarray, ...]:
