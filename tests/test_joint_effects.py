@@ -9,7 +9,7 @@ import pytest
 
 from par4_dynamics.effects.catalogue import CATALOGUE, SEVERAL_ORDERS
 from par4_dynamics.effects.effect import beyond
-from par4_dynamics.effects.transmission import DAMPING_RATIO, MOTOR_SHARE
+from par4_dynamics.effects.transmission import DAMPING_RATIO, MOTOR_SHARE, Springs
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file, write_model_file
 from par4_dynamics.parameters import Parameter
@@ -828,16 +828,17 @@ def test_elastic_axis_is_two_masses_and_a_spring(axis_case):
     np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize('period', [5e-4, 4e-3])
 @pytest.mark.parametrize('given', [{}, {'damping_ratio': 0.2}])
 @pytest.mark.parametrize('speed', [0.5, 0.95, 1.5])
-def test_a_soft_axis_swings_as_a_damped_oscillator(axis_case, speed, given):
+def test_a_soft_axis_swings_as_a_damped_oscillator(axis_case, speed, given, period):
     """q_l / q_m = (1 + 2 i d r) / (1 - r^2 + 2 i d r), r the frequency over the resonance.
 
     The load swings against a resting motor: with a ratio smaller by the root of its share than
-    that with which the two swing against each other.
+    that with which the two swing against each other. Slow samples shift no resonance.
     """
     model, _ = axis_case
-    t = np.arange(0.0, 4.0, 5e-4)
+    t = np.arange(0.0, 4.0, period)
     stiffness, j_l = 500.0, 0.1
     r = speed
     w = r * np.sqrt(stiffness / j_l)
@@ -845,12 +846,27 @@ def test_a_soft_axis_swings_as_a_damped_oscillator(axis_case, speed, given):
     state = State(t, wave.real, (1j * w * wave).real, (-w ** 2 * wave).real)
     elastic = build_model(AXIS, axis_file(entry('elastic_transmission', {
         'stiffness': stiffness, **given})))
-    found = (elastic.torque(state) - model.torque(state))[4000:-10]
+    swung = slice(round(2.0 / period), -10)
+    found = (elastic.torque(state) - model.torque(state))[swung]
     ratio = given.get('damping_ratio', DAMPING_RATIO)
     loss = 2j * np.sqrt(1.0 - MOTOR_SHARE) * ratio * r
     expected = (-j_l * w ** 2 * wave * ((1.0 + loss) / (1.0 - r ** 2 + loss) - 1.0)).real
-    expected = expected[4000:-10]
+    expected = expected[swung]
     np.testing.assert_allclose(found, expected, atol=0.03 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize('stiffness', [3e3, 2e4, 1e5, 1e7])
+def test_no_spring_is_too_stiff_for_slow_samples(case, stiffness):
+    """Its load follows the motor, whether the samples tell its resonance or not."""
+    robot, model, _ = case
+    load = waves(robot)
+    slow = slice(None, None, 20)
+    state = state_of_joints(load.geometry, load.t[slow], load.q[slow], load.qd[slow],
+                            load.qdd[slow])
+    springs = Springs(replace(state, nominal=model.nominal(state)))
+    spring, _ = springs.torque(np.full(4, 1.0 / stiffness))
+    rigid, _ = springs.torque(np.zeros(4))
+    assert rms(spring - rigid) < 2.0 * rms(rigid)
 
 
 def test_backlash_leaves_the_load_half_a_gap_behind(case):

@@ -25,6 +25,12 @@ With much less the noise of the encoders would swing the load."""
 ORDER, FOLDED = 4, 0.4
 """Of the filter, either way, that ends what encoders tell; share of the sample rate from which on
 there is nothing to end."""
+FOURTH_ORDER, UNBOUNDED = 1.0 / 12.0, 0.25
+"""Newmark's beta with which frequencies are right to the fourth power of the step (Fox and Goodwin
+1949), and that with which no step is too long."""
+POSES, FASTER = 20, 1.5
+"""Poses of a motion whose inertia is looked at for the fastest resonance, and how much faster than
+in them it may be."""
 RUN_IN, RUN_IN_DAMPING = 1.0, 25.0
 """s before the motion, and times more damping at its start: the swing in which the integration
 starts dies away there. It fades to nothing without a kink, which would start another."""
@@ -143,8 +149,9 @@ class Springs:
         steps = slice(None, None, every)
         load = np.ascontiguousarray(self._load[steps])
         spring, change = np.empty_like(load), np.empty_like(load)
+        h = every * self._period
         _swing(load, self._place[steps], self._by_motion, soft, twisting, lag, self._more[steps],
-               every * self._period, spring, change)
+               h, self._beta(soft, twisting, h), spring, change)
         if every == 1:
             return spring[self._before:], change[self._before:]
         told = every * np.arange(len(load))
@@ -154,12 +161,28 @@ class Springs:
         return spring, change
 
 
-@numba.njit(cache=True, error_model='numpy')
-def _swing(load, place, by_motion, soft, compliance, lag, more, h, spring, change):
-    """Integrate c (M sdd + C sd + K s) + c d sd + s = c T_0 by the trapezoidal rule.
+    def _beta(self, soft: np.ndarray, compliance: np.ndarray, h: float) -> float:
+        """Return Newmark's beta for steps of h, s: that of `FOURTH_ORDER` where it is stable.
 
-    It is stable however stiff the springs are. Only the `soft` joints (k,) twist; `compliance` and
-    `lag` (k,) are theirs. M, C and K (3, n, J, J) of a row are those of its `place`.
+        It is as long as the fastest resonance w has (w h)^2 < 1 / (1/4 - beta). A machine's inertia
+        changes with its pose: the fastest of a few, and half as much again.
+        """
+        poses = np.linspace(0, len(self._rigid) - 1, POSES).astype(int)
+        inertia = self._by_motion[0][poses][:, soft[:, None], soft]
+        scale = np.sqrt(compliance)
+        slowest = np.linalg.eigvalsh(scale[:, None] * 0.5 * (
+            inertia + np.swapaxes(inertia, 1, 2)) * scale)[:, 0].min()
+        least = UNBOUNDED - max(slowest, 0.0) / (FASTER * h) ** 2
+        return float(np.clip(least, FOURTH_ORDER, UNBOUNDED))
+
+
+@numba.njit(cache=True, error_model='numpy')
+def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring, change):
+    """Integrate c (M sdd + C sd + K s) + c d sd + s = c T_0 by Newmark's method (1959).
+
+    Its gamma is 1/2, so that nothing is damped by the steps. Only the `soft` joints (k,) twist;
+    `compliance` and `lag` (k,) are theirs. M, C and K (3, n, J, J) of a row are those of its
+    `place`.
     """
     joints, count = load.shape[1], len(soft)
     twist, speed, rate = np.empty(count), np.zeros(count), np.zeros(count)
@@ -170,7 +193,7 @@ def _swing(load, place, by_motion, soft, compliance, lag, more, h, spring, chang
         inertia, by_speed, by_twist = (
             by_motion[0, place[row]], by_motion[1, place[row]], by_motion[2, place[row]])
         for k in range(count):
-            twist[k] += h * speed[k] + 0.25 * h * h * rate[k]
+            twist[k] += h * speed[k] + (0.5 - beta) * h * h * rate[k]
             speed[k] += 0.5 * h * rate[k]
         for k in range(count):
             slow = more[row] * lag[k]
@@ -180,15 +203,15 @@ def _swing(load, place, by_motion, soft, compliance, lag, more, h, spring, chang
                 c = by_speed[soft[k], soft[other]]
                 s = by_twist[soft[k], soft[other]]
                 right[k, 0] -= compliance[k] * (c * speed[other] + s * twist[other])
-                matrix[k, other] = compliance[k] * (m + 0.5 * h * c + 0.25 * h * h * s)
-            matrix[k, k] += 0.5 * h * slow + 0.25 * h * h
+                matrix[k, other] = compliance[k] * (m + 0.5 * h * c + beta * h * h * s)
+            matrix[k, k] += 0.5 * h * slow + beta * h * h
         if count == 1:
             right[0, 0] /= matrix[0, 0]
         else:
             solve_in_place(matrix, right)
         for k in range(count):
             rate[k] = right[k, 0]
-            twist[k] += 0.25 * h * h * rate[k]
+            twist[k] += beta * h * h * rate[k]
             speed[k] += 0.5 * h * rate[k]
         for i in range(joints):
             change[row, i] = 0.0
