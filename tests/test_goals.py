@@ -75,6 +75,7 @@ def test_velocities_and_accelerations_are_kept_where_they_are_given():
     (((0.4, 0.4), (MIDDLE_Q, AWAY_Q)), 'must be 0 or more and increase'),
     (((-1.0, 0.4), (MIDDLE_Q, AWAY_Q)), 'must be 0 or more and increase'),
     (((0.4,), (AWAY_Q,), np.ones((1, 4))), 'it ends in motion'),
+    (((0.0, 0.4), (HOME_Q, AWAY_Q), np.array((np.ones(4), np.zeros(4)))), 'it begins in motion'),
     (((0.4,), (AWAY_Q,), None, np.zeros((1, 4))), 'accelerations without velocities'),
     (((0.4,), (np.full(4, 1.7),)), 'z of D'),
     (((0.02,), (AWAY_Q,)), 'joint speed'),
@@ -235,6 +236,12 @@ def test_goals_are_followed_cancelled_and_held_to_their_tolerances(bench, server
     dated = goal(HOME_Q)
     write_time(dated.trajectory.header.stamp, SECOND)
     assert [server.send(item) for item in (unknown, dated, goal(np.full(4, 1.7)))] == [None] * 3
+
+    last = server.send(goal(HOME_Q, seconds=8.0))
+    bench.wait(lambda: len(last.feedback) > 3, 'feedback of the last goal')
+    server.node.end()
+    bench.wait(last.task.done, 'the end of the goal of a node that ends')
+    assert (last.end, last.task.result().error_code) == ('aborted', -1)
 
 
 def played(motion: Motion) -> Played:

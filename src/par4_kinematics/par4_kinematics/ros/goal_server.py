@@ -147,6 +147,11 @@ class GoalServer:
         return self._type.Result(error_code=outcome.code, error_string=outcome.words)
 
     @property
+    def unanswered(self) -> bool:
+        """Whether a goal was begun whose client has not been told yet how it ended."""
+        return self._handle is not None
+
+    @property
     def bounded(self) -> bool:
         """Whether a goal is followed that has a tolerance of its path."""
         return self._handle is not None and bool(np.isfinite(self._path).any())

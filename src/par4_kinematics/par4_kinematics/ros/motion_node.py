@@ -172,6 +172,7 @@ class MotionNode(Par4Node):
         if self._played is None:
             motion, robot_at, self._waits_for = self._motion, self._robot_at, self._missing(now_ns)
             if motion is None:
+                self._end_when_answered()
                 return
             if self._waits_for or robot_at is None:
                 self.get_logger().info(f'waiting for {self._waits_for}', throttle_duration_sec=5.0,
@@ -280,11 +281,15 @@ class MotionNode(Par4Node):
         self._rest()
 
     def _rest(self) -> None:
-        """Wait for the next goal, or end where that was asked."""
+        """Wait for the next goal, or for the client of the last one where the end was asked."""
         self._motion = self._played = None
         self._braking = self._stop_asked = False
         self._standstill = None
-        self.finished = self._ending
+
+    def _end_when_answered(self) -> None:
+        """End where that was asked, once the client of the goal knows how it ended."""
+        if self._ending and not (self._goals is not None and self._goals.unanswered):
+            self.finished = True
 
     def _ask_to_stop(self) -> None:
         self._stop_asked = self._motion is not None
