@@ -47,7 +47,7 @@ def command_of(part: NodePart, session: Session) -> list[str]:
     """Return the command line of a node of a session."""
     line = [executable_path(part), '--ros-args']
     for name, value in part.parameters.items():
-        if value != '':  # ROS takes no empty value on a command line
+        if value != '':  # the node has a default
             line += ['-p', f'{name}:={_written(value)}']
     if session.namespace:
         line += ['-r', f'__ns:=/{session.namespace}']
@@ -57,6 +57,9 @@ def command_of(part: NodePart, session: Session) -> list[str]:
 
 
 def _written(value: Value) -> str:
+    """Return a value in YAML, as which ROS reads it: without quotes the bag `2026` is a number."""
+    if isinstance(value, str):
+        return "'" + value.replace("'", "''") + "'"
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
