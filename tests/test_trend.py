@@ -30,6 +30,7 @@ from par4_identification.trend.bag_values import (
 )
 from par4_identification.trend.channels import channels_of
 from par4_identification.trend.course import course_of
+from par4_identification.trend.kept import FOLDER, Kept
 from par4_identification.trend.life import FALSE_ALARMS, life_of
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
@@ -220,6 +221,16 @@ def test_a_payload_is_dated_and_bad_bags_are_said_one_by_one(bags, tmp_path, mon
     again = json.loads((output / 'trend.json').read_text(encoding='utf-8'))
     assert again['changes'] == result['changes']
     assert again['refused'] == []
+
+
+def test_what_was_kept_of_a_bag_and_is_damaged_counts_as_not_kept(tmp_path):
+    kept = Kept(tmp_path, REFERENCE, None, None)
+    assert kept.read('bag') is None
+    kept.write('bag', {'stamp': 1})
+    assert kept.read('bag') == {'stamp': 1}
+    for damage in (b'{"stamp"', b'\xff\x00'):
+        (tmp_path / FOLDER / 'bag.json').write_bytes(damage)
+        assert kept.read('bag') is None
 
 
 def with_effects(model_file, **effects):

@@ -71,7 +71,7 @@ def read_force(path: str | Path) -> ForceReadings:
             increase.
     """
     try:
-        header, *lines = Path(path).read_text(encoding='utf-8').splitlines() or ['']
+        header, *lines = Path(path).read_text(encoding='utf-8-sig').splitlines() or ['']
         names = tuple(name.strip() for name in header.split(','))
         if names != FORCE_COLUMNS:
             raise InputError(f'{path}: expected the header {",".join(FORCE_COLUMNS)}, found '
