@@ -45,6 +45,12 @@ BASE_TERMS = (
     BaseTerm('viscous_friction', 'N m s/rad', 'f_v', False),
 )
 """In the order of (23)."""
+INERTIA = 'actuator_inertia'
+"""The base parameter that accelerations alone show."""
+PLATFORM_MASSES = ('platform_mass_1', 'platform_mass_2')
+"""Base parameters of the one platform, which no joint can have of its own."""
+FRICTION = ('coulomb_friction', 'viscous_friction')
+"""Base parameters that are no bodies."""
 
 HANGING_TERMS: Mapping[Hanging, tuple[BaseTerm, ...]] = {
     'turning': (BaseTerm('gravity_sine', 'N m', 'a', False, False),

@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from par4_dynamics.base_terms import AXIS_TERMS, BASE_TERMS, torque_of_values, values_of_bodies
+from par4_dynamics.base_terms import (
+    AXIS_TERMS,
+    BASE_TERMS,
+    FRICTION,
+    PLATFORM_MASSES,
+    torque_of_values,
+    values_of_bodies,
+)
 from par4_dynamics.effects.catalogue import CATALOGUE, effect_named
 from par4_dynamics.effects.effect import Effect, EffectParameter
 from par4_dynamics.mechanism import LumpedBodies, physical_bodies
@@ -29,9 +36,6 @@ from par4_kinematics.files import quoted
 from par4_kinematics.geometry import LEGS, Geometry
 from par4_kinematics.machine_units import spelled_alike, unit_on
 from par4_kinematics.robot import Axis, Bodies, Robot
-
-FRICTION = ('coulomb_friction', 'viscous_friction')
-"""Base parameters that are no bodies."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +183,7 @@ class Model:
         Raises:
             InputError: platform masses that differ between joints.
         """
-        for name in ('platform_mass_1', 'platform_mass_2'):
+        for name in PLATFORM_MASSES:
             if np.ptp(self.values[name]) > 0:
                 raise InputError(f'{name}: one number for the machine, found '
                                  f'{self.values[name].tolist()}')

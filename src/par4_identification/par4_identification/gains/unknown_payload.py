@@ -18,11 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.base_terms import distributed_torque
+from par4_dynamics.base_terms import PLATFORM_MASSES, distributed_torque
 from par4_dynamics.model_file import RigidBody
 from par4_identification.gains.known_payload import (
     OWN,
-    PLATFORM,
     estimate_per_joint,
     friction_columns,
     named_columns,
@@ -134,8 +133,8 @@ def payload_of_runs(runs: Sequence[Run], loaded: Collection[str], machine: Robot
         base = named_columns(run.state)
         absent = np.zeros_like(run.state.q)
         columns.append({f'payload, {name}': base[name] if run.name in loaded else absent
-                        for name in PLATFORM}
-                       | {name: base[name] for name in (*PLATFORM, *OWN)}
+                        for name in PLATFORM_MASSES}
+                       | {name: base[name] for name in (*PLATFORM_MASSES, *OWN)}
                        | friction_columns(base, run.name, bags))
         targets.append(run.tau)
         if rigid_body == 'full':

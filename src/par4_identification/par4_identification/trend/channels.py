@@ -13,9 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.base_terms import BASE_TERMS
-from par4_identification.changes.readings import FRICTION
-from par4_identification.gains.known_payload import PLATFORM
+from par4_dynamics.base_terms import BASE_TERMS, FRICTION, PLATFORM_MASSES
 from par4_identification.trend.bag_values import BagValues
 
 APART = 4.0
@@ -53,7 +51,7 @@ def channels_of(bags: Sequence[BagValues]) -> tuple[Channel, ...]:
     values = np.array([bag.values for bag in bags])
     variance = np.array([np.diag(bag.covariance).reshape(bag.values.shape) for bag in bags])
     found = []
-    platform = [name for name in PLATFORM if name in terms]
+    platform = [name for name in PLATFORM_MASSES if name in terms]
     if platform:
         masses = [_masses(bag, platform) for bag in bags]
         for index, name in enumerate(platform):

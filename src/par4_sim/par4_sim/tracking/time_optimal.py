@@ -29,7 +29,8 @@ from toppra import SplineInterpolator
 from toppra.algorithm import TOPPRA
 from toppra.constraint import DiscretizationType, LinearConstraint
 
-from par4_dynamics.model import FRICTION, Model
+from par4_dynamics.base_terms import FRICTION
+from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS

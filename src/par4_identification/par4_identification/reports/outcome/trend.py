@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from par4_identification.gains.known_payload import PLATFORM
+from par4_dynamics.base_terms import PLATFORM_MASSES
 from par4_identification.reports.outcome.changes import phrase_of_reading
 from par4_identification.trend.channels import Channel
 from par4_identification.trend.course import FEWEST
@@ -104,7 +104,7 @@ def _drift_phrase(life: Life, part: Happening, machine: Robot | Axis) -> str:
         return ''
     last = part.until == len(life.t) - 1
     until = 'by now' if last else f'by {day(life, part.until)}'
-    if channel.is_factor or (channel.name not in PLATFORM and start > 0.0):
+    if channel.is_factor or (channel.name not in PLATFORM_MASSES and start > 0.0):
         speed, total = percent(abs(after) * WEEK / start), percent(abs(end / start - 1.0))
     else:
         unit = unit_on(machine, channel.unit)
