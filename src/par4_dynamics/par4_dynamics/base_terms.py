@@ -61,6 +61,8 @@ slides (its unit is then N)."""
 AXIS_TERMS = (*(term for term in BASE_TERMS if not term.needs_platform),
               *HANGING_TERMS['turning'], *HANGING_TERMS['sliding'])
 """All terms that a single axis may have."""
+TERMS: Mapping[str, BaseTerm] = {term.name: term for term in (*BASE_TERMS, *AXIS_TERMS)}
+"""All terms of robots and axes, by name."""
 
 UNMODELLED = COLUMNS[len(BASE_TERMS):]
 """Parameters of the full mechanism that (20) leaves out, in the order of their columns."""

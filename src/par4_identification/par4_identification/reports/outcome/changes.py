@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from par4_dynamics.base_terms import FRICTION, INERTIA, PLATFORM_MASSES
+from par4_dynamics.base_terms import FRICTION, INERTIA, PLATFORM_MASSES, TERMS
 from par4_dynamics.effects.payload import Payload
 from par4_identification.changes.changes import Changes
 from par4_identification.changes.explanation import CHANCE, Read
@@ -66,10 +66,7 @@ def _phrase_of_added(reading: Added, amount: float, up: bool, where: str,
         half = PLATFORM_MASSES.index(reading.parameter) + 1
         less = '' if up else ' less'
         return f'a payload of {number(amount, 2)} kg{less} at half plate {half}'
-    unit = unit_on(machine, {'actuator_inertia': 'kg m2', 'arm_gravity': 'N m',
-                             'coulomb_friction': 'N m', 'viscous_friction': 'N m s/rad',
-                             'gravity_sine': 'N m', 'gravity_cosine': 'N m',
-                             'gravity_load': 'N m'}[reading.parameter])
+    unit = unit_on(machine, TERMS[reading.parameter].unit)
     name = {INERTIA: 'inertia of the arm', 'arm_gravity': 'weight of the arm',
             'gravity_load': 'load'}.get(reading.parameter, in_words(reading.parameter))
     if reading.parameter in TURNING:
