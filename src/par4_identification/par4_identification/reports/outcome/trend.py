@@ -165,18 +165,12 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def trend_json(life: Life | None, refused: Mapping[str, str], machine: Robot | Axis,
+def trend_json(life: Life, refused: Mapping[str, str], machine: Robot | Axis,
                sentence: str) -> dict[str, Any]:
     """Return `trend.json`."""
-    content: dict[str, Any] = {
-        'schema': 'par4/trend/1', 'sentence': sentence, 'bags': [], 'series': [], 'changes': [],
-        'odd': [], 'refused': [{'bag': bag, 'reason': reason} for bag, reason in refused.items()],
-        'false_alarms_per_bag': None}
-    if life is None:
-        return content
     dates = [date_of(life, index).isoformat(timespec='seconds') for index in range(len(life.bags))]
-    content.update({
-        'false_alarms_per_bag': life.chance,
+    return plain({
+        'schema': 'par4/trend/1', 'sentence': sentence,
         'bags': [{'bag': bag.bag, 'date': date, 'duration': bag.duration,
                   'values': {name: bag.values[:, index] for index, name in enumerate(bag.terms)},
                   'findings': bag.findings} for bag, date in zip(life.bags, dates)],
@@ -192,8 +186,9 @@ def trend_json(life: Life | None, refused: Mapping[str, str], machine: Robot | A
                      'series': [_happening_json(life, part) for part in event.happenings]}
                     for event in life.events],
         'odd': [{'bag': life.bags[index].bag, 'series': life.channels[number].name}
-                for index, number in life.odd]})
-    return plain(content)
+                for index, number in life.odd],
+        'refused': [{'bag': bag, 'reason': reason} for bag, reason in refused.items()],
+        'false_alarms_per_bag': life.chance})
 
 
 def _happening_json(life: Life, part: Happening) -> dict[str, Any]:
