@@ -31,9 +31,9 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
 NAMED_FROM = 0.99
-"""Probability from which a half is named."""
+"""Probability from which it is said which half plate carries the payload."""
 SEEN = 4.0
-"""Standard deviations that a mass must reach to be one."""
+"""Standard deviations from zero at which a mass is told from none."""
 LARGEST_SHARE = 0.1
 """Part of the payload on the other half, if it is beyond chance, above which both carry it."""
 

@@ -36,7 +36,7 @@ travels in that time at the speed beside it, from which the jump is no end of a 
 BESIDE = 0.2
 """Most that other joints travel, in the jump, while a joint rested before it slipped."""
 STOPPED = 3.0
-"""Counts a sample from which no drive stops a joint within a sample."""
+"""Encoder counts a sample: from a higher speed no drive stops a joint within a sample."""
 TRAVEL = 0.1
 """rad that other joints travel while a reading that stopped at once stands still."""
 LONG_TRAVEL = 0.4
@@ -53,13 +53,14 @@ RARE = 4.0
 AGREE = 0.3
 """Most by which the neighbours of a spike may differ, of its size."""
 FLAT, FLATS, FLAT_RUNS = 4, 20, 3
-"""Samples in a row at the largest value, in all, and times, that make a clipped torque."""
+"""A torque is clipped if it stays at its largest value for so many samples in a row, for so many in
+all, and so often."""
 MUTE, OUT_AND_BACK = 0.1, 0.2
-"""s for which a torque that is none stands still at least, and part of its way in
-the log that a joint goes out and back meanwhile: what turns round has friction and inertia."""
+"""A torque that stays exactly the same for so many seconds is not measured if its joint meanwhile
+goes out and back by so much of its range: turning round takes torque, for friction and inertia."""
 COPIED, APART = 1.0, 0.2
-"""s for which two torques are the same to the last bit, and part of its way that a joint meanwhile
-goes apart from the other, from which one is the copy of the other."""
+"""Of two torques that are equal to the last bit for so many seconds one is a copy, if the two
+joints meanwhile move apart by so much of the range of one."""
 
 
 @dataclass(frozen=True)
