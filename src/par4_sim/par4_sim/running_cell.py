@@ -21,9 +21,9 @@ from par4_kinematics.runner import run_by_this_process
 from par4_sim.cell import NodePart, Session, ToolPart, Value
 
 PATIENCE = 20.0
-"""Seconds that a part has to end in, before it is killed."""
+"""Seconds within which a part must end before it is killed."""
 ENDING = (signal.SIGINT, signal.SIGTERM)
-"""Held back while parts start: none may go on without being known here."""
+"""Signals that are held back while parts start, so that no part is left running unnoticed."""
 
 
 def executable_path(part: NodePart | ToolPart) -> str:

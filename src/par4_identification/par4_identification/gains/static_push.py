@@ -43,9 +43,10 @@ SETTLED = 2e-3
 """Travel (rad) since a joint turned back, behind which friction has its level: presliding of some
 tenths of it would otherwise go into the gain, as friction that grows with the push."""
 PRESSED = 0.05
-"""Of the largest force: below it the sensor is not loaded."""
+"""Part of the largest force below which the sensor counts as not loaded."""
 FEWEST = 10
-"""Rows: of a push to be used, and in each direction of a joint for its friction to cancel."""
+"""Fewest rows of a push that is used, and fewest rows in each direction of a joint for its
+friction to cancel."""
 LONGEST_GAP = 0.02
 """Seconds between force readings that are joined."""
 

@@ -41,13 +41,13 @@ from par4_sim.tracking.jerk_limit import jerk_limited
 from par4_sim.tracking.way import Profile, Way, joints_over_time
 
 POINTS = 1000
-"""Of the grid along a path."""
+"""Points of the grid along a path."""
 KNOTS = 150
-"""Of the spline through a path."""
+"""Knots of the spline through a path."""
 TURNS = 40
-"""Times that friction is taken anew at most."""
+"""Most times that friction is computed anew for the speeds of the timing before."""
 SETTLED = 1e-6
-"""Relative change of the time at which the turns end."""
+"""Relative change of the time below which friction is not computed anew."""
 AT_REST = 1e-6
 """Joint speed over its largest below which a motion rests."""
 
