@@ -126,6 +126,17 @@ def test_a_robot_refuses_the_load_of_an_axis():
         build_model(REFERENCE, model)
 
 
+@pytest.mark.parametrize(('kind', 'load', 'said'), [
+    ('linear', 'gravity_cosine', 'gravity_cosine is no load of a sliding axis'),
+    ('revolute', 'gravity_load', 'gravity_load is no load of a turning axis')])
+def test_an_axis_refuses_the_load_of_one_of_another_kind(kind, load, said):
+    model = ModelFile.model_validate({'schema': 'par4/model/1', 'parameters': {
+        name: {'value': 1.0} for name in (
+            'actuator_inertia', 'coulomb_friction', 'viscous_friction', load)}})
+    with pytest.raises(InputError, match=said):
+        build_model(axis(kind=kind), model)
+
+
 @pytest.fixture(scope='module')
 def pendulum():
     """Return the log of a servo that swings a weight."""
