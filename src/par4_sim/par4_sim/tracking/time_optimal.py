@@ -118,7 +118,8 @@ def fastest_along(robot: Robot, model: Model, motion: Motion, limits: PathLimits
         limits: to be kept.
 
     Raises:
-        InputError: the motion does not begin and end at rest, or no speed keeps the limits.
+        InputError: the motion does not begin and end at rest, or never moves; or no speed keeps the
+            limits.
     """
     known = replace(model, effects=tuple(
         active for active in model.effects if not active.effect.needs_nominal))
@@ -154,6 +155,8 @@ def motion_of(fastest: Fastest, robot: Robot, name: str, period: float = 1e-3) -
 def _stretches(motion: Motion) -> list[np.ndarray]:
     """Return the joint positions (m, 4) of each stretch between two rests of a motion."""
     speed = np.abs(motion.qd).max(axis=1)
+    if not speed.any():
+        raise InputError(f'motion {motion.name}: it rests throughout; give one that goes somewhere')
     still = speed <= AT_REST * speed.max()
     if not (still[0] and still[-1]):
         raise InputError(f'motion {motion.name}: it must begin and end at rest, found joint speeds '
