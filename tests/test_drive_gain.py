@@ -176,6 +176,8 @@ def test_readings_that_are_none_are_refused_in_one_line(tmp_path, content, messa
     assert '\n' not in str(refused.value)
     with pytest.raises(InputError, match='no such file'):
         read_force(tmp_path / 'none.csv')
+    with pytest.raises(InputError, match='cannot be read as text'):
+        read_force(tmp_path)
 
 
 def test_readings_may_begin_with_the_mark_of_a_spreadsheet(tmp_path):

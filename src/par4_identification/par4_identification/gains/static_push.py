@@ -81,7 +81,10 @@ def read_force(path: str | Path) -> ForceReadings:
         table = np.array(rows, dtype=float).reshape(len(rows), len(FORCE_COLUMNS))
     except FileNotFoundError:
         raise InputError(f'{path}: no such file; give the force readings of the bag') from None
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f'{path}: cannot be read as text ({error}); give the force readings of '
+                         f'the bag as a CSV') from error
+    except ValueError as error:
         raise InputError(f'{path}: expected four numbers in every row ({error}); mend the file'
                          ) from error
     if len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0.0).any():
