@@ -295,6 +295,26 @@ def test_the_end_of_a_goal_is_judged_by_what_the_robot_tells_of_it(following):
     assert ended.result().end == 'succeed'
 
 
+def test_a_goal_that_still_waits_for_listeners_can_be_stopped(following):
+    following._played, following._motion = None, following._goals._motion
+    following._stop_asked, following._missing = False, lambda _: 'subscribers of reference'
+    following.wall_clock = None
+    following.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=SECOND))
+    MotionNode._tick(following)
+    assert not following._goals._ended.done()
+    following._stop_asked = True
+    MotionNode._tick(following)
+    assert following._goals._ended.result().end == 'abort'
+
+
+def test_a_goal_cancelled_before_it_is_executed_is_stopped(following):
+    following._goals._ended = None
+    handle = Handle()
+    handle.is_cancel_requested = True
+    following._goals._execute(handle).send(None)
+    assert following.stopped == 1
+
+
 def test_a_goal_of_a_robot_that_tells_no_more_is_aborted(following):
     following._arrivals['joint_states'].age = 10.0
     MotionNode._look_for_end(following, following._played)

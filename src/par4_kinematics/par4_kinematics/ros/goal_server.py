@@ -141,6 +141,8 @@ class GoalServer:
         self._handle, self._broken, self._ended = handle, None, Future()
         assert self._motion is not None  # the judged one
         self._play(self._motion)
+        if handle.is_cancel_requested:  # before there was anything to stop
+            self._stop()
         outcome = await self._ended
         getattr(handle, outcome.end)()
         self._handle = self._motion = None

@@ -175,6 +175,10 @@ class MotionNode(Par4Node):
             if motion is None:
                 self._end_when_answered()
                 return
+            if self._stop_asked:  # before it began
+                self._braking = True
+                self._over(0)
+                return
             if self._waits_for or robot_at is None:
                 self.get_logger().info(f'waiting for {self._waits_for}', throttle_duration_sec=5.0,
                                        throttle_time_source_type=self.wall_clock)
@@ -303,8 +307,11 @@ class MotionNode(Par4Node):
         return 'braking on the path of the motion'
 
     def end(self) -> None:
-        """Brake on the path of the motion, then end; at once if it does not play yet."""
-        if self._played is None:
+        """Brake on the path of the motion, then end; at once if it does not play yet.
+
+        The client of a goal is told first.
+        """
+        if self._played is None and not (self._goals is not None and self._goals.unanswered):
             self.finished = True
         self._stop_asked = self._ending = True
 
