@@ -32,6 +32,7 @@ from blind_study import machine_name, outcomes_of
 from changed import COMPANY, KINDS, Change, Changed, drawn_machine
 from scipy.stats import binomtest
 
+from par4_dynamics.base_terms import FRICTION
 from par4_dynamics.model import build_model
 from par4_identification.changes.changes import (
     Changes,
@@ -42,7 +43,6 @@ from par4_identification.changes.changes import (
 from par4_identification.changes.explanation import Explanation
 from par4_identification.changes.joint_values import fitted_values, values_of_model
 from par4_identification.changes.readings import (
-    FRICTION,
     Added,
     FrictionFactor,
     GainFactor,

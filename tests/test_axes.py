@@ -43,6 +43,7 @@ from par4_identification.reports.outcome.diagnosis import (
     outcome_of_diagnosis,
     source_of_order,
 )
+from par4_identification.reports.outcome.identification import table_of_parameters
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.plateaus import plateaus_of
 from par4_identification.signals.rows import Conditioning, finer, runs_of_log
@@ -125,6 +126,17 @@ def test_a_robot_refuses_the_load_of_an_axis():
         build_model(REFERENCE, model)
 
 
+@pytest.mark.parametrize(('kind', 'load', 'said'), [
+    ('linear', 'gravity_cosine', 'gravity_cosine is no load of a sliding axis'),
+    ('revolute', 'gravity_load', 'gravity_load is no load of a turning axis')])
+def test_an_axis_refuses_the_load_of_one_of_another_kind(kind, load, said):
+    model = ModelFile.model_validate({'schema': 'par4/model/1', 'parameters': {
+        name: {'value': 1.0} for name in (
+            'actuator_inertia', 'coulomb_friction', 'viscous_friction', load)}})
+    with pytest.raises(InputError, match=said):
+        build_model(axis(kind=kind), model)
+
+
 @pytest.fixture(scope='module')
 def pendulum():
     """Return the log of a servo that swings a weight."""
@@ -140,6 +152,12 @@ def test_the_data_tell_whether_an_axis_hangs(pendulum):
     found = identify([pendulum], told, conditioning=conditioning)
     assert found.parameters['gravity_sine'].value == pytest.approx(PENDULUM.hanging, rel=0.02)
     assert abs(found.parameters['gravity_cosine'].value) < 0.01
+    weightless = build_model(axis(), found.model_file({}))
+    weightless = replace(weightless, values={name: value for name, value in
+                                             weightless.values.items() if 'gravity' not in name})
+    rows = {row.name: row for row in table_of_parameters(found, told, weightless)}
+    assert rows['gravity_sine'].true == 0.0
+    assert rows['actuator_inertia'].true == found.parameters['actuator_inertia'].value
     level = recorded(replace(PENDULUM, hanging=0.0), lambda t: 0.9 * np.sin(2.0 * t)
                      + 0.4 * np.sin(5.3 * t), 12.0, 500.0, noise=2e-3, stiffness=30.0)
     assert with_gravity_told(machine, [level], conditioning).gravity == 'none'

@@ -23,7 +23,7 @@ from hidden.physics import Torques
 from planned import evidence_of
 from searches import MODEL, cause, log_with
 
-from par4_dynamics.base_terms import BASE_TERMS
+from par4_dynamics.base_terms import BASE_TERMS, FRICTION
 from par4_dynamics.model import build_model
 from par4_identification.changes.changes import explained_change
 from par4_identification.changes.explanation import CHANCE, explained
@@ -34,7 +34,6 @@ from par4_identification.changes.joint_values import (
     values_of_model,
 )
 from par4_identification.changes.readings import (
-    FRICTION,
     Added,
     FrictionFactor,
     GainFactor,

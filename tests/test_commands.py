@@ -16,6 +16,7 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 from xml.etree import ElementTree
 
 import click
@@ -58,6 +59,7 @@ from par4_identification.reports.residual_plots import (
     signature,
 )
 from par4_identification.reports.time_plots import residual_over_time
+from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_text, written_atomically
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
@@ -152,6 +154,13 @@ def test_a_simulation_refuses_seeds_and_dates_that_there_are_not(options, words,
     assert done.code == 2
     assert words in done.err
     assert not (tmp_path / 'bag').exists()
+
+
+def test_a_simulation_is_closed_also_where_its_bag_cannot_be_written(tmp_path):
+    simulation = mock.Mock()
+    with pytest.raises(InputError, match='exists already'):
+        simulate_to_bag(simulation, named_motion('circle', REFERENCE), REFERENCE, tmp_path)
+    simulation.close.assert_called_once_with()
 
 
 def simulated(folder: Path, name: str, model, seed: int, duration: float = 6.0) -> Path:

@@ -16,6 +16,8 @@ from unittest import mock
 import launch_stand_in
 import numpy as np
 import pytest
+import rclpy
+from rclpy.node import Node
 
 from node_bench import HOME_Q, MODULES, torque_steps
 from par4_identification.logs.read_log import read_log
@@ -104,6 +106,22 @@ def test_a_namespace_has_a_clock_of_its_own_and_reaches_every_node():
             line = ' '.join(command_of(part, session))
             assert f'-r __ns:=/robot_a -r /clock:={clock}' in line
     assert not any('-r' in command_of(part, session_of('cell')) for part in session.nodes)
+
+
+@pytest.mark.parametrize('name', ['2026', 'true', '1e3', "Ann's", 'a: b', '[a', '~', 'a #b'])
+def test_texts_reach_a_node_as_texts(name):
+    session = session_of('recording', record=name)
+    part, = (part for part in session.nodes if part.executable == 'par4_record')
+    _, *arguments = command_of(part, session)
+    context = rclpy.Context()
+    rclpy.init(args=arguments, context=context)
+    try:
+        node = Node('node', context=context, automatically_declare_parameters_from_overrides=True)
+        assert node.get_parameter('output').value == name
+        assert node.get_parameter('use_sim_time').value is True
+        node.destroy_node()
+    finally:
+        context.try_shutdown()
 
 
 @pytest.mark.parametrize(('given', 'said'), [

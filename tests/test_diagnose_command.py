@@ -215,6 +215,17 @@ def test_unusable_data_leave_nothing_of_an_earlier_run(again, machine):
     assert 'extended_model.yaml' not in shown
 
 
+@pytest.mark.usefixtures('unrendered')
+def test_a_motion_that_no_diagnosis_proposed_stays(machine, tmp_path):
+    own = {'motion.yaml': 'designed here', 'motion.csv': 'a log of my own'}
+    for name, text in own.items():
+        (tmp_path / name).write_text(text)
+    for _ in range(2):  # the second finds a diagnosis without a proposal
+        done = run(diagnose, machine / 'rest', '--robot', 'reference', '--output', tmp_path)
+        assert done.code == 0, done.err
+        assert {name: (tmp_path / name).read_text() for name in own} == own
+
+
 @pytest.mark.usefixtures('small_library')
 def test_stopped_while_the_report_is_drawn_nothing_has_changed(again, machine, monkeypatch):
     def stopped(*_):

@@ -176,6 +176,16 @@ def test_readings_that_are_none_are_refused_in_one_line(tmp_path, content, messa
     assert '\n' not in str(refused.value)
     with pytest.raises(InputError, match='no such file'):
         read_force(tmp_path / 'none.csv')
+    with pytest.raises(InputError, match='cannot be read as text'):
+        read_force(tmp_path)
+
+
+def test_readings_may_begin_with_the_mark_of_a_spreadsheet(tmp_path):
+    path = tmp_path / 'force.csv'
+    path.write_text('t,fx,fy,fz\n0,1,2,3\n1,4,5,6\n', encoding='utf-8-sig')
+    readings = read_force(path)
+    np.testing.assert_array_equal(readings.t, (0.0, 1.0))
+    np.testing.assert_array_equal(readings.force, ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0)))
 
 
 def test_the_command_writes_gains_and_report(pushed, tmp_path):

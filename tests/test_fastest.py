@@ -179,6 +179,14 @@ def test_a_limit_that_does_not_hold_the_machine_is_named_with_joint_and_place():
         fastest_along(REFERENCE, MACHINE, moving, PathLimits(LIMIT))
 
 
+def test_a_motion_that_never_moves_has_no_fastest_cycle():
+    still = adept_motion(REFERENCE)
+    still = replace(still, q=np.repeat(still.q[:1], len(still.t), axis=0), qd=0.0 * still.qd,
+                    qdd=0.0 * still.qdd)
+    with pytest.raises(InputError, match='rests throughout'):
+        fastest_along(REFERENCE, read_model('table1', REFERENCE), still, PathLimits(200.0))
+
+
 def test_twenty_g_within_half_a_millimetre_and_two_hundred_newton_metres(shortest):
     found = fastest_case(Plan(REFERENCE, MACHINE, SMOOTH), 'loops', 'exact', MACHINE,
                          shortest.bound)

@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import binary_dilation
 from scipy.signal import butter, sosfiltfilt
 
-from par4_identification.signals import rows
+from par4_identification.logs.masks import near
 from par4_identification.signals.filtering import low_pass
 
 PERIOD = 1e-3
@@ -52,9 +52,9 @@ def test_low_pass_leaves_its_input_alone():
 
 
 @pytest.mark.parametrize('reach', [0, 1, 23, 400])
-def test_within_widens_a_mask_to_both_sides(reach):
+def test_near_widens_a_mask_to_both_sides(reach):
     random = np.random.default_rng(reach)
     for share in (0.0, 0.001, 0.05, 1.0):
         mask = random.random((300, 2)) < share
         wanted = binary_dilation(mask, np.ones((2 * reach + 1, 1), dtype=bool))
-        np.testing.assert_array_equal(rows._within(reach, mask), wanted)
+        np.testing.assert_array_equal(near(mask, reach), wanted)

@@ -75,6 +75,7 @@ def test_velocities_and_accelerations_are_kept_where_they_are_given():
     (((0.4, 0.4), (MIDDLE_Q, AWAY_Q)), 'must be 0 or more and increase'),
     (((-1.0, 0.4), (MIDDLE_Q, AWAY_Q)), 'must be 0 or more and increase'),
     (((0.4,), (AWAY_Q,), np.ones((1, 4))), 'it ends in motion'),
+    (((0.0, 0.4), (HOME_Q, AWAY_Q), np.array((np.ones(4), np.zeros(4)))), 'it begins in motion'),
     (((0.4,), (AWAY_Q,), None, np.zeros((1, 4))), 'accelerations without velocities'),
     (((0.4,), (np.full(4, 1.7),)), 'z of D'),
     (((0.02,), (AWAY_Q,)), 'joint speed'),
@@ -236,6 +237,12 @@ def test_goals_are_followed_cancelled_and_held_to_their_tolerances(bench, server
     write_time(dated.trajectory.header.stamp, SECOND)
     assert [server.send(item) for item in (unknown, dated, goal(np.full(4, 1.7)))] == [None] * 3
 
+    last = server.send(goal(HOME_Q, seconds=8.0))
+    bench.wait(lambda: len(last.feedback) > 3, 'feedback of the last goal')
+    server.node.end()
+    bench.wait(last.task.done, 'the end of the goal of a node that ends')
+    assert (last.end, last.task.result().error_code) == ('aborted', -1)
+
 
 def played(motion: Motion) -> Played:
     """Return a motion that starts at 1 s and of which a second has been sent."""
@@ -286,6 +293,26 @@ def test_the_end_of_a_goal_is_judged_by_what_the_robot_tells_of_it(following):
     MotionNode._on_joint_state(following, joint_state(AWAY_Q, end_ns + 1))
     MotionNode._look_for_end(following, following._played)
     assert ended.result().end == 'succeed'
+
+
+def test_a_goal_that_still_waits_for_listeners_can_be_stopped(following):
+    following._played, following._motion = None, following._goals._motion
+    following._stop_asked, following._missing = False, lambda _: 'subscribers of reference'
+    following.wall_clock = None
+    following.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=SECOND))
+    MotionNode._tick(following)
+    assert not following._goals._ended.done()
+    following._stop_asked = True
+    MotionNode._tick(following)
+    assert following._goals._ended.result().end == 'abort'
+
+
+def test_a_goal_cancelled_before_it_is_executed_is_stopped(following):
+    following._goals._ended = None
+    handle = Handle()
+    handle.is_cancel_requested = True
+    following._goals._execute(handle).send(None)
+    assert following.stopped == 1
 
 
 def test_a_goal_of_a_robot_that_tells_no_more_is_aborted(following):

@@ -760,6 +760,10 @@ def test_the_recorder_stops_and_starts_on_request(bench):
     recorded.publish(50)
     recorded.settle()
     assert bench.call('par4_record/start').success
+    recorded.diagnostics.clear()
+    bench.wait(lambda: any(status.message.startswith('waiting for joint_states') for status in
+                           bench.statuses(recorded.diagnostics, 'par4_record')),
+               'a recorder that knows of no message of the bag before')
     between = recorded.published
     recorded.publish(50)
     recorded.settle()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import itertools
 import subprocess
 import sys
-from threading import Thread
+from threading import Event, Thread
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -162,6 +163,30 @@ def test_a_loop_that_has_ended_takes_no_orders(monkeypatch):
     monkeypatch.setattr('par4_sim.ros.physics_loop.PATIENCE', 0.01)
     with pytest.raises(InputError, match='the simulation has ended'):
         Run().loop.restart()
+
+
+def test_an_order_that_a_busy_loop_does_not_take_in_time_is_withdrawn(monkeypatch):
+    monkeypatch.setattr('par4_sim.ros.physics_loop.PATIENCE', 0.01)
+    loop, entered, free, ends = Run().loop, Event(), Event(), iter((False, False, True))
+
+    def finished() -> bool:
+        entered.set()
+        free.wait(10.0)
+        return next(ends)
+
+    thread = Thread(target=loop.run, args=(finished,))
+    thread.start()
+    entered.wait(10.0)
+    with pytest.raises(InputError, match='busy and nothing was changed'):
+        loop.pause()
+    other = mock.Mock()
+    with pytest.raises(InputError, match='busy and nothing was changed'):
+        loop.restart(other)
+    other.close.assert_called_once_with()
+    free.set()
+    thread.join(10.0)
+    assert not loop.paused
+    other.reset.assert_not_called()
 
 
 def test_too_far_from_its_reference_the_machine_brakes_and_takes_no_more_until_a_restart():

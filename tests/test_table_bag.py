@@ -355,6 +355,17 @@ def test_files_must_follow_each_other_and_a_bag_is_never_replaced(tool, tmp_path
     assert 'exists already' in told.err
 
 
+@pytest.mark.parametrize('order', [('full', 'empty'), ('empty', 'full')])
+def test_a_file_whose_columns_are_empty_is_named(order, tool, tmp_path):
+    for name, count in (('full', COUNT), ('empty', 0)):
+        np.savez(tmp_path / f'{name}.npz', t=T[:count], q=Q[:count], qd=QD[:count],
+                 tau=TAU[:count])
+    told = tool(*(tmp_path / f'{name}.npz' for name in order), '--columns', COLUMNS, '--joints',
+                'a', '--output', tmp_path / 'bag')
+    assert told.code == 2
+    assert told.err == f'error: {tmp_path / "empty.npz"}: its columns are empty; leave it out\n'
+
+
 def test_a_bag_goes_where_a_link_leads(tool, tmp_path):
     path = csv(tmp_path / 'log.csv', t=T, q=Q, qd=QD, tau=TAU)
     (tmp_path / 'link').symlink_to(tmp_path / 'elsewhere' / 'bag')

@@ -12,10 +12,12 @@ from browser import check_in_browser
 from test_commands import checked_page, run
 from year import NAMES, YEAR, drawn_year
 
+from par4_dynamics.base_terms import base_terms
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
 from par4_dynamics.parameters import Parameter
+from par4_dynamics.state import GRAVITY, State
 from par4_identification.commands import trend
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR
@@ -30,9 +32,11 @@ from par4_identification.trend.bag_values import (
 )
 from par4_identification.trend.channels import channels_of
 from par4_identification.trend.course import course_of
+from par4_identification.trend.kept import FOLDER, Kept
 from par4_identification.trend.life import FALSE_ALARMS, life_of
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
+from par4_kinematics.robot import Axis
 from par4_sim.offline import SECOND, simulate_to_bag
 from par4_sim.simulation import build_simulation
 from robots import REFERENCE
@@ -40,6 +44,7 @@ from robots import REFERENCE
 STD = np.array([2e-4, 8e-4, 8e-4, 3e-3, 3e-3, 2e-3])
 """Of the parameters of a joint, about those of a bag of 20 s."""
 COVARIANCE = np.diag(np.tile(STD ** 2, 4))
+DAY_NS = 86_400 * SECOND
 SECONDS = 1_772_000_000
 """25 February 2026."""
 
@@ -124,6 +129,26 @@ def test_weather_moves_what_is_common_and_wear_what_is_one_joints():
     assert jump[2] == pytest.approx(1.2)
     assert [jump[joint] for joint in (0, 1, 3)] == pytest.approx([1.0] * 3, abs=1e-9)
     assert np.ptp(found['viscous_friction']) > 0.05  # the seasons
+
+
+@pytest.mark.parametrize(('kind', 'before', 'added', 'told'), [
+    ('revolute', (3.0, 0.5), (1.0, 1.0 / 6.0), 'the load that hangs on the joint a third larger'),
+    ('linear', (50.0,), (GRAVITY,), 'a payload of 1.0 kg on the joint')])
+def test_the_load_of_an_axis_that_lifts_it_is_followed(kind, before, added, told):
+    axis = Axis(schema='par4/axis/1', name='lift', joint='the joint', kind=kind, gain=1.0,
+                gravity='vertical')
+    terms = base_terms(State(*np.zeros((4, 1, 1)), hanging=axis.hanging))
+    old = np.array((2.0, 3.0, 4.0, *before))
+    new = old + np.array((float(kind == 'linear'), 0.0, 0.0, *added))  # a mass is moved, too
+    std = np.full(len(terms), 1e-3)
+    bags = [BagValues(str(number), EARLIEST + number * 7 * DAY_NS, 20.0,
+                      tuple(term.name for term in terms),
+                      noisy(new if number >= 6 else old, number, std)[None], np.diag(std ** 2))
+            for number in range(12)]
+    life = life_of(bags)
+    event, = life.events
+    assert event.index == 6
+    assert outcome_of_life(life, {}, axis).sentence == f'On 12 February {told}.'
 
 
 def test_a_year_is_told():
@@ -220,6 +245,16 @@ def test_a_payload_is_dated_and_bad_bags_are_said_one_by_one(bags, tmp_path, mon
     again = json.loads((output / 'trend.json').read_text(encoding='utf-8'))
     assert again['changes'] == result['changes']
     assert again['refused'] == []
+
+
+def test_what_was_kept_of_a_bag_and_is_damaged_counts_as_not_kept(tmp_path):
+    kept = Kept(tmp_path, REFERENCE, None, None)
+    assert kept.read('bag') is None
+    kept.write('bag', {'stamp': 1})
+    assert kept.read('bag') == {'stamp': 1}
+    for damage in (b'{"stamp"', b'\xff\x00'):
+        (tmp_path / FOLDER / 'bag.json').write_bytes(damage)
+        assert kept.read('bag') is None
 
 
 def with_effects(model_file, **effects):

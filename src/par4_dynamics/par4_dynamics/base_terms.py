@@ -45,6 +45,12 @@ BASE_TERMS = (
     BaseTerm('viscous_friction', 'N m s/rad', 'f_v', False),
 )
 """In the order of (23)."""
+INERTIA = 'actuator_inertia'
+"""The base parameter that accelerations alone show."""
+PLATFORM_MASSES = ('platform_mass_1', 'platform_mass_2')
+"""Base parameters of the one platform, which no joint can have of its own."""
+FRICTION = ('coulomb_friction', 'viscous_friction')
+"""Base parameters that are no bodies."""
 
 HANGING_TERMS: Mapping[Hanging, tuple[BaseTerm, ...]] = {
     'turning': (BaseTerm('gravity_sine', 'N m', 'a', False, False),
@@ -55,6 +61,8 @@ slides (its unit is then N)."""
 AXIS_TERMS = (*(term for term in BASE_TERMS if not term.needs_platform),
               *HANGING_TERMS['turning'], *HANGING_TERMS['sliding'])
 """All terms that a single axis may have."""
+TERMS: Mapping[str, BaseTerm] = {term.name: term for term in (*BASE_TERMS, *AXIS_TERMS)}
+"""All terms of robots and axes, by name."""
 
 UNMODELLED = COLUMNS[len(BASE_TERMS):]
 """Parameters of the full mechanism that (20) leaves out, in the order of their columns."""

@@ -11,7 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from par4_dynamics.base_terms import AXIS_TERMS, BASE_TERMS, torque_of_values, values_of_bodies
+from par4_dynamics.base_terms import (
+    AXIS_TERMS,
+    BASE_TERMS,
+    FRICTION,
+    HANGING_TERMS,
+    PLATFORM_MASSES,
+    BaseTerm,
+    torque_of_values,
+    values_of_bodies,
+)
 from par4_dynamics.effects.catalogue import CATALOGUE, effect_named
 from par4_dynamics.effects.effect import Effect, EffectParameter
 from par4_dynamics.mechanism import LumpedBodies, physical_bodies
@@ -28,10 +37,7 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.files import quoted
 from par4_kinematics.geometry import LEGS, Geometry
 from par4_kinematics.machine_units import spelled_alike, unit_on
-from par4_kinematics.robot import Axis, Bodies, Robot
-
-FRICTION = ('coulomb_friction', 'viscous_friction')
-"""Base parameters that are no bodies."""
+from par4_kinematics.robot import Axis, Bodies, Hanging, Robot
 
 
 @dataclass(frozen=True)
@@ -179,7 +185,7 @@ class Model:
         Raises:
             InputError: platform masses that differ between joints.
         """
-        for name in ('platform_mass_1', 'platform_mass_2'):
+        for name in PLATFORM_MASSES:
             if np.ptp(self.values[name]) > 0:
                 raise InputError(f'{name}: one number for the machine, found '
                                  f'{self.values[name].tolist()}')
@@ -203,16 +209,13 @@ def build_model(machine: Robot | Axis, model_file: ModelFile,
 
     Raises:
         InputError: a parameter that is missing, in another unit than its own or has the wrong
-            number of values, an unknown effect, or masses that make a body negative.
+            number of values, the load of another kind of axis, an unknown effect, or masses that
+            make a body negative.
     """
     joints = len(machine.joint_names)
     is_robot = isinstance(machine, Robot)
     wanted = [term for term in BASE_TERMS if is_robot or not term.needs_platform]
-    hung = [term for term in AXIS_TERMS
-            if term not in BASE_TERMS and term.name in model_file.parameters]
-    if is_robot and hung:
-        raise InputError(f'model for {machine.name}: {hung[0].name} is of a single axis; a robot '
-                         f'has arm_gravity and its platform masses')
+    hung = _hanging_terms(machine, model_file)
     missing = [term.name for term in wanted if term.name not in model_file.parameters]
     if missing:
         raise InputError(f'model for {machine.name}: missing parameters {", ".join(missing)}; '
@@ -233,6 +236,28 @@ def build_model(machine: Robot | Axis, model_file: ModelFile,
     if isinstance(machine, Robot) and model.rigid_body == 'full':
         physical_bodies(machine.geometry, model.lumped_bodies(), bodies.rod_mass, bodies.bar_mass)
     return model
+
+
+def _hanging_terms(machine: Robot | Axis, model_file: ModelFile) -> list[BaseTerm]:
+    """Return the terms of `model_file` by which gravity loads a single axis.
+
+    Raises:
+        InputError: of a robot, which has others, or of an axis that does not turn or slide so.
+    """
+    hung = [term for term in AXIS_TERMS
+            if term not in BASE_TERMS and term.name in model_file.parameters]
+    if isinstance(machine, Robot):
+        if hung:
+            raise InputError(f'model for {machine.name}: {hung[0].name} is of a single axis; a '
+                             f'robot has arm_gravity and its platform masses')
+        return hung
+    kind: Hanging = 'turning' if machine.kind == 'revolute' else 'sliding'
+    own = HANGING_TERMS[kind]
+    for term in hung:
+        if term not in own:
+            raise InputError(f'model for {machine.name}: {term.name} is no load of a {kind} axis; '
+                             f'it has {", ".join(term.name for term in own)}')
+    return hung
 
 
 def _own_unit(name: str, found: str, units: Sequence[str], machine: Robot | Axis) -> str:

@@ -21,9 +21,9 @@ HOME = (0.0, 0.0, -0.78, 0.0)
 """Default pose X = (x, y, z, theta) of D, m and rad."""
 
 LONGEST = 10.0
-"""Of any length of a machine of this kind, m: some have arms of one metre."""
+"""Longest dimension of a machine of this kind, m: some have arms of one metre."""
 WIDEST = 4.0 * math.pi
-"""Of any angle that a file gives, rad: two turns."""
+"""Largest angle that a file may give, rad: two turns."""
 
 
 def _in_metres(value: float) -> float:

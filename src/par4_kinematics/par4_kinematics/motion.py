@@ -17,7 +17,7 @@ from par4_kinematics.robot import Robot
 from par4_kinematics.time_laws import SCurve, require_positive
 
 MAX_SAMPLES = 2_000_000
-"""Of one motion: half an hour at 1 kHz, 400 MB."""
+"""Most samples of one motion: half an hour at 1 kHz, 400 MB."""
 
 
 @dataclass(frozen=True)

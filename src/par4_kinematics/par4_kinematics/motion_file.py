@@ -44,17 +44,20 @@ RECIPES: dict[str, Callable[..., Motion]] = {
 NAMED_MOTIONS = ('adept', 'excitation', 'circle')
 
 LARGEST = 1e12
-"""Of any time, position, speed or acceleration in SI units; the square of more may be infinite."""
+"""Largest time, position, speed or acceleration in SI units; the squares of larger ones may
+overflow."""
 SHORTEST_PERIOD = 1e-9
 """Seconds from sample to sample; stamps resolve no less."""
 TIME_TOLERANCE = 0.01
-"""Of a period, by which a time may differ from even spacing."""
+"""Part of a period by which a time may differ from even spacing."""
 SPEED_TOLERANCE = 0.1
-"""Of a column's highest speed, by which it may differ from the derivative of the position."""
+"""Part of a column's highest speed by which the speed may differ from the derivative of the
+position."""
 ACCELERATION_TOLERANCE = 0.3
-"""Of a column's rms acceleration, likewise in rms: accelerations may jump between samples."""
+"""Part of a column's rms acceleration by which the acceleration may differ, in rms, from the
+derivative of the speed: accelerations may jump between samples."""
 ROUNDING = 1e-6
-"""By which a position or speed may be rounded in a file."""
+"""Rounding of a position or speed in a file that is let pass, SI units."""
 
 
 class MotionFile(FileModel):

@@ -33,8 +33,8 @@ def splined_motion(name: str, robot: Robot, q_now: ArrayLike, t: ArrayLike, q: A
         period: of the samples, s.
 
     Raises:
-        InputError: times that do not increase, a first point elsewhere, accelerations without
-            velocities, an end in motion, or limits that the way breaks.
+        InputError: times that do not increase, a first point elsewhere or in motion, accelerations
+            without velocities, an end in motion, or limits that the way breaks.
         UnreachableError: the mechanism does not close on the way.
     """
     start = np.asarray(q_now, dtype=float)
@@ -51,6 +51,9 @@ def splined_motion(name: str, robot: Robot, q_now: ArrayLike, t: ArrayLike, q: A
         if apart > STARTS_AT:
             raise InputError(f'{name}: it begins {apart:.3g} rad from where the robot stands, at '
                              f'most {STARTS_AT:g} rad are allowed; begin there, or later than 0 s')
+        if len(columns) > 1 and np.abs(columns[1][0]).max() > 0.0:
+            raise InputError(f'{name}: it begins in motion, and the robot rests; send a first '
+                             f'point at rest, or begin later than 0 s')
     else:
         knots = np.concatenate(([0.0], knots))
         columns = [np.vstack((start if order == 0 else np.zeros(4), part))

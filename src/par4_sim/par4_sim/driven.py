@@ -29,7 +29,7 @@ COMPILED = (HeldLoad, ForcePlate)
 NO_LOADS: tuple[Any, ...] = (
     np.empty((0, LEGS)), 1.0, np.empty(0), np.empty(0), np.empty(0), np.array(HOME)[None],
     np.empty((0, 2)), np.zeros(1, dtype=np.int64))
-"""What `_packed_loads` returns where there are none."""
+"""What `_packed_loads` returns where there are no loads."""
 RIGID = np.empty((4, 0)), np.empty((0, 0)), np.empty((0, 0)), 0.0, 1
 """In the place of `ElasticPlant.kernel_state` where there are no springs."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: 
     """Write the bag of a motion and return the simulation's counts.
 
     Args:
-        simulation: at rest at home; this function closes it.
+        simulation: at rest at home; this function closes it, also where it raises.
         motion: that the drives follow. If it begins elsewhere, an approach from home comes first.
         robot: for the limits of the approach.
         path: of the bag, which must not exist; it appears only when complete.
@@ -52,38 +53,49 @@ def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: 
         InputError: the path exists, or the approach leaves the limits.
         UnreachableError: the drives moved the machine out of its workspace.
     """
-    if Path(path).exists():
-        raise InputError(f'{path}: exists already; give another path or remove it')
-    motion = with_approach(motion, robot, simulation.q)
-    start = simulation.time + DWELL
-    tau = None if feedforward is None else feedforward.torque(
-        state_of_joints(robot.geometry, motion.t, motion.q, motion.qd, motion.qdd))
-    simulation.queue_reference(start + motion.t, motion.q, motion.qd, motion.qdd)
-    if tau is not None:
-        simulation.queue_effort(start + motion.t, tau)
-    samples = round((motion.duration + 2.0 * DWELL) / simulation.sample_period)
-    with written_atomically(path) as scratch, BagWriter(scratch, storage, path) as bag:
-        chunk = max(1, round(CHUNK / motion.period))
-        for first in range(0, len(motion.t), chunk):
-            part = slice(first, first + chunk)
-            stamp = began + round((start + motion.t[first]) * SECOND)
-            after = np.round((motion.t[part] - motion.t[first]) * SECOND).astype(np.int64)
-            # on the bag's clock each chunk is there half a second ahead of its first point
-            received = max(1, stamp - SECOND // 2)
-            points = (after, motion.q[part], motion.qd[part], motion.qdd[part])
-            bag.write_trajectory(f'/{REFERENCE.name}', stamp, JOINT_NAMES, *points,
-                                 received=received)
-            if tau is not None:
-                bag.write_trajectory(f'/{FEEDFORWARD_TORQUE.name}', stamp, JOINT_NAMES, *points,
-                                     effort=tau[part], received=received)
-        for done in range(0, samples, AT_A_TIME):
-            told = simulation.next_samples(min(AT_A_TIME, samples - done))
-            for row, stamp in enumerate((began + told.time_ns).tolist()):
-                bag.write_joint_state(f'/{JOINT_STATES.name}', stamp, JOINT_NAMES, told.q[row],
-                                      told.qd[row], told.effort[row])
-                bag.write_joint_state(f'/{AMPLIFIER_VOLTAGE.name}', stamp, JOINT_NAMES,
-                                      effort=told.voltage[row])
-            if progress:
-                progress(done / samples)
-    simulation.close()
+    with closing(simulation):
+        if Path(path).exists():
+            raise InputError(f'{path}: exists already; give another path or remove it')
+        motion = with_approach(motion, robot, simulation.q)
+        start = simulation.time + DWELL
+        tau = None if feedforward is None else feedforward.torque(
+            state_of_joints(robot.geometry, motion.t, motion.q, motion.qd, motion.qdd))
+        simulation.queue_reference(start + motion.t, motion.q, motion.qd, motion.qdd)
+        if tau is not None:
+            simulation.queue_effort(start + motion.t, tau)
+        samples = round((motion.duration + 2.0 * DWELL) / simulation.sample_period)
+        with written_atomically(path) as scratch, BagWriter(scratch, storage, path) as bag:
+            _write_references(bag, motion, tau, start, began)
+            _write_samples(bag, simulation, samples, began, progress)
     return simulation.counts
+
+
+def _write_references(bag: BagWriter, motion: Motion, tau: np.ndarray | None, start: float,
+                      began: int) -> None:
+    """Write the points of a motion that begins at `start`, s, and their torques (n, 4), N m."""
+    chunk = max(1, round(CHUNK / motion.period))
+    for first in range(0, len(motion.t), chunk):
+        part = slice(first, first + chunk)
+        stamp = began + round((start + motion.t[first]) * SECOND)
+        after = np.round((motion.t[part] - motion.t[first]) * SECOND).astype(np.int64)
+        # on the bag's clock each chunk is there half a second ahead of its first point
+        received = max(1, stamp - SECOND // 2)
+        points = (after, motion.q[part], motion.qd[part], motion.qdd[part])
+        bag.write_trajectory(f'/{REFERENCE.name}', stamp, JOINT_NAMES, *points, received=received)
+        if tau is not None:
+            bag.write_trajectory(f'/{FEEDFORWARD_TORQUE.name}', stamp, JOINT_NAMES, *points,
+                                 effort=tau[part], received=received)
+
+
+def _write_samples(bag: BagWriter, simulation: Simulation, samples: int, began: int,
+                   progress: Callable[[float], object] | None) -> None:
+    """Simulate so many samples and write them."""
+    for done in range(0, samples, AT_A_TIME):
+        told = simulation.next_samples(min(AT_A_TIME, samples - done))
+        for row, stamp in enumerate((began + told.time_ns).tolist()):
+            bag.write_joint_state(f'/{JOINT_STATES.name}', stamp, JOINT_NAMES, told.q[row],
+                                  told.qd[row], told.effort[row])
+            bag.write_joint_state(f'/{AMPLIFIER_VOLTAGE.name}', stamp, JOINT_NAMES,
+                                  effort=told.voltage[row])
+        if progress:
+            progress(done / samples)

@@ -21,9 +21,9 @@ from par4_kinematics.runner import run_by_this_process
 from par4_sim.cell import NodePart, Session, ToolPart, Value
 
 PATIENCE = 20.0
-"""Seconds that a part has to end in, before it is killed."""
+"""Seconds within which a part must end before it is killed."""
 ENDING = (signal.SIGINT, signal.SIGTERM)
-"""Held back while parts start: none may go on without being known here."""
+"""Signals that are held back while parts start, so that no part is left running unnoticed."""
 
 
 def executable_path(part: NodePart | ToolPart) -> str:
@@ -47,7 +47,7 @@ def command_of(part: NodePart, session: Session) -> list[str]:
     """Return the command line of a node of a session."""
     line = [executable_path(part), '--ros-args']
     for name, value in part.parameters.items():
-        if value != '':  # ROS takes no empty value on a command line
+        if value != '':  # the node has a default
             line += ['-p', f'{name}:={_written(value)}']
     if session.namespace:
         line += ['-r', f'__ns:=/{session.namespace}']
@@ -57,6 +57,9 @@ def command_of(part: NodePart, session: Session) -> list[str]:
 
 
 def _written(value: Value) -> str:
+    """Return a value in YAML, as which ROS reads it: without quotes the bag `2026` is a number."""
+    if isinstance(value, str):
+        return "'" + value.replace("'", "''") + "'"
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, fields, replace
-from typing import Generic, Literal, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -32,10 +32,8 @@ from par4_sim.reference_curve import STILL, ReferenceLimits
 from par4_sim.reference_points import ReferencePoints
 from par4_sim.sensors import Sensors
 
-Fidelity = Literal['accurate', 'fast', 'exact']
 RESTING = 0.05
 """Joint speed below which a machine that holds its place counts as resting, rad/s."""
-
 
 Time = TypeVar('Time', int, np.ndarray)
 

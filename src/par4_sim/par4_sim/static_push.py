@@ -28,7 +28,7 @@ FORCE_COLUMNS = ('t', 'fx', 'fy', 'fz')
 HOVER = 2e-3
 """Height over the plate from which pushes begin, m."""
 SPEED = 6e-3
-"""Of D during pushes, m/s: acceleration and viscous friction are negligible."""
+"""Speed of D during pushes, m/s: acceleration and viscous friction are negligible."""
 
 
 def push_poses(robot: Robot, height: float | None = None) -> np.ndarray:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from par4_dynamics.base_terms import BaseTerm
+from par4_dynamics.base_terms import INERTIA, BaseTerm
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile, RigidBody
 from par4_identification.changes.explanation import Explanation, Read, explained
@@ -29,7 +29,7 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.verdict.answer import Diagnosis
-from par4_identification.fitting.identification import INERTIA, identify_runs
+from par4_identification.fitting.identification import identify_runs
 from par4_identification.logs.log import Log
 from par4_identification.signals.rows import Conditioning, Run, runs_of_logs
 from par4_kinematics.robot import Axis, Robot

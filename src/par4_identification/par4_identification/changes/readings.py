@@ -8,16 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.base_terms import HANGING_TERMS, BaseTerm
-from par4_identification.gains.known_payload import PLATFORM
+from par4_dynamics.base_terms import (
+    FRICTION,
+    HANGING_TERMS,
+    INERTIA,
+    PLATFORM_MASSES,
+    BaseTerm,
+)
+from par4_dynamics.state import GRAVITY
 
 TURNING, SLIDING = (tuple(term.name for term in HANGING_TERMS[hanging])
                     for hanging in ('turning', 'sliding'))
 """What a load that hangs on an axis does to it."""
-INERTIA = 'actuator_inertia'
-GRAVITY = 9.81
-"""m/s2."""
-FRICTION = ('coulomb_friction', 'viscous_friction')
 SCALE = 'torque_scale'
 """Name of the factor between recorded torque and that of the model."""
 
@@ -206,8 +208,8 @@ def mass_on_lever(moment: float, inertia: float) -> tuple[float, float]:
 
 def readings_of(terms: Sequence[BaseTerm], joints: int) -> tuple[Reading, ...]:
     """Return all readings; of two that are one, as friction of a single joint, one only."""
-    platform = [name for name in PLATFORM if name in {term.name for term in terms}]
-    own = [term.name for term in terms if term.name not in (*PLATFORM, *FRICTION)]
+    platform = [name for name in PLATFORM_MASSES if name in {term.name for term in terms}]
+    own = [term.name for term in terms if term.name not in (*PLATFORM_MASSES, *FRICTION)]
     each = range(joints) if joints > 1 else ()
     found: list[Reading] = [Added(None, name) for name in (*platform, *own)]
     names = {term.name for term in terms}

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_dynamics.model import FRICTION, Model
+from par4_dynamics.base_terms import FRICTION
+from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints
 from par4_identification.logs.log import Reference
 from par4_kinematics.approach import with_approach

@@ -34,11 +34,6 @@ class BiasTest:
     freedom: int
     p_value: float
 
-    @property
-    def significance(self) -> np.ndarray:
-        """Difference over its standard deviation, (p,)."""
-        return self.difference / np.maximum(self.std, 1e-300)
-
 
 def bias_test(difference: np.ndarray, influences: Sequence[np.ndarray], own_std: np.ndarray
               ) -> BiasTest:

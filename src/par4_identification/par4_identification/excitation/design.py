@@ -27,15 +27,16 @@ from par4_kinematics.robot import Robot
 from par4_kinematics.workspace import home_pose
 
 FASTEST_HARMONIC = 0.5
-"""Of the cut-off of identification's torque filter."""
+"""Highest frequency of the fast path, over the cut-off of identification's torque filter."""
 BASE_SHARE = 0.4
 """Base frequency of the fast path over that at which one harmonic meets speed and acceleration."""
 PHASES = 48
 """Points of a path at which it may be entered or left."""
 SHRINK = 0.97
-"""Of paths and transitions that exceed a limit after all: between samples, or by effects."""
+"""Factor by which paths and transitions shrink that exceed a limit after all: between samples, or
+because of effects of the model."""
 SMALLEST = 0.3
-"""Share of the optimised path below which the limits are called impossible."""
+"""Share of the size of the optimised path below which the limits are refused as impossible."""
 
 
 @dataclass(frozen=True)

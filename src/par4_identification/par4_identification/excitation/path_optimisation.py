@@ -28,19 +28,19 @@ from par4_identification.signals.rows import Conditioning
 from par4_kinematics.geometry import Geometry
 
 SAMPLES_PER_HARMONIC = 24
-"""Of the highest harmonic, at which a path is judged."""
+"""Samples in a period of the highest harmonic at which a path is judged."""
 CONDITION_WEIGHT = 0.3
-"""Of log cond beside log det."""
+"""Weight of log cond beside log det."""
 ROUGH_PENALTY, PENALTY = 1.0, 30.0
 """Weights of squared excesses: of the first optimisation from each start and of the second."""
 ROUGH_ITERATIONS, ITERATIONS = 60, 200
-"""Of the two, at most."""
+"""Most iterations of the first optimisation from each start and of the second."""
 REFINED = 3
-"""One start in so many, the best, is optimised further."""
+"""One in so many of the starts, the best ones, is optimised further."""
 START_SPREAD = 0.6
 """Standard deviation of random coefficients of harmonic k over 1 / k of what it may have alone."""
 DIFFERENCE = 1e-5
-"""Of the differences, over the size of the number that is varied."""
+"""Step of the finite differences, over the size of the number that is varied."""
 
 
 @dataclass(frozen=True)

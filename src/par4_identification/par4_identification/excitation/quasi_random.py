@@ -10,7 +10,7 @@ from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 
 SLOWER = 0.95
-"""Of speed and acceleration, until the torque is kept."""
+"""Factor by which speed and acceleration are lowered until the torque keeps its limit."""
 TRIALS = 80
 
 

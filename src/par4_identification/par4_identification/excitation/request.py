@@ -10,9 +10,9 @@ from par4_kinematics.time_laws import require_positive
 MAX_HARMONICS = 12
 FEWEST_PERIODS = 2
 SLOW_PERIOD = 4.0
-"""s, about, where no number of slow periods is asked for."""
+"""Approximate length of a slow period, s, where no number of slow periods is asked for."""
 ACCELERATION = 100.0
-"""m/s2, where nothing else is asked, as for the quasi-random excitation."""
+"""Default limit of acceleration, m/s2, that of the quasi-random excitation."""
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from par4_identification.excitation.motion_limits import MotionLimits
 from par4_kinematics.geometry import Geometry
 
 DURATIONS = np.round(np.geomspace(0.04, 4.0, 60), 3)
-"""Tried, s."""
+"""Durations of a transition that are tried, s."""
 SAMPLES = 40
-"""Of a transition, at which limits are checked in the search."""
+"""Samples of a transition at which the search checks limits."""
 _POWERS = np.arange(6)
 
 

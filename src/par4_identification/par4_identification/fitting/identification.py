@@ -10,6 +10,8 @@ import numpy as np
 
 from par4_dynamics.base_terms import (
     BASE_TERMS,
+    INERTIA,
+    PLATFORM_MASSES,
     BaseTerm,
     base_columns,
     base_terms,
@@ -41,15 +43,11 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 
-INERTIA = 'actuator_inertia'
-"""What steady speeds do not show."""
 INSIGNIFICANT = 3.0
 """Standard deviations within which a negative value is taken for zero."""
 PLAIN: Mapping[str, Callable[[Problem], Estimate]] = {
     'weighted': weighted, 'ordinary': ordinary, 'robust': robust}
 """Estimators that need nothing but the rows."""
-SHARED = ('platform_mass_1', 'platform_mass_2')
-"""Parameters of the one platform, which no joint can have of its own."""
 OFFSET = 'torque_offset'
 """Name of the offsets among the values, and of the effect that a model file says them by."""
 MOST_SIMULATIONS = 4
@@ -75,7 +73,7 @@ class Fitting:
         """Return the problem of base columns (m, J, p) with these terms."""
         problem = problem_of(series, [term.name for term in terms], [term.unit for term in terms])
         if self.per_joint:
-            problem = per_output(problem, {term.name for term in terms} - set(SHARED))
+            problem = per_output(problem, {term.name for term in terms} - set(PLATFORM_MASSES))
         return with_offsets(problem, OFFSET, 'N m') if self.offsets else problem
 
     def shared_condition(self, series: Sequence[Series]) -> float | None:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from par4_dynamics.base_terms import FRICTION
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.state import State, state_of_joints, state_of_platform
@@ -151,7 +152,7 @@ def rigid_model(robot: Robot, model_file: ModelFile) -> Model:
             f'robot {robot.name}: {", ".join(PARTS.values())} are all 0, so (20) leaves nothing '
             f'out; give the mass of one rod and of one bar under bodies in its file')
     model = build_model(robot, model_file.model_copy(update={'rigid_body': 'full', 'effects': ()}))
-    still = {name: np.zeros(4) for name in ('coulomb_friction', 'viscous_friction')}
+    still = {name: np.zeros(4) for name in FRICTION}
     return replace(model, values=model.values | still)
 
 

@@ -26,8 +26,8 @@ REACH = 2.0
 STEPS = (0.1, 0.02, 0.004)
 """Between delays that are tried, s, each around the best of those before."""
 GAIN = 3.0
-"""By which the gains must be known better with a delay: friction that no push tells exactly moves
-them by less."""
+"""Factor by which a delay must reduce the standard deviation of the gains to be believed. Friction
+that the pushes do not determine exactly reduces it by less."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,14 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from par4_dynamics.base_terms import base_columns, base_terms, distributed_torque
+from par4_dynamics.base_terms import (
+    FRICTION,
+    INERTIA,
+    PLATFORM_MASSES,
+    base_columns,
+    base_terms,
+    distributed_torque,
+)
 from par4_dynamics.model_file import RigidBody
 from par4_dynamics.state import State
 from par4_identification.estimators.estimate import Estimate
@@ -29,9 +36,8 @@ from par4_identification.signals.rows import Run
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
-PLATFORM = ('platform_mass_1', 'platform_mass_2')
-OWN = ('actuator_inertia', 'arm_gravity')
-FRICTION = ('coulomb_friction', 'viscous_friction')
+OWN = (INERTIA, 'arm_gravity')
+"""Base parameters of the bodies that each joint has of its own."""
 STEPS = 20
 """Of Gauss and Newton; three are enough where gains are wrong by tens of percent."""
 
@@ -124,7 +130,7 @@ def gains_of_payloads(runs: Sequence[Run], payloads: Mapping[str, float],
         known = payloads.get(run.name, 0.0) * base['platform_mass_1']
         if rigid_body == 'full':
             known = known + distributed_torque(machine.bodies, run.state)
-        columns.append({name: base[name] for name in PLATFORM} | {'drive gain': known}
+        columns.append({name: base[name] for name in PLATFORM_MASSES} | {'drive gain': known}
                        | {name: base[name] for name in OWN}
                        | friction_columns(base, run.name, bags))
     estimate = estimate_per_joint(runs, [run.tau for run in runs], columns)

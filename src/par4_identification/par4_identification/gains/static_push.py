@@ -43,9 +43,10 @@ SETTLED = 2e-3
 """Travel (rad) since a joint turned back, behind which friction has its level: presliding of some
 tenths of it would otherwise go into the gain, as friction that grows with the push."""
 PRESSED = 0.05
-"""Of the largest force: below it the sensor is not loaded."""
+"""Part of the largest force below which the sensor counts as not loaded."""
 FEWEST = 10
-"""Rows: of a push to be used, and in each direction of a joint for its friction to cancel."""
+"""Fewest rows of a push that is used, and fewest rows in each direction of a joint for its
+friction to cancel."""
 LONGEST_GAP = 0.02
 """Seconds between force readings that are joined."""
 
@@ -71,7 +72,7 @@ def read_force(path: str | Path) -> ForceReadings:
             increase.
     """
     try:
-        header, *lines = Path(path).read_text(encoding='utf-8').splitlines() or ['']
+        header, *lines = Path(path).read_text(encoding='utf-8-sig').splitlines() or ['']
         names = tuple(name.strip() for name in header.split(','))
         if names != FORCE_COLUMNS:
             raise InputError(f'{path}: expected the header {",".join(FORCE_COLUMNS)}, found '
@@ -80,7 +81,10 @@ def read_force(path: str | Path) -> ForceReadings:
         table = np.array(rows, dtype=float).reshape(len(rows), len(FORCE_COLUMNS))
     except FileNotFoundError:
         raise InputError(f'{path}: no such file; give the force readings of the bag') from None
-    except (OSError, UnicodeDecodeError, ValueError) as error:
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f'{path}: cannot be read as text ({error}); give the force readings of '
+                         f'the bag as a CSV') from error
+    except ValueError as error:
         raise InputError(f'{path}: expected four numbers in every row ({error}); mend the file'
                          ) from error
     if len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0.0).any():

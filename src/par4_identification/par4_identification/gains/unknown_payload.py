@@ -18,11 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.base_terms import distributed_torque
+from par4_dynamics.base_terms import PLATFORM_MASSES, distributed_torque
 from par4_dynamics.model_file import RigidBody
 from par4_identification.gains.known_payload import (
     OWN,
-    PLATFORM,
     estimate_per_joint,
     friction_columns,
     named_columns,
@@ -32,9 +31,9 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
 NAMED_FROM = 0.99
-"""Probability from which a half is named."""
+"""Probability from which it is said which half plate carries the payload."""
 SEEN = 4.0
-"""Standard deviations that a mass must reach to be one."""
+"""Standard deviations from zero at which a mass is told from none."""
 LARGEST_SHARE = 0.1
 """Part of the payload on the other half, if it is beyond chance, above which both carry it."""
 
@@ -134,8 +133,8 @@ def payload_of_runs(runs: Sequence[Run], loaded: Collection[str], machine: Robot
         base = named_columns(run.state)
         absent = np.zeros_like(run.state.q)
         columns.append({f'payload, {name}': base[name] if run.name in loaded else absent
-                        for name in PLATFORM}
-                       | {name: base[name] for name in (*PLATFORM, *OWN)}
+                        for name in PLATFORM_MASSES}
+                       | {name: base[name] for name in (*PLATFORM_MASSES, *OWN)}
                        | friction_columns(base, run.name, bags))
         targets.append(run.tau)
         if rigid_body == 'full':

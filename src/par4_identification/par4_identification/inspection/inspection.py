@@ -37,7 +37,7 @@ class Inspection:
         bag: its path.
         cut_off: why it cannot be read as it is, None if it can; then all else is of what
             `par4_record --repair` recovers.
-        machine: name of the machine it was looked at as.
+        machine: name of the machine that it was taken to be a recording of.
         duration: from the first sample to the last, s; None where no samples can be used.
         topics, joints: that it holds.
         motion: of the joints of the machine.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -135,12 +136,12 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
                 extended.model_copy(update={'provenance': origin}), machine),
             'report.html': page}
         motion = None if experiment is None else experiment.motion
+        outdated = motion_of_earlier_run(output) if motion is None else ()
         if motion is not None:  # before what names it
             write_motion(output / MOTION_FILE, motion, 'platform')
         write_results(output, results)
-    if motion is None:
-        for left in (output / MOTION_FILE, (output / MOTION_FILE).with_suffix('.csv')):
-            left.unlink(missing_ok=True)
+    for file in outdated:
+        file.unlink(missing_ok=True)
     console = Console(highlight=False)
     for line in outcome.first:
         console.print(line, soft_wrap=not console.is_terminal, markup=False)
@@ -150,6 +151,21 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
                   soft_wrap=not console.is_terminal, markup=False)
     console.print(f'results{" and report" if report else ""}: {output}', soft_wrap=True,
                   markup=False)
+
+
+def motion_of_earlier_run(folder: Path) -> tuple[Path, ...]:
+    """Return the files of the motion that the diagnosis in a folder proposes.
+
+    None where it proposes none: files of these names are then somebody else's, such as a motion
+    that was designed there.
+    """
+    try:
+        content = json.loads((folder / 'diagnosis.json').read_text(encoding='utf-8'))
+        proposed = content['next_experiment']
+    except (OSError, ValueError, KeyError, TypeError):  # there is none, or it is no diagnosis
+        return ()
+    motion = folder / MOTION_FILE
+    return () if proposed is None else (motion, motion.with_suffix('.csv'))
 
 
 def _hangs(machine: Robot | Axis) -> bool:

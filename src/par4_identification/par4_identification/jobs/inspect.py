@@ -31,7 +31,7 @@ def _show(found: Inspection, console: Console) -> None:
         console.print(line, soft_wrap=not console.is_terminal, markup=False)
 
     length = '' if found.duration is None else f', {found.duration:.4g} s'
-    say(f'{found.bag}: looked at as of {found.machine}{length}')
+    say(f'{found.bag}: read as a recording of {found.machine}{length}')
     if found.cut_off is not None:
         say(f'not readable as it is: {found.cut_off}; what follows can be recovered')
     console.print(_table(

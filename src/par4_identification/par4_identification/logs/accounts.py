@@ -73,7 +73,8 @@ class Accounts:
         short_segments: samples dropped with segments of fewer than 20.
         without_torque: samples dropped because no torque was measured there.
         torque_source: 'amplifier_voltage' or 'effort'.
-        torque_disagreement: |G V - effort| / |G V| of each joint where both are there, else None.
+        torque_disagreement: |G V - effort| over the larger of |G V| and |effort|, 2-norms over the
+            log, of each joint where both are there; else None.
         position, torque: what the samples needed.
         reordered: messages with the joints in another order than the machine's.
         ignored_joints: names.

@@ -9,7 +9,7 @@ from par4_identification.logs.stamped_rows import SET_BACK, StampedRows
 from par4_identification.logs.stamps import CROWDED, nearest_stamp
 
 APART = 0.25
-"""s by which the clocks of two topics must differ, as their receipt tells, to be two clocks."""
+"""s: two topics are taken to have different clocks if receipt minus stamp differs by more."""
 
 
 class Clock:

@@ -18,23 +18,27 @@ SMALLEST = 3e-3
 BEYOND = 12.0
 """Ratio of a wrong sample to the scatter about the median of its neighbours."""
 ALONE = 3.0
-"""Ratio of a jump to what the steps two samples away are off: a quick motion after a long rest is
-beyond the scatter, too, but smooth."""
+"""Least ratio of a jump to the deviations of the steps two samples before and after it. A quick
+motion after a long rest exceeds the scatter, too, but there all of these steps are large."""
 MOSTLY = 0.98
-"""Share of the changes of the speed in which the jumps themselves have no part."""
+"""Quantile of the changes of the speed that stands for the usual change: the jumps themselves are
+among the few above it."""
 LONE = 0.8
-"""Share of a jump beside an end by which it must differ from the next step inside."""
+"""Part of its size by which a jump near an end of the log must differ from the next step towards
+the middle."""
 WIDEST = 3
-"""Samples after which what jumps back is no spike."""
+"""Most samples that a spike lasts."""
 TURNS = 2.0 * np.pi, 360.0
 """rad, and degrees where these stand for radians by mistake."""
 NEAR_TURN = 0.02
-"""Most that a step may be off whole turns, in turns: what a joint travels from sample to sample."""
+"""Largest deviation of a step from whole turns, in turns: a joint also moves from sample to
+sample."""
 LONGEST_STEP = 4.5
 """Periods; readings so far apart belong to stretches of their own."""
 FEWEST_HELD, STOPPED = 4, 3.0
-"""Samples in a row that a logger repeats, and counts of the last step before, from which on a
-machine did not come to rest by itself."""
+"""A reading is held by the logger, not by a machine at rest, if it repeats for so many samples
+after a step of more than so many encoder counts: no machine stops from that speed within a
+sample."""
 
 
 def resolution(q: np.ndarray) -> float:

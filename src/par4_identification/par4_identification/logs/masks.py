@@ -1,4 +1,4 @@
-"""Masks of samples: how many are true, and where they are true in a row."""
+"""Masks of samples: how many are true, where they are true in a row, and what is near them."""
 
 from __future__ import annotations
 
@@ -20,3 +20,9 @@ def stretches(mask: np.ndarray) -> list[tuple[int, int]]:
     """Return start and end (excluded) of every run of true values."""
     edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
     return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]
+
+
+def near(mask: np.ndarray, reach: int) -> np.ndarray:
+    """Return where a true value of `mask` (n, J) is at most `reach` rows away, (n, J)."""
+    count = np.cumsum(np.pad(mask, ((reach + 1, reach), (0, 0))), axis=0, dtype=np.int32)
+    return count[2 * reach + 1:] > count[:-2 * reach - 1]

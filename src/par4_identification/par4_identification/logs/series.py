@@ -20,7 +20,8 @@ FILLED = 3
 FEWEST_SAMPLES = 20
 """Samples below which a log is refused: a steady speed at a few hertz has no more."""
 LARGEST = 1e30
-"""rad or N m; no sensor tells more, and the squares of damaged numbers are none."""
+"""rad or N m; no sensor measures more. The squares of larger numbers, which are damaged ones, may
+overflow."""
 MOST_CONFLICTS = 0.05
 """Fraction of samples with the stamp but not the values of another above which a log is refused."""
 MOST_TO_AND_FRO = 0.05

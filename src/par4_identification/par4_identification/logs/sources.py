@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from par4_identification.logs.masks import taken
+from par4_identification.logs.masks import stretches, taken
 from par4_identification.logs.stamped_rows import StampedRows
 
 APART = 250_000_000
@@ -129,7 +129,7 @@ def _mixed_stretches(stamp: np.ndarray, values: np.ndarray) -> list[tuple[int, i
         return []
     dense = np.convolve(to_and_fro(values), np.full(AROUND, 1.0 / AROUND), 'same') > DENSE
     found: list[tuple[int, int]] = []
-    for start, end in np.flatnonzero(np.diff(np.r_[False, dense, False])).reshape(-1, 2):
+    for start, end in stretches(dense):
         first = int(stamp[max(start - AROUND, 0)])
         last = int(stamp[min(end + AROUND, len(stamp) - 1)])
         if found and first - found[-1][1] < JOINED:

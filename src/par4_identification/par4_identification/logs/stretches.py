@@ -13,7 +13,7 @@ from par4_identification.logs.log import Log
 PIECE = 600.0
 """s that are filtered at a time; of four joints at 1 kHz the columns are 120 MB then."""
 STRETCH = 10.0
-"""s of a stretch: long against what a filter or a friction that remembers its way forgets."""
+"""s of a stretch: long against the memory of the filters and of presliding friction."""
 
 
 def seconds_of(logs: Sequence[Log]) -> float:

@@ -78,6 +78,8 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
                     np.stack([columns[name] for name in choice.columns], axis=1)
                     * factors[quantity])
         lengths.append(len(blocks['position'][-1]))
+        if not lengths[-1]:
+            raise InputError(f'{file}: its columns are empty; leave it out')
     values = {quantity: np.concatenate(parts) for quantity, parts in blocks.items()}
     rows = sum(lengths)
     time = (values.pop('time')[:, 0] if part.rate is None
@@ -113,7 +115,7 @@ def _refuse_overlap(files: Sequence[str | Path], time: np.ndarray, lengths: Sequ
         if not time[row] > time[row - 1]:
             raise InputError(f'{files[index + 1]}: begins at {time[row]:.6g} s, before '
                              f'{files[index]} ends at {time[row - 1]:.6g} s; several files are '
-                             f'parts of one recording in order, make a bag of each other one')
+                             f'parts of one recording in order; make a bag of each recording')
 
 
 def _refuse_rate(files: Sequence[str | Path], time: np.ndarray) -> None:

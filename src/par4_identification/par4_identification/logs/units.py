@@ -11,7 +11,7 @@ from par4_kinematics.errors import InputError
 Kind = Literal['revolute', 'linear']
 TURN = 2.0 * math.pi
 SLOWEST, FASTEST = 0.5, 1e6
-"""Hz: sample rates outside are those of a wrong unit of time."""
+"""Hz: a sample rate outside this range means that the unit of time is wrong."""
 
 
 @dataclass(frozen=True)

@@ -30,12 +30,6 @@ WINDOW = 2.0
 """Seconds of a window in which single strokes can be seen."""
 SLOW = 0.02
 """Speed that a speed axis shows at least: below it the friction of a joint is not known."""
-ENOUGH = 120
-"""Rows without which no part of an abscissa is enlarged."""
-SLOW = 0.02
-"""Speed that a speed axis shows at least: below it the friction of a joint is not known."""
-ENOUGH = 120
-"""Rows without which no part of an abscissa is enlarged."""
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,9 @@ from par4_kinematics.ros.node import Par4Node, State
 from par4_kinematics.ros.process import run
 
 LONGEST_GAP = 5
-"""Periods without a sample within a window that is still looked at."""
+"""Longest gap of a window that is looked at, in sample periods."""
 ASTRAY_NS = round(2 * WINDOW * SECOND)
-"""Distance from the first stamp of a window at which no stamp belongs to the same time."""
+"""Distance from the first stamp of a window beyond which a stamp is of another clock or run."""
 
 
 class MonitorNode(Par4Node):

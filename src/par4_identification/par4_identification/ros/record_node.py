@@ -87,6 +87,7 @@ class RecordNode(Par4Node):
         self._bags += 1
         self._received.clear()
         self._numbering.clear()
+        self._newest.clear()
         self._began_ns = 0
         return f'recording {self._path}'
 

@@ -49,15 +49,15 @@ hypothesis to be fitted."""
 UNEXPLAINED = 0.035
 """|residual| / |torque| from which every hypothesis is fitted."""
 EACH = 1.025
-"""Factor on what is left that makes up for one error more."""
+"""Factor on the squares that are left, for each error that is free: its price."""
 FEWER = 0.985
 """Most of the squared error that a mistake may leave."""
 ONLY_DIFFERENCE = 'base_radius'
 """The motion shows its difference from the platform's radius alone: either may be wrong."""
 HALF_SURE = math.sqrt(0.5)
-"""Deviation, over its size, of an error that is there or not, either as likely."""
+"""Standard deviation, over its size, of an error that is there with a probability of one half."""
 PLAIN = 1.06
-"""Most that a plain machine may leave, in what a rich one leaves, to be believed."""
+"""The plain model is believed if its residual is less than so many times that of the rich one."""
 ODD_POSES = 0.002
 """Share of samples that do not close or lie beside a singular pose from which other starts are
 tried."""

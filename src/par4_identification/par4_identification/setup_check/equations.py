@@ -20,6 +20,7 @@ import numpy as np
 from par4_dynamics.base_terms import BASE_TERMS, base_columns
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.logs.log import Log
+from par4_identification.logs.masks import near
 from par4_identification.logs.stretches import spread_over
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_kinematics.geometry import Geometry
@@ -100,7 +101,7 @@ def stretches_of(logs: Sequence[Log]) -> list[Stretch]:
             reach = round(0.9 / (scale * TORQUE_HZ * log.period))
             known = np.ones_like(q, dtype=bool)
             if log.doubtful is not None:
-                known = ~_dilated(log.doubtful[segment], reach)
+                known = ~near(log.doubtful[segment], reach)
             known[:reach] = known[len(known) - reach:] = False  # filters know nothing beyond
             tau = low_pass(log.tau[segment], 2.0 * scale * TORQUE_HZ, log.period)
             found.append(Stretch(
@@ -122,7 +123,7 @@ def closing(stretch: Stretch, geometry: Geometry) -> Stretch:
     rows = np.where(closed[rows], rows, int(np.argmax(closed)))
     q = stretch.q[rows]
     reach = round(0.9 / (stretch.cutoff_hz * stretch.period))
-    open_too = _dilated(np.repeat(~closed[:, None], q.shape[1], axis=1), reach)
+    open_too = near(np.repeat(~closed[:, None], q.shape[1], axis=1), reach)
     return replace(stretch, q=q, known=stretch.known & ~open_too)
 
 
@@ -257,7 +258,7 @@ def equations_of(stretches: Sequence[Stretch], geometry: Geometry | None, filter
         if filtered and len(part.t) > 40:
             columns = low_pass(columns, part.cutoff_hz, part.period)
             tau = low_pass(tau, part.cutoff_hz, part.period)
-            valid = ~_dilated(~valid, round(0.9 / (part.cutoff_hz * part.period)))
+            valid = ~near(~valid, round(0.9 / (part.cutoff_hz * part.period)))
         parts.append((np.full(len(part.t), part.log), part.t, part.q, columns, tau,
                       valid & part.known))
     return Equations(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
@@ -274,9 +275,3 @@ def _quadratic(q: np.ndarray) -> np.ndarray:
     products = [centred[:, one] * centred[:, two]
                 for one, two in combinations_with_replacement(range(q.shape[1]), 2)]
     return np.column_stack((np.ones(len(q)), centred, *products))
-
-
-def _dilated(mask: np.ndarray, reach: int) -> np.ndarray:
-    """Return where a true value of `mask` (n, J) is at most `reach` rows away."""
-    count = np.cumsum(np.pad(mask, ((reach + 1, reach), (0, 0))), axis=0, dtype=np.int32)
-    return count[2 * reach + 1:] > count[:-2 * reach - 1]

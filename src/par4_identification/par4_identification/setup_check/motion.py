@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from par4_identification.logs.log import Log
+from par4_identification.logs.masks import stretches
 from par4_identification.setup_check.equations import SLOW, slow_of_axis, stretches_of
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_identification.setup_check.log_faults import joints_in_words
 from par4_identification.setup_check.repair import sound_time, without
-from par4_identification.setup_check.samples import runs_of
 from par4_kinematics.position import closes, forward_kinematics
 from par4_kinematics.robot import Robot
 from par4_kinematics.velocity import condition_number
@@ -32,12 +32,12 @@ MOST = 0.5
 
 def moving(check: SetupCheck) -> SetupCheck:
     """Return the check with a finding if joints do not move."""
-    stretches = stretches_of(check.logs)
-    if not stretches:
+    parts = stretches_of(check.logs)
+    if not parts:
         return check
-    joints = stretches[0].q.shape[1]
+    joints = parts[0].q.shape[1]
     time = np.zeros(joints)
-    for part in stretches:
+    for part in parts:
         slow = SLOW if isinstance(check.machine, Robot) else min(SLOW, slow_of_axis(part))
         time += part.period * ((np.abs(part.qd) >= slow) & part.known).sum(axis=0)
     still = tuple(int(joint) for joint in np.flatnonzero(time < LEAST_MOVING))
@@ -65,7 +65,7 @@ def passing_singular_poses(check: SetupCheck) -> SetupCheck:
             continue
         mended = without(log, wrong)
         first, last = np.flatnonzero(wrong)[[0, -1]]
-        passes = len(runs_of(wrong))
+        passes = len(stretches(wrong))
         certain = sound_time(mended) > 0.3 * sound_time(log) and sound_time(mended) >= 2.0
         logs = list(check.logs)
         if certain:
@@ -104,7 +104,7 @@ def near_singular(log: Log, robot: Robot) -> tuple[np.ndarray, int]:
     if not (ill & closed).any():
         return wrong, 0
     reach = round(BESIDE / log.period)
-    for first, end in runs_of(condition > STILL_ILL * home):
+    for first, end in stretches(condition > STILL_ILL * home):
         if ill[first:end].any():
             wrong[max(probes[first] - reach, 0):probes[end - 1] + reach + 1] = True
     finite = np.where(np.isfinite(condition), condition, 0.0)

@@ -23,20 +23,20 @@ from par4_sim.report.words import number, percent
 SUSPICIOUS = 0.02
 """|residual| / |torque| from which the pace is looked at."""
 LEAST = 1.25
-"""Factor of the times from which it is one of the setup; a vertical force of half of the platform's
-weight makes one of 1.22."""
+"""Smallest factor of the times that is taken for a mistake of the setup: a vertical force of
+half of the platform's weight looks like a factor of 1.22."""
 PROBES = np.log((0.2, 0.5, 2.0, 5.0))
-"""Factors, in logarithm, that are tried first, one of which must leave `PROMISING` at most, of what
-the stamps leave."""
+"""Logarithms of the factors that are tried first. With one of them the residual must be less than
+`PROMISING` times that with the stamps as they are; else no further ones are tried."""
 PROMISING = 0.8
 PLACES = np.log(12.0) * np.linspace(-1.0, 1.0, 37)
-"""The same, that are tried then."""
+"""Logarithms of the factors that are tried then."""
 FEWEST = 50
 """Rows of each joint."""
 LEFT, FEWER = 0.04, 0.35
 """Most that the right pace may leave, of the torque and of what the stamps leave."""
 WHOLE = 0.06
-"""Largest deviation from a whole number, or from one over it, that is none."""
+"""Deviation, in logarithm, within which a factor is taken for a whole number or for one over it."""
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
+from par4_dynamics.base_terms import FRICTION, INERTIA
 from par4_dynamics.effects.rest import fading_sign
 from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
 from par4_dynamics.state import State
@@ -35,8 +36,7 @@ from par4_identification.setup_check.equations import (
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import LEGS, Geometry
 
-JOINT_ALONE = tuple(COLUMNS.index(name) for name in (
-    'actuator_inertia', 'coulomb_friction', 'viscous_friction'))
+JOINT_ALONE = tuple(COLUMNS.index(name) for name in (INERTIA, *FRICTION))
 """Columns of (20) that depend on the motion of one joint alone, whatever its zero."""
 PLATFORM = tuple(index for index in range(len(COLUMNS)) if index not in JOINT_ALONE)
 DIMENSIONS = ('arm_length', 'forearm_length', 'base_radius', 'platform_bar_length')

@@ -9,7 +9,8 @@ import numpy as np
 
 from par4_identification.logs.accounts import SHORTEST_SEGMENT
 from par4_identification.logs.log import Log
-from par4_identification.setup_check.samples import Held, runs_of
+from par4_identification.logs.masks import stretches
+from par4_identification.setup_check.samples import Held
 
 LONGEST_FILLED = 0.06
 """s; longer stretches are cut out: the log goes on as another segment."""
@@ -59,7 +60,7 @@ def without(log: Log, cut: np.ndarray) -> Log:
         return log
     rows, segments, end = [], [], 0
     for segment in log.segments:
-        for first, last in runs_of(~cut[segment]):
+        for first, last in stretches(~cut[segment]):
             if last - first >= SHORTEST_SEGMENT:
                 rows.append(np.arange(segment.start + first, segment.start + last))
                 segments.append(slice(end, end + last - first))

@@ -24,6 +24,7 @@ from par4_identification.logs.jumps import (
     resolution,
 )
 from par4_identification.logs.log import Log
+from par4_identification.logs.masks import stretches
 
 FEWEST = 4
 """Samples in a row that a held reading repeats."""
@@ -35,7 +36,7 @@ travels in that time at the speed beside it, from which the jump is no end of a 
 BESIDE = 0.2
 """Most that other joints travel, in the jump, while a joint rested before it slipped."""
 STOPPED = 3.0
-"""Counts a sample from which no drive stops a joint within a sample."""
+"""Encoder counts a sample: from a higher speed no drive stops a joint within a sample."""
 TRAVEL = 0.1
 """rad that other joints travel while a reading that stopped at once stands still."""
 LONG_TRAVEL = 0.4
@@ -52,13 +53,14 @@ RARE = 4.0
 AGREE = 0.3
 """Most by which the neighbours of a spike may differ, of its size."""
 FLAT, FLATS, FLAT_RUNS = 4, 20, 3
-"""Samples in a row at the largest value, in all, and times, that make a clipped torque."""
+"""A torque is clipped if it stays at its largest value for so many samples in a row, for so many in
+all, and so often."""
 MUTE, OUT_AND_BACK = 0.1, 0.2
-"""s for which a torque that is none stands still at least, and part of its way in
-the log that a joint goes out and back meanwhile: what turns round has friction and inertia."""
+"""A torque that stays exactly the same for so many seconds is not measured if its joint meanwhile
+goes out and back by so much of its range: turning round takes torque, for friction and inertia."""
 COPIED, APART = 1.0, 0.2
-"""s for which two torques are the same to the last bit, and part of its way that a joint meanwhile
-goes apart from the other, from which one is the copy of the other."""
+"""Of two torques that are equal to the last bit for so many seconds one is a copy, if the two
+joints meanwhile move apart by so much of the range of one."""
 
 
 @dataclass(frozen=True)
@@ -77,12 +79,6 @@ class Held:
     torque: bool
 
 
-def runs_of(mask: np.ndarray) -> list[tuple[int, int]]:
-    """Return start and end (excluded) of every run of true values."""
-    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
-    return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]
-
-
 def held_stretches(log: Log) -> list[Held]:
     """Return where readings repeat though the machine moves, in order."""
     found = []
@@ -97,7 +93,7 @@ def held_stretches(log: Log) -> list[Held]:
         for joint, runs in enumerate(frozen):
             for start, end, sudden in runs:
                 together.setdefault(end, []).append((start, joint, sudden))
-        repeats = {end + 1: start for start, end in runs_of(stands) if end + 1 - start >= FEWEST}
+        repeats = {end + 1: start for start, end in stretches(stands) if end + 1 - start >= FEWEST}
         for end, starts in sorted(together.items()):
             # a torque that repeats up to the same row says that the logger held, and from when
             start = repeats.get(end, max(begun for begun, _, _ in starts))
@@ -114,7 +110,7 @@ def held_stretches(log: Log) -> list[Held]:
 def _held_torques(q: np.ndarray, tau: np.ndarray, stands: np.ndarray, offset: int) -> list[Held]:
     """Return where all torques repeat exactly while positions go on, and then jump."""
     found, counts = [], np.array([resolution(own) for own in q.T])
-    for start, last in runs_of(stands):
+    for start, last in stretches(stands):
         end = last + 1
         if end - start < FEWEST or end >= len(q) or (np.diff(q[start:end], axis=0) == 0.0).all():
             continue
@@ -155,7 +151,7 @@ def mute_torques(log: Log) -> list[Mute]:
     for segment in log.segments:
         q, tau = log.q[segment], log.tau[segment]
         for joint in range(q.shape[1]):
-            for start, last in runs_of(np.diff(tau[:, joint]) == 0.0):
+            for start, last in stretches(np.diff(tau[:, joint]) == 0.0):
                 end = last + 1
                 if end - start < max(FEWEST, MUTE / log.period):
                     continue
@@ -165,7 +161,7 @@ def mute_torques(log: Log) -> list[Mute]:
                 if silent and np.ptp(own) - abs(own[-1] - own[0]) > OUT_AND_BACK * way[joint] > 0.0:
                     found.append(Mute(segment.start + start, segment.start + end, joint, None))
             for other in range(joint):
-                for start, end in runs_of(tau[:, joint] == tau[:, other]):
+                for start, end in stretches(tau[:, joint] == tau[:, other]):
                     apart = np.ptp(q[start:end, joint] - q[start:end, other])
                     if (end - start) * log.period >= COPIED and apart > APART * way[joint] and (
                             np.ptp(tau[start:end, joint]) > 0.0):
@@ -190,7 +186,7 @@ def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, in
     """
     own, count = q[:, joint], resolution(q[:, joint])
     found = []
-    for start, last in runs_of(np.diff(own) == 0.0):
+    for start, last in stretches(np.diff(own) == 0.0):
         end = last + 1  # the first row with another reading
         if end - start < FEWEST:
             continue
@@ -253,7 +249,7 @@ def spikes(log: Log, column: str) -> np.ndarray:
             mask = own > least
             if np.count_nonzero(mask) > OFTEN * len(own):
                 continue
-            for first, last in runs_of(mask):
+            for first, last in stretches(mask):
                 # beside a spike the medians are off by what the joint travels in a sample
                 high = first + np.flatnonzero(own[first:last] > 0.5 * own[first:last].max())
                 start, end = int(high[0]), int(high[-1]) + 1
@@ -287,7 +283,7 @@ def flat_tops(log: Log) -> np.ndarray:
     for joint in range(size.shape[1]):
         if top[joint] == 0.0 or np.ptp(log.tau[:, joint]) == 0.0:
             continue
-        runs = [run for run in runs_of(size[:, joint] == top[joint]) if run[1] - run[0] >= FLAT]
+        runs = [run for run in stretches(size[:, joint] == top[joint]) if run[1] - run[0] >= FLAT]
         if len(runs) >= FLAT_RUNS and sum(end - start for start, end in runs) >= FLATS:
             flat[:, joint] = size[:, joint] == top[joint]
     return flat

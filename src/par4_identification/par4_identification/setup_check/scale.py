@@ -26,13 +26,14 @@ BEYOND_LIMIT = 1.1
 TOO_LIGHT = 0.8
 """Part of the mass of rods, bars and tool below which a platform cannot weigh."""
 SMALLEST = 1.15
-"""Factor from which it is one of the setup."""
+"""Smallest common factor of all torques that is taken for a mistake of the setup."""
 ALIKE, FRICTION_ALIKE = 0.12, 0.4
-"""Largest difference of the factors of inertia and masses, in logarithm, and of friction from
-theirs, of the latter: a payload changes masses alone, warmth friction alone, a lag hides it."""
+"""A factor is common to all torques if the logarithms of those of inertia and of masses differ
+by no more than the first number, and that of friction from their mean by no more than the second
+times that mean: a payload changes masses alone, warmth friction alone, and a lag hides friction."""
 NEAR_GAIN = 0.08
-"""Largest deviation from the gain, or from a thousand, in logarithm, of torques that are a unit's
-mistake."""
+"""Deviation, in logarithm, within which a common factor is taken for the gain of the drives or
+for a thousand: then the torques are in a wrong unit."""
 THOUSAND = 1e3
 UNSEEN = ('Whether all torques are too large or too small by one factor cannot be seen in these '
           'data: every parameter would be so by the same factor.')

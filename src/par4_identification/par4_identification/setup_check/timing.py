@@ -1,7 +1,7 @@
 """Torque recorded at another time than the positions: by a delay, or by a clock that drifts.
 
 Torque is taken from times t + d and compared with (20), whose parameters are refitted at every d:
-with the columns fixed, a delay only changes the moments W^T tau. A grid over +-200 ms finds the
+with the columns fixed, a delay only changes the moments W^T tau. A grid over +-250 ms finds the
 valley, Gauss and Newton find its bottom: tau(t + d + r (t - t_c)) is linear in small changes of d
 and r.
 """

@@ -17,6 +17,7 @@ import scipy
 
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.logs.log import Log
+from par4_identification.logs.masks import near
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.plateaus import plateaus_of
 from par4_identification.signals.position_noise import position_noise
@@ -261,27 +262,21 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
 
     reach = int(np.ceil(conditioning.reach / period))
     slow = np.abs(state.qd) < conditioning.low_speed
-    near = _within(reach, slow)
+    valid = ~near(slow, reach)
     moving = np.abs(state.qd) >= conditioning.low_speed / 4
-    resting = ~_within(2 * reach, moving)
+    resting = ~near(moving, 2 * reach)
     if log.doubtful is not None:
-        doubted = _within(2 * reach, log.doubtful[segment])
-        near, resting = near | doubted, resting & ~doubted
+        trusted = ~near(log.doubtful[segment], 2 * reach)
+        valid, resting = valid & trusted, resting & trusted
     first = 2 * reach
     window = slice(first, len(state.t) - first, every)
     return Run(
         name=log.name, state=state, t=state.t[window], speed=state.qd[window],
-        tau=tau[window], valid=~near[window], standstill=resting[window],
+        tau=tau[window], valid=valid[window], standstill=resting[window],
         noise_floor=noise_floor, conditioning=conditioning,
         _first=first, _every=every, period=sampled, smoother=smoother,
         likely=low_pass(smoother.likely(log.q[segment]), conditioning.position_cutoff_hz, period),
         coarse=coarse, counts=counts, position_noise=noise)
-
-
-def _within(reach: int, mask: np.ndarray) -> np.ndarray:
-    """Return where there is a true value of `mask` (n, J) at most `reach` rows away, (n, J)."""
-    count = np.cumsum(np.pad(mask, ((reach + 1, reach), (0, 0))), axis=0, dtype=np.int32)
-    return count[2 * reach + 1:] > count[:-2 * reach - 1]
 
 
 def _white_floor(torque: np.ndarray, conditioning: Conditioning, period: float) -> np.ndarray:

@@ -13,14 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.base_terms import BASE_TERMS
-from par4_identification.changes.readings import FRICTION
-from par4_identification.gains.known_payload import PLATFORM
+from par4_dynamics.base_terms import FRICTION, PLATFORM_MASSES, TERMS
 from par4_identification.trend.bag_values import BagValues
 
 APART = 4.0
 """Deviations from the median beyond which a joint has no part in what is common."""
-UNITS = {term.name: term.unit for term in BASE_TERMS}
 
 
 @dataclass(frozen=True)
@@ -53,12 +50,12 @@ def channels_of(bags: Sequence[BagValues]) -> tuple[Channel, ...]:
     values = np.array([bag.values for bag in bags])
     variance = np.array([np.diag(bag.covariance).reshape(bag.values.shape) for bag in bags])
     found = []
-    platform = [name for name in PLATFORM if name in terms]
+    platform = [name for name in PLATFORM_MASSES if name in terms]
     if platform:
         masses = [_masses(bag, platform) for bag in bags]
         for index, name in enumerate(platform):
             found.append(Channel(name, np.array([own[0][index] for own in masses]),
-                                 np.array([own[1][index] for own in masses]), UNITS[name]))
+                                 np.array([own[1][index] for own in masses]), TERMS[name].unit))
     for index, name in enumerate(terms):
         if name in platform:
             continue
@@ -67,7 +64,7 @@ def channels_of(bags: Sequence[BagValues]) -> tuple[Channel, ...]:
             found += _friction(name, own, std)
         else:
             found += [Channel(_label(name, joint, joints), own[:, joint], std[:, joint],
-                              UNITS[name], yearly=name in FRICTION) for joint in range(joints)]
+                              TERMS[name].unit, yearly=name in FRICTION) for joint in range(joints)]
     return (*found, *_effects(bags))
 
 

@@ -24,7 +24,7 @@ from par4_identification.trend.windows import LEARNING
 from par4_kinematics.robot import Robot
 
 SLACK = 1.5
-"""Standard deviations of a window that count as none."""
+"""Standard deviations by which a window may lie off the mean without anything being added."""
 LEVEL = 20.0
 """Standard deviations, added up, that alarm: far above what chance adds up, because what was learnt
 from some windows is itself off by chance. docs/benchmarks.md has the rate that was measured."""

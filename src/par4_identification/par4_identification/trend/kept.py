@@ -44,7 +44,7 @@ class Kept:
         """Return a result, None where there is none that can be read."""
         try:
             return json.loads((self._folder / f'{key}.json').read_text(encoding='utf-8'))
-        except (OSError, json.JSONDecodeError):
+        except (OSError, ValueError):  # no JSON, or not even text
             return None
 
     def write(self, key: str, result: dict[str, Any]) -> None:

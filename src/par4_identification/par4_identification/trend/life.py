@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_dynamics.base_terms import BASE_TERMS
+from par4_dynamics.base_terms import TERMS
 from par4_identification.changes.explanation import Read, explained
 from par4_identification.changes.readings import SCALE, Parameters, readings_of
 from par4_identification.trend.bag_values import BagValues
@@ -197,7 +197,7 @@ def _read(bags: Sequence[BagValues], before: range, after: range, stepped: Seque
     if not before or not after:
         return ()
     means, covariances = zip(*(_mean([bags[index] for index in part]) for part in (before, after)))
-    terms = tuple(term for term in BASE_TERMS if term.name in bags[0].terms)
+    terms = tuple(TERMS[name] for name in bags[0].terms)
     parameters = Parameters(bags[0].terms, means[0], np.zeros_like(means[0]))
     explanation = explained(readings_of(terms, len(means[0])), parameters, means[1],
                             covariances[0] + covariances[1] + weather)

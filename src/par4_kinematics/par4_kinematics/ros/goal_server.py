@@ -22,7 +22,7 @@ from par4_kinematics.ros.convert import SECOND, joint_columns, read_trajectory, 
 from par4_kinematics.splined import splined_motion
 
 ACTION = 'action'
-"""The motion that is none: goals of the action are played."""
+"""Value of the parameter `motion` with which the node plays the goals of the action."""
 SUCCESSFUL, INVALID_GOAL, PATH_BROKEN, GOAL_MISSED = 0, -1, -4, -5
 """Error codes of control_msgs/action/FollowJointTrajectory."""
 
@@ -55,7 +55,7 @@ def tolerances(asked: Any) -> np.ndarray:
     """Return the bound of the position of each joint, (4,) rad; infinite where none is asked.
 
     Raises:
-        InputError: a joint that the robot does not have, or a number that is none.
+        InputError: a joint that the robot does not have, or NaN.
     """
     bounds = np.full(len(JOINT_NAMES), np.inf)
     for tolerance in asked:
@@ -141,10 +141,17 @@ class GoalServer:
         self._handle, self._broken, self._ended = handle, None, Future()
         assert self._motion is not None  # the judged one
         self._play(self._motion)
+        if handle.is_cancel_requested:  # before there was anything to stop
+            self._stop()
         outcome = await self._ended
         getattr(handle, outcome.end)()
         self._handle = self._motion = None
         return self._type.Result(error_code=outcome.code, error_string=outcome.words)
+
+    @property
+    def unanswered(self) -> bool:
+        """Whether a goal was begun whose client has not been told yet how it ended."""
+        return self._handle is not None
 
     @property
     def bounded(self) -> bool:

@@ -41,11 +41,12 @@ LEAD_NS = SECOND
 WALL_LEAD = 1.0
 """Seconds of wall time from the first message to its first point where the clock runs faster."""
 FAST = 1.5
-"""Pace of the clock over the wall's that no robot has: a simulation, far on after a moment."""
+"""A clock that goes so many times as fast as the wall's is that of a simulation, not of a robot."""
 SLOWEST = 0.05
-"""Pace of the clock that is counted on at the least: it may have stood when the motion began."""
+"""Lower bound of the measured pace of the clock over the wall's: where the clock stood when the
+motion began, the measured pace is zero."""
 FAR_NS = 100 * SECOND
-"""How far ahead of a fast clock points are sent; the queues hold that many messages."""
+"""How far ahead of a fast clock points are sent: 400 messages, fewer than a queue holds."""
 CHUNK_NS = SECOND // 4
 """Length of one message."""
 MILLISECOND = SECOND // 1000
@@ -56,12 +57,12 @@ SETTLING = 0.5
 BRAKING_LEAD = 0.15
 """Seconds of wall time from now to the first point of the first way to rest."""
 UNSEEN_NS = SECOND // 2
-"""How long after the last way to rest the robot is watched until it rests."""
+"""How long after the end of the last way to rest the robot is still watched for coming to rest."""
 STRANGE_NS = 100 * SECOND
-"""Difference between the robot's stamps and the node's clock that no clock of a robot has."""
+"""A larger difference between the robot's stamps and the node's clock means two different
+clocks."""
 STANDSTILL = 3.0
-"""Seconds of wall time for which a clock that stands, or what a robot says of the end, is waited
-for."""
+"""Seconds of wall time to wait while the clock stands, or for the robot to say where it ended."""
 FEEDBACK = 0.05
 """Seconds of wall time between two feedbacks of a goal."""
 ARRIVED = 0.1
@@ -172,6 +173,11 @@ class MotionNode(Par4Node):
         if self._played is None:
             motion, robot_at, self._waits_for = self._motion, self._robot_at, self._missing(now_ns)
             if motion is None:
+                self._end_when_answered()
+                return
+            if self._stop_asked:  # before it began
+                self._braking = True
+                self._over(0)
                 return
             if self._waits_for or robot_at is None:
                 self.get_logger().info(f'waiting for {self._waits_for}', throttle_duration_sec=5.0,
@@ -280,11 +286,15 @@ class MotionNode(Par4Node):
         self._rest()
 
     def _rest(self) -> None:
-        """Wait for the next goal, or end where that was asked."""
+        """Wait for the next goal, or for the client of the last one where the end was asked."""
         self._motion = self._played = None
         self._braking = self._stop_asked = False
         self._standstill = None
-        self.finished = self._ending
+
+    def _end_when_answered(self) -> None:
+        """End where that was asked, once the client of the goal knows how it ended."""
+        if self._ending and not (self._goals is not None and self._goals.unanswered):
+            self.finished = True
 
     def _ask_to_stop(self) -> None:
         self._stop_asked = self._motion is not None
@@ -297,8 +307,11 @@ class MotionNode(Par4Node):
         return 'braking on the path of the motion'
 
     def end(self) -> None:
-        """Brake on the path of the motion, then end; at once if it does not play yet."""
-        if self._played is None:
+        """Brake on the path of the motion, then end; at once if it does not play yet.
+
+        The client of a goal is told first.
+        """
+        if self._played is None and not (self._goals is not None and self._goals.unanswered):
             self.finished = True
         self._stop_asked = self._ending = True
 

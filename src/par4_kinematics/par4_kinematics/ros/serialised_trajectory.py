@@ -30,7 +30,7 @@ from par4_kinematics.ros.convert import (
 )
 
 _BEHIND = 4
-"""Bytes in front of a CDR message, from behind which it is aligned."""
+"""Bytes of the encapsulation header in front of a CDR message; alignment counts from its end."""
 _ARRAYS = ('positions', 'velocities', 'accelerations', 'effort')
 """Of a point, in the order of the message type; its time from start follows."""
 _CUT_OFF = 'a serialised JointTrajectory that is cut off or not little-endian CDR'
@@ -38,11 +38,11 @@ _CUT_OFF = 'a serialised JointTrajectory that is cut off or not little-endian CD
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
 def _walk(words, first, places, sizes):
-    """Write where the arrays of each point and its time stand, in fours of bytes.
+    """Write where the arrays of each point and its time stand, as indices of 32-bit words.
 
     Args:
         words: the message behind its first four bytes, uint32.
-        first: where the points begin, in fours of bytes.
+        first: where the points begin, as such an index.
         places: (n, 5), written; the last is that of the time from start.
         sizes: numbers in the arrays, (n, 4), written.
 

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 LARGEST = 1e12
-"""Of any quantity in its unit; the square of more may be infinite."""
+"""Largest value of any quantity in its unit; the squares of larger ones may overflow."""
 FIRST_YEAR, LAST_YEAR = 1970, 2037
 """Whole years that a stamp of ROS holds."""
 

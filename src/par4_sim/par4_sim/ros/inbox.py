@@ -12,7 +12,7 @@ from par4_kinematics.ros.convert import SECOND
 from par4_sim.reference_points import ROOM
 
 MOST = 1000
-"""Points after which no more are taken at a time: a flood of them must not stop the clock."""
+"""Points that are taken at a time: a flood of them must not stop the physics."""
 
 
 class Timed(Protocol):

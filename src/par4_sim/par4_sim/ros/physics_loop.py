@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from threading import Event
+from threading import Event, Lock
 
 import numpy as np
 
@@ -68,6 +68,7 @@ class PhysicsLoop:
         self.ended = ''
         self._end_asked: float | None = None
         self._end_asked_ns = 0
+        self._runs = False
         self._braked = False
         self._rests_since_ns: int | None = None
         self._simulation = simulation
@@ -127,7 +128,7 @@ class PhysicsLoop:
         """Put the machine, or another one, at rest at home; return when it is done.
 
         Raises:
-            InputError: the loop has ended.
+            InputError: the loop has ended, or is too busy.
         """
         def order() -> None:
             next_ns = self._started_ns + round(self._simulation.time * SECOND)
@@ -138,13 +139,18 @@ class PhysicsLoop:
             self.fault = ''
             self._started_ns = next_ns - round(self._simulation.time * SECOND)
 
-        self._have_done(order)
+        try:
+            self._have_done(order)
+        except InputError:
+            if simulation is not None:
+                simulation.close()
+            raise
 
     def pause(self) -> None:
         """Let the simulation stand; return when its last sample is published.
 
         Raises:
-            InputError: the loop has ended.
+            InputError: the loop has ended, or is too busy.
         """
         def order() -> None:
             self.paused = True
@@ -155,17 +161,26 @@ class PhysicsLoop:
         """Have an order carried out between two samples; return when it is done.
 
         Raises:
-            InputError: the loop has ended.
+            InputError: the loop has ended, or a sample takes too long, as while a machine of
+                another kind is compiled; the order is withdrawn.
         """
-        done = Event()
+        done, withdrawn, either = Event(), Event(), Lock()
 
         def carried_out() -> None:
-            order()
-            done.set()
+            with either:
+                if not withdrawn.is_set():
+                    order()
+                    done.set()
 
         self._orders.put(carried_out)
-        if not done.wait(timeout=PATIENCE):
-            raise InputError('the simulation has ended; start it again')
+        if done.wait(timeout=PATIENCE):
+            return
+        with either:
+            if done.is_set():  # just now
+                return
+            withdrawn.set()
+            raise InputError('the simulation is busy and nothing was changed; call again'
+                             if self._runs else 'the simulation has ended; start it again')
 
     def end(self) -> None:
         """End once the machine rests.
@@ -184,6 +199,13 @@ class PhysicsLoop:
             UnreachableError: the machine was driven out of its workspace; `restart` and `run`
                 again.
         """
+        self._runs = True
+        try:
+            self._run(finished)
+        finally:
+            self._runs = False
+
+    def _run(self, finished: Callable[[], bool]) -> None:
         deadline = time.monotonic()
         while not (finished() or self.ended):
             standing = self.paused or self._waits_for_effort()

@@ -40,11 +40,11 @@ from par4_sim.simulation import Sample, Simulation, build_simulation
 from par4_sim.window import Window
 
 SWITCH_INTERVAL = 2e-4
-"""Seconds after which the thread of the callbacks lets that of the physics go on."""
+"""Seconds for which the thread of the callbacks may run while that of the physics waits."""
 LATE_SHARE = 0.05
 """Share of late samples that is worth a warning."""
 STRANGE_NS = 1000 * SECOND
-"""How far ahead of the clock no reference starts that is meant for this clock."""
+"""A reference that starts farther ahead of the clock was stamped by another clock."""
 
 
 def compiled_limits(robot: Robot) -> ReferenceLimits:

@@ -28,7 +28,7 @@ from par4_sim.tracking.metrics import (
 )
 
 RESOLUTION = 2e-3
-"""Relative, of the pace."""
+"""Relative resolution of the pace."""
 SLOWEST = 0.1
 """Pace below which nothing is looked for."""
 

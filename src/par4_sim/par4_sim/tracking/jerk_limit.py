@@ -21,13 +21,13 @@ from par4_sim.plant import STEP
 from par4_sim.tracking.way import Averaged, Profile, joints_over_time
 
 SHORTEST = 2.0 * STEP
-"""Of the windows, s."""
+"""Shortest window, s."""
 SLOWEST, FASTEST = 0.02, 2.0
-"""Paces between which is looked for."""
+"""Lowest and highest pace that are tried."""
 RESOLUTION = 1e-3
-"""Relative, of window and pace."""
+"""Relative resolution of window and pace."""
 RESERVE = 1e-3
-"""Of the limits, which hold between the times that are looked at, too."""
+"""Share of the limits that is left unused: they must also hold between the times that are tried."""
 
 
 def jerk_limited(robot: Robot, model: Model, profile: Profile, torque: float, acceleration: float,

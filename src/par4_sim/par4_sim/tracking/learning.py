@@ -32,8 +32,8 @@ from par4_sim.tracking.metrics import errors_of
 from par4_sim.tracking.run import Run, record_run
 
 CUTOFF_HZ = 100.0
-"""Of Q: at this frequency half of the power passes. Far above the loops' bandwidth of some 15 Hz,
-far below the 500 Hz that samples a millisecond apart can carry."""
+"""Cut-off of the filter Q: at this frequency half of the power passes. Far above the loops'
+bandwidth of some 15 Hz, far below the 500 Hz that samples a millisecond apart can carry."""
 
 
 @dataclass(frozen=True)

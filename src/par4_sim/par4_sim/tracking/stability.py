@@ -173,10 +173,3 @@ def _held(inertia: float, dt: float, lag: float) -> tuple[np.ndarray, np.ndarray
     way = lag * (dt - speed)
     return (np.array(((1.0, dt, way / inertia), (0.0, 1.0, speed / inertia), (0.0, 0.0, left))),
             np.array(((0.5 * dt ** 2 - way) / inertia, (dt - speed) / inertia, 1.0 - left)))
-
-
-def natural_frequency_and_damping(gains: Gains, inertia: float) -> tuple[float, float]:
-    """Return bandwidth, rad/s, and damping ratio of the loop without its integral."""
-    frequency = math.sqrt(gains.stiffness / inertia)
-    return frequency, gains.damping / (2.0 * inertia * frequency)
-

@@ -29,7 +29,8 @@ from toppra import SplineInterpolator
 from toppra.algorithm import TOPPRA
 from toppra.constraint import DiscretizationType, LinearConstraint
 
-from par4_dynamics.model import FRICTION, Model
+from par4_dynamics.base_terms import FRICTION
+from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
@@ -40,13 +41,13 @@ from par4_sim.tracking.jerk_limit import jerk_limited
 from par4_sim.tracking.way import Profile, Way, joints_over_time
 
 POINTS = 1000
-"""Of the grid along a path."""
+"""Points of the grid along a path."""
 KNOTS = 150
-"""Of the spline through a path."""
+"""Knots of the spline through a path."""
 TURNS = 40
-"""Times that friction is taken anew at most."""
+"""Most times that friction is computed anew for the speeds of the timing before."""
 SETTLED = 1e-6
-"""Relative change of the time at which the turns end."""
+"""Relative change of the time below which friction is not computed anew."""
 AT_REST = 1e-6
 """Joint speed over its largest below which a motion rests."""
 
@@ -117,7 +118,8 @@ def fastest_along(robot: Robot, model: Model, motion: Motion, limits: PathLimits
         limits: to be kept.
 
     Raises:
-        InputError: the motion does not begin and end at rest, or no speed keeps the limits.
+        InputError: the motion does not begin and end at rest, or never moves; or no speed keeps the
+            limits.
     """
     known = replace(model, effects=tuple(
         active for active in model.effects if not active.effect.needs_nominal))
@@ -153,6 +155,8 @@ def motion_of(fastest: Fastest, robot: Robot, name: str, period: float = 1e-3) -
 def _stretches(motion: Motion) -> list[np.ndarray]:
     """Return the joint positions (m, 4) of each stretch between two rests of a motion."""
     speed = np.abs(motion.qd).max(axis=1)
+    if not speed.any():
+        raise InputError(f'motion {motion.name}: it rests throughout; give one that goes somewhere')
     still = speed <= AT_REST * speed.max()
     if not (still[0] and still[-1]):
         raise InputError(f'motion {motion.name}: it must begin and end at rest, found joint speeds '

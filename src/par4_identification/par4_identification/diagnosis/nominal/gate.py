@@ -7,6 +7,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
+from par4_dynamics.base_terms import FRICTION
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.fitting.identification import Identification
 from par4_identification.signals.rows import Run
@@ -51,7 +52,7 @@ def unusable(observations: Observations, identification: Identification, machine
                        f'robot file')
     for term in identification.terms:
         # a lag of the drives can turn the slope of friction over; together it must brake, see above
-        friction_term = term.name in ('coulomb_friction', 'viscous_friction')
+        friction_term = term.name in FRICTION
         value, std = values[term.name]
         if term.nonnegative and not friction_term and value < -5.0 * std:
             reasons.append(f'{term.name} comes out as {value:.3g} {unit_on(machine, term.unit)}; '

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from par4_dynamics.base_terms import INERTIA
 from par4_dynamics.effects.cogging import Cogging
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.position_torque import PositionTorque
@@ -25,7 +26,7 @@ from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.diagnosis.nominal.gate import WORST_STD, too_few, unusable
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import Rules
-from par4_identification.fitting.identification import INERTIA, Identification, identify_runs
+from par4_identification.fitting.identification import Identification, identify_runs
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from par4_dynamics.base_terms import INERTIA
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
@@ -14,7 +15,6 @@ from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.verdict.answer import Cause
 from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR, Rattle, rattle
 from par4_identification.diagnosis.verdict.unrelated import left_of, lines_of, swing_of
-from par4_identification.fitting.identification import INERTIA
 
 SMOOTH = 0.5
 """Share of what the names leave beyond which an unnamed cause is the whole of it: no load rattles.

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import scipy
 
+from par4_dynamics.base_terms import FRICTION, INERTIA, PLATFORM_MASSES, TERMS
 from par4_dynamics.effects.payload import Payload
 from par4_identification.changes.changes import Changes
 from par4_identification.changes.explanation import CHANCE, Read
 from par4_identification.changes.readings import (
-    FRICTION,
-    INERTIA,
     TURNING,
     Added,
     FrictionFactor,
@@ -26,7 +25,6 @@ from par4_identification.changes.readings import (
     mass_on_lever,
 )
 from par4_identification.diagnosis.verdict.answer import Diagnosis, Verdict
-from par4_identification.gains.known_payload import PLATFORM
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
@@ -64,20 +62,17 @@ def phrase_of_reading(reading: Reading, size: float, machine: Robot | Axis) -> s
 
 def _phrase_of_added(reading: Added, amount: float, up: bool, where: str,
                      machine: Robot | Axis) -> str:
-    if reading.parameter in PLATFORM:
-        half = PLATFORM.index(reading.parameter) + 1
+    if reading.parameter in PLATFORM_MASSES:
+        half = PLATFORM_MASSES.index(reading.parameter) + 1
         less = '' if up else ' less'
         return f'a payload of {number(amount, 2)} kg{less} at half plate {half}'
-    unit = unit_on(machine, {'actuator_inertia': 'kg m2', 'arm_gravity': 'N m',
-                             'coulomb_friction': 'N m', 'viscous_friction': 'N m s/rad',
-                             'gravity_sine': 'N m', 'gravity_cosine': 'N m',
-                             'gravity_load': 'N m'}[reading.parameter])
-    name = {'actuator_inertia': 'inertia of the arm', 'arm_gravity': 'weight of the arm',
+    unit = unit_on(machine, TERMS[reading.parameter].unit)
+    name = {INERTIA: 'inertia of the arm', 'arm_gravity': 'weight of the arm',
             'gravity_load': 'load'}.get(reading.parameter, in_words(reading.parameter))
     if reading.parameter in TURNING:
         part = 'sine' if reading.parameter == TURNING[0] else 'cosine'
         name = f'the load that goes with the {part} of the angle'
-    if isinstance(machine, Axis) and reading.parameter == 'actuator_inertia':
+    if isinstance(machine, Axis) and reading.parameter == INERTIA:
         name = 'moving mass' if machine.kind == 'linear' else 'inertia'
     return f'{name} of {where} {"up" if up else "down"} by {number(amount, 2)} {unit}'
 
@@ -212,8 +207,8 @@ def name_of_reading(reading: Reading, machine: Robot | Axis) -> str:
     if isinstance(reading, SlidingPayload):
         return f'a payload on {where}'
     assert isinstance(reading, Added)
-    if reading.parameter in PLATFORM:
-        return f'a payload at half plate {PLATFORM.index(reading.parameter) + 1}'
+    if reading.parameter in PLATFORM_MASSES:
+        return f'a payload at half plate {PLATFORM_MASSES.index(reading.parameter) + 1}'
     return f'{in_words(reading.parameter)} of {where}'
 
 
@@ -297,8 +292,8 @@ def _payload_parameters(changes: Changes, item: Read) -> dict[str, Any] | None:
         return found if point is None else {
             **found, 'mass': {'value': point[0], 'unit': 'kg'},
             'distance': {'value': point[1], 'unit': 'm'}}
-    if isinstance(reading, Added) and reading.parameter in PLATFORM:
-        half = float(PLATFORM.index(reading.parameter) + 1)
+    if isinstance(reading, Added) and reading.parameter in PLATFORM_MASSES:
+        half = float(PLATFORM_MASSES.index(reading.parameter) + 1)
         return {**mass, 'half': {'value': half, 'std': 0.0, 'unit': '1'}}
     return None
 

@@ -120,11 +120,12 @@ def table_of_parameters(identification: Identification, machine: Robot | Axis,
 
 
 def _true_values(truth: Model, name: str) -> np.ndarray:
-    """Return what a simulated machine truly has of a parameter, (J,)."""
-    if name != OFFSET:
-        return truth.values[name]
+    """Return what a simulated machine truly has of a parameter, (J,); 0 if its model lacks it."""
+    nothing = np.zeros_like(truth.values['coulomb_friction'])
+    if name != OFFSET:  # the load of gravity on an axis may be left out of a model
+        return truth.values.get(name, nothing)
     offsets = [active.values['offset'] for active in truth.effects if active.effect.name == OFFSET]
-    return np.sum(offsets, axis=0) if offsets else np.zeros_like(truth.values['coulomb_friction'])
+    return np.sum(offsets, axis=0) if offsets else nothing
 
 
 def _left_out_remarks(identification: Identification) -> list[Remark]:

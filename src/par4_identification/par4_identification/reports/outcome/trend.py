@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from par4_identification.gains.known_payload import PLATFORM
+from par4_dynamics.base_terms import PLATFORM_MASSES
 from par4_identification.reports.outcome.changes import phrase_of_reading
 from par4_identification.trend.channels import Channel
 from par4_identification.trend.course import FEWEST
@@ -104,7 +104,7 @@ def _drift_phrase(life: Life, part: Happening, machine: Robot | Axis) -> str:
         return ''
     last = part.until == len(life.t) - 1
     until = 'by now' if last else f'by {day(life, part.until)}'
-    if channel.is_factor or (channel.name not in PLATFORM and start > 0.0):
+    if channel.is_factor or (channel.name not in PLATFORM_MASSES and start > 0.0):
         speed, total = percent(abs(after) * WEEK / start), percent(abs(end / start - 1.0))
     else:
         unit = unit_on(machine, channel.unit)
@@ -165,18 +165,12 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def trend_json(life: Life | None, refused: Mapping[str, str], machine: Robot | Axis,
+def trend_json(life: Life, refused: Mapping[str, str], machine: Robot | Axis,
                sentence: str) -> dict[str, Any]:
     """Return `trend.json`."""
-    content: dict[str, Any] = {
-        'schema': 'par4/trend/1', 'sentence': sentence, 'bags': [], 'series': [], 'changes': [],
-        'odd': [], 'refused': [{'bag': bag, 'reason': reason} for bag, reason in refused.items()],
-        'false_alarms_per_bag': None}
-    if life is None:
-        return content
     dates = [date_of(life, index).isoformat(timespec='seconds') for index in range(len(life.bags))]
-    content.update({
-        'false_alarms_per_bag': life.chance,
+    return plain({
+        'schema': 'par4/trend/1', 'sentence': sentence,
         'bags': [{'bag': bag.bag, 'date': date, 'duration': bag.duration,
                   'values': {name: bag.values[:, index] for index, name in enumerate(bag.terms)},
                   'findings': bag.findings} for bag, date in zip(life.bags, dates)],
@@ -192,8 +186,9 @@ def trend_json(life: Life | None, refused: Mapping[str, str], machine: Robot | A
                      'series': [_happening_json(life, part) for part in event.happenings]}
                     for event in life.events],
         'odd': [{'bag': life.bags[index].bag, 'series': life.channels[number].name}
-                for index, number in life.odd]})
-    return plain(content)
+                for index, number in life.odd],
+        'refused': [{'bag': bag, 'reason': reason} for bag, reason in refused.items()],
+        'false_alarms_per_bag': life.chance})
 
 
 def _happening_json(life: Life, part: Happening) -> dict[str, Any]:
