@@ -89,6 +89,19 @@ def test_two_effects_are_both_named(cogged_and_sticky):
     assert not any(cause.is_nothing for cause in result.causes)
 
 
+def test_a_collision_in_the_fitted_data_alone_is_not_explained(cogged_and_sticky):
+    """Rows held out do not show what struck the machine before."""
+    fit, heldout = cogged_and_sticky
+    tau = fit.tau.copy()
+    tau[(fit.t > 4.0) & (fit.t < 4.3), 3] += 40.0
+    free, struck = (diagnose([log], REFERENCE, holdout_logs=[heldout], library={
+        name: diagnosis.LIBRARY[name] for name in ('cogging', 'stribeck')})
+        for log in (fit, replace(fit, tau=tau)))
+    assert (free.verdict, struck.verdict) == ('explained', 'partly_explained')
+    assert set(names(struck)) == {'cogging', 'stribeck'}
+    assert struck.fitted_unlike
+
+
 def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monkeypatch):
     """What two motions say of it may contradict each other; what it explains stays to be told."""
     def doubted(parameters, *_):

@@ -299,7 +299,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         None if near is None else Pair(near, None, (), twins=False)]
     incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest
                       or remaining.uneven or remaining.no_noise or swing)
-    return Diagnosis(
+    answer = Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
         rejected=search.journal.beside(item.label for item in named),
         holdout=_holdout(heldout.runs, blocks, before, after, floor), remaining=remaining,
@@ -308,6 +308,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses,
         fitted_rms=rms_of(evidence.observations, residuals(evidence.observations, named, told)),
         doubts=tuple(pair for pair in doubts if pair is not None), effects=effects)
+    # rows held out may lack what is wrong with the fitted ones, which nothing has explained then
+    return replace(answer, verdict=_verdict(bool(causes), incomplete or answer.fitted_unlike))
 
 
 def _verdict(named: bool, incomplete: bool) -> Verdict:

@@ -21,6 +21,9 @@ from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.unrelated import Unrelated
 from par4_identification.signals.rows import Run
 
+UNLIKE = 5.0
+"""Error on fitted rows over that on rows held out from which the recordings hold different things:
+motions alone make a factor of two or three."""
 Verdict = Literal['clean', 'explained', 'partly_explained', 'unknown']
 
 
@@ -169,3 +172,8 @@ class Diagnosis:
     share: float = 1.0
     doubts: tuple[Pair, ...] = ()
     effects: Mapping[str, Effect] = field(default_factory=lambda: CATALOGUE)
+
+    @property
+    def fitted_unlike(self) -> bool:
+        """Whether far more is left of the fitted rows than of those held out."""
+        return bool(self.fitted_rms > UNLIKE * np.sqrt(np.mean(self.holdout.extended_rms ** 2)))
