@@ -118,6 +118,23 @@ def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monk
                for item in result.rejected)
 
 
+def test_a_joint_whose_size_may_be_zero_is_not_named(cogged_and_sticky, monkeypatch):
+    """A mechanic opens the drive that is named; the name and its other joint stay."""
+    def doubted(parameters, *_):
+        amplitude = parameters.get('amplitude')
+        if amplitude is None or np.size(amplitude.value) < 2:
+            return parameters
+        own, other = amplitude.std[0], 2.0 * amplitude.value[1]
+        return {**parameters, 'amplitude': amplitude.model_copy(update={'std': (own, other)})}
+
+    monkeypatch.setattr(diagnosis, 'with_disagreement', doubted)
+    fit, heldout = cogged_and_sticky
+    result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
+        name: diagnosis.LIBRARY[name] for name in ('cogging', 'stribeck')})
+    assert {cause.effect.name: cause.joints for cause in result.causes} == {
+        'cogging': (0,), 'stribeck': (0, 1, 2, 3)}
+
+
 def test_an_effect_below_the_noise_is_not_named():
     hidden = draw('torque_offset', 2)
     model = model_with(hidden.model, 'torque_offset', offset=0.003)

@@ -51,6 +51,7 @@ from par4_identification.diagnosis.search.causes import (
     unnamed_of,
 )
 from par4_identification.diagnosis.search.counts import counted_squares
+from par4_identification.diagnosis.search.joints import without_joints
 from par4_identification.diagnosis.search.law import Dithered, dithered
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
@@ -265,6 +266,11 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             search.journal.reject(item, 'all its values are zero within their deviations')
             return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
                            rigid_body, effects, fit_runs, progress)
+    for item, cause in zip(named, causes):
+        if cause.idle_joints:
+            acting = without_joints(item, cause.idle_joints)
+            return _answer(search, tuple(acting if other is item else other for other in model),
+                           machine, baseline, rigid_body, effects, fit_runs, progress)
     causes = widened(search, by_any_law, named, weak)
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)

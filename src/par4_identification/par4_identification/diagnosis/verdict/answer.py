@@ -63,6 +63,25 @@ class Cause:
         """Whether all its sizes are zero within one standard deviation."""
         return self.is_zero_within(1.0)
 
+    @property
+    def idle_joints(self) -> tuple[int, ...]:
+        """Those of its joints whose own sizes are all zero within one standard deviation.
+
+        There are none if no joint would be left. A phase is no size: it may be anything where an
+        amplitude is zero.
+        """
+        sizes = [parameter for parameter in self.effect.parameters if not parameter.is_shape
+                 and parameter.name in self.parameters and parameter.name != 'phase']
+        if not sizes or any(parameter.scope != 'joint' for parameter in sizes):
+            return ()
+        zero = np.ones(len(self.joints), dtype=bool)
+        for parameter in sizes:
+            size = self.parameters[parameter.name]
+            small = np.abs(np.asarray(size.value, dtype=float)) <= np.asarray(size.std, dtype=float)
+            zero &= np.all(np.reshape(small, (-1, len(self.joints))), axis=0)
+        return () if zero.all() else tuple(
+            joint for joint, idle in zip(self.joints, zero) if idle)
+
     def is_zero_within(self, deviations: float) -> bool:
         """Return whether all its sizes are zero within so many standard deviations."""
         sizes = [self.parameters[parameter.name] for parameter in self.effect.parameters
