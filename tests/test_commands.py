@@ -758,6 +758,10 @@ def test_fitted_recordings_that_leave_far_more_than_those_held_out_are_told():
     assert (alike.standing, unlike.standing) == ('good', 'fair')
     assert 'fitted recordings leave 9.6 N m, those held out 0.11 N m' in ' '.join(
         remark.text for remark in unlike.remarks)
+    left = diagnosis_json(replace(diagnosis('partly_explained', [COGS]), fitted_rms=9.6),
+                          REFERENCE)['remaining']
+    assert left['significant']
+    assert left['looks_like'] == 'something that acts in the fitted recordings alone'
 
 
 def test_a_report_gives_numbers_of_the_machine_one_cell_and_those_of_joints_their_own():

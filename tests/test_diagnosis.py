@@ -89,6 +89,19 @@ def test_two_effects_are_both_named(cogged_and_sticky):
     assert not any(cause.is_nothing for cause in result.causes)
 
 
+def test_a_collision_in_the_fitted_data_alone_is_not_explained(cogged_and_sticky):
+    """Rows held out do not show what struck the machine before."""
+    fit, heldout = cogged_and_sticky
+    tau = fit.tau.copy()
+    tau[(fit.t > 4.0) & (fit.t < 4.3), 3] += 40.0
+    free, struck = (diagnose([log], REFERENCE, holdout_logs=[heldout], library={
+        name: diagnosis.LIBRARY[name] for name in ('cogging', 'stribeck')})
+        for log in (fit, replace(fit, tau=tau)))
+    assert (free.verdict, struck.verdict) == ('explained', 'partly_explained')
+    assert set(names(struck)) == {'cogging', 'stribeck'}
+    assert struck.fitted_unlike
+
+
 def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monkeypatch):
     """What two motions say of it may contradict each other; what it explains stays to be told."""
     def doubted(parameters, *_):
@@ -103,6 +116,23 @@ def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monk
     assert result.verdict == 'partly_explained'
     assert any(item.label.startswith('stribeck') and 'zero within' in item.reason
                for item in result.rejected)
+
+
+def test_a_joint_whose_size_may_be_zero_is_not_named(cogged_and_sticky, monkeypatch):
+    """A mechanic opens the drive that is named; the name and its other joint stay."""
+    def doubted(parameters, *_):
+        amplitude = parameters.get('amplitude')
+        if amplitude is None or np.size(amplitude.value) < 2:
+            return parameters
+        own, other = amplitude.std[0], 2.0 * amplitude.value[1]
+        return {**parameters, 'amplitude': amplitude.model_copy(update={'std': (own, other)})}
+
+    monkeypatch.setattr(diagnosis, 'with_disagreement', doubted)
+    fit, heldout = cogged_and_sticky
+    result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
+        name: diagnosis.LIBRARY[name] for name in ('cogging', 'stribeck')})
+    assert {cause.effect.name: cause.joints for cause in result.causes} == {
+        'cogging': (0,), 'stribeck': (0, 1, 2, 3)}
 
 
 def test_an_effect_below_the_noise_is_not_named():

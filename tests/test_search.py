@@ -297,6 +297,21 @@ def one_sided(state):
     return WEAK * np.array(STRONG) * np.sign(state.qd)
 
 
+@pytest.mark.parametrize(('others', 'left'), [
+    (('external_force',), {'platform_drag', 'external_force'}), ((), {'platform_drag'})])
+def test_a_cause_that_cannot_be_real_gives_way_to_a_twin_that_can(others, left):
+    """A cable that has no stiffness beside drag is a constant force; it is no other name.
+
+    Without the force the drag would have to explain its torque, too.
+    """
+    search = search_of(('external_force', {'x': 0.3, 'y': 0.0, 'z': -0.4}),
+                       ('platform_drag', {'viscous': 0.0, 'quadratic': 0.3}),
+                       library=('cable_spring', *others, 'platform_drag'))
+    cable, drag = cause('cable_spring'), cause('platform_drag')
+    assert 'no cable' in search.belief.objection(cable, (drag,))
+    assert set(names(search.tested((cable, drag)))) == left
+
+
 def test_a_candidate_that_was_not_looked_at_closely_is_equal_to_none():
     """The strongest ends the look at weaker ones, however much counts as equal."""
     search = search_of(('torque_offset', {'offset': STRONG}),

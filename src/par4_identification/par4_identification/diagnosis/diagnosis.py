@@ -51,6 +51,7 @@ from par4_identification.diagnosis.search.causes import (
     unnamed_of,
 )
 from par4_identification.diagnosis.search.counts import counted_squares
+from par4_identification.diagnosis.search.joints import without_joints
 from par4_identification.diagnosis.search.law import Dithered, dithered
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
@@ -265,6 +266,11 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             search.journal.reject(item, 'all its values are zero within their deviations')
             return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
                            rigid_body, effects, fit_runs, progress)
+    for item, cause in zip(named, causes):
+        if cause.idle_joints:
+            acting = without_joints(item, cause.idle_joints)
+            return _answer(search, tuple(acting if other is item else other for other in model),
+                           machine, baseline, rigid_body, effects, fit_runs, progress)
     causes = widened(search, by_any_law, named, weak)
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
@@ -299,7 +305,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         None if near is None else Pair(near, None, (), twins=False)]
     incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest
                       or remaining.uneven or remaining.no_noise or swing)
-    return Diagnosis(
+    answer = Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
         rejected=search.journal.beside(item.label for item in named),
         holdout=_holdout(heldout.runs, blocks, before, after, floor), remaining=remaining,
@@ -308,6 +314,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses,
         fitted_rms=rms_of(evidence.observations, residuals(evidence.observations, named, told)),
         doubts=tuple(pair for pair in doubts if pair is not None), effects=effects)
+    # rows held out may lack what is wrong with the fitted ones, which nothing has explained then
+    return replace(answer, verdict=_verdict(bool(causes), incomplete or answer.fitted_unlike))
 
 
 def _verdict(named: bool, incomplete: bool) -> Verdict:

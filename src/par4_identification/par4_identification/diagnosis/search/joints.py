@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from itertools import combinations
 
@@ -63,6 +63,14 @@ def _by_itself(hypothesis: Hypothesis) -> Hypothesis:
         return hypothesis
     return replace(hypothesis, shape=hypothesis.named.shape_of_sets(hypothesis.shape,
                                                                     hypothesis.sets))
+
+
+def without_joints(hypothesis: Hypothesis, idle: Collection[int]) -> Hypothesis:
+    """Return a name, whose every parameter is one of joints, without some of its joints."""
+    kept = tuple(joint for joint in hypothesis.joints if joint not in idle)
+    if not hypothesis.effect.shared:
+        return replace(hypothesis, joints=kept)
+    return _by_itself(replace(hypothesis, joints=kept, sets=kept))
 
 
 def with_acting_joints(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Model

@@ -241,8 +241,10 @@ class Search:
         """Return a model without the causes that are superfluous beside the others.
 
         The best shape and the joints of each cause are sought again. Then the cause that falls
-        shortest of what it must gain is removed, and so on, until none falls short.
+        shortest of what it must gain is removed, and so on, until none falls short. A cause that
+        cannot be real beside the others gives way to a twin that can, if it has one.
         """
+        gone: set[str] = set()
         while model:
             model = tuple(self._adjusted(item, others_of(model, item)) for item in model)
             standings = [self.weighing.standing(item, others_of(model, item)) for item in model]
@@ -253,8 +255,29 @@ class Search:
             if refused is None:
                 return model
             self.journal.reject(*refused)
-            model = others_of(model, refused[0])
+            gone.add(refused[0].effect.name)
+            others = others_of(model, refused[0])
+            twin = self._twin_of(refused[0], others, gone) if worst > 1.0 else None
+            model = others if twin is None else (*others, twin)
         return model
+
+    def _twin_of(self, cause: Hypothesis, others: Model, gone: set[str]) -> Hypothesis | None:
+        """Return the name that can be real and explains as much as a cause that cannot, if any.
+
+        A cable that found no stiffness is a constant force, a law of two numbers one of a single
+        number. Without any of them the other causes would have to explain its torque, too, and
+        could not be real either.
+        """
+        inflation = self.weighing.requirement((*others, cause)).inflation
+        for rival in self.rivals(cause, others):
+            twin = rival.hypothesis
+            if twin is None or isinstance(twin.effect, Kind) or twin.effect.name in gone:
+                continue
+            fewer = self.pool.width(cause) - self.pool.width(twin)
+            less = (rival.margin + rival.fit_margin) / inflation - self.rules.price * fewer
+            if rival.believable and less < self.rules.twin:
+                return twin
+        return None
 
     def _unbelievable(self, model: Model) -> tuple[Hypothesis, str] | None:
         """Return the first cause of a model that cannot be real beside the others, and why."""

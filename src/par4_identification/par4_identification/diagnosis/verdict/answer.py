@@ -21,6 +21,9 @@ from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.unrelated import Unrelated
 from par4_identification.signals.rows import Run
 
+UNLIKE = 5.0
+"""Error on fitted rows over that on rows held out from which the recordings hold different things:
+motions alone make a factor of two or three."""
 Verdict = Literal['clean', 'explained', 'partly_explained', 'unknown']
 
 
@@ -59,6 +62,25 @@ class Cause:
     def is_nothing(self) -> bool:
         """Whether all its sizes are zero within one standard deviation."""
         return self.is_zero_within(1.0)
+
+    @property
+    def idle_joints(self) -> tuple[int, ...]:
+        """Those of its joints whose own sizes are all zero within one standard deviation.
+
+        There are none if no joint would be left. A phase is no size: it may be anything where an
+        amplitude is zero.
+        """
+        sizes = [parameter for parameter in self.effect.parameters if not parameter.is_shape
+                 and parameter.name in self.parameters and parameter.name != 'phase']
+        if not sizes or any(parameter.scope != 'joint' for parameter in sizes):
+            return ()
+        zero = np.ones(len(self.joints), dtype=bool)
+        for parameter in sizes:
+            size = self.parameters[parameter.name]
+            small = np.abs(np.asarray(size.value, dtype=float)) <= np.asarray(size.std, dtype=float)
+            zero &= np.all(np.reshape(small, (-1, len(self.joints))), axis=0)
+        return () if zero.all() else tuple(
+            joint for joint, idle in zip(self.joints, zero) if idle)
 
     def is_zero_within(self, deviations: float) -> bool:
         """Return whether all its sizes are zero within so many standard deviations."""
@@ -169,3 +191,8 @@ class Diagnosis:
     share: float = 1.0
     doubts: tuple[Pair, ...] = ()
     effects: Mapping[str, Effect] = field(default_factory=lambda: CATALOGUE)
+
+    @property
+    def fitted_unlike(self) -> bool:
+        """Whether far more is left of the fitted rows than of those held out."""
+        return bool(self.fitted_rms > UNLIKE * np.sqrt(np.mean(self.holdout.extended_rms ** 2)))

@@ -25,11 +25,10 @@ NEAR = 0.51
 """Periods a turn of the joint by which an order, found as a whole number, may be off."""
 ALL = 0.999
 """Share beyond which an interval says no more."""
-UNLIKE = 5.0
-"""Error on fitted rows over that on rows held out from which the recordings hold different things:
-motions alone make a factor of two or three."""
 NO_FUNCTION = 'a torque that follows nothing known of the motion'
 """What is left where it is too much for noise and no function fits it."""
+FITTED_ALONE = 'something that acts in the fitted recordings alone'
+"""What is left where far more is left of the fitted rows than of those held out."""
 STANDS_OUT = 2.0
 """Standard deviations within which a sentence leaves a size out beside another that stands out."""
 
@@ -54,7 +53,8 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
     nearest = diagnosis.remaining.nearest
     beside = (' and '.join([*(item.phrase for item in diagnosis.unnamed),
                             *_phrases_of_unrelated(diagnosis.remaining.unrelated),
-                            *_phrase_of_swing(diagnosis.remaining.swing_hz)])
+                            *_phrase_of_swing(diagnosis.remaining.swing_hz),
+                            *([FITTED_ALONE] if diagnosis.fitted_unlike else [])])
               or (nearest and f'{nearest.phrase}, which does not pass as a cause')
               or (diagnosis.remaining.no_noise and NO_FUNCTION)
               or 'a torque that changes from speed to speed')
@@ -275,7 +275,7 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
                 or 'To tell such names apart, add a bag of slow wide sweeps and one with a known '
                 'payload.'))
     unit, left = unit_on(machine, 'N m'), over_joints(diagnosis.holdout.extended_rms)
-    if diagnosis.fitted_rms > UNLIKE * left:
+    if diagnosis.fitted_unlike:
         remarks.append(Remark(
             False, f'With what was found the fitted recordings leave '
             f'{number(diagnosis.fitted_rms, 2)} {unit}, those held out {number(left, 2)} {unit}: '
@@ -404,9 +404,11 @@ def diagnosis_json(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
             'explained_fraction_ci': holdout.interval},
         'remaining': {
             'significant': bool(unnamed or found.lines or found.bursts or swing
-                                or diagnosis.remaining.uneven or diagnosis.remaining.no_noise),
+                                or diagnosis.remaining.uneven or diagnosis.remaining.no_noise
+                                or diagnosis.fitted_unlike),
             'looks_like': next((item.phrase for item in unnamed), swing[0] if swing else
-                               NO_FUNCTION if diagnosis.remaining.no_noise else None),
+                               NO_FUNCTION if diagnosis.remaining.no_noise else
+                               FITTED_ALONE if diagnosis.fitted_unlike else None),
             'wandering_rms': found.wandering_rms if found.wanders else None,
             'correlation_time': found.correlation_time if found.wanders else None,
             'lines': [{'frequency_hz': line.frequency_hz, 'amplitude': line.amplitude}
