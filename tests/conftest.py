@@ -17,6 +17,9 @@ for library in ('OPENBLAS', 'OMP', 'MKL'):
 # as in the Makefile: every process that tests start would compile the modules anew
 os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 
+# arrays are not in cycles: at the usual thresholds the collector takes more than it gives back
+gc.set_threshold(20_000, 20, 20)
+
 # the same few examples in every run; `make fuzz` draws others, and many
 CALM = {'deadline': None, 'database': None,
         'suppress_health_check': [HealthCheck.too_slow, HealthCheck.data_too_large,

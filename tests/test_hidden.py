@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hidden.kept import Kept, generator_hash, read_kept
+from hidden.motions import draw_motion
 from hidden.scenario import (
     KINDS,
     LARGE,
@@ -25,10 +26,17 @@ from hidden.truth import VISIBLE
 
 from par4_identification.logs.log import Log
 
+SHORT = 10.0, 6.5
+"""s of motion where pybullet is the plant, which takes ten times as long as the exact one."""
+
 
 def diagnosed(task: Task):
     """Return scenario, held-out recording and diagnosis of a task."""
     scenario = draw_scenario(task)
+    if task.fidelity != 'exact':
+        scenario = replace(scenario, motions=tuple(
+            draw_motion(scenario.shape, scenario.known.robot, duration, task.seed + 1000 * more)
+            for more, duration in enumerate(SHORT)))
     fit, heldout = record_scenario(scenario)
     return scenario, diagnosis_of(scenario, fit, heldout)
 

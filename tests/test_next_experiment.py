@@ -188,6 +188,7 @@ def test_the_proposed_motion_tells_what_has_no_name_from_the_nearest_name(
     assert 1.0 / 3.0 < difference(second.evidence, pair) / item.expected < 3.0
 
 
+@pytest.mark.usefixtures('unrendered')
 def test_an_exact_twin_gets_words_and_others_a_motion():
     """An offset is Coulomb asymmetry on every motion, weights beside the arms only on narrow ones.
     """

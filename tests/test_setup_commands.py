@@ -72,6 +72,7 @@ def said_first(done, folder, kind: str, result: str) -> dict:
     return finding
 
 
+@pytest.mark.usefixtures('unrendered')
 def test_identification_says_exchanged_plugs_first_and_goes_on(bag, tmp_path):
     done = run(identify, bag, '--robot', 'reference', '--output', tmp_path, '--compare-true',
                'table1')
@@ -224,6 +225,7 @@ def test_clocks_and_sources_are_told_and_the_sound_stretches_diagnosed(cases, cl
     assert json.loads((tmp_path / 'diagnosis.json').read_text())['verdict'] == 'clean'
 
 
+@pytest.mark.usefixtures('unrendered')
 @pytest.mark.parametrize(('factor', 'told'), [
     (1.05, '4.76 %, 4.76 %, 4.76 %, 4.76 %; the voltage rules; check drives.gain'),
     (-1.0, '200 %, 200 %, 200 %, 200 %, as torques of opposite sign do; the voltage rules; check '

@@ -8,6 +8,8 @@ import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import deepcopy
+from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -48,7 +50,7 @@ def read_yaml(path: str | Path) -> object:
     """
     path = Path(path)
     try:
-        return YAML(typ='safe', pure=True).load(path.read_text(encoding='utf-8'))
+        return deepcopy(_content(path.read_text(encoding='utf-8')))
     except FileNotFoundError:
         raise InputError(f'{path}: no such file; give the path of an existing file') from None
     except (OSError, UnicodeDecodeError) as error:
@@ -62,6 +64,12 @@ def read_yaml(path: str | Path) -> object:
     except Exception as error:
         raise InputError(f'{path}: a value in it is not understood ({error}); mend the file'
                          ) from error
+
+
+@lru_cache(maxsize=8)
+def _content(text: str) -> object:
+    """Return what a YAML text says; robot and model are read again and again."""
+    return YAML(typ='safe', pure=True).load(text)
 
 
 def parse(content: object, model: type[FileType], source: str) -> FileType:

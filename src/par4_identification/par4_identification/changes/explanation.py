@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -32,6 +32,8 @@ KEPT = 12
 """Sets of readings from which the next larger ones are built."""
 PAIRS = 2
 """Sets up to this size are tried all."""
+BESIDE = 256
+"""Sets that are fitted side by side."""
 
 
 @dataclass(frozen=True)
@@ -121,28 +123,43 @@ class _Difference:
 
     def fit(self, chosen: Sequence[int]) -> _Fit:
         """Return the readings of these numbers, fitted together; computed once."""
-        key = tuple(sorted(chosen))
-        if key not in self._fits:
-            self._fits[key] = self._fit(key)
-        return self._fits[key]
+        fit, = self.fits([chosen])
+        return fit
 
-    def _fit(self, chosen: tuple[int, ...]) -> _Fit:
-        readings = [self.readings[index] for index in chosen]
-        sizes, count = np.zeros(len(chosen)), len(chosen)
-        covariance = np.zeros((count, count))
+    def fits(self, sets: Iterable[Sequence[int]]) -> list[_Fit]:
+        """Return what `fit` does of sets of one size, computed side by side."""
+        keys = [tuple(sorted(chosen)) for chosen in sets]
+        new = [key for key in dict.fromkeys(keys) if key not in self._fits]
+        for begin in range(0, len(new), BESIDE):
+            for fit in self._fitted(new[begin:begin + BESIDE]):
+                self._fits[fit.chosen] = fit
+        return [self._fits[key] for key in keys]
+
+    def _fitted(self, sets: Sequence[tuple[int, ...]]) -> list[_Fit]:
+        count = len(sets[0])
+        each = [[self.readings[index] for index in chosen] for chosen in sets]
+        sizes = np.zeros((len(sets), count))
+        covariance = np.zeros((len(sets), count, count))
         for _ in range(STEPS if count else 0):
-            start = applied(readings, sizes, self.before)
-            slopes = np.stack([(applied(readings, sizes + step, self.before) - start).ravel()
-                               for step in np.eye(count)], axis=1)
+            start = self._applied(each, sizes)
+            slopes = np.stack([self._applied(each, sizes + step) - start
+                               for step in np.eye(count)], axis=2)
             slopes = self.root @ slopes
-            rest = self.root @ (self.after - start).ravel()
-            scale = np.maximum(np.linalg.norm(slopes, axis=0), 1e-30)
-            inverse = np.linalg.pinv((slopes / scale).T @ (slopes / scale), rcond=1e-9,
-                                     hermitian=True)
-            sizes = sizes + (inverse @ ((slopes / scale).T @ rest)) / scale
-            covariance = inverse / np.outer(scale, scale)
-        rest = self.root @ (self.after - applied(readings, sizes, self.before)).ravel()
-        return _Fit(chosen, sizes, float(rest @ rest), covariance)
+            scale = np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-30)
+            slopes = slopes / scale
+            across = slopes.transpose(0, 2, 1)
+            inverse = np.linalg.pinv(across @ slopes, rcond=1e-9, hermitian=True)
+            rest = self.root @ (self.after.ravel() - start)[..., None]
+            sizes = sizes + (inverse @ (across @ rest))[..., 0] / scale[:, 0]
+            covariance = inverse / (scale.transpose(0, 2, 1) * scale)
+        rest = self.root @ (self.after.ravel() - self._applied(each, sizes))[..., None]
+        squares = (rest.transpose(0, 2, 1) @ rest)[:, 0, 0]
+        return [_Fit(*fit) for fit in zip(sets, sizes, squares.tolist(), covariance)]
+
+    def _applied(self, each: Sequence[Sequence[Reading]], sizes: np.ndarray) -> np.ndarray:
+        """Return the values (m, J p) after each of m sets of readings."""
+        return np.array([applied(readings, own, self.before).ravel()
+                         for readings, own in zip(each, sizes.tolist())])
 
 
 def explained(readings: Sequence[Reading], before: Parameters, after: np.ndarray,
@@ -183,7 +200,7 @@ def _fewest(difference: _Difference) -> _Fit:
         larger = (combinations(range(count), size) if size <= PAIRS else
                   {tuple(sorted((*fit.chosen, more))) for fit in kept for more in range(count)
                    if more not in fit.chosen})
-        fits = sorted((difference.fit(chosen) for chosen in larger), key=lambda fit: fit.squares)
+        fits = sorted(difference.fits(larger), key=lambda fit: fit.squares)
         kept = fits[:KEPT]
         wrong = READING_ERROR ** 2 * (difference.none.squares - best.squares)
         needed = float(scipy.stats.chi2.isf(CHANCE / count, 1)) + wrong

@@ -27,12 +27,12 @@ def transition(start: np.ndarray, end: np.ndarray, duration: float, t: np.ndarra
     scale = duration ** np.arange(3).reshape(3, *[1] * (start.ndim - 1))
     values = np.concatenate((start * scale, end * scale))
     u = t / duration
-    derivatives = [_powers(u, order) for order in range(3)]
     ends = np.stack([_powers(np.array(place), order) for place in (0.0, 1.0)
                      for order in range(3)])
     weights = np.linalg.solve(ends, np.eye(6))
-    return np.stack([np.einsum('nk,kv,v...c->...nc', basis, weights, values) / duration ** order
-                     for order, basis in enumerate(derivatives)])
+    laws = np.stack([_powers(u, order) @ weights / duration ** order for order in range(3)])
+    x = (laws @ values.reshape(6, -1)).reshape(*laws.shape[:2], *values.shape[1:])
+    return np.ascontiguousarray(np.moveaxis(x, 1, -2))
 
 
 def _powers(u: np.ndarray, order: int) -> np.ndarray:
