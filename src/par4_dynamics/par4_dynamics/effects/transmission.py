@@ -8,6 +8,7 @@ joint moves the platform and with it the torque of all.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State, state_of_joints
+from par4_kinematics.errors import UnreachableError
 from par4_kinematics.linear_solve import solve_in_place
 
 MOTOR_SHARE = 0.5
@@ -28,9 +30,9 @@ there is nothing to end."""
 FOURTH_ORDER, UNBOUNDED = 1.0 / 12.0, 0.25
 """Newmark's beta with which frequencies are right to the fourth power of the step (Fox and Goodwin
 1949), and that with which no step is too long."""
-POSES, FASTER = 20, 1.5
-"""Poses of a motion whose inertia is looked at for the fastest resonance, and how much faster than
-in them it may be."""
+POSES, SAFE = 20, 0.7
+"""Poses of a motion whose inertia is looked at for the smallest, and share of that which is counted
+on in all others."""
 RUN_IN, RUN_IN_DAMPING = 1.0, 25.0
 """s before the motion, and times more damping at its start: the swing in which the integration
 starts dies away there. It fades to nothing without a kink, which would start another."""
@@ -96,14 +98,16 @@ class Springs:
     acceleration, velocity and position along the motion. The motors move as measured whatever the
     twist, so that the load swings against motors at rest: at sqrt(1 / c M), which a light machine
     may have far within the band of its torque. There C, some percent of M times that frequency,
-    damps or drives as much as the springs themselves do.
+    damps or drives as much as the springs themselves do. What the first order misses along the
+    motion of the load of a mechanism is added to T_0, and the loads swing once more: the speed of a
+    twist may be a third of the joint's, and what goes with its square looks like damping.
 
     Args:
         state: the motion with its nominal torque.
     """
 
     def __init__(self, state: State) -> None:
-        self._rigid = told_torque(state)
+        self._state, self._rigid = state, told_torque(state)
         self._still = len(state.t) < 2
         if self._still:
             return
@@ -114,7 +118,6 @@ class Springs:
         self._reduced = np.broadcast_to(
             (1.0 - MOTOR_SHARE) * _motor_side(state, np.ones(state.joints)), state.joints)
         before = self._before = min(len(self._rigid) - 1, round(RUN_IN / self._period))
-        self._load = np.concatenate((2.0 * self._rigid[0] - self._rigid[before:0:-1], self._rigid))
         self._place = np.concatenate((np.zeros(before, dtype=int), np.arange(len(self._rigid))))
         fade = np.concatenate((np.linspace(1.0, 0.0, before), np.zeros(len(self._rigid))))
         self._more = 1.0 + RUN_IN_DAMPING * fade ** 2
@@ -143,46 +146,101 @@ class Springs:
         """
         if self._still or not np.any(compliance > 0.0):
             return self._rigid, np.zeros_like(self._rigid)
+        spring, change, twist = self._swung(self._rigid, compliance, damping_ratio, every)
+        if every > 1:
+            told = every * np.arange(len(spring))
+            wanted = self._before + np.arange(len(self._rigid))
+            spring, change = (np.stack([np.interp(wanted, told, joint) for joint in part.T], axis=1)
+                              for part in (spring, change))
+            return spring, change
+        spring, change, twist = (part[..., self._before:, :] for part in (spring, change, twist))
+        if self._state.geometry is None:  # linear
+            return spring, change
+        try:
+            missed = self._exact_change(*twist) - change
+        except UnreachableError:  # springs so soft are none that a machine has
+            return spring, change
+        spring, change, _ = self._swung(self._rigid + missed, compliance, damping_ratio)
+        return spring[self._before:], change[self._before:] + missed
+
+    def _exact_change(self, twist: np.ndarray, speed: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Return the change of the load's torque (n, J), N m, where it twists by (n, J), rad.
+
+        Args:
+            twist, speed, rate: of the springs, (n, J), rad, rad/s, rad/s2.
+
+        Raises:
+            UnreachableError: positions of the load with which the mechanism does not close.
+        """
+        state = self._state
+        moved = state_of_joints(state.geometry, state.t, state.q - twist, state.qd - speed,
+                                state.qdd - rate)
+        return state.known.rigid_torque(moved) - self._whole + _motor_side(state, rate)
+
+    @cached_property
+    def _whole(self) -> np.ndarray:
+        """The rigid machine's torque, (n, J) N m."""
+        return self._state.known.rigid_torque(self._state)
+
+    def _swung(self, rigid: np.ndarray, compliance: np.ndarray, damping_ratio: float,
+               every: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return what `torque` does, to first order, with a run-in before it, and the twists.
+
+        Args:
+            rigid: what rigid springs would carry, (n, J), N m.
+            compliance, damping_ratio, every: of `torque`.
+
+        Returns:
+            Two (m, J), N m; twist, speed and acceleration (3, m, J), of every so many samples.
+        """
         soft = np.flatnonzero(compliance > 0.0)
         twisting = compliance[soft]
         lag = 2.0 * damping_ratio * np.sqrt(twisting * self._reduced[soft])  # c d, s
         steps = slice(None, None, every)
-        load = np.ascontiguousarray(self._load[steps])
-        spring, change = np.empty_like(load), np.empty_like(load)
+        before = 2.0 * rigid[0] - rigid[self._before:0:-1]
+        load = np.ascontiguousarray(np.concatenate((before, rigid))[steps])
+        spring, change, twist = np.empty_like(load), np.empty_like(load), np.zeros((3, *load.shape))
         h = every * self._period
         _swing(load, self._place[steps], self._by_motion, soft, twisting, lag, self._more[steps],
-               h, self._beta(soft, twisting, h), spring, change)
-        if every == 1:
-            return spring[self._before:], change[self._before:]
-        told = every * np.arange(len(load))
-        wanted = self._before + np.arange(len(self._rigid))
-        spring, change = (np.stack([np.interp(wanted, told, joint) for joint in part.T], axis=1)
-                          for part in (spring, change))
-        return spring, change
+               h, self._beta(twisting, soft, h), spring, change, twist)
+        return spring, change, twist
 
+    def _beta(self, compliance: np.ndarray, soft: np.ndarray, h: float) -> np.ndarray:
+        """Return Newmark's beta of each joint that twists, (k,), for steps of h, s.
 
-    def _beta(self, soft: np.ndarray, compliance: np.ndarray, h: float) -> float:
-        """Return Newmark's beta for steps of h, s: that of `FOURTH_ORDER` where it is stable.
+        It is that of `FOURTH_ORDER` where the joint is soft enough. As the springs' stiffness is
+        diagonal, steps are stable while M - diag((1/4 - beta) h^2 / c) is positive: no joint's beta
+        depends on how stiff the others are.
 
-        It is as long as the fastest resonance w has (w h)^2 < 1 / (1/4 - beta). A machine's inertia
-        changes with its pose: the fastest of a few, and half as much again.
+        Args:
+            compliance: of the joints that twist, (k,).
+            soft: which ones, (k,).
+            h: step.
         """
+        least = UNBOUNDED - self._least_inertia[soft] * compliance / h ** 2
+        return np.maximum(least, FOURTH_ORDER)
+
+    @cached_property
+    def _least_inertia(self) -> np.ndarray:
+        """Inertia (J,), kg m2, of which a diagonal matrix is smaller than that of the load."""
         poses = np.linspace(0, len(self._rigid) - 1, POSES).astype(int)
-        inertia = self._by_motion[0][poses][:, soft[:, None], soft]
-        scale = np.sqrt(compliance)
-        slowest = np.linalg.eigvalsh(scale[:, None] * 0.5 * (
-            inertia + np.swapaxes(inertia, 1, 2)) * scale)[:, 0].min()
-        least = UNBOUNDED - max(slowest, 0.0) / (FASTER * h) ** 2
-        return float(np.clip(least, FOURTH_ORDER, UNBOUNDED))
+        inertia = self._by_motion[0][poses]
+        own = np.diagonal(inertia, axis1=1, axis2=2)
+        if np.any(own <= 0.0):
+            return np.zeros(own.shape[1])
+        both = 0.5 * (inertia + np.swapaxes(inertia, 1, 2))
+        scale = np.sqrt(own)
+        alike = np.linalg.eigvalsh(both / (scale[:, :, None] * scale[:, None, :]))[:, 0].min()
+        return SAFE * max(float(alike), 0.0) * own.min(axis=0)
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring, change):
+def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring, change, told):
     """Integrate c (M sdd + C sd + K s) + c d sd + s = c T_0 by Newmark's method (1959).
 
     Its gamma is 1/2, so that nothing is damped by the steps. Only the `soft` joints (k,) twist;
-    `compliance` and `lag` (k,) are theirs. M, C and K (3, n, J, J) of a row are those of its
-    `place`.
+    `compliance`, `lag` and `beta` (k,) are theirs. M, C and K (3, n, J, J) of a row are those of
+    its `place`. Twist, speed and acceleration are told, (3, n, J).
     """
     joints, count = load.shape[1], len(soft)
     twist, speed, rate = np.empty(count), np.zeros(count), np.zeros(count)
@@ -193,7 +251,7 @@ def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring,
         inertia, by_speed, by_twist = (
             by_motion[0, place[row]], by_motion[1, place[row]], by_motion[2, place[row]])
         for k in range(count):
-            twist[k] += h * speed[k] + (0.5 - beta) * h * h * rate[k]
+            twist[k] += h * speed[k] + (0.5 - beta[k]) * h * h * rate[k]
             speed[k] += 0.5 * h * rate[k]
         for k in range(count):
             slow = more[row] * lag[k]
@@ -203,15 +261,15 @@ def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring,
                 c = by_speed[soft[k], soft[other]]
                 s = by_twist[soft[k], soft[other]]
                 right[k, 0] -= compliance[k] * (c * speed[other] + s * twist[other])
-                matrix[k, other] = compliance[k] * (m + 0.5 * h * c + beta * h * h * s)
-            matrix[k, k] += 0.5 * h * slow + beta * h * h
+                matrix[k, other] = compliance[k] * (m + 0.5 * h * c + beta[other] * h * h * s)
+            matrix[k, k] += 0.5 * h * slow + beta[k] * h * h
         if count == 1:
             right[0, 0] /= matrix[0, 0]
         else:
             solve_in_place(matrix, right)
         for k in range(count):
             rate[k] = right[k, 0]
-            twist[k] += beta * h * h * rate[k]
+            twist[k] += beta[k] * h * h * rate[k]
             speed[k] += 0.5 * h * rate[k]
         for i in range(joints):
             change[row, i] = 0.0
@@ -221,6 +279,9 @@ def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring,
             spring[row, i] = load[row, i] + change[row, i]
         for k in range(count):
             spring[row, soft[k]] = twist[k] / compliance[k]
+            told[0, row, soft[k]] = twist[k]
+            told[1, row, soft[k]] = speed[k]
+            told[2, row, soft[k]] = rate[k]
 
 
 def one_a_joint(values: np.ndarray) -> np.ndarray:
