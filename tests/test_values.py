@@ -25,6 +25,7 @@ from par4_identification.diagnosis.evidence.estimates import (
     estimated,
 )
 from par4_identification.diagnosis.evidence.fit import pinned, solve
+from par4_identification.diagnosis.evidence.holdout import Gain
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.joints import choices, with_needed_joints
 from par4_identification.diagnosis.search.polish import polished
@@ -362,3 +363,13 @@ def test_a_cause_is_zero_where_each_of_its_sizes_is_within_its_deviations():
         'exponent': Parameter(value=(1.6, 1.6), std=(0.1, 0.1))})
     assert not Cause.is_zero_within(told, 1.0)
     assert Cause.is_zero_within(told, 2.0)
+
+
+@pytest.mark.parametrize(('name', 'size', 'idle'), [
+    ('encoder_offset', 'offset', (2,)), ('backlash', 'gap', ())])
+def test_only_a_name_that_may_act_on_some_joints_has_idle_ones(name, size, idle):
+    """Gaps of all joints are one cause: no joint can be taken out of it."""
+    parameter = Parameter(value=(1.0, -2.0, 0.1, 3.0), std=(0.1, 0.1, 0.2, 0.1), unit='rad')
+    told = Cause(CATALOGUE[name], (0, 1, 2, 3), {size: parameter}, (), 1.0, 0.0, 1.0, None,
+                 Gain(1.0, 0.5, 1.5))
+    assert told.idle_joints == idle

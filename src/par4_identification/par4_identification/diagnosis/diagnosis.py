@@ -84,6 +84,10 @@ from par4_identification.diagnosis.verdict.sure import (
     without_doubtful_names,
     without_replaceable_names,
 )
+from par4_identification.diagnosis.verdict.swinging_loads import (
+    with_doubt_of_counts,
+    without_count_bias,
+)
 from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, unrelated
 from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widened
 from par4_identification.logs.log import Log
@@ -242,7 +246,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
     weak = weak_causes(search, model)
-    model = polished(search, model)
+    model, changed = without_count_bias(search, polished(search, model))
     loose, model = loose_loads(search, model)
     model = (without_doubtful_names if isinstance(machine, Axis)
              else without_replaceable_names)(search, model)
@@ -271,7 +275,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             acting = without_joints(item, cause.idle_joints)
             return _answer(search, tuple(acting if other is item else other for other in model),
                            machine, baseline, rigid_body, effects, fit_runs, progress)
-    causes = widened(search, by_any_law, named, weak)
+    causes = with_doubt_of_counts(search, widened(search, by_any_law, named, weak), named, changed)
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
     progress('checking what remains')

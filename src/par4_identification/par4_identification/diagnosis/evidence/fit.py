@@ -107,14 +107,19 @@ def _values(fit: Fit) -> np.ndarray:
         fit.hypotheses, fit.coefficients))])
 
 
-def pinned(evidence: Evidence, fit: Fit) -> Fit:
+def pinned(evidence: Evidence, fit: Fit, retimed: bool = True) -> Fit:
     """Return a fit in which columns that are exact at some coefficients only have these.
 
     The other values are those of least squares beside them.
+
+    Args:
+        evidence: rows that were fitted.
+        fit: of the causes.
+        retimed: whether this holds for torques of another time, too.
     """
     joints, own, told = evidence.observations.joints, [np.empty(0, dtype=int)], [np.empty(0)]
     for item, place in zip(fit.hypotheses, fit.slices):
-        exact = (None if isinstance(item.effect, Kind)
+        exact = (None if isinstance(item.effect, Kind) or (item.named.retimes and not retimed)
                  else item.effect.exact_at(item.shape, joints))
         if exact is not None:
             own.append(np.arange(place.start, place.stop))
@@ -125,7 +130,8 @@ def pinned(evidence: Evidence, fit: Fit) -> Fit:
     away = np.concatenate(told) - values[pins]
     values = values + fit.covariance[:, pins] @ np.linalg.solve(
         fit.covariance[np.ix_(pins, pins)], away)
-    return fit_of(evidence, fit.hypotheses, values, fit.covariance)
+    return replace(fit_of(evidence, fit.hypotheses, values, fit.covariance),
+                   correction=fit.correction)
 
 
 def corrected(evidence: Evidence, fit: Fit, moment: np.ndarray) -> Fit:

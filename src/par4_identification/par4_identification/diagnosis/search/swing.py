@@ -94,8 +94,7 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
                                for trial in trials], axis=1)
 
     joints, state = evidence.observations.joints, evidence.observations.runs[0].state
-    soft, stiff = believed_stiffnesses(
-        float(state.known.values['actuator_inertia'][0]) if state.geometry is None else None)
+    soft, stiff = stiffnesses_of(state)
     grid = np.geomspace(VISIBLE / stiff, 1.0 / soft, TRIED)
     alone = torques(np.concatenate([grid[:, None] * unit for unit in np.eye(joints)]),
                     COARSE_DAMPING)
@@ -132,6 +131,15 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
         if freed.squares - usual.squares > price and (freed.damping_ratio or 0.0) < MOST_DAMPED:
             best = freed
     return best if again is None or again.squares < best.squares else again
+
+
+def stiffnesses_of(state: State) -> tuple[float, float]:
+    """Return the least and the greatest stiffness that is believed of a machine, N m/rad.
+
+    `state` is a motion of it with its nominal torque.
+    """
+    return believed_stiffnesses(
+        float(state.known.values['actuator_inertia'][0]) if state.geometry is None else None)
 
 
 def _ring_in_band(springs: Sequence[Springs], compliance: np.ndarray, evidence: Evidence) -> bool:

@@ -68,9 +68,12 @@ class Weighing:
         """Return a fit with the values that the answer tells.
 
         The bias that encoder counts make is taken out of them. A torque that is not linear in its
-        values has those at which it was fitted.
+        values has those at which it was fitted, also afterwards: what counts make of loads that
+        swing is no matter of columns (`verdict/swinging_loads.py`).
         """
-        return self._counts.corrected(self._pool.evidence, pinned(self._pool.evidence, fit))
+        evidence = self._pool.evidence
+        return pinned(evidence, self._counts.corrected(evidence, pinned(evidence, fit)),
+                      retimed=False)
 
     def requirement(self, model: Model, cause: Hypothesis | None = None) -> Requirement:
         """Return what a cause must gain in a model."""

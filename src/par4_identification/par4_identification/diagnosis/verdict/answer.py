@@ -67,9 +67,11 @@ class Cause:
     def idle_joints(self) -> tuple[int, ...]:
         """Those of its joints whose own sizes are all zero within one standard deviation.
 
-        There are none if no joint would be left. A phase is no size: it may be anything where an
-        amplitude is zero.
+        There are none if no joint would be left, or if the effect acts on all joints or none. A
+        phase is no size: it may be anything where an amplitude is zero.
         """
+        if self.effect.shared and not self.effect.separable:
+            return ()
         sizes = [parameter for parameter in self.effect.parameters if not parameter.is_shape
                  and parameter.name in self.parameters and parameter.name != 'phase']
         if not sizes or any(parameter.scope != 'joint' for parameter in sizes):

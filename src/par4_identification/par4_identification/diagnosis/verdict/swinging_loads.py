@@ -1,0 +1,197 @@
+"""Values of loads that swing on their transmissions, without what encoder counts make of them.
+
+A load amplifies at its resonance what the encoder of its motor misreads. The model's torque then
+holds a swing that the machine's does not have. Least squares make it small, by more damping than
+the machine has: twice as much where the counts are 48 urad and the load swings at 65 Hz. The
+noise-free derivative of the squares is known: the machine's motion is read again by encoders whose
+counts lie elsewhere, and what they make of the derivative is taken out of it (corrected score,
+Nakamura 1990).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from par4_dynamics.effects.effect import single
+from par4_dynamics.effects.elastic_transmission import (
+    DAMPING_RATIOS,
+    ElasticTransmission,
+)
+from par4_dynamics.effects.transmission import DAMPING_RATIO, Springs
+from par4_dynamics.state import State
+from par4_identification.diagnosis.evidence.doubt import with_doubt
+from par4_identification.diagnosis.evidence.estimates import told_values
+from par4_identification.diagnosis.evidence.evidence import Evidence
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.projection import Projection
+from par4_identification.diagnosis.search.causes import Model, others_of
+from par4_identification.diagnosis.search.law import Dithered, delivered
+from par4_identification.diagnosis.search.search import Search
+from par4_identification.diagnosis.search.swing import stiffnesses_of
+from par4_identification.diagnosis.verdict.answer import Cause
+
+STEPS, LONGEST = 8, 0.3
+"""Of the descent, and its longest step in the logarithm of a compliance or of the damping."""
+SURE = 0.2
+"""Standard deviation of a logarithm up to which these rows tell the value; others stay."""
+TWISTS = 4.0
+"""Compliance over that of the stiffest transmission from which on a joint twists."""
+SMALL, SETTLED = 0.1, 0.1
+"""Step over its own standard deviation, and over the way so far, that is the last."""
+CHANGE = 1e-3
+"""Of these logarithms, for derivatives."""
+WRONG = 0.5
+"""Share of the correction that may be wrong."""
+
+Moved = tuple[Hypothesis, Hypothesis]
+"""A cause as least squares have it, and as it is told."""
+
+
+def without_count_bias(search: Search, model: Model) -> tuple[Model, list[Moved]]:
+    """Return a model whose swinging loads have unbiased values, and what was changed.
+
+    Nothing is, where the noise of the positions is not known.
+    """
+    changed: list[Moved] = []
+    for item in model:
+        told = unbiased(item, search.weighing.beside(others_of(model, item)),
+                        search.belief.dithered)
+        if told is not None and search.belief.objection(told, others_of(model, item)) is None:
+            model = tuple(told if other is item else other for other in model)
+            changed.append((item, told))
+    return model, changed
+
+
+def with_doubt_of_counts(search: Search, causes: Sequence[Cause], named: Sequence[Hypothesis],
+                         changed: Sequence[Moved]) -> list[Cause]:
+    """Return causes with deviations that include what a correction may have got wrong.
+
+    Args:
+        search: of the causes.
+        causes: of the named hypotheses, in their order.
+        named: these.
+        changed: see `without_count_bias`.
+    """
+    result = list(causes)
+    for before, told in changed:
+        if told not in named:
+            continue
+        index = list(named).index(told)
+        biased = [before if item is told else item for item in named]
+        fit = search.weighing.corrected(search.pool.solution(biased))
+        result[index] = replace(result[index], parameters=with_doubt(
+            result[index].parameters,
+            told_values(search.pool.evidence, before, fit, index), WRONG))
+    return result
+
+
+def unbiased(item: Hypothesis, projection: Projection, dithered: Dithered) -> Hypothesis | None:
+    """Return a cause with other compliances and damping, None where there is nothing to change.
+
+    That is where nothing swings or counts are not known. A step of the descent that turns back is
+    halved, and so are all that follow it: what counts do to the slopes is not in its matrix. Less
+    damping makes what is misread swing more, so that the descent may run away: its first step is
+    the answer then.
+
+    Args:
+        item: the cause, as least squares have it.
+        projection: what the other causes leave of the fitted rows.
+        dithered: the motion as encoders could have read it whose counts lie elsewhere.
+    """
+    if not isinstance(item.effect, ElasticTransmission) or not dithered.draws:
+        return None
+    evidence, loads = projection.evidence, _Loads(item, item.effect, projection.evidence)
+    rigid = [draw[:, 0] for draw in dithered.noise(evidence, delivered)]
+    change = last = np.zeros(loads.count)
+    moves, pace = np.ones(loads.count, dtype=bool), 1.0
+    way: list[np.ndarray] = []
+    for _ in range(STEPS):
+        torques = partial(loads.torques, change + CHANGE * np.vstack((
+            np.zeros(loads.count), np.eye(loads.count))))
+        here = np.concatenate(evidence.whitener.whiten(
+            [run.rows(torques(run.state)) for run in evidence.observations.runs]))
+        slopes = projection.rest(_slopes(here))
+        score = slopes.T @ (projection.residual - projection.rest(here[:, :1])[:, 0])
+        for noise, of_rigid in zip(dithered.noise(evidence, torques), rigid):
+            score += (slopes + projection.rest(_slopes(noise))).T @ (
+                noise[:, 0] + of_rigid) / len(rigid)
+        gram = slopes.T @ slopes
+        if not way:
+            whole = np.linalg.pinv(gram, rcond=1e-12, hermitian=True)
+            moves = loads.twist & (np.sqrt(np.diag(whole)) < SURE)
+            if not moves.any():
+                return None
+        step = np.zeros(loads.count)
+        step[moves] = np.linalg.pinv(gram[np.ix_(moves, moves)], rcond=1e-12,
+                                     hermitian=True) @ score[moves]
+        if step @ gram @ last < 0.0:
+            pace *= 0.5
+        last = step
+        change = loads.possible(change + np.clip(pace * step, -LONGEST, LONGEST))
+        way.append(change)
+        if last @ gram @ last < SMALL ** 2 * moves.sum() + SETTLED ** 2 * change @ gram @ change:
+            return loads.told(change)
+    return loads.told(way[0])
+
+
+class _Loads:
+    """Loads that swing, as functions of the logarithms of their compliances and damping.
+
+    Args:
+        item: the cause that they begin with.
+        effect: its own.
+        evidence: the rows.
+
+    Attributes:
+        count: of logarithms, the last one that of the damping if it is told.
+        twist: which of them may change: that of a joint that is all but rigid may not, (count,).
+    """
+
+    def __init__(self, item: Hypothesis, effect: ElasticTransmission, evidence: Evidence) -> None:
+        self._item, self._effect = item, effect
+        self._start = effect.exact_at(item.shape, evidence.observations.joints)
+        self._twisting = np.flatnonzero(self._start > 0.0)
+        self._is_told = 'damping_ratio' in item.shape
+        self._damping = single(item.shape.get('damping_ratio', DAMPING_RATIO))
+        self._springs: dict[int, Springs] = {}
+        _, stiff = stiffnesses_of(evidence.observations.runs[0].state)
+        self.count = len(self._twisting) + self._is_told
+        self.twist = np.append(self._start[self._twisting] > TWISTS / stiff,
+                               np.full(int(self._is_told), True))
+
+    def torques(self, changes: np.ndarray, state: State) -> np.ndarray:
+        """Return the torque (n, J, m), N m, of a motion at m changes (m, count)."""
+        if id(state) not in self._springs:
+            self._springs[id(state)] = Springs(state)
+        return np.stack([self._springs[id(state)].torque(*self._values(change))[1]
+                         for change in changes], axis=-1)
+
+    def possible(self, change: np.ndarray) -> np.ndarray:
+        """Return a change (count,) whose damping is one of a transmission."""
+        if not self._is_told:
+            return change
+        damping = np.clip(change[-1], *np.log(np.array(DAMPING_RATIOS) / self._damping))
+        return np.append(change[:-1], damping)
+
+    def told(self, change: np.ndarray) -> Hypothesis:
+        """Return the cause at a change."""
+        compliance, damping = self._values(change)
+        shape = self._effect.expansion(compliance,
+                                       {'damping_ratio': damping} if self._is_told else {})
+        sets = self._item.sets
+        return replace(self._item, shape=shape if sets is None
+                       else self._effect.shape_of_sets(shape, sets))
+
+    def _values(self, change: np.ndarray) -> tuple[np.ndarray, float]:
+        compliance = self._start.copy()
+        compliance[self._twisting] *= np.exp(change[:len(self._twisting)])
+        return compliance, self._damping * float(np.exp(change[-1]) if self._is_told else 1.0)
+
+
+def _slopes(torques: np.ndarray) -> np.ndarray:
+    """Return the slopes (N, k) of torques (N, 1 + k), the first of them where the others begin."""
+    return (torques[:, 1:] - torques[:, :1]) / CHANGE
