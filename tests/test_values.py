@@ -23,8 +23,9 @@ from par4_identification.diagnosis.evidence.estimates import (
     LASTING,
     effect_parameters,
     estimated,
+    told_values,
 )
-from par4_identification.diagnosis.evidence.fit import pinned, solve
+from par4_identification.diagnosis.evidence.fit import corrected, pinned, solve
 from par4_identification.diagnosis.evidence.holdout import Gain
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.joints import choices, with_needed_joints
@@ -33,6 +34,7 @@ from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.verdict.agreement import parameters_by, with_disagreement
 from par4_identification.diagnosis.verdict.answer import Cause
+from par4_identification.diagnosis.verdict.swinging_loads import with_doubt_of_counts
 from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widened
 from robots import REFERENCE
 
@@ -373,3 +375,38 @@ def test_only_a_name_that_may_act_on_some_joints_has_idle_ones(name, size, idle)
     told = Cause(CATALOGUE[name], (0, 1, 2, 3), {size: parameter}, (), 1.0, 0.0, 1.0, None,
                  Gain(1.0, 0.5, 1.5))
     assert told.idle_joints == idle
+
+
+def swinging(damping_ratio):
+    effect, compliance = CATALOGUE['elastic_transmission'], np.array((0.0, 2e-4, 0.0, 0.0))
+    return Hypothesis(effect, effect.expansion(compliance, {'damping_ratio': damping_ratio}), (1,),
+                      (1,))
+
+
+@pytest.fixture(scope='module')
+def soft():
+    """Return a search on a machine with a soft joint."""
+    return search_of(('elastic_transmission', {'stiffness': (0.0, 5e3, 0.0, 0.0)}),
+                     library=('elastic_transmission',))
+
+
+def test_half_of_what_counts_made_of_a_damping_is_its_deviation(soft):
+    before, told = swinging(0.1), swinging(0.04)
+    fit = soft.weighing.corrected(soft.pool.solution((told,)))
+    values = {name: item.model_copy(update={'std': 0.0 * np.asarray(item.value)})
+              for name, item in told_values(soft.pool.evidence, told, fit, 0).items()}
+    wide, = with_doubt_of_counts(soft, [SimpleCause(values)], (told,), [(before, told)])
+    assert wide.parameters['damping_ratio'].std == pytest.approx(0.03)
+    assert np.max(wide.parameters['stiffness'].std) < 1e-6
+
+
+def test_what_counts_do_to_columns_moves_no_compliance(soft, monkeypatch):
+    """Their columns are exact at their own values only; other values take what is corrected."""
+    told, other = swinging(0.05), cause('torque_offset', joints=(0,))
+    monkeypatch.setattr(soft.weighing, '_counts', SimpleNamespace(
+        corrected=lambda evidence, fit: corrected(evidence, fit, np.full(
+            len(fit.covariance), 1e4))))
+    fit = soft.pool.solution((told, other))
+    moved = soft.weighing.corrected(fit)
+    assert moved.coefficients[0][1, 1] == pytest.approx(2e-4, rel=1e-6)
+    assert abs(moved.coefficients[1][0, 0] - fit.coefficients[1][0, 0]) > 1e-3
