@@ -34,7 +34,7 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.diagnosis.evidence.pool import MOST_COLUMNS, Pool
 from par4_identification.diagnosis.evidence.projection import project
-from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
+from par4_identification.diagnosis.evidence.unnamed import KINDS, Kind, Kinds
 from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.diagnosis.nominal.gate import WORST_ERROR, unusable
 from par4_identification.diagnosis.search.causes import named_of
@@ -124,6 +124,19 @@ def test_the_prior_of_an_unnamed_cause_counts_as_rows_of_zeros():
     assert search.pool.fit([hypothesis]).fit_squares == pytest.approx(left, rel=1e-9)
 
 
+def test_a_column_that_the_rows_do_not_visit_leaves_the_other_values_alone():
+    search = search_of(('torque_offset', {'offset': OFFSET}), library=('torque_offset',))
+    part = search.pool.evidence
+    later = Kinds(part.observations).ranges
+    kind = replace(next(kind for kind in KINDS if kind.name == 'time'),
+                   ranges=replace(later, end=4.0 * later.end))
+    offset = cause('torque_offset')
+    alone, beside = (solve(part, model).coefficients[0]
+                     for model in ((offset,), (offset, Hypothesis(kind, {}, (1,)))))
+    assert np.any(np.all(part.columns(Hypothesis(kind, {}, (1,))) == 0.0, axis=0))
+    np.testing.assert_allclose(beside[0, [0, 2, 3]], alone[0, [0, 2, 3]], rtol=1e-2)
+
+
 # --------------------------------------------------------------------------------- what is found
 
 
@@ -140,6 +153,23 @@ def test_three_names_and_an_unnamed_cause_keep_each_other_company():
     told = unnamed_cause(search, unnamed, model)
     assert told.margin > search.weighing.requirement(model).heldout
     assert 0.0 < told.share < 1.0
+
+
+def ribbed(state):
+    """Return friction of joints 0 and 2 that follows the ribs of their seals."""
+    torque = np.zeros_like(state.q)
+    for joint, ribs in ((0, 47.4), (2, 60.0)):
+        rib = np.abs(np.sin(0.5 * ribs * state.q[:, joint] + joint))
+        torque[:, joint] = rib * np.tanh(state.qd[:, joint] / 0.01)
+    return torque
+
+
+def test_friction_that_waves_with_the_position_is_no_ripple_of_the_torque():
+    search = search_of(library=('torque_ripple', 'cogging', 'load_dependent_friction', 'stribeck'),
+                       beside=ribbed)
+    unnamed, = search.run()
+    assert unnamed.effect.name == 'uneven'
+    assert unnamed.joints == (0, 2)
 
 
 def test_a_name_that_imitates_falls_beside_what_it_imitates_and_the_others_stay():

@@ -118,7 +118,7 @@ def _uneven(_known: Known, values: Values, _step: float) -> Act:
 
 
 FRICTION_WAVE = Outside(
-    'friction_wave', ('place', 'periodic', 'position', 'speed'),
+    'friction_wave', ('uneven', 'place', 'periodic', 'position', 'speed'),
     lambda random, known, joints: {
         'torque': on(joints, random.uniform(0.15, 0.5, len(joints)) * coulomb(known)[joints]),
         'periods': float(random.integers(6, 25)), 'phase': random.uniform(-3.1, 3.1, LEGS)},

@@ -71,10 +71,11 @@ class Fit:
 def solve(evidence: Evidence, hypotheses: Sequence[Hypothesis]) -> Fit:
     """Return the fit of base terms and hypotheses with its covariance."""
     design = evidence.design(hypotheses)
-    scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
-    prior = np.diag(prior_weights(evidence, hypotheses, design.shape[1]) / scale ** 2)
-    inverse = np.linalg.pinv((design / scale).T @ (design / scale) + prior, rcond=1e-12,
-                             hermitian=True)
+    prior = prior_weights(evidence, hypotheses, design.shape[1])
+    # a column that these rows do not visit has its prior alone
+    scale = np.sqrt(np.maximum(np.einsum('nc,nc->c', design, design) + prior, 1e-60))
+    inverse = np.linalg.pinv((design / scale).T @ (design / scale) + np.diag(prior / scale ** 2),
+                             rcond=1e-12, hermitian=True)
     values = inverse @ ((design / scale).T @ evidence.target) / scale
     return fit_of(evidence, hypotheses, values, inverse / np.outer(scale, scale))
 

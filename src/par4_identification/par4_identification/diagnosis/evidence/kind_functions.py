@@ -166,6 +166,13 @@ def place(state: State, ranges: Ranges) -> np.ndarray:
     return splines(state.q, *ranges.q, 20) * np.sign(state.qd)[..., None]
 
 
+def uneven(state: State, ranges: Ranges) -> np.ndarray:
+    """A level and waves around it."""
+    waves = _waves(state, ranges.periods)
+    level = np.ones_like(waves[..., :1])
+    return np.concatenate((level, waves), axis=-1) * np.sign(state.qd)[..., None]
+
+
 def memory(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
     return elastic_slip(np.ascontiguousarray(state.q), SLIPS)
 

@@ -7,7 +7,7 @@ searched, accepted and tested like an effect; its coefficients have no meaning b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -26,6 +26,7 @@ from par4_identification.diagnosis.evidence.kind_functions import (
     Ranges,
 )
 from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.signals.rows import Run
 
 PRIOR_ROWS = 3.0
 """Weight of the prior, zero, of a coefficient whose column has the size 1: as that many rows."""
@@ -117,6 +118,7 @@ KINDS = (
     Kind('creep', 'a spring that creeps', functions.creep),
     Kind('drift', 'friction that changes with time', functions.drift),
     Kind('place', 'friction that changes with joint position', functions.place),
+    Kind('uneven', 'friction that is periodic in joint position', functions.uneven),
     Kind('memory', 'friction that remembers the way the joint came', functions.memory))
 
 
@@ -145,11 +147,13 @@ class Kinds:
                 periods are those of the periodic kinds.
         """
         low, high = self.ranges.q
-        load = [run.rows(run.state.known.delivered) * part
-                for run, part in zip(observations.runs, left)]
-        periods: dict[Function, Periods] = {
-            functions.periodic: _strongest_periods(observations, left, high - low),
-            functions.torque: _strongest_periods(observations, load, high - low)}
+        weights: dict[Function, Callable[[Run], np.ndarray]] = {
+            functions.periodic: lambda run: np.ones_like(run.q),
+            functions.torque: lambda run: run.rows(run.state.known.delivered),
+            functions.uneven: lambda run: np.sign(run.speed)}
+        periods = {function: _strongest_periods(observations, [
+            weight(run) * part for run, part in zip(observations.runs, left)], high - low)
+            for function, weight in weights.items()}
         wound = np.max(high - low) <= WIDEST  # no spring goes on turning
         return tuple(self._kind(kind, periods.get(kind.function, ())) for kind in KINDS
                      if (self.ranges.platform is not None or not kind.needs_platform)
