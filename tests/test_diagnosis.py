@@ -10,6 +10,7 @@ from hidden.hiders import HIDERS
 from hidden.machines import Known, known_machine
 from hidden.scenario import Task, draw_scenario, record_scenario
 from measured import DWELL, excitation, log_of_machine, log_of_model
+from planned import log_of, state_of_motion
 
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file
@@ -239,3 +240,20 @@ def test_bootstrap_interval_covers_the_gain():
     assert gain.high - gain.low < 0.1
     nothing = blocks.whitened_gain(after.T.ravel(), random.permutation(after).T.ravel())
     assert nothing.low < 0.0 < nothing.high
+
+
+def test_zeros_that_are_a_degree_off_are_told_with_nothing_beside_them():
+    zeros = np.array((-13e-3, -3e-3, -12e-3, 16e-3))
+
+    def read(seed, duration):
+        motion = excitation('reference', duration, seed)
+        torque = read_model('table1', REFERENCE).torque(state_of_motion(REFERENCE, motion))
+        return log_of(REFERENCE, motion.t, motion.q + zeros, torque, seed, noise=0.03)
+
+    possible = ('encoder_offset', 'geometry_error', 'theta_inertia', 'torque_offset')
+    result = diagnose([read(41, 12.0)], REFERENCE, holdout_logs=[read(42, 8.0)],
+                      library={name: diagnosis.LIBRARY[name] for name in possible})
+    cause, = result.causes
+    assert (result.verdict, cause.effect.name, cause.joints) == (
+        'explained', 'encoder_offset', (0, 1, 2, 3))
+    np.testing.assert_allclose(cause.parameters['offset'].value, zeros, atol=4e-4)

@@ -61,7 +61,7 @@ EXAMPLES = {
     'backlash': {'gap': (4e-3, 6e-3, 5e-3, 3e-3)},
     'quantization': {'step': 1e-3},
 }
-OF_FIRST_ORDER = ('encoder_offset', 'encoder_eccentricity', 'geometry_error', 'base_tilt')
+OF_FIRST_ORDER = ('base_tilt',)
 APART = ('quantization', 'torque_saturation', 'elastic_transmission', 'backlash')
 READABLE = [name for name in EXAMPLES if name not in APART]
 

@@ -33,7 +33,7 @@ from par4_dynamics.rigid_body import (
 )
 from par4_dynamics.state import Nominal, State, state_of_joints, state_of_platform
 from par4_kinematics.arrays import as_matching_rows
-from par4_kinematics.errors import InputError
+from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.files import quoted
 from par4_kinematics.geometry import LEGS, Geometry
 from par4_kinematics.machine_units import spelled_alike, unit_on
@@ -98,8 +98,22 @@ class Model:
         """Return the nominal torque of a motion, which effects need that scale or shift torque."""
         added = sum(active.torque(state) for active in self.effects
                     if not active.effect.needs_nominal)
-        return Nominal(torque_of_values(state, self._linear), self.friction_torque(state),
-                       self.values, self.rigid_torque, added)
+        nominal = Nominal(torque_of_values(state, self._linear), self.friction_torque(state),
+                          self.values, self.rigid_torque, added)
+        return replace(nominal, halfway=self._halfway(replace(state, nominal=nominal)))
+
+    def _halfway(self, state: State) -> State | None:
+        """Return the motion halfway to the true one, see `Effect.halfway`; None if it is this one.
+
+        It is this one, too, if the errors of the model are more than the mechanism allows.
+        """
+        motion = state
+        try:
+            for active in self.effects:
+                motion = active.effect.halfway(motion, active.values)
+        except UnreachableError:
+            return None
+        return None if motion is state else replace(motion, nominal=state.nominal)
 
     def known_torque(self, state: State) -> np.ndarray:
         """Return the torque (n, J), N m, of distributed bodies and effects: all but W chi."""

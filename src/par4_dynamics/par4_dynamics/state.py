@@ -37,6 +37,8 @@ class Nominal:
         values: base parameter name -> (J,).
         rigid_torque: function of another motion; returns its torque without friction, (n, J) N m.
         added: torque of the effects whose torque does not depend on the nominal one, (n, J) N m.
+        halfway: the motion halfway between the one read and the true one, of a machine whose
+            readings or dimensions are known to be wrong, see `Effect.halfway`; else None.
     """
 
     torque: np.ndarray
@@ -44,6 +46,7 @@ class Nominal:
     values: Mapping[str, np.ndarray]
     rigid_torque: Callable[[State], np.ndarray]
     added: np.ndarray | float = 0.0
+    halfway: State | None = None
 
     @property
     def delivered(self) -> np.ndarray:
@@ -123,6 +126,14 @@ class State:
         if self.nominal is None:
             raise TypeError('the nominal torque of this motion is not known')
         return self.nominal
+
+    @property
+    def halfway(self) -> State:
+        """The motion halfway to the true one; this one where no reading is known to be wrong.
+
+        The slope of a torque there, times the way, is the change of the torque to second order.
+        """
+        return self.known.halfway or self
 
     @cached_property
     def phasor(self) -> np.ndarray:

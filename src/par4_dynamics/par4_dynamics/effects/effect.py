@@ -202,6 +202,18 @@ class Effect(ABC):
         return {parameter.name: np.full_like(coefficients[0], shape[parameter.name])
                 if parameter.is_shape else next(rows) for parameter in self.parameters}
 
+    def halfway(self, state: State, values: Values) -> State:
+        """Return the motion halfway to that of a machine that has the effect.
+
+        It is another one only if the effect is an error of readings or dimensions. The columns of
+        such an effect are slopes of the torque, and hold halfway for larger errors than at the
+        motion as it is read (midpoint rule).
+
+        Raises:
+            UnreachableError: joint positions with which the mechanism does not close.
+        """
+        return state
+
     def senseless(self, values: Values) -> str | None:
         """Return why no law has these values, of the joints that it acts on; None if one has.
 

@@ -17,15 +17,16 @@ from par4_dynamics.effects.effect import (
     beyond,
 )
 from par4_dynamics.effects.shifted import shift_columns
-from par4_dynamics.state import State
+from par4_dynamics.state import State, state_of_joints
 
 LARGEST = math.radians(1.0)
 """A disc of 20 mm radius that sits 0.35 mm beside its shaft, which is to be seen as it turns."""
 
 
 class EncoderEccentricity(Effect):
-    """tau(q) -> tau(q - A sin(q + phi)), to first order: q is read, q - A sin(q + phi) is true.
+    """tau(q) -> tau(q - A sin(q + phi)): q is read, q - A sin(q + phi) is true.
 
+    The slopes of tau are those halfway between both (`Effect.halfway`).
     Speed and acceleration change with it, viscous friction too. The coefficients are shared, as
     those of `EncoderOffset`: A_i cos(phi_i) and A_i sin(phi_i) of each joint.
     """
@@ -54,9 +55,17 @@ class EncoderEccentricity(Effect):
         for wave, slope in ((sine, cosine), (cosine, -sine)):
             rate = slope * state.qd
             # the second derivative of either wave is its opposite
-            change = shift_columns(state, wave, rate, slope * state.qdd - wave * state.qd ** 2)
+            change = shift_columns(state.halfway, wave, rate,
+                                   slope * state.qdd - wave * state.qd ** 2)
             columns.append(-change - viscous * rate[:, None, :])
         return np.stack(columns, axis=-1).reshape(*state.q.shape, 2 * state.joints)
+
+    def halfway(self, state: State, values: Values) -> State:
+        angle, half = state.q + values['phase'], 0.5 * values['amplitude']
+        wave, slope = half * np.sin(angle), half * np.cos(angle)
+        return state_of_joints(state.geometry, state.t, state.q - wave,
+                               state.qd * (1.0 - slope),
+                               state.qdd * (1.0 - slope) + wave * state.qd ** 2)
 
     def coefficients(self, values: Values) -> np.ndarray:
         amplitude, phase = values['amplitude'], values['phase']

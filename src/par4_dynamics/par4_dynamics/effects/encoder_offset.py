@@ -15,14 +15,14 @@ from par4_dynamics.effects.effect import (
     Values,
     beyond,
 )
-from par4_dynamics.state import State
+from par4_dynamics.state import State, state_of_joints
 
 LARGEST = math.radians(12.0)
 """A zero that was set by eye is right to 10 degrees; more is a belt that skipped."""
 
 
 class EncoderOffset(Effect):
-    """tau(q) -> tau(q - o), q = q_true + o being read: to first order tau -= (dtau/dq) o.
+    """tau(q) -> tau(q - o), q = q_true + o being read: tau -= (dtau/dq) o, the slope at q - o / 2.
 
     Through the platform the offset of one joint changes the torque of all, so the coefficients
     are shared: one for each joint's offset.
@@ -37,7 +37,11 @@ class EncoderOffset(Effect):
     needs_nominal = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        return -state.torque_by_q
+        return -state.halfway.torque_by_q
+
+    def halfway(self, state: State, values: Values) -> State:
+        return state_of_joints(state.geometry, state.t, state.q - 0.5 * values['offset'],
+                               state.qd, state.qdd)
 
     def coefficients(self, values: Values) -> np.ndarray:
         offset = values['offset']

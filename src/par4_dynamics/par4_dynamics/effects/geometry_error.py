@@ -27,7 +27,8 @@ LARGEST = 0.03
 class GeometryError(Effect):
     """tau += sum (dtau/d dimension) error, the machine's dimension being nominal + error.
 
-    Of one size on all four legs, at the same q, qd, qdd and base parameters.
+    Of one size on all four legs, at the same q, qd, qdd and base parameters. The slopes are those
+    halfway between nominal and true dimensions (`Effect.halfway`).
     """
 
     name = 'geometry_error'
@@ -39,7 +40,8 @@ class GeometryError(Effect):
     needs_nominal = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        dimensions = state.platform.geometry.model_dump()
+        motion = state.halfway
+        dimensions = motion.platform.geometry.model_dump()
         columns = []
         for name in DIMENSIONS:
             ends = []
@@ -48,9 +50,15 @@ class GeometryError(Effect):
                 changed = Geometry.model_construct(
                     **{**dimensions, name: dimensions[name] + step})
                 ends.append(state.known.rigid_torque(
-                    state_of_joints(changed, state.t, state.q, state.qd, state.qdd)))
+                    state_of_joints(changed, motion.t, motion.q, motion.qd, motion.qdd)))
             columns.append((ends[1] - ends[0]) / (2.0 * STEP))
         return np.stack(columns, axis=-1)
+
+    def halfway(self, state: State, values: Values) -> State:
+        changed = Geometry.model_construct(**{
+            name: size + 0.5 * float(values[name][0]) if name in values else size
+            for name, size in state.platform.geometry.model_dump().items()})
+        return state_of_joints(changed, state.t, state.q, state.qd, state.qdd)
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         errors, spread = (np.array([part[name][0] for name in DIMENSIONS])

@@ -143,7 +143,7 @@ def reading(state: State, ranges: Ranges) -> np.ndarray:
     low, high = ranges.q
     unit = 2.0 * (state.q - low) / np.maximum(high - low, 1e-12) - 1.0
     errors = legvander(unit, READING_DEGREE)  # (n, J, k) of each joint's own position
-    return np.concatenate([shift_columns(state, errors[..., degree])
+    return np.concatenate([shift_columns(state.halfway, errors[..., degree])
                            for degree in range(READING_DEGREE + 1)], axis=-1)
 
 
