@@ -199,9 +199,10 @@ Written by `make blind` (`bench/blind_study.py`), good or bad. {header['date']};
 The generator (`tests/hidden`) builds machines from physical parts, shares no formula with the
 diagnosis and computes from the truth what is visible (log-likelihood ratio above {VISIBLE:g} on the
 fit data, at the true noise, base parameters free), what a twin is (another effect within
-{TWIN:g} of it) and which sets of joints are right: of those within {TWIN:g} of the best one the
-smallest, and larger ones that no smaller one equals to within {GREY:g}. {len(outcomes)} of
-{planned} scenarios, whose kinds are mixed: {made}. Visible, and counted: {seen}.
+{TWIN:g} of it) and which sets of joints are right: those that have it, of the sets
+within {TWIN:g} of the best one the smallest, and larger ones that no smaller one equals to within
+{GREY:g}. {len(outcomes)} of {planned} scenarios, whose kinds are mixed: {made}. Visible, and
+counted: {seen}.
 {bullet} ran in pybullet, {bags} through bags; {failed} failed. A scenario of 26 s of log takes, on
 one core: {parts}. Recordings are made once and scored again and again:
 `python bench/blind_study.py record`, then `score`.

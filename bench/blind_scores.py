@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 from blind_values import compared
+from hidden.hider import JOINTS
+from hidden.hiders import HIDERS
 from hidden.outside import OUTSIDE
 from scipy.stats import binomtest
 
@@ -108,11 +110,22 @@ def joints_told(outcomes: Iterable[Outcome]) -> list[bool]:
     """Return for each cause named like a visible one whether its joints are right."""
     told = []
     for outcome in outcomes:
-        sets = {item['effect']: item['joint_sets'] for item in outcome['hidden']
-                if item['visible'] and item['joint_sets']}
+        sets = {item['effect']: [*item['joint_sets'], own_joints(item)]
+                for item in outcome['hidden'] if item['visible'] and item['joint_sets']}
         told += [sorted(cause['joints']) in sets[cause['effect']] for cause in outcome['causes']
                  if cause['effect'] in sets]
     return told
+
+
+def own_joints(item: dict[str, Any]) -> list[int]:
+    """Return the joints that have a hidden effect: a right answer, whatever explains as much.
+
+    The sets of the generator are those of an effect that grows in proportion to its size. That of
+    an encoder zero of degrees, or of a soft transmission, does not.
+    """
+    sizes = [np.asarray(item['values'].get(size, 0.0)) for size in HIDERS[item['effect']].sizes]
+    return [joint for joint in JOINTS if any(np.any(size[..., joint] if size.ndim else size)
+                                             for size in sizes)]
 
 
 def values_right(outcome: Outcome) -> bool:

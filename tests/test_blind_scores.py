@@ -55,11 +55,12 @@ def test_a_name_for_what_it_explains_as_well_is_not_wrong():
 
 
 def test_joints_are_right_if_they_are_one_of_the_fewest_sets():
-    hidden = [{'effect': 'drive_gain_error', 'joint_sets': [[2], [0, 3]]},
+    hidden = [{'effect': 'drive_gain_error', 'joint_sets': [[2], [0, 3]],
+               'values': {'relative': [0.0, 0.1, -0.1, 0.0]}},
               {'effect': 'distributed_rods'}]
     told = [outcome(hidden, [cause('drive_gain_error', joints), cause('distributed_rods')])
-            for joints in ((2,), (3, 0), (0, 1, 3))]
-    assert joints_told(told) == [True, True, False]
+            for joints in ((2,), (3, 0), (1, 2), (0, 1, 3))]
+    assert joints_told(told) == [True, True, True, False]
 
 
 def test_effects_of_a_real_machine_count_from_a_share_on():
