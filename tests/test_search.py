@@ -41,6 +41,7 @@ from par4_identification.diagnosis.search.causes import named_of
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import requirement_of
 from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.search import Rival
 from par4_identification.diagnosis.verdict.judgement import judge, unnamed_cause
 from par4_identification.diagnosis.verdict.sure import without_replaceable_names
 from par4_identification.fitting.identification import identify_runs
@@ -418,6 +419,16 @@ def test_a_name_far_behind_is_no_twin():
     model = search.run()
     assert names(model) == ['cogging']
     assert judge(search, model[0], model).twins == ()
+
+
+@pytest.mark.parametrize(('heldout', 'fitted', 'is_twin'), [
+    (30.0, 47.0, False), (-37.0, 46.0, True), (-37.0, 60.0, False), (50.0, 8.0, True)])
+def test_rows_held_out_that_speak_for_a_name_make_it_a_twin(heldout, fitted, is_twin, monkeypatch):
+    search = search_of(('torque_offset', {'offset': OFFSET}), library=('torque_offset',))
+    offset = cause('torque_offset')
+    rival = Rival(cause('stribeck', stribeck_velocity=0.1), heldout, fitted, True)
+    monkeypatch.setattr(search, 'rivals', lambda *_: [rival])
+    assert judge(search, offset, (offset,)).twins == (('stribeck',) if is_twin else ())
 
 
 @pytest.mark.parametrize(('size', 'accepted'), [(1.0, True), (0.3, False), (1.8, False)])

@@ -23,7 +23,8 @@ class Judgement:
         hypothesis: the cause.
         margin: log-likelihood on held-out rows, over the best rival.
         rival: name of the best rival, or what it acts like; None if the best is no cause at all.
-        twins: names that explain the fitted rows as well.
+        twins: names that explain the fitted rows as well, or all rows: where rows held out speak
+            for a name as much as the fitted ones speak against it, neither is told from the other.
         p_value: of its gain on the fitted rows, family-wise over all effects and shapes.
     """
 
@@ -62,7 +63,7 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
     twins = tuple(
         rival.hypothesis.effect.name for rival in rivals
         if rival.hypothesis is not None and not isinstance(rival.hypothesis.effect, Kind)
-        and (rival.fit_margin < search.rules.twin
+        and (min(rival.fit_margin, rival.fit_margin + rival.margin) < search.rules.twin
              or (rival.hypothesis.named.retimes and cause.named.retimes)))
     best = rivals[0]
     gain, _ = search.weighing.gains(cause, others)

@@ -4,7 +4,8 @@ If a machine has a cause that is in no library, the nearest name is wrong: it ex
 what an unnamed function explains. On a Par4 it is enough to compare each name with the unnamed
 functions, because its motion excites all that they have in common with effects. An axis may be any
 machine on any motion, so its names are also judged together, and its delays beside unnamed causes.
-A name falls, too, if another that was rejected explains more in its place.
+A name falls, too, if another that was rejected explains more in its place, or if its size is not
+the same everywhere.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.causes import Model, named_of, others_of, unnamed_of
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
+from par4_identification.diagnosis.verdict.constancy import followed_by
 
 Doubt = Callable[[Search, Hypothesis, Model], Model | None]
 """Of a name in a model: returns the model without it if the name is doubtful."""
@@ -60,8 +62,11 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
 
 
 def without_replaceable_names(search: Search, model: Model) -> Model:
-    """Return a model without the names in whose place another cause explains far more."""
-    return _without(search, model, _replaced, _outdone)
+    """Return a model without names that something else explains better.
+
+    That is another cause in the place of a name, or a size that is not the same everywhere.
+    """
+    return _without(search, model, _replaced, _outdone, _inconstant)
 
 
 def is_no_noise(heldout: Observations, left: Sequence[np.ndarray], named: Sequence[np.ndarray],
@@ -122,6 +127,16 @@ def _outdone(search: Search, item: Hypothesis, model: Model) -> Model | None:
     search.journal.reject(item, f'{rival.hypothesis.label} explains {-rival.margin:.0f} more in '
                                 f'its place on rows held out, and is no cause itself')
     return search.with_nameless(others)
+
+
+def _inconstant(search: Search, item: Hypothesis, model: Model) -> Model | None:
+    """Return the model without a name whose size is not the same everywhere."""
+    others = others_of(model, item)
+    what = followed_by(search, item, others)
+    if what is None:
+        return None
+    search.journal.reject(item, f'its size changes with {what}, and that of such a cause does not')
+    return search.with_nameless(search.tested(others))
 
 
 def _timed_otherwise(search: Search, item: Hypothesis, model: Model) -> Model | None:

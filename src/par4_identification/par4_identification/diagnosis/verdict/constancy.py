@@ -1,0 +1,76 @@
+"""Whether a named cause has one size everywhere, as its law says.
+
+The size of a cause, such as a stiffness or a coefficient of friction, is the same at all times and
+speeds and in all places. Where it follows one of these, something else only resembles the name: a
+cable that jumped is no constant torque, and a hose that is slack in half of the workspace is no
+spring. A law is never quite that of a machine, so its torque may follow them a little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from par4_identification.diagnosis.evidence.evidence import Evidence
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.projection import Projection
+from par4_identification.diagnosis.search.causes import Model
+from par4_identification.diagnosis.search.search import Search
+from par4_identification.signals.rows import Run
+
+Follows = Callable[[Run], np.ndarray]
+"""What a size may follow, at the rows of a run, (m, J)."""
+OF_JOINTS: dict[str, Follows] = {
+    'time': lambda run: np.broadcast_to(run.t[:, None], run.q.shape),
+    'the speed of the joint': lambda run: np.abs(run.speed),
+    'the direction of the joint': lambda run: np.sign(run.speed),
+    'the position of the joint': lambda run: run.q}
+
+
+def _along(axis: int) -> Follows:
+    return lambda run: np.broadcast_to(run.rows(run.state.platform.x)[:, [axis]], run.q.shape)
+
+
+OF_PLATFORM: dict[str, Follows] = {
+    f'the position of the platform along {name}': _along(axis) for axis, name in enumerate('xyz')}
+
+
+def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
+    """Return what the size of a named cause follows beside others, None if it is of one size.
+
+    It follows something if on the fitted rows and, by themselves, on those held out a size that
+    grows with it explains more, by the share that the torque of an unnamed cause may be wrong
+    (`Rules.unnamed_error`) and by more than chance (`Rules.price`, `Rules.margin`).
+    """
+    rules, pool = search.rules, search.pool
+    fitted, heldout = (
+        _shares(part, cause, others, enough) for part, enough in (
+            (pool.evidence, rules.price * pool.width(cause)), (pool.heldout, rules.margin)))
+    shares = {name: min(share, heldout[name]) for name, share in fitted.items()}
+    most = max(shares, key=lambda name: shares[name])
+    return most if shares[most] > rules.unnamed_error ** 2 else None
+
+
+def _shares(evidence: Evidence, cause: Hypothesis, others: Model, enough: float
+            ) -> dict[str, float]:
+    """Return what sizes that follow something explain more, over what they explain with the cause.
+
+    It is zero where they explain no more than `enough` log-likelihood more, if what is left were
+    noise: where a model leaves more than that, columns explain some of it by chance.
+    """
+    observations = evidence.observations
+    without, beside = Projection(evidence, others), Projection(evidence, (*others, cause))
+    own, torque = 0.5 * (without.squares - beside.squares), evidence.columns(cause)
+    noise = max(1.0, beside.squares / max(evidence.rows, 1))
+    has_platform = observations.runs[0].state.geometry is not None
+    shares = {}
+    for name, factor in (OF_JOINTS | OF_PLATFORM if has_platform else OF_JOINTS).items():
+        values = [factor(run) for run in observations.runs]
+        rows = np.concatenate([part[:, joint] for joint in range(observations.joints)
+                               for part in values])
+        columns = beside.rest(torque * rows[:, None])
+        moment = columns.T @ beside.residual
+        more = 0.5 * float(moment @ np.linalg.lstsq(columns.T @ columns, moment, rcond=1e-9)[0])
+        shares[name] = more / (own + more) if more > enough * noise else 0.0
+    return shares

@@ -1,0 +1,59 @@
+"""A cause of one size everywhere is told apart from what only resembles it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from searches import COGGING, EVERY, LOADED, cause, names, search_of
+
+from par4_identification.diagnosis.search.causes import named_of, unnamed_of
+from par4_identification.diagnosis.verdict.constancy import followed_by
+from par4_identification.diagnosis.verdict.sure import without_replaceable_names
+
+
+def jumped(state):
+    """Return the torque of a cable on joint 3 that jumps off its guide after 5 s."""
+    torque = np.zeros_like(state.q)
+    torque[state.t - state.t[0] > 5.0, 3] = -0.75
+    return torque
+
+
+def slack(state):
+    """Return the torque of a hose that pulls the platform where it is not slack, at x > 0."""
+    force = np.zeros_like(state.platform.x)
+    force[:, 0] = -60.0 * np.maximum(state.platform.x[:, 0], 0.0)
+    return -state.torque_of_force(force)
+
+
+def sprung(state):
+    """Return the torque of a spring along x that never slackens."""
+    force = np.zeros_like(state.platform.x)
+    force[:, 0] = -30.0 * (state.platform.x[:, 0] + 0.1)
+    return -state.torque_of_force(force)
+
+
+def test_a_cable_that_jumped_is_no_constant_torque():
+    search = search_of(library=('torque_offset', 'coulomb_asymmetry'), beside=jumped)
+    offset = cause('torque_offset', (3,))
+    assert followed_by(search, offset, ()) == 'time'
+    model = without_replaceable_names(search, (offset,))
+    assert not named_of(model)
+    assert 'time' in names(unnamed_of(model))
+    assert any('changes with time' in item.reason for item in search.journal.rejected)
+
+
+@pytest.mark.parametrize(('beside', 'what'), [
+    (slack, 'the position of the platform along x'), (sprung, None)])
+def test_a_spring_has_one_stiffness_in_all_of_the_workspace(beside, what):
+    search = search_of(library=('cable_spring',), beside=beside)
+    assert followed_by(search, cause('cable_spring'), ()) == what
+
+
+def test_causes_of_one_size_are_told_whatever_is_unknown_beside_them():
+    search = search_of(('cogging', COGGING), LOADED, beside=lambda state: 0.1 * slack(state),
+                       library=('cogging', 'load_dependent_friction'))
+    model = search.run()
+    told = named_of(without_replaceable_names(search, model))
+    assert set(names(told)) == {'cogging', 'load_dependent_friction'}
+    assert unnamed_of(model)
+    assert all(item.joints == EVERY for item in told)
