@@ -235,6 +235,26 @@ def test_a_motion_that_no_diagnosis_proposed_stays(machine, tmp_path):
         assert {name: (tmp_path / name).read_text() for name in own} == own
 
 
+@pytest.mark.usefixtures('small_library', 'unrendered')
+def test_a_proposed_motion_is_written_beside_the_users_own(again, machine):
+    own = {'motion.csv': 'a log of my own', 'motion_2.yaml': 'designed here'}
+    for name, text in own.items():
+        (again / name).write_text(text)
+    own['motion.yaml'] = (again / 'motion.yaml').read_text()  # is no proposal without its samples
+    done = run(diagnose, machine / 'narrow', '--holdout', machine / 'held_out', '--robot',
+               'reference', '--output', again, '--no-simulate')
+    assert done.code == 0, done.err
+    assert read_json(again)['next_experiment']['motion'] == 'motion_3.yaml'
+    words = ' '.join(Sections(again).words)
+    assert 'Play motion_3.yaml (' in words
+    assert 'The proposed motion, motion_3.yaml: ' in words
+    assert named_motion(again / 'motion_3.yaml', REFERENCE).duration > 0.0
+    done = run(diagnose, machine / 'rest', '--robot', 'reference', '--output', again)
+    assert done.code == 0, done.err
+    assert {name: (again / name).read_text() for name in own} == own
+    assert names_in(again) == sorted({'diagnosis.json', 'notes.txt', 'report.html', *own})
+
+
 @pytest.mark.usefixtures('small_library')
 def test_stopped_while_the_report_is_drawn_nothing_has_changed(again, machine, monkeypatch):
     def stopped(*_):

@@ -36,7 +36,6 @@ from par4_identification.reports.outcome.confrontation import (
     simulation_json,
 )
 from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
-from par4_identification.reports.outcome.next_experiment import MOTION_FILE
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.outcome.results import model_in_units, provenance
 from par4_identification.reports.outcome.setup import setup_json, setup_lines, with_setup
@@ -47,11 +46,13 @@ from par4_identification.signals.rows import Conditioning
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.machine_units import unit_on
-from par4_kinematics.motion_file import write_motion
+from par4_kinematics.motion_file import free_motion_path, is_untouched, write_motion
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.outcome import Remark
 from par4_sim.report.results import refuse_unwritable, write_results
 from par4_sim.report.words import listed, number
+
+TOOL = 'par4_diagnose'
 
 
 def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple[str, ...],
@@ -90,6 +91,9 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
         if isinstance(diagnosis, Diagnosis):
             status.update('looking for the motion that would tell twins apart')
             experiment = next_experiment(diagnosis, machine)
+            if experiment is not None:
+                experiment = replace(experiment, file=free_motion_path(
+                    output / experiment.file, TOOL).name)
             extended = model_after(diagnosis)
             if baseline is not None:
                 status.update('looking for what has changed')
@@ -116,7 +120,7 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
         outcome = with_setup(outcome, check, 'diagnosis')
         if earlier is not None:
             outcome = replace(outcome, first=(*outcome.first, *earlier.setup_lines))
-        origin = provenance('par4_diagnose', machine, (*bags, *holdout, *before),
+        origin = provenance(TOOL, machine, (*bags, *holdout, *before),
                             {'holdout': holdout, 'before': before, 'model': model,
                              'namespace': namespace, **asdict(conditioning)})
         page = None
@@ -135,13 +139,15 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
             'extended_model.yaml': extended and model_in_units(
                 extended.model_copy(update={'provenance': origin}), machine),
             'report.html': page}
-        motion = None if experiment is None else experiment.motion
-        outdated = motion_of_earlier_run(output) if motion is None else ()
-        if motion is not None:  # before what names it
-            write_motion(output / MOTION_FILE, motion, 'platform')
+        outdated = motion_of_earlier_run(output)
+        if experiment is not None and experiment.motion is not None:  # before what names it
+            place = output / experiment.file
+            write_motion(place, experiment.motion, 'platform', TOOL)
+            outdated = None if outdated == place else outdated
         write_results(output, results)
-    for file in outdated:
-        file.unlink(missing_ok=True)
+    if outdated is not None:
+        for file in (outdated, outdated.with_suffix('.csv')):
+            file.unlink(missing_ok=True)
     console = Console(highlight=False)
     for line in outcome.first:
         console.print(line, soft_wrap=not console.is_terminal, markup=False)
@@ -153,19 +159,18 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
                   markup=False)
 
 
-def motion_of_earlier_run(folder: Path) -> tuple[Path, ...]:
-    """Return the files of the motion that the diagnosis in a folder proposes.
+def motion_of_earlier_run(folder: Path) -> Path | None:
+    """Return the motion that the diagnosis in a folder proposes.
 
-    None where it proposes none: files of these names are then somebody else's, such as a motion
-    that was designed there.
+    None where it proposes none or its files are not what it wrote: they are then somebody else's,
+    such as a motion that was designed there since.
     """
     try:
         content = json.loads((folder / 'diagnosis.json').read_text(encoding='utf-8'))
-        proposed = content['next_experiment']
+        motion = folder / Path(content['next_experiment']['motion']).name
     except (OSError, ValueError, KeyError, TypeError):  # there is none, or it is no diagnosis
-        return ()
-    motion = folder / MOTION_FILE
-    return () if proposed is None else (motion, motion.with_suffix('.csv'))
+        return None
+    return motion if is_untouched(motion, TOOL) else None
 
 
 def _hangs(machine: Robot | Axis) -> bool:
