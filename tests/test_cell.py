@@ -509,6 +509,25 @@ def test_the_monitor_tells_which_joint_drifts_and_what_it_acts_like(bench):
     assert 'beside its model since' in status.message
 
 
+def test_the_monitor_tells_stamps_that_do_not_move(bench):
+    diagnostics = bench.listen(DIAGNOSTICS)
+    bench.start('par4_monitor', model_file='table1')
+    states = bench.publisher(JOINT_STATES)
+    message = JointState(name=list(JOINT_NAMES))
+    write_joint_state(message, 12 * SECOND, np.zeros(4), effort=np.zeros(4))
+
+    def told() -> bool:
+        states.publish(message)
+        bench.executor.spin_once(timeout_sec=0.02)
+        newest = bench.statuses(diagnostics, 'par4_monitor')[-1:]
+        return bool(newest) and 'the stamps of joint_states do not move' in newest[0].message
+
+    bench.wait(told, 'the stamps to be told')
+    status = bench.statuses(diagnostics, 'par4_monitor')[-1]
+    assert status.level == WARN
+    assert 'the last at 12.000 s' in status.message
+
+
 @pytest.mark.parametrize(('package', 'node'), [
     ('par4_sim', 'simulation'), ('par4_identification', 'record'), ('par4_kinematics', 'motion')])
 def test_ctrl_c_while_a_node_starts_shows_no_traceback(bench, package, node):
