@@ -112,6 +112,26 @@ def test_one_odd_window_is_no_drift_and_a_machine_that_is_mended_none_more():
     assert not watch.drifts
 
 
+def test_windows_without_any_scatter_are_learnt_from():
+    """As of a simulation without noise; rounding is no drift, and a drift is one from then on."""
+    watch, random = DriftWatch(4, learning=10), np.random.default_rng(7)
+    same, rounding = np.full((4, 4), 0.3), 1e-12
+    for _ in range(10):
+        watch.take(WINDOW * (watch.windows + 1), same, LENGTHS)
+    for _ in range(1000):
+        watch.take(WINDOW * (watch.windows + 1), same + rounding * random.normal(size=(4, 4)),
+                   LENGTHS)
+    assert not watch.drifts
+    shift = np.zeros((4, 4))
+    shift[1, 2] = 0.1
+    for _ in range(10):
+        watch.take(WINDOW * (watch.windows + 1), same + shift, LENGTHS)
+    drift, = watch.drifts
+    assert (drift.joint, drift.acts_like) == (1, 'viscous friction')
+    assert drift.size == pytest.approx(0.1 / 10.0)
+    assert drift.since == pytest.approx(1010 * WINDOW)
+
+
 def test_joints_that_rest_say_nothing():
     watch, random = DriftWatch(4), np.random.default_rng(6)
     watched(random, 100, watch)
