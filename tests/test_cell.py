@@ -55,9 +55,10 @@ from par4_kinematics.motion import Motion, motion_of_joints
 from par4_kinematics.motion_file import named_motion, write_motion
 from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import JOINT_NAMES
-from par4_kinematics.ros.convert import SECOND, joint_values, time_ns, write_joint_state
+from par4_kinematics.ros.convert import joint_values, time_ns, write_joint_state
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.parameters import config
+from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import inside
 from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.simulation_node import SimulationNode

@@ -20,8 +20,9 @@ from par4_identification.trend.windows import WINDOW
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES
-from par4_kinematics.ros.convert import SECOND, write_joint_state
+from par4_kinematics.ros.convert import write_joint_state
 from par4_kinematics.ros.node import State
+from par4_kinematics.stamps import SECOND
 from robots import REFERENCE
 
 MODEL = read_model('table1', REFERENCE)

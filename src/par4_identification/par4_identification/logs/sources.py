@@ -15,6 +15,7 @@ import numpy as np
 
 from par4_identification.logs.masks import stretches, taken
 from par4_identification.logs.stamped_rows import StampedRows
+from par4_kinematics.stamps import SECOND
 
 APART = 250_000_000
 """ns between the offsets of two clocks; transport does not delay a message so long."""
@@ -28,7 +29,7 @@ AROUND, DENSE = 50, 0.3
 single wrong readings are rarer."""
 MOST_MIXED = 0.8
 """Share of the time in which two sources talk from which the bag is refused."""
-JOINED = 1_000_000_000
+JOINED = SECOND
 """ns between mixed stretches that are one: two machines in one pose look like one."""
 
 

@@ -16,9 +16,10 @@ from par4_identification.trend.windows import WINDOW
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
 from par4_kinematics.robot import read_robot
-from par4_kinematics.ros.convert import SECOND, is_foreign, joint_values, time_ns
+from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns
 from par4_kinematics.ros.node import Par4Node, State
 from par4_kinematics.ros.process import run
+from par4_kinematics.stamps import SECOND
 
 LONGEST_GAP = 5
 """Longest gap of a window that is looked at, in sample periods."""
