@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -55,36 +56,79 @@ from par4_sim.report.words import listed, number
 TOOL = 'par4_diagnose'
 
 
-def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple[str, ...],
-                  robot: str, model: str | None, output: Path, namespace: str | None,
-                  cutoff: float | None, rows: float | None, low_speed: float | None,
-                  simulate: bool, report: bool) -> None:
+@dataclass(frozen=True)
+class Asked:
+    """What `par4_diagnose` was asked for, as the command line has it.
+
+    Attributes:
+        bags: to diagnose.
+        holdout: to confirm on.
+        before: of the machine as it was.
+        robot, model: file or built-in name; no model where none was believed.
+        output: folder.
+        namespace: that the topics sit under.
+        cutoff, rows, low_speed: of the filters; None leaves them to the data.
+        simulate: whether the model is run along the measured motion, before and after.
+        report: whether the page is drawn.
+    """
+
+    bags: tuple[str, ...]
+    holdout: tuple[str, ...]
+    before: tuple[str, ...]
+    robot: str
+    model: str | None
+    output: Path
+    namespace: str | None
+    cutoff: float | None
+    rows: float | None
+    low_speed: float | None
+    simulate: bool
+    report: bool
+
+    @property
+    def every_bag(self) -> tuple[str, ...]:
+        """All bags, in the order in which they are read."""
+        return (*self.bags, *self.holdout, *self.before)
+
+    @property
+    def chosen(self) -> Chosen:
+        """What was set of the filters."""
+        return Chosen(self.cutoff, self.rows, self.low_speed)
+
+    def provenance(self, machine: Robot | Axis, conditioning: Conditioning) -> dict[str, Any]:
+        """Return where the results come from."""
+        return provenance(TOOL, machine, self.every_bag, {
+            'holdout': self.holdout, 'before': self.before, 'model': self.model,
+            'namespace': self.namespace, **asdict(conditioning)})
+
+
+def diagnose_bags(asked: Asked) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
-    machine = read_machine(robot)
+    machine = read_machine(asked.robot)
     # refuses a model of another machine before any long work
-    baseline, known = (None, None) if model is None else read_file_and_model(model, machine)
-    refuse_unwritable(output)
+    baseline, known = ((None, None) if asked.model is None else
+                       read_file_and_model(asked.model, machine))
+    refuse_unwritable(asked.output)
     with Console(stderr=True).status('reading the bags') as status:
         logs: Sequence[Log] = ()
-        for bag in distinct_bags((*bags, *holdout, *before)):
+        for bag in distinct_bags(asked.every_bag):
             status.update(f'reading {bag}')
-            logs = (*logs, read_log(bag, machine, namespace))
+            logs = (*logs, read_log(bag, machine, asked.namespace))
         status.update('looking for mistakes of the setup')
-        own = len(bags) + len(holdout)
-        chosen = Chosen(cutoff, rows, low_speed)
-        conditioning = conditioning_for(logs, machine, CONDITIONING, chosen)
-        for group in (logs[:own], logs[own:]) if before else (logs,):
+        own = len(asked.bags) + len(asked.holdout)
+        conditioning = conditioning_for(logs, machine, CONDITIONING, asked.chosen)
+        for group in (logs[:own], logs[own:]) if asked.before else (logs,):
             machine = machine if _hangs(machine) else with_gravity_told(
-                read_machine(robot), group, conditioning)
-        earlier = Earlier.of(logs[own:], machine, baseline, conditioning) if before else None
+                read_machine(asked.robot), group, conditioning)
+        earlier = Earlier.of(logs[own:], machine, baseline, conditioning) if asked.before else None
         if earlier is not None:
             baseline, known = earlier.model_file, build_model(machine, earlier.model_file)
         check = check_setup(logs[:own], machine, known)
         logs, machine = check.logs, check.machine
         if earlier is None:
-            conditioning = conditioning_for(logs, machine, CONDITIONING, chosen)
+            conditioning = conditioning_for(logs, machine, CONDITIONING, asked.chosen)
         diagnosis = diagnosed_if_sound(check, lambda sound: diagnose(
-            sound.logs[:len(bags)], sound.machine, baseline, sound.logs[len(bags):],
+            sound.logs[:len(asked.bags)], sound.machine, baseline, sound.logs[len(asked.bags):],
             conditioning=conditioning, progress=status.update))
         experiment = confrontation = extended = changes = None
         untold: tuple[Remark, ...] = ()
@@ -93,18 +137,18 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
             experiment = next_experiment(diagnosis, machine)
             if experiment is not None:
                 experiment = replace(experiment, file=free_motion_path(
-                    output / experiment.file, TOOL).name)
+                    asked.output / experiment.file, TOOL).name)
             extended = model_after(diagnosis)
             if baseline is not None:
                 status.update('looking for what has changed')
                 try:
-                    changes = (changes_since_model(diagnosis, machine, baseline, str(model))
+                    changes = (changes_since_model(diagnosis, machine, baseline, str(asked.model))
                                if earlier is None else
                                changes_between(diagnosis, machine, earlier.logs, baseline,
-                                               listed(before), conditioning))
+                                               listed(asked.before), conditioning))
                 except InputError as error:
                     untold = (Remark(False, f'What has changed could not be told: {error}.'),)
-            if simulate:
+            if asked.simulate:
                 confrontation = confront_diagnosis(diagnosis, machine, logs,
                                                    progress=status.update)
         outcome = outcome_of_diagnosis(diagnosis, machine, experiment)
@@ -120,11 +164,9 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
         outcome = with_setup(outcome, check, 'diagnosis')
         if earlier is not None:
             outcome = replace(outcome, first=(*outcome.first, *earlier.setup_lines))
-        origin = provenance(TOOL, machine, (*bags, *holdout, *before),
-                            {'holdout': holdout, 'before': before, 'model': model,
-                             'namespace': namespace, **asdict(conditioning)})
+        origin = asked.provenance(machine, conditioning)
         page = None
-        if report:
+        if asked.report:
             status.update('drawing the report')
             # the plot library is slow to load, and some homes make it talk on stderr
             from par4_identification.reports.diagnosis_report import report_of_diagnosis
@@ -139,12 +181,12 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
             'extended_model.yaml': extended and model_in_units(
                 extended.model_copy(update={'provenance': origin}), machine),
             'report.html': page}
-        outdated = motion_of_earlier_run(output)
+        outdated = motion_of_earlier_run(asked.output)
         if experiment is not None and experiment.motion is not None:  # before what names it
-            place = output / experiment.file
+            place = asked.output / experiment.file
             write_motion(place, experiment.motion, 'platform', TOOL)
             outdated = None if outdated == place else outdated
-        write_results(output, results)
+        write_results(asked.output, results)
     if outdated is not None:
         for file in (outdated, outdated.with_suffix('.csv')):
             file.unlink(missing_ok=True)
@@ -155,8 +197,8 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
         console.print(errors_in_lines(changes, diagnosis, machine), soft_wrap=True, markup=False)
     console.print(f'{verdict}: {outcome.sentence}',
                   soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results{" and report" if report else ""}: {output}', soft_wrap=True,
-                  markup=False)
+    console.print(f'results{" and report" if asked.report else ""}: {asked.output}',
+                  soft_wrap=True, markup=False)
 
 
 def motion_of_earlier_run(folder: Path) -> Path | None:
