@@ -28,8 +28,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, FEEDFORWARD_TORQUE, REFERENCE, Topic
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
-from par4_kinematics.ros.convert import SECOND, Trajectory, write_trajectory
+from par4_kinematics.ros.convert import Trajectory, write_trajectory
 from par4_kinematics.ros.qos import qos_of
+from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 
 LEAD = 0.5

@@ -34,7 +34,8 @@ from par4_identification.logs.log import Log
 from par4_identification.signals.rows import runs_of_log
 from par4_identification.trend.life import Life, life_of
 from par4_kinematics.excitation import excitation_motion
-from par4_sim.offline import SECOND, simulate_to_bag
+from par4_kinematics.stamps import SECOND
+from par4_sim.offline import simulate_to_bag
 from par4_sim.simulation import build_simulation
 from robots import REFERENCE
 

@@ -38,7 +38,6 @@ from par4_kinematics.motion import Motion, motion_of_joints
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES, read_robot
 from par4_kinematics.ros.convert import (
-    SECOND,
     Trajectory,
     joint_values,
     time_ns,
@@ -46,6 +45,7 @@ from par4_kinematics.ros.convert import (
     write_trajectory,
 )
 from par4_kinematics.ros.qos import message_type, qos_of
+from par4_kinematics.stamps import SECOND
 from par4_kinematics.time_laws import Quintic
 from par4_kinematics.workspace import home_pose
 

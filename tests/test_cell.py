@@ -55,9 +55,10 @@ from par4_kinematics.motion import Motion, motion_of_joints
 from par4_kinematics.motion_file import named_motion, write_motion
 from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import JOINT_NAMES
-from par4_kinematics.ros.convert import SECOND, joint_values, time_ns, write_joint_state
+from par4_kinematics.ros.convert import joint_values, time_ns, write_joint_state
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.parameters import config
+from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import inside
 from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.simulation_node import SimulationNode
@@ -507,6 +508,25 @@ def test_the_monitor_tells_which_joint_drifts_and_what_it_acts_like(bench):
     assert status.level == WARN
     assert 'joint 2 has +0.' in status.message
     assert 'beside its model since' in status.message
+
+
+def test_the_monitor_tells_stamps_that_do_not_move(bench):
+    diagnostics = bench.listen(DIAGNOSTICS)
+    bench.start('par4_monitor', model_file='table1')
+    states = bench.publisher(JOINT_STATES)
+    message = JointState(name=list(JOINT_NAMES))
+    write_joint_state(message, 12 * SECOND, np.zeros(4), effort=np.zeros(4))
+
+    def told() -> bool:
+        states.publish(message)
+        bench.executor.spin_once(timeout_sec=0.02)
+        newest = bench.statuses(diagnostics, 'par4_monitor')[-1:]
+        return bool(newest) and 'the stamps of joint_states do not move' in newest[0].message
+
+    bench.wait(told, 'the stamps to be told')
+    status = bench.statuses(diagnostics, 'par4_monitor')[-1]
+    assert status.level == WARN
+    assert 'the last at 12.000 s' in status.message
 
 
 @pytest.mark.parametrize(('package', 'node'), [

@@ -14,7 +14,8 @@ import pytest
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from node_bench import AWAY_Q, HOME_Q, ROBOT, SIMULATED, Bench, Simulated
-from par4_kinematics.ros.convert import SECOND, joint_values, time_ns, write_time
+from par4_kinematics.ros.convert import joint_values, time_ns, write_time
+from par4_kinematics.stamps import SECOND
 
 if find_spec('control_msgs') is None:
     pytest.skip('control_msgs is not installed', allow_module_level=True)

@@ -24,6 +24,7 @@ from par4_identification.confrontation.confrontation import confront_diagnosis
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import LIBRARY
 from par4_identification.diagnosis.experiment.next_experiment import WANTED
+from par4_identification.jobs import diagnose as jobs
 from par4_identification.reports import diagnosis_report
 from par4_identification.reports.outcome.diagnosis import phrase_of_cause
 from par4_kinematics.motion_file import named_motion
@@ -78,15 +79,23 @@ def first(machine, tmp_path_factory):
     The machine was simulated by the exact plant; so is its model: the engine, which users get,
     takes 20 times as long. `test_commands` has a diagnosis with that.
     """
-    folder = tmp_path_factory.mktemp('first')
+    folder, kept = tmp_path_factory.mktemp('first'), {}
+
+    def keeping(work):
+        def done_and_kept(*arguments, **options):
+            kept[work.__name__] = work(*arguments, **options)
+            return kept[work.__name__]
+        return done_and_kept
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr('par4_identification.jobs.diagnose.confront_diagnosis',
-                      partial(confront_diagnosis, fidelity='exact'))
+        patch.setattr(jobs, 'confront_diagnosis', partial(confront_diagnosis, fidelity='exact'))
+        for work in (jobs.diagnose, jobs.next_experiment):
+            patch.setattr(jobs, work.__name__, keeping(work))
         done = run(diagnose, machine / 'narrow', '--holdout', machine / 'held_out', '--robot',
                    'reference', '--output', folder)
     assert done.code == 0, done.err
     return SimpleNamespace(folder=folder, content=read_json(folder), page=Sections(folder),
-                           **vars(done))
+                           kept=kept, **vars(done))
 
 
 @pytest.fixture
@@ -96,6 +105,13 @@ def again(first, tmp_path):
     shutil.copytree(first.folder, folder)
     (folder / 'notes.txt').write_text('mine')
     return folder
+
+
+@pytest.fixture
+def same_diagnosis(first, monkeypatch):
+    """Let a diagnosis of the same bags come out as the first, for tests of what is made of it."""
+    for name, result in first.kept.items():
+        monkeypatch.setattr(jobs, name, lambda *_, result=result, **__: result)
 
 
 @pytest.fixture
@@ -235,7 +251,27 @@ def test_a_motion_that_no_diagnosis_proposed_stays(machine, tmp_path):
         assert {name: (tmp_path / name).read_text() for name in own} == own
 
 
-@pytest.mark.usefixtures('small_library')
+@pytest.mark.usefixtures('same_diagnosis', 'unrendered')
+def test_a_proposed_motion_is_written_beside_the_users_own(again, machine):
+    own = {'motion.csv': 'a log of my own', 'motion_2.yaml': 'designed here'}
+    for name, text in own.items():
+        (again / name).write_text(text)
+    own['motion.yaml'] = (again / 'motion.yaml').read_text()  # is no proposal without its samples
+    done = run(diagnose, machine / 'narrow', '--holdout', machine / 'held_out', '--robot',
+               'reference', '--output', again, '--no-simulate')
+    assert done.code == 0, done.err
+    assert read_json(again)['next_experiment']['motion'] == 'motion_3.yaml'
+    words = ' '.join(Sections(again).words)
+    assert 'Play motion_3.yaml (' in words
+    assert 'The proposed motion, motion_3.yaml: ' in words
+    assert named_motion(again / 'motion_3.yaml', REFERENCE).duration > 0.0
+    done = run(diagnose, machine / 'rest', '--robot', 'reference', '--output', again)
+    assert done.code == 0, done.err
+    assert {name: (again / name).read_text() for name in own} == own
+    assert names_in(again) == sorted({'diagnosis.json', 'notes.txt', 'report.html', *own})
+
+
+@pytest.mark.usefixtures('same_diagnosis')
 def test_stopped_while_the_report_is_drawn_nothing_has_changed(again, machine, monkeypatch):
     def stopped(*_):
         raise KeyboardInterrupt

@@ -14,13 +14,15 @@ from sensor_msgs.msg import JointState
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_joints
 from par4_identification.logs.log import Log
-from par4_identification.ros.monitor_node import MonitorNode
+from par4_identification.ros.monitor_node import STILL, MonitorNode
 from par4_identification.trend.drift import WORDS, DriftWatch, projections
 from par4_identification.trend.windows import WINDOW
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES
-from par4_kinematics.ros.convert import SECOND, write_joint_state
+from par4_kinematics.ros.convert import write_joint_state
+from par4_kinematics.ros.node import State
+from par4_kinematics.stamps import SECOND
 from robots import REFERENCE
 
 MODEL = read_model('table1', REFERENCE)
@@ -111,6 +113,26 @@ def test_one_odd_window_is_no_drift_and_a_machine_that_is_mended_none_more():
     assert not watch.drifts
 
 
+def test_windows_without_any_scatter_are_learnt_from():
+    """As of a simulation without noise; rounding is no drift, and a drift is one from then on."""
+    watch, random = DriftWatch(4, learning=10), np.random.default_rng(7)
+    same, rounding = np.full((4, 4), 0.3), 1e-12
+    for _ in range(10):
+        watch.take(WINDOW * (watch.windows + 1), same, LENGTHS)
+    for _ in range(1000):
+        watch.take(WINDOW * (watch.windows + 1), same + rounding * random.normal(size=(4, 4)),
+                   LENGTHS)
+    assert not watch.drifts
+    shift = np.zeros((4, 4))
+    shift[1, 2] = 0.1
+    for _ in range(10):
+        watch.take(WINDOW * (watch.windows + 1), same + shift, LENGTHS)
+    drift, = watch.drifts
+    assert (drift.joint, drift.acts_like) == (1, 'viscous friction')
+    assert drift.size == pytest.approx(0.1 / 10.0)
+    assert drift.since == pytest.approx(1010 * WINDOW)
+
+
 def test_joints_that_rest_say_nothing():
     watch, random = DriftWatch(4), np.random.default_rng(6)
     watched(random, 100, watch)
@@ -156,6 +178,30 @@ def test_a_clock_that_is_set_back_or_a_stray_stamp_does_not_blind_the_monitor(mo
     send(monitor, 10.0, 15.0)
     assert monitor.looked == 4
     assert monitor.counts['skipped_windows'] == 3
+
+
+@pytest.mark.parametrize('tick', [1000.0, 1.0], ids=['stands still', 'whole seconds'])
+def test_stamps_that_do_not_move_are_told_until_they_move(monitor, tick):
+    monitor._watch = DriftWatch(4)
+    for number in range(200):
+        time = 5000.0 + 0.005 * number // tick * tick
+        send(monitor, time, time + 0.005)
+        state = MonitorNode._judged(monitor)
+        if number < STILL:
+            assert (state.level, state.text[:8]) == (State.OK, 'learning')
+    assert state.level == State.WARN
+    assert state.text.startswith('the stamps of joint_states do not move')
+    assert state.detail.endswith(' before, the last at 5000.000 s')
+    send(monitor, 5000.0, 5005.0)
+    assert MonitorNode._judged(monitor).text.startswith('learning')
+
+
+def test_messages_that_come_twice_are_no_stamps_that_do_not_move(monitor):
+    monitor._watch = DriftWatch(4)
+    for time in np.arange(0.0, 10.0, 0.01):
+        for _ in range(3):
+            send(monitor, time, time + 0.005)
+        assert MonitorNode._judged(monitor).level == State.OK
 
 
 def test_voltages_without_joint_states_do_not_pile_up(monitor):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from test_commands import run
 from par4_dynamics.model import read_model
 from par4_dynamics.state import GRAVITY
 from par4_identification.commands import drive_gain
+from par4_identification.gains import known_payload
 from par4_identification.gains.force_timing import late_readings
 from par4_identification.gains.known_payload import DriveGains, gains_of_payloads
 from par4_identification.gains.static_push import (
@@ -25,6 +27,7 @@ from par4_identification.gains.static_push import (
 )
 from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.drive_gain import gains_remarks, wrong_gains
+from par4_identification.reports.outcome.loads import known_payloads
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_yaml
@@ -309,6 +312,42 @@ def test_full_bodies_are_known_torque_too():
     gains = gains_of_payloads(loaded_runs(REFERENCE, model, 0.5, 4), {'loaded': 0.5}, REFERENCE,
                               'full')
     np.testing.assert_allclose(gains.values, true_gains(REFERENCE), rtol=0.005)
+
+
+def test_gains_and_masses_settle_where_the_start_is_far_off():
+    """The least squares are a minimum: no gradient is left, and the truth fits no better."""
+    true = np.outer((0.8, 0.9, 1.1, 1.2), (0.8, 0.86, 1.0))
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        mixed = random.normal(size=(12, 12))
+        covariance = 0.03 * mixed @ mixed.T + 0.036 * np.eye(12)
+        products = true + random.multivariate_normal(np.zeros(12), covariance).reshape(4, 3)
+        weight = np.linalg.inv(covariance)
+        ratio, spread, misfit = known_payload._common_masses(products, covariance)
+        # for given ratios the masses are a linear fit
+        design = np.concatenate([np.eye(3)[:, :2] * each for each in ratio])
+        rest = (products - np.outer(ratio, (0.0, 0.0, 1.0))).ravel()
+        masses = np.append(np.linalg.solve(design.T @ weight @ design, design.T @ weight @ rest), 1)
+        left = (products - np.outer(ratio, masses)).ravel()
+        assert left @ weight @ left == pytest.approx(misfit, rel=1e-6)
+        gradient = np.array([(weight @ left)[3 * joint:3 * joint + 3] @ masses
+                             for joint in range(4)])
+        np.testing.assert_allclose(gradient * np.sqrt(np.diag(spread)), 0.0, atol=1e-4)
+        assert misfit <= (products - true).ravel() @ weight @ (products - true).ravel()
+
+
+def test_gains_that_do_not_settle_are_said_in_a_line(monkeypatch):
+    runs = loaded_runs(REFERENCE, read_model('table1', REFERENCE), 0.5, 5, duration=4.0)
+    monkeypatch.setattr(known_payload, 'TRIALS', 1)
+    (remark,), fields = known_payloads(runs, {'loaded': 0.5}, REFERENCE, 'paper')
+    assert 'do not settle in 1 trials; record longer' in remark.text
+    assert not remark.good
+    assert fields == {}
+    monkeypatch.setattr(known_payload, '_common_masses',
+                        mock.Mock(side_effect=np.linalg.LinAlgError))
+    (remark,), fields = known_payloads(runs, {'loaded': 0.5}, REFERENCE, 'paper')
+    assert 'do not tell gains and platform masses apart; record longer' in remark.text
+    assert fields == {}
 
 
 def test_gains_need_a_known_difference():

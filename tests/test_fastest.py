@@ -15,7 +15,7 @@ from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import HOME
 from par4_kinematics.motion import Motion, check_limits, waypoints_motion
-from par4_kinematics.motion_file import read_motion
+from par4_kinematics.motion_file import read_motion, write_motion
 from par4_sim.commands.fastest import fastest
 from par4_sim.tracking.case import Plan
 from par4_sim.tracking.fastest import Reached, Unreached, at_pace, fastest_case
@@ -217,6 +217,18 @@ def test_the_fastest_motion_keeps_the_limits_that_were_asked_for(tmp_path):
     check_limits(played, REFERENCE, 600.0, 2e5)
     assert np.abs(played.qdd).max() > 0.8 * 600.0 or np.abs(
         np.diff(played.qdd, axis=0)).max() > 0.8 * 2e5 * played.period
+
+
+def test_where_nothing_is_reached_no_motion_of_an_earlier_run_stays(tmp_path):
+    place = tmp_path / 'fastest.yaml'
+    asked = ['adept', '--jerk', '30000', '--feedforward', 'none', '--timing', 'own', '--peak',
+             '0.01', '--output', str(tmp_path)]
+    for maker, stays in (('par4_fastest', False), ('', True)):  # the second is the user's
+        write_motion(place, SHORT, maker=maker)
+        done = CliRunner().invoke(fastest, asked)
+        assert done.exit_code == 0, done.output
+        assert 'No controller does adept' in ' '.join(done.output.split())
+        assert place.exists() == place.with_suffix('.csv').exists() == stays
 
 
 def test_the_command_writes_bound_and_runs(tmp_path):

@@ -26,9 +26,10 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.ros import goal_server
-from par4_kinematics.ros.convert import SECOND, write_time
+from par4_kinematics.ros.convert import write_time
 from par4_kinematics.ros.motion_node import MotionNode, Played
 from par4_kinematics.splined import splined_motion
+from par4_kinematics.stamps import SECOND
 
 MIDDLE_Q = 0.5 * (HOME_Q + AWAY_Q) + np.array((0.03, -0.02, 0.01, 0.0))
 

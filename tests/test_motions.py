@@ -24,6 +24,8 @@ from par4_kinematics.motion import (
 )
 from par4_kinematics.motion_file import (
     MOTION_SCHEMA,
+    free_motion_path,
+    is_untouched,
     named_motion,
     read_motion,
     write_motion,
@@ -583,6 +585,32 @@ def test_joint_samples_that_do_not_close_are_refused(tmp_path):
     write_motion(tmp_path / 'motion.yaml', replace(motion, q=motion.q + apart))
     with pytest.raises(UnreachableError, match=r'motion\.csv: joint positions 0'):
         read_motion(tmp_path / 'motion.yaml', REFERENCE)
+
+
+@pytest.mark.parametrize('frame', ['joint', 'platform'])
+def test_a_tool_knows_its_own_motion_until_somebody_changes_it(frame, tmp_path):
+    path, motion = tmp_path / 'motion.yaml', circle_motion(REFERENCE)
+    assert free_motion_path(path, 'par4_x') == path
+    write_motion(path, motion, frame, 'par4_x')
+    np.testing.assert_allclose(read_motion(path, REFERENCE).q, motion.q, atol=1e-9)
+    assert is_untouched(path, 'par4_x')
+    assert not is_untouched(path, 'par4_y')
+    assert free_motion_path(path, 'par4_x') == path
+    for file in (path, path.with_suffix('.csv')):
+        content = file.read_bytes()
+        for changed in (content + b'\n', content.replace(b'0', b'1', 1), b'', None):
+            file.unlink()
+            if changed is not None:
+                file.write_bytes(changed)
+            assert not is_untouched(path, 'par4_x')
+            assert free_motion_path(path, 'par4_x') == tmp_path / 'motion_2.yaml'
+            file.write_bytes(content)
+        assert is_untouched(path, 'par4_x')
+    write_motion(path, motion, frame)
+    assert not is_untouched(path, '')
+    (tmp_path / 'motion_2.csv').mkdir()
+    (tmp_path / 'motion_3.yaml').symlink_to(tmp_path / 'nowhere')
+    assert free_motion_path(path, 'par4_x') == tmp_path / 'motion_4.yaml'
 
 
 def test_a_failed_write_leaves_the_old_files(tmp_path):

@@ -60,7 +60,6 @@ from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import forward_kinematics, inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import (
-    SECOND,
     joint_values,
     read_trajectory,
     time_ns,
@@ -68,6 +67,7 @@ from par4_kinematics.ros.convert import (
     write_time,
 )
 from par4_kinematics.ros.qos import message_type, qos_of
+from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 from par4_sim.robot_tree import tree_joint_positions
 from par4_sim.tracking.metrics import tracking_of

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from par4_kinematics.ros.convert import SECOND
+from par4_kinematics.stamps import SECOND
 from par4_sim.ros.pace import Pace
 
 

@@ -14,7 +14,8 @@ import pytest
 from par4_dynamics.model import read_model
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.position import inverse_kinematics
-from par4_kinematics.ros.convert import SECOND, Trajectory
+from par4_kinematics.ros.convert import Trajectory
+from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.reference_points import ROOM

@@ -24,7 +24,6 @@ from par4_kinematics.interface import (
 )
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import (
-    SECOND,
     Trajectory,
     joint_values,
     read_trajectory,
@@ -36,6 +35,7 @@ from par4_kinematics.ros.convert import (
     write_trajectory,
 )
 from par4_kinematics.ros.qos import message_type, qos_of
+from par4_kinematics.stamps import SECOND
 from par4_sim.ros.zero_stamp import ZeroStamps
 
 STAMP = 1_700_000_000_123_456_789

@@ -13,7 +13,6 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import (
-    SECOND,
     Trajectory,
     read_trajectory,
     write_effort,
@@ -24,6 +23,7 @@ from par4_kinematics.ros.serialised_trajectory import (
     read_serialised_trajectory,
     serialised_rest,
 )
+from par4_kinematics.stamps import SECOND
 
 FIELDS = ('positions', 'velocities', 'accelerations', 'effort')
 

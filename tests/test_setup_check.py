@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from types import SimpleNamespace
+from unittest import mock
 
 import mistakes
 import numpy as np
@@ -22,6 +23,7 @@ from singular_log import singular_log
 from par4_dynamics.model import read_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.logs.log import Log
+from par4_identification.reports.outcome.setup import with_setup
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.clustered import basis_of, clustered_std, clusters_of
 from par4_identification.setup_check.drive_answer import answer_of
@@ -29,13 +31,16 @@ from par4_identification.setup_check.equations import equations_of, stretches_of
 from par4_identification.setup_check.finding import Amount, Finding, SetupCheck
 from par4_identification.setup_check.repair import filled
 from par4_identification.setup_check.samples import Held, held_stretches, mute_torques, spikes
+from par4_identification.setup_check.scale import UNSEEN
 from par4_identification.setup_check.total import total_lines, totals
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.approach import with_approach
+from par4_kinematics.errors import UnreachableError
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.position import closes
 from par4_kinematics.robot import Axis, Drives
 from par4_sim.noise import Noise
+from par4_sim.report.outcome import Outcome
 from par4_sim.simulation import build_simulation
 from robots import REFERENCE
 
@@ -283,7 +288,38 @@ def test_a_common_factor_needs_a_model_to_be_seen(sticky, factor):
     np.testing.assert_allclose(check.logs[0].tau, sticky.tau, rtol=0.03)
     kinds, check = found(wrong)
     assert kinds == []
-    assert 'cannot be seen' in check.remarks[0]
+    assert 'cannot be seen' in check.remarks[0].text
+
+
+def test_what_is_not_looked_for_is_said_with_the_reason(clean, monkeypatch):
+    assert found(clean)[1].remarks == (UNSEEN,)
+    monkeypatch.setattr('par4_identification.setup_check.check.timing_of', mock.Mock(
+        side_effect=np.linalg.LinAlgError))
+    monkeypatch.setattr('par4_identification.setup_check.check.pace_of', mock.Mock(
+        side_effect=UnreachableError))
+    kinds, check = found(clean)
+    assert kinds == []
+    first, second, third = check.remarks
+    assert first.text == ('Not looked for: a wrong pace of the samples, because the mechanism does '
+                          'not close with the recorded positions.')
+    assert second.text == ('Not looked for: delays, because the equations of these data are '
+                           'singular.')
+    assert third == UNSEEN
+    assert not first.good
+    outcome = with_setup(Outcome('All is well.', 'good', ()), check, 'diagnosis')
+    assert outcome.remarks == check.remarks
+    assert 'Check by hand what was not looked for' in outcome.advice[0]
+
+
+def test_delays_of_a_log_with_too_little_motion_are_not_looked_for(clean):
+    part = slice(3000, 3100)
+    short = replace(clean, name='short', t=clean.t[part], q=clean.q[part], tau=clean.tau[part],
+                    segments=(slice(0, 100),), doubtful=None)
+    check = check_setup([clean, short], REFERENCE)
+    assert not check.findings
+    assert [remark.text for remark in check.remarks if remark != UNSEEN] == [
+        'Not looked for: delays in short, because a joint hardly moves or the mechanism does not '
+        'close with the recorded positions.']
 
 
 @pytest.mark.parametrize(('factor', 'unit'), [(1e-3, 'kN m'), (1e3, 'mN m')])

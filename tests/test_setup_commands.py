@@ -161,6 +161,14 @@ def with_another(messages: list[Message], start: float, end: float, behind: int)
     return sorted([*messages, *more], key=lambda message: message[0])
 
 
+def stalled(messages: list[Message], later: int) -> list[Message]:
+    """Return messages of which those with a stamp from `later` on stall for 2 s after 4 s."""
+    behind = messages[0][0] + 4 * SECOND
+    return sorted([(received + 2 * SECOND * (stamp > later and received > behind), topic, stamp,
+                    *values) for received, topic, stamp, *values in messages],
+                  key=lambda message: message[0])
+
+
 CLOCKS = {
     'two clocks': (other_clock, 'has another clock'),
     'a clock set back': (restarted_clock, 'the clock was set back once'),
@@ -171,6 +179,9 @@ CLOCKS = {
         'clocks of their own talk on /joint_states; 49 messages'),
     'a second simulation after a restart': (
         lambda messages: with_another(restarted_clock(messages), 7.0, 9.0, -500 * SECOND),
+        'two machines or simulations with clocks of their own'),
+    'a second simulation that stalls': (
+        lambda messages: stalled(with_another(messages, 1.0, 9.0, -500 * SECOND), 500 * SECOND),
         'two machines or simulations with clocks of their own'),
     'a second machine': (lambda messages: with_another(messages, 3.0, 3.3, 0),
                          'two machines or simulations talk on'),

@@ -136,6 +136,14 @@ def test_each_library_is_at_home(library):
         assert library in {name.split('.')[0] for name in imported(path)}
 
 
+@pytest.mark.parametrize(('text', 'home'), [
+    ('1_000_000_000', 'par4_kinematics/stamps.py'),
+    ('[:1].upper() +', 'par4_sim/report/words.py')])
+def test_what_many_need_has_one_home(text, home):
+    assert [str(inner(path)) for path in SOURCES
+            if text in path.read_text(encoding='utf-8')] == [home]
+
+
 def test_executables_of_the_contract_are_installed():
     for package, executable, _ in interface.EXECUTABLES:
         setup = (ROOT / 'src' / package / 'setup.py').read_text(encoding='utf-8')

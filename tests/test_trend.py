@@ -37,7 +37,8 @@ from par4_identification.trend.life import FALSE_ALARMS, life_of
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.robot import Axis
-from par4_sim.offline import SECOND, simulate_to_bag
+from par4_kinematics.stamps import SECOND
+from par4_sim.offline import simulate_to_bag
 from par4_sim.simulation import build_simulation
 from robots import REFERENCE
 

@@ -31,8 +31,9 @@ from par4_kinematics.interface import (
 from par4_kinematics.limits import check_torque
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES, read_robot
-from par4_kinematics.ros.convert import SECOND, read_trajectory, write_joint_state
+from par4_kinematics.ros.convert import read_trajectory, write_joint_state
 from par4_kinematics.ros.qos import qos_of
+from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 from par4_sim.reference import ReferenceQueue
 from par4_sim.reference_curve import ReferenceLimits

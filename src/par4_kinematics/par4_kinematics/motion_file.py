@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
+import itertools
+import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -143,13 +146,14 @@ def write_recipe(path: str | Path, recipe: Mapping[str, Any]) -> None:
     write_yaml(path, {'schema': MOTION_SCHEMA, 'recipe': content})
 
 
-def write_motion(path: str | Path, motion: Motion, frame: str = 'joint') -> None:
+def write_motion(path: str | Path, motion: Motion, frame: str = 'joint', maker: str = '') -> None:
     """Write a motion as `motion.yaml` and a CSV of the same stem beside it; both files or neither.
 
     Args:
         path: of the YAML file.
         motion: what to write.
         frame: whether the samples are written as 'joint' or as 'platform' motion.
+        maker: the tool whose result it is, by which `is_untouched` knows the files again.
     """
     path = Path(path)
     table = path.with_suffix('.csv')
@@ -162,6 +166,37 @@ def write_motion(path: str | Path, motion: Motion, frame: str = 'joint') -> None
         scratch_table.write_text('\n'.join((','.join(('t', *COLUMNS[frame])), *lines, '')),
                                  encoding='utf-8')
         write_yaml(scratch, {'schema': MOTION_SCHEMA, 'frame': frame, 'samples': table.name})
+        if maker:
+            content = scratch.read_bytes()
+            scratch.write_bytes(_mark(maker, content, scratch_table.read_bytes()) + content)
+
+
+def _mark(maker: str, content: bytes, table: bytes) -> bytes:
+    """Return the comment line by which a tool knows the files of its motion again."""
+    digest = hashlib.sha256(content + table).hexdigest()[:32]
+    return f'# {maker} may replace this motion while it is unchanged: {digest}\n'.encode()
+
+
+def is_untouched(path: Path, maker: str) -> bool:
+    """Return whether a `motion.yaml` and its CSV are as `write_motion` left them for a tool."""
+    try:
+        mark, newline, content = path.read_bytes().partition(b'\n')
+        return mark + newline == _mark(maker, content, path.with_suffix('.csv').read_bytes())
+    except OSError:  # one of them is gone, or is no file
+        return False
+
+
+def free_motion_path(path: Path, maker: str) -> Path:
+    """Return where a tool may write its motion without loss: the path, or it with a number.
+
+    There is nothing, or an earlier motion of the tool that nobody has changed.
+    """
+    for number in itertools.count(1):
+        place = path if number == 1 else path.with_stem(f'{path.stem}_{number}')
+        if is_untouched(place, maker) or not any(
+                map(os.path.lexists, (place, place.with_suffix('.csv')))):
+            return place
+    raise AssertionError('numbers do not end')
 
 
 def read_motion(path: str | Path, robot: Robot) -> Motion:

@@ -38,6 +38,7 @@ from rosbags.typesys import (
 
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES, REFERENCE
+from par4_kinematics.stamps import SECOND
 from par4_sim.choices import STORAGES
 from par4_sim.message_layout import JointStateTemplate
 
@@ -49,7 +50,6 @@ FLUSH_PERIOD = 1.0
 _FOREVER = QosTime(9223372036, 854775807)
 _QOS = Qos(QosHistory.KEEP_LAST, JOINT_STATES.depth, QosReliability.RELIABLE,
            QosDurability.VOLATILE, _FOREVER, _FOREVER, QosLiveliness.AUTOMATIC, _FOREVER, False)
-_NANOSECONDS = 1_000_000_000
 Numbers = Sequence[float] | np.ndarray
 """Values of the joints of a message, (J,) or empty."""
 
@@ -182,7 +182,7 @@ class BagWriter:
         points = [
             types['trajectory_msgs/msg/JointTrajectoryPoint'](
                 *(np.empty(0) if part is None else part[index] for part in columns),
-                types['builtin_interfaces/msg/Duration'](*divmod(int(after), _NANOSECONDS)))
+                types['builtin_interfaces/msg/Duration'](*divmod(int(after), SECOND)))
             for index, after in enumerate(np.asarray(time_from_start))
         ]
         message = types[REFERENCE.type](self._header(stamp), list(names), points)
@@ -238,7 +238,7 @@ class BagWriter:
     def _header(self, stamp: int) -> Msg:
         types = self._typestore.types
         return types['std_msgs/msg/Header'](
-            types['builtin_interfaces/msg/Time'](*divmod(int(stamp), _NANOSECONDS)), '')
+            types['builtin_interfaces/msg/Time'](*divmod(int(stamp), SECOND)), '')
 
     def _write_message(self, topic: str, type_name: str, received: int, message: object) -> None:
         self.write_raw(topic, type_name, int(received),

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from par4_kinematics.stamps import SECOND
+
 ENCAPSULATION = 4
 """Bytes in front of a CDR message; a header's stamp follows."""
 
@@ -138,7 +140,7 @@ class JointStateTemplate:
 
     def filled(self, stamp: int, parts: Sequence[ArrayLike]) -> bytes:
         """Return the message stamped `stamp`, ns, with its position, velocity and effort."""
-        struct.pack_into('<iI', self._data, ENCAPSULATION, *divmod(stamp, 1_000_000_000))
+        struct.pack_into('<iI', self._data, ENCAPSULATION, *divmod(stamp, SECOND))
         for array, part in zip(self._arrays, parts, strict=True):
             array[:] = part
         return bytes(self._data)

@@ -21,6 +21,7 @@ from par4_kinematics.interface import (
 )
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import JOINT_NAMES, Robot
+from par4_kinematics.stamps import SECOND
 from par4_sim.bag_writer import BagWriter
 from par4_sim.simulation import Simulation
 
@@ -30,7 +31,6 @@ CHUNK = 0.25
 """Seconds of reference a message."""
 AT_A_TIME = 200
 """Samples that are simulated before they are written."""
-SECOND = 1_000_000_000
 
 
 def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: str | Path,

@@ -57,7 +57,7 @@ def diagnose_bags(**options: Any) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
     with loading():
         from par4_identification.jobs import diagnose
-    diagnose.diagnose_bags(**options)
+    diagnose.diagnose_bags(diagnose.Asked(**options))
 
 
 def main() -> None:

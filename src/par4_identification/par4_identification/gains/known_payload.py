@@ -17,7 +17,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
+import scipy.optimize
+import scipy.stats
 
 from par4_dynamics.base_terms import (
     FRICTION,
@@ -38,8 +39,11 @@ from par4_kinematics.robot import Axis, Robot
 
 OWN = (INERTIA, 'arm_gravity')
 """Base parameters of the bodies that each joint has of its own."""
-STEPS = 20
-"""Of Gauss and Newton; three are enough where gains are wrong by tens of percent."""
+SETTLED, TRIALS = 1e-12, 500
+"""Relative change of the fit at which it has settled, and most trials until then; ten are enough
+where gains are wrong by tens of percent."""
+LONGER = 'record longer and faster motions with and without the payload'
+"""What helps where the gains are not told."""
 
 
 @dataclass(frozen=True)
@@ -136,8 +140,12 @@ def gains_of_payloads(runs: Sequence[Run], payloads: Mapping[str, float],
     estimate = estimate_per_joint(runs, [run.tau for run in runs], columns)
     joints = runs[0].tau.shape[1]
     found = np.arange(3 * joints).reshape(3, joints).T.ravel()  # joint by joint
-    ratio, covariance, misfit = _common_masses(
-        estimate.values[found].reshape(joints, 3), estimate.covariance[np.ix_(found, found)])
+    try:
+        ratio, covariance, misfit = _common_masses(
+            estimate.values[found].reshape(joints, 3), estimate.covariance[np.ix_(found, found)])
+    except np.linalg.LinAlgError:
+        raise InputError(f'the motions do not tell gains and platform masses apart; {LONGER}'
+                         ) from None
     nominal = np.asarray(machine.drive_gain, dtype=float)
     if np.any(ratio < 0.1):
         raise InputError(f'the recorded torque comes out {ratio.min():.2g} times that of the known '
@@ -154,20 +162,30 @@ def _common_masses(products: np.ndarray, covariance: np.ndarray
     Args:
         products: (J, 3) of these, of each joint by itself.
         covariance: (3 J, 3 J).
+
+    Raises:
+        InputError: the fit does not settle.
+        LinAlgError: what was found has no covariance.
     """
     joints = len(products)
-    weight = np.linalg.inv(covariance)
-    ratio = products[:, 2].copy()
-    masses = np.append(products[:, :2].sum(axis=0) / ratio.sum(), 1.0)
-    for _ in range(STEPS):
+    whitened = np.linalg.inv(np.linalg.cholesky(covariance))
+
+    def left(unknown: np.ndarray) -> np.ndarray:
+        ratio, masses = unknown[:joints], np.append(unknown[joints:], 1.0)
+        return whitened @ (np.outer(ratio, masses) - products).ravel()
+
+    def slopes(unknown: np.ndarray) -> np.ndarray:
         jacobian = np.zeros((joints, 3, joints + 2))
         for joint in range(joints):
-            jacobian[joint, :, joint] = masses
-            jacobian[joint, :2, joints:] = ratio[joint] * np.eye(2)
-        slopes = jacobian.reshape(3 * joints, -1)
-        left = (products - np.outer(ratio, masses)).ravel()
-        information = slopes.T @ weight @ slopes
-        step = np.linalg.solve(information, slopes.T @ weight @ left)
-        ratio, masses = ratio + step[:joints], masses + np.append(step[joints:], 0.0)
-    left = (products - np.outer(ratio, masses)).ravel()
-    return ratio, np.linalg.inv(information)[:joints, :joints], float(left @ weight @ left)
+            jacobian[joint, :, joint] = *unknown[joints:], 1.0
+            jacobian[joint, :2, joints:] = unknown[joint] * np.eye(2)
+        return whitened @ jacobian.reshape(3 * joints, -1)
+
+    ratio = products[:, 2]
+    start = np.append(ratio, ratio @ products[:, :2] / (ratio @ ratio))
+    found = scipy.optimize.least_squares(left, start, slopes, method='lm', xtol=SETTLED,
+                                         ftol=SETTLED, gtol=SETTLED, max_nfev=TRIALS)
+    if not found.success:
+        raise InputError(f'gains and platform masses do not settle in {TRIALS} trials; {LONGER}')
+    spread = np.linalg.inv(found.jac.T @ found.jac)
+    return found.x[:joints], spread[:joints, :joints], 2.0 * float(found.cost)

@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -36,7 +37,6 @@ from par4_identification.reports.outcome.confrontation import (
     simulation_json,
 )
 from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
-from par4_identification.reports.outcome.next_experiment import MOTION_FILE
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.outcome.results import model_in_units, provenance
 from par4_identification.reports.outcome.setup import setup_json, setup_lines, with_setup
@@ -47,60 +47,108 @@ from par4_identification.signals.rows import Conditioning
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.machine_units import unit_on
-from par4_kinematics.motion_file import write_motion
+from par4_kinematics.motion_file import free_motion_path, is_untouched, write_motion
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.outcome import Remark
 from par4_sim.report.results import refuse_unwritable, write_results
 from par4_sim.report.words import listed, number
 
+TOOL = 'par4_diagnose'
 
-def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple[str, ...],
-                  robot: str, model: str | None, output: Path, namespace: str | None,
-                  cutoff: float | None, rows: float | None, low_speed: float | None,
-                  simulate: bool, report: bool) -> None:
+
+@dataclass(frozen=True)
+class Asked:
+    """What `par4_diagnose` was asked for, as the command line has it.
+
+    Attributes:
+        bags: to diagnose.
+        holdout: to confirm on.
+        before: of the machine as it was.
+        robot, model: file or built-in name; no model where none was believed.
+        output: folder.
+        namespace: that the topics sit under.
+        cutoff, rows, low_speed: of the filters; None leaves them to the data.
+        simulate: whether the model is run along the measured motion, before and after.
+        report: whether the page is drawn.
+    """
+
+    bags: tuple[str, ...]
+    holdout: tuple[str, ...]
+    before: tuple[str, ...]
+    robot: str
+    model: str | None
+    output: Path
+    namespace: str | None
+    cutoff: float | None
+    rows: float | None
+    low_speed: float | None
+    simulate: bool
+    report: bool
+
+    @property
+    def every_bag(self) -> tuple[str, ...]:
+        """All bags, in the order in which they are read."""
+        return (*self.bags, *self.holdout, *self.before)
+
+    @property
+    def chosen(self) -> Chosen:
+        """What was set of the filters."""
+        return Chosen(self.cutoff, self.rows, self.low_speed)
+
+    def provenance(self, machine: Robot | Axis, conditioning: Conditioning) -> dict[str, Any]:
+        """Return where the results come from."""
+        return provenance(TOOL, machine, self.every_bag, {
+            'holdout': self.holdout, 'before': self.before, 'model': self.model,
+            'namespace': self.namespace, **asdict(conditioning)})
+
+
+def diagnose_bags(asked: Asked) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
-    machine = read_machine(robot)
+    machine = read_machine(asked.robot)
     # refuses a model of another machine before any long work
-    baseline, known = (None, None) if model is None else read_file_and_model(model, machine)
-    refuse_unwritable(output)
+    baseline, known = ((None, None) if asked.model is None else
+                       read_file_and_model(asked.model, machine))
+    refuse_unwritable(asked.output)
     with Console(stderr=True).status('reading the bags') as status:
         logs: Sequence[Log] = ()
-        for bag in distinct_bags((*bags, *holdout, *before)):
+        for bag in distinct_bags(asked.every_bag):
             status.update(f'reading {bag}')
-            logs = (*logs, read_log(bag, machine, namespace))
+            logs = (*logs, read_log(bag, machine, asked.namespace))
         status.update('looking for mistakes of the setup')
-        own = len(bags) + len(holdout)
-        chosen = Chosen(cutoff, rows, low_speed)
-        conditioning = conditioning_for(logs, machine, CONDITIONING, chosen)
-        for group in (logs[:own], logs[own:]) if before else (logs,):
+        own = len(asked.bags) + len(asked.holdout)
+        conditioning = conditioning_for(logs, machine, CONDITIONING, asked.chosen)
+        for group in (logs[:own], logs[own:]) if asked.before else (logs,):
             machine = machine if _hangs(machine) else with_gravity_told(
-                read_machine(robot), group, conditioning)
-        earlier = Earlier.of(logs[own:], machine, baseline, conditioning) if before else None
+                read_machine(asked.robot), group, conditioning)
+        earlier = Earlier.of(logs[own:], machine, baseline, conditioning) if asked.before else None
         if earlier is not None:
             baseline, known = earlier.model_file, build_model(machine, earlier.model_file)
         check = check_setup(logs[:own], machine, known)
         logs, machine = check.logs, check.machine
         if earlier is None:
-            conditioning = conditioning_for(logs, machine, CONDITIONING, chosen)
+            conditioning = conditioning_for(logs, machine, CONDITIONING, asked.chosen)
         diagnosis = diagnosed_if_sound(check, lambda sound: diagnose(
-            sound.logs[:len(bags)], sound.machine, baseline, sound.logs[len(bags):],
+            sound.logs[:len(asked.bags)], sound.machine, baseline, sound.logs[len(asked.bags):],
             conditioning=conditioning, progress=status.update))
         experiment = confrontation = extended = changes = None
         untold: tuple[Remark, ...] = ()
         if isinstance(diagnosis, Diagnosis):
             status.update('looking for the motion that would tell twins apart')
             experiment = next_experiment(diagnosis, machine)
+            if experiment is not None:
+                experiment = replace(experiment, file=free_motion_path(
+                    asked.output / experiment.file, TOOL).name)
             extended = model_after(diagnosis)
             if baseline is not None:
                 status.update('looking for what has changed')
                 try:
-                    changes = (changes_since_model(diagnosis, machine, baseline, str(model))
+                    changes = (changes_since_model(diagnosis, machine, baseline, str(asked.model))
                                if earlier is None else
                                changes_between(diagnosis, machine, earlier.logs, baseline,
-                                               listed(before), conditioning))
+                                               listed(asked.before), conditioning))
                 except InputError as error:
                     untold = (Remark(False, f'What has changed could not be told: {error}.'),)
-            if simulate:
+            if asked.simulate:
                 confrontation = confront_diagnosis(diagnosis, machine, logs,
                                                    progress=status.update)
         outcome = outcome_of_diagnosis(diagnosis, machine, experiment)
@@ -116,11 +164,9 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
         outcome = with_setup(outcome, check, 'diagnosis')
         if earlier is not None:
             outcome = replace(outcome, first=(*outcome.first, *earlier.setup_lines))
-        origin = provenance('par4_diagnose', machine, (*bags, *holdout, *before),
-                            {'holdout': holdout, 'before': before, 'model': model,
-                             'namespace': namespace, **asdict(conditioning)})
+        origin = asked.provenance(machine, conditioning)
         page = None
-        if report:
+        if asked.report:
             status.update('drawing the report')
             # the plot library is slow to load, and some homes make it talk on stderr
             from par4_identification.reports.diagnosis_report import report_of_diagnosis
@@ -135,13 +181,15 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
             'extended_model.yaml': extended and model_in_units(
                 extended.model_copy(update={'provenance': origin}), machine),
             'report.html': page}
-        motion = None if experiment is None else experiment.motion
-        outdated = motion_of_earlier_run(output) if motion is None else ()
-        if motion is not None:  # before what names it
-            write_motion(output / MOTION_FILE, motion, 'platform')
-        write_results(output, results)
-    for file in outdated:
-        file.unlink(missing_ok=True)
+        outdated = motion_of_earlier_run(asked.output)
+        if experiment is not None and experiment.motion is not None:  # before what names it
+            place = asked.output / experiment.file
+            write_motion(place, experiment.motion, 'platform', TOOL)
+            outdated = None if outdated == place else outdated
+        write_results(asked.output, results)
+    if outdated is not None:
+        for file in (outdated, outdated.with_suffix('.csv')):
+            file.unlink(missing_ok=True)
     console = Console(highlight=False)
     for line in outcome.first:
         console.print(line, soft_wrap=not console.is_terminal, markup=False)
@@ -149,23 +197,22 @@ def diagnose_bags(bags: tuple[str, ...], holdout: tuple[str, ...], before: tuple
         console.print(errors_in_lines(changes, diagnosis, machine), soft_wrap=True, markup=False)
     console.print(f'{verdict}: {outcome.sentence}',
                   soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results{" and report" if report else ""}: {output}', soft_wrap=True,
-                  markup=False)
+    console.print(f'results{" and report" if asked.report else ""}: {asked.output}',
+                  soft_wrap=True, markup=False)
 
 
-def motion_of_earlier_run(folder: Path) -> tuple[Path, ...]:
-    """Return the files of the motion that the diagnosis in a folder proposes.
+def motion_of_earlier_run(folder: Path) -> Path | None:
+    """Return the motion that the diagnosis in a folder proposes.
 
-    None where it proposes none: files of these names are then somebody else's, such as a motion
-    that was designed there.
+    None where it proposes none or its files are not what it wrote: they are then somebody else's,
+    such as a motion that was designed there since.
     """
     try:
         content = json.loads((folder / 'diagnosis.json').read_text(encoding='utf-8'))
-        proposed = content['next_experiment']
+        motion = folder / Path(content['next_experiment']['motion']).name
     except (OSError, ValueError, KeyError, TypeError):  # there is none, or it is no diagnosis
-        return ()
-    motion = folder / MOTION_FILE
-    return () if proposed is None else (motion, motion.with_suffix('.csv'))
+        return None
+    return motion if is_untouched(motion, TOOL) else None
 
 
 def _hangs(machine: Robot | Axis) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -38,46 +38,86 @@ from par4_sim.report.results import refuse_unwritable, write_results
 from par4_sim.report.words import in_words, listed, percent, with_std
 
 
-def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: RigidBody,
-                  estimator: str, per_joint: bool, offsets: bool, payload: tuple[str, ...],
-                  unknown_payload: tuple[str, ...], namespace: str | None,
-                  cutoff: float | None, rows: float | None, low_speed: float | None,
-                  compare_true: str | None, report: bool) -> None:
+@dataclass(frozen=True)
+class Asked:
+    """What `par4_identify` was asked for, as the command line has it.
+
+    Attributes:
+        bags: to identify from.
+        robot: file or built-in name.
+        output: folder.
+        rigid_body: 'paper' or 'full'.
+        estimator, per_joint, offsets: of the fit; see `Fitting`.
+        payload: known masses, BAG=KG.
+        unknown_payload: bags with a payload to be weighed.
+        namespace: that the topics sit under.
+        cutoff, rows, low_speed: of the filters; None leaves them to the data.
+        compare_true: model to be shown beside what is identified, file or built-in name.
+        report: whether the page is drawn.
+    """
+
+    bags: tuple[str, ...]
+    robot: str
+    output: Path
+    rigid_body: RigidBody
+    estimator: str
+    per_joint: bool
+    offsets: bool
+    payload: tuple[str, ...]
+    unknown_payload: tuple[str, ...]
+    namespace: str | None
+    cutoff: float | None
+    rows: float | None
+    low_speed: float | None
+    compare_true: str | None
+    report: bool
+
+    @property
+    def chosen(self) -> Chosen:
+        """What was set of the filters."""
+        return Chosen(self.cutoff, self.rows, self.low_speed)
+
+    @property
+    def fitting(self) -> Fitting:
+        """How the parameters are fitted."""
+        return Fitting(self.estimator, self.per_joint, self.offsets)
+
+
+def identify_bags(asked: Asked) -> None:
     """Identify the parameters of equation (20) from measured bags."""
-    machine = read_machine(robot)
-    truth = None if compare_true is None else read_model(compare_true, machine)
-    masses = payload_masses(payload, bags)
-    loaded = loaded_bags(unknown_payload, bags)
+    machine = read_machine(asked.robot)
+    truth = None if asked.compare_true is None else read_model(asked.compare_true, machine)
+    masses = payload_masses(asked.payload, asked.bags)
+    loaded = loaded_bags(asked.unknown_payload, asked.bags)
     refuse_payloads(machine, masses, loaded)
-    refuse_unwritable(output)
+    refuse_unwritable(asked.output)
     with Console(stderr=True).status('reading the bags') as status:
         logs: Sequence[Log] = ()
-        for bag in distinct_bags(bags):
+        for bag in distinct_bags(asked.bags):
             status.update(f'reading {bag}')
-            logs = (*logs, read_log(bag, machine, namespace))
+            logs = (*logs, read_log(bag, machine, asked.namespace))
         status.update('looking for mistakes of the setup')
         check = check_setup(logs, machine)
         logs = check.logs
-        conditioning = conditioning_for(logs, check.machine, Conditioning(),
-                                        Chosen(cutoff, rows, low_speed))
+        conditioning = conditioning_for(logs, check.machine, Conditioning(), asked.chosen)
         machine = with_gravity_told(check.machine, logs, conditioning)
         status.update('identifying')
         bare = [log for log in logs if log.name not in loaded]
         identification = sound_or_refused(check, lambda: identify(
-            bare, machine, rigid_body, masses, conditioning,
-            Fitting(estimator, per_joint, offsets)))
+            bare, machine, asked.rigid_body, masses, conditioning, asked.fitting))
         model_file = model_in_units(identification.model_file(provenance(
-            'par4_identify', machine, bags,
-            {'rigid_body': rigid_body, 'payload': masses, 'unknown_payload': loaded,
-             'namespace': namespace, 'estimator': estimator, 'per_joint': per_joint,
-             'offsets': offsets, **asdict(conditioning)}), machine), machine)
+            'par4_identify', machine, asked.bags,
+            {'rigid_body': asked.rigid_body, 'payload': masses, 'unknown_payload': loaded,
+             'namespace': asked.namespace, **asdict(asked.fitting), **asdict(conditioning)}),
+            machine), machine)
         status.update('measuring the noise floor')
         floor = noise_floor(identification.runs, build_model(machine, model_file))
         status.update('weighing payloads')
         gain_remarks, gain_fields = known_payloads(identification.runs, masses, machine,
-                                                   rigid_body)
+                                                   asked.rigid_body)
         mass_remarks, mass_fields = weighed_payload(
-            identification.runs, [log for log in logs if log.name in loaded], machine, rigid_body)
+            identification.runs, [log for log in logs if log.name in loaded], machine,
+            asked.rigid_body)
         found = (*gain_remarks, *mass_remarks)
         outcome = outcome_of_identification(identification, floor, machine, bare,
                                             bool(check.useless))
@@ -85,13 +125,13 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: R
                              'identification')
         table = table_of_parameters(identification, machine, truth)
         page = None
-        if report:
+        if asked.report:
             status.update('drawing the report')
             # the plot library is slow to load, and some homes make it talk on stderr
             from par4_identification.reports.identification_report import report_of_identification
             page = report_of_identification(identification, outcome, table, floor, machine, logs,
                                             model_file.provenance, masses)
-        write_results(output, {
+        write_results(asked.output, {
             'model.yaml': model_file,
             'identification.json': {**identification_json(identification, machine, logs),
                                     'setup': setup_json(check),
@@ -107,8 +147,8 @@ def identify_bags(bags: tuple[str, ...], robot: str, output: Path, rigid_body: R
                     if not remark.good]
     for line in (*findings, outcome.sentence, *reservations):
         console.print(line, soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results{" and report" if report else ""}: {output}', soft_wrap=True,
-                  markup=False)
+    console.print(f'results{" and report" if asked.report else ""}: {asked.output}',
+                  soft_wrap=True, markup=False)
 
 
 def distinct_bags(bags: Sequence[str]) -> Sequence[str]:

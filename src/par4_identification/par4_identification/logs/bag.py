@@ -40,6 +40,7 @@ from par4_identification.logs.topic_columns import (
 )
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES, REFERENCE
+from par4_kinematics.stamps import SECOND
 from par4_sim.message_layout import joint_state_layout, trajectory_layout
 
 JOINT_STATE_TYPE = JOINT_STATES.type
@@ -52,7 +53,6 @@ BATCH = 1 << 24
 BATCH_MESSAGES = 1 << 16
 """Messages that are decoded at a time where the library reads them."""
 
-_NANOSECONDS = 1_000_000_000
 _ARRAYS = {JOINT_STATE_TYPE: JOINT_ARRAYS, TRAJECTORY_TYPE: TRAJECTORY_ARRAYS}
 
 
@@ -219,7 +219,7 @@ def _decode(typestore: Any, type_name: str, data: bytes) -> object | None:
 
 
 def _nanoseconds(time_or_duration: Any) -> int:
-    return time_or_duration.sec * _NANOSECONDS + time_or_duration.nanosec
+    return time_or_duration.sec * SECOND + time_or_duration.nanosec
 
 
 def _alike(typestore: Any, type_name: str, messages: SerialisedMessages

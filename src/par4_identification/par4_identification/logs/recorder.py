@@ -12,6 +12,7 @@ import numpy as np
 
 from par4_identification.logs.stamps import spacing_counts
 from par4_kinematics.interface import JOINT_STATES
+from par4_kinematics.stamps import SECOND
 from par4_sim.bag_writer import BagWriter
 
 
@@ -98,4 +99,4 @@ class Recorder:
 def _header_stamp(data: bytes) -> int:
     """Return the stamp, ns, of a serialised message that begins with a header."""
     seconds, nanoseconds = struct.unpack_from('<iI' if data[1] else '>iI', data, 4)
-    return seconds * 1_000_000_000 + nanoseconds
+    return seconds * SECOND + nanoseconds

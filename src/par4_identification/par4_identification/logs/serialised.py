@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from par4_kinematics.stamps import SECOND
 from par4_sim.message_layout import ENCAPSULATION, Layout
 
 _MESSAGE = 0x05
@@ -169,7 +170,7 @@ def numbers_of(messages: SerialisedMessages, layout: Layout, rows: np.ndarray
         return found.view(kind).reshape(len(rows), *at.shape)
 
     def times(at: np.ndarray) -> np.ndarray:
-        return numbers(at, '<i4') * np.int64(1_000_000_000) + numbers(at + 1, '<u4')
+        return numbers(at, '<i4') * np.int64(SECOND) + numbers(at + 1, '<u4')
 
     points = len(layout.arrays[0]) if layout.arrays else 0
     after = times(layout.after) if len(layout.after) else np.zeros((len(rows), points), np.int64)

@@ -1,9 +1,10 @@
 """Two machines or simulations on one topic: which messages are whose, and when they get mixed.
 
 Two simulations count time from their own beginnings, so that stamps of the two differ from the time
-of receipt by different offsets and alternate as messages arrive: one of them is kept. Two sources
-on one clock cannot be told apart, but where both talk, positions jump to and fro from message to
-message: such stretches are left out.
+of receipt by different offsets and alternate as messages arrive: one of them is kept, also where
+one stalled or was set back on the way, which makes its offset another. Two sources on one clock
+cannot be told apart, but where both talk, positions jump to and fro from message to message: such
+stretches are left out.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from par4_identification.logs.masks import stretches, taken
 from par4_identification.logs.stamped_rows import StampedRows
+from par4_kinematics.stamps import SECOND
 
 APART = 250_000_000
 """ns between the offsets of two clocks; transport does not delay a message so long."""
@@ -27,7 +29,7 @@ AROUND, DENSE = 50, 0.3
 single wrong readings are rarer."""
 MOST_MIXED = 0.8
 """Share of the time in which two sources talk from which the bag is refused."""
-JOINED = 1_000_000_000
+JOINED = SECOND
 """ns between mixed stretches that are one: two machines in one pose look like one."""
 
 
@@ -36,21 +38,21 @@ class Source:
     """The source of a bag whose messages are kept.
 
     Attributes:
-        offset: receipt less stamp of its messages, ns; None where all are kept.
+        positions: its messages, where there is another clock; None where all are kept.
         mixed: stretches of the bag's time, ns, in which another source talks as well.
     """
 
-    offset: float | None
+    positions: StampedRows | None
     mixed: tuple[tuple[int, int], ...] = ()
 
     def of_its_clock(self, rows: StampedRows) -> StampedRows:
         """Return the rows of a topic that have the clock of this source."""
-        offset = self.offset
-        if offset is None:
+        own, sides = self.positions, None if self.positions is None else _clocks(rows)
+        if own is None or sides is None:
             return rows
-        sides = _clocks(rows)
-        return rows if sides is None else rows.part(min(
-            sides, key=lambda side: abs(_offset(rows, side) - offset)))
+        at = np.searchsorted(np.maximum.accumulate(own.received), rows.received)
+        apart = np.abs(_offsets(rows) - _offsets(own)[np.minimum(at, len(own.received) - 1)])
+        return rows.part(min(sides, key=lambda side: float(np.median(apart[side]))))
 
     def unmixed(self, rows: StampedRows, time: np.ndarray) -> StampedRows:
         """Return the rows, at times (n,) ns, that no other source is mixed with."""
@@ -63,9 +65,7 @@ class Source:
 def source_of(positions: StampedRows) -> Source:
     """Return the source with more messages where two clocks alternate; else what is all of it."""
     sides = _clocks(positions)
-    if sides is None:
-        return Source(None)
-    return Source(_offset(positions, max(sides, key=np.count_nonzero)))
+    return Source(None if sides is None else positions.part(sides[0]))
 
 
 def beside_mixed(source: Source, positions: StampedRows, time: np.ndarray) -> Source:
@@ -85,10 +85,13 @@ def beside_mixed(source: Source, positions: StampedRows, time: np.ndarray) -> So
 def _clocks(rows: StampedRows) -> tuple[np.ndarray, np.ndarray] | None:
     """Return which rows have the one clock and which the other; None where no two alternate.
 
-    Every clock has an offset of its own, and one that was set back has several. Of the two offsets
-    that follow each other most often, from message to message, the rarer is that of the other.
+    The clock with more rows comes first, and with it what alternates with nothing. A clock has one
+    offset at a time; one that was set back, and one of a simulation that stalled, have several.
+    So offsets that follow each other again and again, from message to message, are of two clocks,
+    and those that alternate with the same are of one. Where both clocks run too slowly, so that
+    the offsets of one come to be those of the other, they are not told apart.
     """
-    offset = (rows.received - rows.stamp).astype(float)
+    offset = _offsets(rows)
     ordered = np.sort(offset)
     below = np.flatnonzero(np.diff(ordered) >= APART)
     if not len(below):
@@ -96,16 +99,45 @@ def _clocks(rows: StampedRows) -> tuple[np.ndarray, np.ndarray] | None:
     cluster = np.searchsorted(0.5 * (ordered[below] + ordered[below + 1]), offset)
     pairs = np.sort(np.column_stack((cluster[:-1], cluster[1:])), axis=1)
     pairs, changes = np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0, return_counts=True)
-    most = int(np.argmax(changes))
-    sizes = np.bincount(cluster)[pairs[most]]
-    if changes[most] < max(FEWEST_CHANGES, OFTEN * sizes.min()):
+    sizes = np.bincount(cluster)
+    often = changes >= np.maximum(FEWEST_CHANGES, OFTEN * sizes[pairs].min(axis=1))
+    if not often.any():
         return None
-    other = cluster == pairs[most][np.argmin(sizes)]
+    strongest = pairs[often][np.argsort(-changes[often], kind='stable')].tolist()
+    lower, upper = _of_two_clocks(strongest, np.bincount(cluster, offset) / sizes)
+    other = np.isin(cluster, upper if sizes[upper].sum() <= sizes[lower].sum() else lower)
     return ~other, other
 
 
-def _offset(rows: StampedRows, side: np.ndarray) -> float:
-    return float(np.median((rows.received - rows.stamp)[side]))
+def _of_two_clocks(alternating: list[list[int]], offsets: np.ndarray
+                   ) -> tuple[list[int], list[int]]:
+    """Return which offsets are of the one clock and which of the other.
+
+    Where both stall at once, no offset from before alternates with one from after: the clock that
+    had the smaller offset has the smaller one still.
+
+    Args:
+        alternating: pairs of numbers of offsets that are of two clocks, the surest first.
+        offsets: their size.
+    """
+    lower: list[int] = []
+    upper: list[int] = []
+    while alternating:
+        first, second = alternating[0]
+        clock = {first: 0, second: 1}
+        while (pair := next((pair for pair in alternating
+                             if (pair[0] in clock) != (pair[1] in clock)), None)) is not None:
+            known, new = pair if pair[0] in clock else pair[::-1]
+            clock[new] = 1 - clock[known]
+        groups = [[number for number in clock if clock[number] == side] for side in (0, 1)]
+        below, above = sorted(groups, key=lambda group: float(np.mean(offsets[group])))
+        lower, upper = lower + below, upper + above
+        alternating = [pair for pair in alternating if pair[0] not in clock]
+    return lower, upper
+
+
+def _offsets(rows: StampedRows) -> np.ndarray:
+    return (rows.received - rows.stamp).astype(float)
 
 
 def to_and_fro(values: np.ndarray) -> np.ndarray:

@@ -11,8 +11,9 @@ import numpy as np
 from par4_identification.logs.masks import count
 from par4_identification.logs.raw_bag import JointSamples
 from par4_kinematics.errors import InputError
+from par4_kinematics.stamps import SECOND
 
-SET_BACK = 1_000_000_000
+SET_BACK = SECOND
 """No transport holds a message back for so long (ns): the clock was set back."""
 
 

@@ -16,9 +16,9 @@ from par4_identification.logs.units import FASTEST, SLOWEST
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
+from par4_kinematics.stamps import SECOND
 from par4_sim.bag_writer import BagWriter
 
-SECOND = 1_000_000_000
 LATEST = 2.0 ** 31
 """Seconds that a stamp of ROS holds."""
 EPOCH = 1e8

@@ -155,6 +155,7 @@ def _experiment_cells(experiment: NextExperiment | None, names: Names) -> dict[s
                   'most': number(item.most, 2)} for item in experiment.separations],
         'picture': motion and proposed_motion(motion.t, motion.x - motion.x[0], motion.qd, names),
         'motion': motion and f'{motion.name}, {number(motion.duration)} s',
+        'file': experiment.file,
         'advice': [advice(cause, experiment) for cause in
                    dict.fromkeys(item.names[0] for item in experiment.separations)]}
 

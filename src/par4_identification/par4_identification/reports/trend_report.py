@@ -17,7 +17,7 @@ from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.page import rendered
-from par4_sim.report.words import in_words, number, typeset
+from par4_sim.report.words import capital, in_words, number, typeset
 
 
 def report_of_life(life: Life | None, outcome: Outcome, refused: Mapping[str, str],
@@ -96,7 +96,7 @@ def _panel(life: Life, name: str, own: bool, members: Sequence[int], machine: Ro
         for part in event.happenings:  # strongest first
             if part.channel in members:
                 events.setdefault(place, part.item.index)
-    return Panel(title[:1].upper() + title[1:], unit, tuple(lines), events)
+    return Panel(capital(title), unit, tuple(lines), events)
 
 
 def _cells(channel: Channel, course: Course, machine: Robot | Axis) -> dict[str, str]:

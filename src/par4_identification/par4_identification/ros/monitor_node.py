@@ -16,14 +16,18 @@ from par4_identification.trend.windows import WINDOW
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
 from par4_kinematics.robot import read_robot
-from par4_kinematics.ros.convert import SECOND, is_foreign, joint_values, time_ns
+from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns
 from par4_kinematics.ros.node import Par4Node, State
 from par4_kinematics.ros.process import run
+from par4_kinematics.stamps import SECOND
 
 LONGEST_GAP = 5
 """Longest gap of a window that is looked at, in sample periods."""
 ASTRAY_NS = round(2 * WINDOW * SECOND)
 """Distance from the first stamp of a window beyond which a stamp is of another clock or run."""
+STILL, CROWD = 100, 10
+"""Joint states of a window with a stamp that was there before from which stamps do not move: a
+number, and a multiple of the stamps."""
 
 
 class MonitorNode(Par4Node):
@@ -57,6 +61,7 @@ class MonitorNode(Par4Node):
         self._position: dict[int, np.ndarray] = {}
         self._effort: dict[int, np.ndarray] = {}
         self._torque: dict[int, np.ndarray] = {}
+        self._repeated = 0
 
     def clock_jumped_back(self) -> None:
         """Begin a window anew."""
@@ -71,6 +76,7 @@ class MonitorNode(Par4Node):
             if topic is AMPLIFIER_VOLTAGE:
                 self._torque[stamp_ns] = self._gain * joint_values(message, 'effort')
                 return
+            self._repeated += stamp_ns in self._position
             self._position[stamp_ns] = joint_values(message, 'position')
             if len(message.effort):
                 self._effort[stamp_ns] = joint_values(message, 'effort')
@@ -129,6 +135,15 @@ class MonitorNode(Par4Node):
         state = super().state()
         if state.level != State.OK or state.text.startswith('waiting'):
             return state
+        return self._judged()
+
+    def _judged(self) -> State:
+        """Return what the windows say of the machine, or why there are none."""
+        if self._repeated >= max(STILL, CROWD * len(self._position)):
+            return State(State.WARN, f'the stamps of {JOINT_STATES.name} do not move: nothing is '
+                                     f'looked at; stamp each with the time of its measurement',
+                         f'{self._repeated} came with a stamp that was there before, the last at '
+                         f'{max(self._position) / SECOND:.3f} s')
         drifts = self._watch.drifts
         if drifts:
             joints = ', '.join(f'{self._robot.joint_names[drift.joint]} ({drift.acts_like})'

@@ -16,10 +16,10 @@ from par4_identification.logs.recorder import Recorder
 from par4_identification.ros.record_parameters import RecordParameters
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, RECORDED_TOPICS, Topic
-from par4_kinematics.ros.convert import SECOND
 from par4_kinematics.ros.node import REPORT_PERIOD, SILENCE, Par4Node, State
 from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.process import run
+from par4_kinematics.stamps import SECOND
 
 BUFFER = 20000
 """Messages of a topic that wait while this process is held up."""

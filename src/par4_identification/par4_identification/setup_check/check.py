@@ -42,11 +42,18 @@ from par4_identification.setup_check.wiring import (
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import Geometry
 from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.outcome import Remark
 
 BEYOND_DOUBT = 0.985
 """Share of the torque that a wiring explains from which nothing else need be asked."""
 SOUND = 0.1
 """|residual| / |torque| in motion of what is left beside singular poses that are believed."""
+NOT_CLOSED = 'the mechanism does not close with the recorded positions'
+SINGULAR = 'the equations of these data are singular'
+TOO_LITTLE = 'a joint hardly moves or the mechanism does not close with the recorded positions'
+"""Why a step of the check cannot look."""
+LOOK_AT = ('Check by hand what was not looked for, or record a longer motion of all joints within '
+           'the workspace.')
 Step = Callable[[SetupCheck], SetupCheck]
 
 
@@ -54,7 +61,8 @@ def check_setup(logs: Sequence[Log], machine: Robot | Axis, model: Model | None 
                 ) -> SetupCheck:
     """Return the mistakes of the setup and the faults of the logs, and the logs mended.
 
-    Only findings whose mend is certain are mended.
+    Only findings whose mend is certain are mended. What cannot be looked for is remarked; behind a
+    finding that makes the data useless nothing more is looked for.
 
     Args:
         logs: as they were read.
@@ -62,17 +70,28 @@ def check_setup(logs: Sequence[Log], machine: Robot | Axis, model: Model | None 
         model: a model of this machine; without one a common factor of all torques hardly shows.
     """
     check = SetupCheck((), tuple(logs), machine)
-    steps: tuple[Step, ...] = (
-        in_si, without_log_faults, moving, _paced, _wired, _past_singular_poses, _timed,
-        _calibrated, passing_singular_poses, lambda check: scale_findings(check, model))
-    for step in steps:
+    steps: tuple[tuple[str, Step], ...] = (
+        ('wrong units', in_si), ('faults of the samples', without_log_faults),
+        ('joints that do not move', moving), ('a wrong pace of the samples', _paced),
+        ('exchanged joints and reversed signs', _wired), ('singular poses', _past_singular_poses),
+        ('delays', _timed), ('wrong zeros and dimensions', _calibrated),
+        ('singular poses', passing_singular_poses),
+        ('a common factor of all torques', lambda check: scale_findings(check, model)))
+    for mistake, step in steps:
         if check.useless:
             break
         try:
             check = step(check)
-        except (np.linalg.LinAlgError, UnreachableError):
-            continue  # data that no equation can be made of are judged later
+        except UnreachableError:
+            check = check.remarking(not_sought(mistake, NOT_CLOSED))
+        except np.linalg.LinAlgError:
+            check = check.remarking(not_sought(mistake, SINGULAR))
     return check
+
+
+def not_sought(mistake: str, reason: str) -> Remark:
+    """Return that a mistake was not looked for, and why."""
+    return Remark(False, f'Not looked for: {mistake}, because {reason}.', LOOK_AT)
 
 
 def equations_or_none(stretches: Sequence[Stretch], geometry: Geometry | None
@@ -169,6 +188,7 @@ def _timed(check: SetupCheck) -> SetupCheck:
         stretches = stretches_of([log])
         rows = equations_or_none(stretches, _geometry(check))
         if rows is None:
+            check = check.remarking(not_sought(f'delays in {log.name}', TOO_LITTLE))
             continue
         rival = equations_of(stretches, None, columns_of=with_memory) if rows.of_axis else None
         timing = timing_of(rows, rival)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from par4_dynamics.parameters import Parameter
 from par4_identification.logs.log import Log
 from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.outcome import Remark
 
 Kind = Literal['joints_exchanged', 'sign_reversed', 'wrong_unit', 'common_gain', 'zero_error',
                'delay', 'wrong_dimensions', 'frozen_encoder', 'encoder_slip', 'held_samples',
@@ -70,13 +71,13 @@ class SetupCheck:
         findings: in the order in which they were found and mended.
         logs: mended, in the order in which they were given.
         machine: with the mended dimensions.
-        remarks: what cannot be seen in these data, and what would show it; sentences.
+        remarks: what cannot be seen in these data or was not looked at, and what would show it.
     """
 
     findings: tuple[Finding, ...]
     logs: tuple[Log, ...]
     machine: Robot | Axis
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def useless(self) -> tuple[Finding, ...]:
@@ -89,3 +90,7 @@ class SetupCheck:
         return replace(self, findings=(*self.findings, *findings),
                        logs=self.logs if logs is None else tuple(logs),
                        machine=self.machine if machine is None else machine)
+
+    def remarking(self, remark: Remark) -> SetupCheck:
+        """Return the check with one more remark, once."""
+        return self if remark in self.remarks else replace(self, remarks=(*self.remarks, remark))

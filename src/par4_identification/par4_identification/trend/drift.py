@@ -30,6 +30,9 @@ LEVEL = 20.0
 from some windows is itself off by chance. docs/benchmarks.md has the rate that was measured."""
 CLIP = 5.0
 """Largest deviation of one window that is added: no single window alarms."""
+LEAST = 1e-6
+"""N m: smallest scatter of a projection, which no machine has and rounding does not reach. Windows
+of equal torque, such as of a simulation without noise, scatter by nothing at all."""
 MOVING = 0.2
 """Share of a window's rows in which a joint must move."""
 WORDS = {'constant torque': 'N m', 'Coulomb friction': 'N m', 'viscous friction': 'N m s/rad',
@@ -126,7 +129,7 @@ class DriftWatch:
                 self._since[:] = end
             if not self.learning:
                 self._mean = np.mean(self._learnt, axis=0)
-                self._scatter = np.std(self._learnt, axis=0, ddof=1)
+                self._scatter = np.maximum(np.std(self._learnt, axis=0, ddof=1), LEAST)
             return
         there = ~np.isnan(projected)
         excess = np.where(there, projected - self._mean, 0.0)

@@ -17,9 +17,8 @@ from numpy.typing import ArrayLike
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import BASE_FRAME
 from par4_kinematics.robot import JOINT_NAMES
+from par4_kinematics.stamps import SECOND
 
-SECOND = 1_000_000_000
-"""Nanoseconds."""
 ATTRIBUTE = {'positions': 'q', 'velocities': 'qd', 'accelerations': 'qdd', 'effort': 'effort'}
 """Of a Trajectory, by field of a point."""
 REFERENCE_FIELDS = ('positions', 'velocities', 'accelerations')

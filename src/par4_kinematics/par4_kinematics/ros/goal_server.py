@@ -18,8 +18,9 @@ from rclpy.task import Future
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import JOINT_NAMES, Robot
-from par4_kinematics.ros.convert import SECOND, joint_columns, read_trajectory, time_ns, write_time
+from par4_kinematics.ros.convert import joint_columns, read_trajectory, time_ns, write_time
 from par4_kinematics.splined import splined_motion
+from par4_kinematics.stamps import SECOND
 
 ACTION = 'action'
 """Value of the parameter `motion` with which the node plays the goals of the action."""

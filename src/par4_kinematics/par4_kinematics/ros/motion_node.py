@@ -22,7 +22,6 @@ from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES, read_robot
 from par4_kinematics.ros.convert import (
-    SECOND,
     Trajectory,
     is_foreign,
     joint_values,
@@ -33,6 +32,7 @@ from par4_kinematics.ros.goal_server import ACTION, GoalServer
 from par4_kinematics.ros.motion_parameters import MotionParameters
 from par4_kinematics.ros.node import Par4Node, State
 from par4_kinematics.ros.process import run
+from par4_kinematics.stamps import SECOND
 from par4_kinematics.standstill import Standstill
 from par4_kinematics.workspace import home_pose
 

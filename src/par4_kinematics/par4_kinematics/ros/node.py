@@ -26,10 +26,11 @@ from std_srvs.srv import Trigger
 from par4_kinematics.errors import InputError, Par4Error, UnreachableError
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, Topic
 from par4_kinematics.ros.arrivals import Arrivals
-from par4_kinematics.ros.convert import SECOND, write_time
+from par4_kinematics.ros.convert import write_time
 from par4_kinematics.ros.parameters import NodeParameters, declare
 from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.runner import runner_has_ended
+from par4_kinematics.stamps import SECOND
 
 NOT_LOGGED = ('rejected_messages', 'unreachable_poses', 'late_steps', 'missed_messages',
               'skipped_windows')

@@ -22,12 +22,12 @@ from par4_kinematics.geometry import LEGS
 from par4_kinematics.ros.convert import (
     ATTRIBUTE,
     REFERENCE_FIELDS,
-    SECOND,
     Trajectory,
     joint_columns,
     trajectory_of_rows,
     write_trajectory,
 )
+from par4_kinematics.stamps import SECOND
 
 _BEHIND = 4
 """Bytes of the encapsulation header in front of a CDR message; alignment counts from its end."""
@@ -92,7 +92,7 @@ def _take(words, numbers, places, sizes, parts, width, columns, rows, from_start
                 rows[field, point, joint] = number
         time = places[point, 4]
         seconds = np.int64(np.int32(words[time]))
-        from_start_ns[point] = seconds * 1_000_000_000 + np.int64(words[time + 1])
+        from_start_ns[point] = seconds * SECOND + np.int64(words[time + 1])
         if point > 0 and from_start_ns[point] <= from_start_ns[point - 1]:
             return False
     return places.shape[0] > 0

@@ -8,12 +8,14 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from par4_kinematics.motion_file import write_motion
+from par4_kinematics.motion_file import is_untouched, write_motion
 from par4_sim.choices import OWN, TIME_OPTIMAL
 from par4_sim.jobs.comparison import read_asked
 from par4_sim.plant import STEP
 from par4_sim.report.results import origin, write_results
 from par4_sim.tracking.fastest import fastest_cases
+
+TOOL = 'par4_fastest'
 
 
 def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | None,
@@ -46,16 +48,19 @@ def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | No
                               limits.acceleration, limits.jerk, status.update)
         status.update('drawing the report')
         outcome = outcome_of_fastest(found, bound, played, robot, limits, 1e-3 * peak)
-        provenance = origin('par4_fastest', robot, {
+        provenance = origin(TOOL, robot, {
             **asked.options, 'timing': list(timing), 'peak_mm': peak,
             'joint_acceleration': joint_acceleration, 'joint_jerk': joint_jerk})
         write_results(asked.output, {
             'fastest.json': fastest_json(found, bound, played, robot, limits, 1e-3 * peak,
                                          provenance),
             'report.html': report_of_fastest(found, bound, outcome, played, robot, provenance)})
-        best = best_of(found)
+        best, place = best_of(found), asked.output / 'fastest.yaml'
         if best is not None:
-            write_motion(asked.output / 'fastest.yaml', best.case.run.motion)
+            write_motion(place, best.case.run.motion, maker=TOOL)
+        elif is_untouched(place, TOOL):  # the fastest motion of an earlier run is none of this one
+            place.unlink()
+            place.with_suffix('.csv').unlink()
     console = Console(highlight=False)
     table = Table(box=None, header_style='', pad_edge=False)
     for name in NAMES:

@@ -9,7 +9,8 @@ from pathlib import Path
 from par4_dynamics.model import read_model
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
-from par4_sim.offline import SECOND, simulate_to_bag
+from par4_kinematics.stamps import SECOND
+from par4_sim.offline import simulate_to_bag
 from par4_sim.simulation import build_simulation
 
 

@@ -54,6 +54,11 @@ def listed(parts: Sequence[str]) -> str:
     return ' and '.join(filter(None, (', '.join(parts[:-1]), parts[-1])))
 
 
+def capital(text: str) -> str:
+    """Return a text as the beginning of a sentence."""
+    return text[:1].upper() + text[1:]
+
+
 def in_words(name: str) -> str:
     """Return the name of a parameter or effect in words."""
     words = [word.capitalize() if word in _PERSONS else word for word in name.split('_')]

@@ -8,7 +8,7 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from par4_kinematics.ros.convert import SECOND
+from par4_kinematics.stamps import SECOND
 from par4_sim.reference_points import ROOM
 
 MOST = 1000

@@ -6,7 +6,7 @@ import math
 import time
 from collections import deque
 
-from par4_kinematics.ros.convert import SECOND
+from par4_kinematics.stamps import SECOND
 
 WINDOW = 5.0
 """Seconds of wall time over which the pace is measured."""

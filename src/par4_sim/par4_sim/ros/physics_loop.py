@@ -11,7 +11,8 @@ import numpy as np
 
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.robot import JOINT_NAMES
-from par4_kinematics.ros.convert import SECOND, Trajectory
+from par4_kinematics.ros.convert import Trajectory
+from par4_kinematics.stamps import SECOND
 from par4_sim.reference_points import ReferencePoints
 from par4_sim.ros.inbox import MOST, Inbox, Torques, joined
 from par4_sim.ros.pace import Pace

@@ -21,10 +21,10 @@ from par4_kinematics.interface import (
 from par4_kinematics.limits import check_torque
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import Robot, read_robot
-from par4_kinematics.ros.convert import SECOND
 from par4_kinematics.ros.node import Par4Node, State
 from par4_kinematics.ros.process import run
 from par4_kinematics.ros.serialised_trajectory import read_serialised_trajectory, serialised_rest
+from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 from par4_sim.choices import LOOKED_AHEAD, PREDICTIVE
 from par4_sim.description import complete_description

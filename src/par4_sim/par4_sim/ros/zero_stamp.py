@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from par4_kinematics.interface import START_DELAY, Topic
-from par4_kinematics.ros.convert import SECOND, Trajectory
+from par4_kinematics.ros.convert import Trajectory
+from par4_kinematics.stamps import SECOND
 
 
 @dataclass(frozen=True, eq=False)

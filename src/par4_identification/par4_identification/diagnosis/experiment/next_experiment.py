@@ -43,6 +43,8 @@ WANTED = 30.0
 that it will exceed the margin of 10 within which names are twins."""
 LONGEST = 60.0
 """s of motion that may be asked for."""
+MOTION_FILE = 'motion.yaml'
+"""Name under which the motion is written where nobody else has files of that name."""
 
 
 Programme = tuple[Motion, ...]
@@ -76,10 +78,12 @@ class NextExperiment:
     Attributes:
         motion: None if no candidate motion separates any pair.
         separations: one for each pair of explanations.
+        file: name of the file of the motion.
     """
 
     motion: Motion | None
     separations: tuple[Separation, ...]
+    file: str = MOTION_FILE
 
     @property
     def separates(self) -> tuple[tuple[str, str], ...]:

@@ -30,7 +30,7 @@ from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import in_words, joint_labels, listed, number
+from par4_sim.report.words import capital, in_words, joint_labels, listed, number
 
 FRACTIONS = ((1 / 2, 'half'), (1 / 3, 'a third'), (1 / 4, 'a quarter'))
 NEAR = 0.02
@@ -178,7 +178,7 @@ def _twin_remarks(changes: Changes, machine: Robot | Axis) -> list[Remark]:
         if item.twins:
             others = listed([name_of_reading(twin, machine) for twin in item.twins])
             remarks.append(Remark(
-                False, f'{_capital(phrase_of_reading(item.reading, item.size, machine))}: on this '
+                False, f'{capital(phrase_of_reading(item.reading, item.size, machine))}: on this '
                 f'motion {others} would explain it as well.',
                 'Record a longer and faster motion that turns theta to tell them apart.'))
     return remarks
@@ -320,7 +320,3 @@ def error_rows(changes: Changes, refitted: np.ndarray, extended: np.ndarray
     """Return the held-out rms (J,) of the model as it stands, fitted anew and with the findings."""
     return (('model as it stands', changes.given_rms), ('base parameters fitted anew', refitted),
             ('with what was found', extended))
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -17,7 +17,7 @@ from par4_kinematics.machine_units import parameter_unit, unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import in_words, joint_labels, listed, number, percent
+from par4_sim.report.words import capital, in_words, joint_labels, listed, number, percent
 
 TOLD = 6
 """Orders of a periodic torque that a sentence names one by one."""
@@ -41,7 +41,7 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
         parts = [reason.partition('; ') for reason in diagnosis.reasons]
         return Outcome(
             f'These data cannot carry a diagnosis: {parts[0][0]}.', 'bad',
-            tuple(Remark(False, f'{_capital(found)}.', f'{_capital(do)}.' if do else '')
+            tuple(Remark(False, f'{capital(found)}.', f'{capital(do)}.' if do else '')
                   for found, _, do in parts))
     holdout, unit = diagnosis.holdout, unit_on(machine, 'N m')
     errors = [over_joints(rms) for rms in (
@@ -239,10 +239,6 @@ def _size(parameter: Parameter, machine: Robot | Axis, factor: float = 1.0) -> s
     return text if unit in ('', '1') else f'{text} {unit}'
 
 
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
 def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperiment | None
              ) -> tuple[Remark, ...]:
     remarks = [_unnamed_remark(diagnosis, machine, index, experiment)
@@ -260,12 +256,12 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
     for cause in diagnosis.causes:
         if not cause.predictable:
             remarks.append(Remark(
-                False, f'{_capital(cause.effect.phrase)} is read off where the residual is large, '
+                False, f'{capital(cause.effect.phrase)} is read off where the residual is large, '
                 f'not off its course; the size is good to a third.',
                 'Preload or adjust the transmission; feedforward alone does not remove it.'))
         if _is_relative(cause, machine):
             remarks.append(Remark(
-                True, f'{_capital(cause.effect.phrase)} is measured against the joints that are '
+                True, f'{capital(cause.effect.phrase)} is measured against the joints that are '
                 f'not named: what all joints have in common belongs to the base parameters.'))
         if cause.twins:
             remarks.append(Remark(
@@ -324,7 +320,7 @@ def _unnamed_remark(diagnosis: Diagnosis, machine: Robot | Axis, index: int,
         f' on joint{"s" if len(item.joints) > 1 else ""} '
         f'{listed([str(joint) for joint in item.joints])}')
     return Remark(
-        False, f'{_capital(item.phrase)}{where}, without a name, has '
+        False, f'{capital(item.phrase)}{where}, without a name, has '
         f'{number(item.torque_rms, 2)} {unit_on(machine, "N m")} rms and explains '
         f'{percent(item.share)} of the squared error that all causes explain.',
         f'Look at the machine for something that acts as {item.phrase}. '
@@ -338,7 +334,7 @@ def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis,
     remarks = []
     if remaining.nearest is not None:
         remarks.append(Remark(
-            False, f'{_capital(remaining.nearest.phrase)} would explain some of it, but does not '
+            False, f'{capital(remaining.nearest.phrase)} would explain some of it, but does not '
             f'pass as a cause.',
             f'See among the rejected names why. {advice(remaining.nearest.name, experiment)}'
             .strip()))

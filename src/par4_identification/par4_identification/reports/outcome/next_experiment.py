@@ -11,7 +11,6 @@ from par4_identification.diagnosis.experiment.next_experiment import (
 )
 from par4_sim.report.words import in_words, listed, number
 
-MOTION_FILE = 'motion.yaml'
 NONE_AT_ALL = 1.0
 """Expected separation below which two names are the same torque."""
 _ANOTHER_WAY = {
@@ -34,12 +33,13 @@ def advice(cause: str, experiment: NextExperiment | None) -> str:
     sentences = []
     decided = [f'{in_words(item.names[1])} by {number(item.expected, 2)}'
                for item in mine if item.separated]
-    motion = experiment and experiment.motion
-    if decided and motion:
+    if decided and experiment and experiment.motion:
+        motion = experiment.motion
         sentences.append(
-            f'Play {MOTION_FILE} ({motion.name}, {motion.duration:.0f} s) and give its bag beside '
-            f'the old ones, one of them as --holdout: it is expected to tell {in_words(cause)} '
-            f'from {listed(decided)} (difference of log-likelihood, of which 10 decide).')
+            f'Play {experiment.file} ({motion.name}, {motion.duration:.0f} s) and give its bag '
+            f'beside the old ones, one of them as --holdout: it is expected to tell '
+            f'{in_words(cause)} from {listed(decided)} (difference of log-likelihood, of which 10 '
+            f'decide).')
     sentences += [_without_motion(item) for item in mine if not item.separated]
     return ' '.join(sentences)
 
@@ -57,5 +57,5 @@ def next_experiment_json(experiment: NextExperiment | None) -> dict[str, Any] | 
     """Return `next_experiment` of `diagnosis.json`, None where no motion separates anything."""
     if experiment is None or experiment.motion is None:
         return None
-    return {'motion': MOTION_FILE, 'separates': experiment.separates,
+    return {'motion': experiment.file, 'separates': experiment.separates,
             'expected_separation': experiment.expected_separation}

@@ -6,8 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from par4_identification.setup_check.finding import SetupCheck
-from par4_identification.setup_check.scale import SHOWN_BY
-from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.outcome import Outcome
 from par4_sim.report.results import plain
 
 
@@ -29,7 +28,6 @@ def setup_lines(check: SetupCheck, work: str) -> tuple[str, ...]:
 
 def with_setup(outcome: Outcome, check: SetupCheck, work: str) -> Outcome:
     """Return the outcome with what was wrong with the setup in front of it."""
-    remarks = tuple(Remark(True, text, SHOWN_BY) for text in check.remarks)
     standing = outcome.standing
     lines = setup_lines(check, work)
     if lines and standing == 'good':
@@ -37,7 +35,7 @@ def with_setup(outcome: Outcome, check: SetupCheck, work: str) -> Outcome:
     if check.useless:
         standing = 'bad'
     return replace(outcome, first=lines, standing=standing,
-                   remarks=(*outcome.remarks, *remarks))
+                   remarks=(*outcome.remarks, *check.remarks))
 
 
 def setup_json(check: SetupCheck) -> list[dict[str, Any]]:

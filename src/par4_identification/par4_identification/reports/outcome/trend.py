@@ -15,7 +15,7 @@ from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import in_words, joint_labels, listed, number, percent
+from par4_sim.report.words import capital, in_words, joint_labels, listed, number, percent
 
 TOLD = 4
 """Events in the one sentence; more are counted there and told below."""
@@ -139,10 +139,10 @@ def outcome_of_life(life: Life, refused: Mapping[str, str], machine: Robot | Axi
             odd) else ''
         sentence = (f'Nothing changed for good over {span} beyond what chance and the seasons '
                     f'do{alone}.' if len(life.bags) >= FEWEST else
-                    f'{_capital(span)} {"say" if count > 1 else "says"} nothing of a change; '
+                    f'{capital(span)} {"say" if count > 1 else "says"} nothing of a change; '
                     f'give at least {FEWEST}.')
     elif len(clauses) <= TOLD:
-        sentence = f'{_capital("; ".join(clauses))}.'
+        sentence = f'{capital("; ".join(clauses))}.'
     else:
         sentence = (f'{len(clauses)} changes over {span}; the last ones: '
                     f'{"; ".join(clauses[-2:])}.')
@@ -159,10 +159,6 @@ def outcome_of_life(life: Life, refused: Mapping[str, str], machine: Robot | Axi
             False, f'{len(refused)} bag{"s" if len(refused) > 1 else ""} could not be used; the '
                    f'reasons stand below.', 'Mend or leave out the bags that are listed.'))
     return Outcome(sentence, 'good' if not clauses and not refused else 'fair', tuple(remarks))
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def trend_json(life: Life, refused: Mapping[str, str], machine: Robot | Axis,
@@ -201,4 +197,3 @@ def _happening_json(life: Life, part: Happening) -> dict[str, Any]:
 def lines_of_refused(refused: Mapping[str, str]) -> Sequence[str]:
     """Return a line for each bag that could not be used; the reason names the bag."""
     return [f'not used: {reason}' for reason in refused.values()]
-
