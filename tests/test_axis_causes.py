@@ -173,6 +173,40 @@ def test_an_axis_whose_error_is_no_noise_is_not_clean():
     assert diagnosis_json(found, axis())['remaining']['significant'] is True
 
 
+def uneven(seed):
+    """Return the log of a motor whose load swings behind a gear, the teeth of which push it."""
+    random, period = np.random.default_rng(seed), 2.5e-4
+    speed = np.concatenate([np.r_[np.full(round(abs(step) / 1.2 / period), np.copysign(1.2, step)),
+                                  np.zeros(1000)]
+                            for step in np.diff(np.r_[0.0, random.uniform(-2.0, 2.0, 8)])])
+    kernel = np.hanning(1200) / np.hanning(1200).sum()
+    speed = np.convolve(speed, kernel, 'same')
+    asked = period * np.cumsum(speed)
+    q = qd = there = moved = held = 0.0
+    positions, torques = np.empty_like(asked), np.empty_like(asked)
+    for row in range(len(asked)):
+        error = 28.0 * (asked[row] - q) + speed[row] - qd
+        held += 1500.0 * period * error
+        torque = 75.0 * error + held
+        ratio = 1.0 + 0.04 * np.cos(100.0 * q)
+        passed = (4000.0 * (q + 4e-4 * np.sin(100.0 * q) - there) + 3.0 * (ratio * qd - moved))
+        qd += period * (torque - ratio * passed - 2.5 * np.tanh(qd / 1e-3) - 3.0 * qd) / 0.4
+        moved += period * passed / 0.25
+        q += period * qd
+        there += period * moved
+        positions[row], torques[row] = q, torque
+    noise = 0.08 * random.standard_normal(len(asked))
+    return logged(positions[::4], (torques + noise)[::4])
+
+
+@pytest.mark.parametrize('seed', [2, 3])
+def test_a_load_that_swings_behind_its_gear_is_not_late(seed):
+    """At the frequency of the swing it is, by 9 ms, and nearly all of the error is there."""
+    found = diagnosed(uneven(seed), axis(), ('time_offset', 'actuator_lag'))
+    assert found.verdict == 'unknown'
+    assert named(found) == []
+
+
 # ------------------------------------------------------------------------- setup
 
 
