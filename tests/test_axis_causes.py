@@ -112,6 +112,31 @@ def test_a_spring_is_no_polynomial_of_the_ninth_degree():
     assert abs(slope - 2.2 * 0.5 * (high - low)) < 2.0 * np.ravel(coefficients.std)[1]
 
 
+def about(t):
+    """Return positions that go to and fro within half a turn."""
+    return (0.9 * np.sin(0.9 * t) + 0.4 * np.sin(2.3 * t + 1.0) + 0.1 * np.sin(7.5 * t + 2.0))
+
+
+@pytest.mark.parametrize('width', [0.3, 0.4])
+def test_what_a_series_of_a_magnet_lacks_is_no_cogging(width):
+    """Ten polynomials leave waves of a narrow magnet, but some more do not."""
+    def pull(q):
+        return -1.2 * (q - 0.2) / width * np.exp(-((q - 0.2) / width) ** 2)
+
+    log = recorded(Motor(0.1, 0.5, 0.3, held=pull), about, 20.0, 400.0, noise=0.04, counts=200_000)
+    assert named(diagnosed(log, axis(), ('position_torque', 'cogging'))) == ['position_torque']
+
+
+def test_cogging_beside_a_spring_keeps_its_name():
+    """Of waves that go on over all positions a series needs many more terms."""
+    motor = Motor(0.1, 0.5, 0.3, lines={11: (0.1, 1.0)}, held=lambda q: 0.8 * (q - 0.3))
+    log = recorded(motor, about, 20.0, 400.0, noise=0.04, counts=200_000)
+    found = diagnosed(log, axis(), ('position_torque', 'cogging'))
+    assert sorted(named(found)) == ['cogging', 'position_torque']
+    amplitude = next(cause for cause in found.causes if cause.effect.name == 'cogging')
+    assert amplitude.parameters['amplitude'].value == pytest.approx((0.1,), rel=0.05)
+
+
 @pytest.mark.parametrize('seed', [121, 122, 123])
 def test_an_inertia_that_a_strong_cause_hides_comes_back_beside_it(seed):
     """The spring makes it negative, so that it is left out at first."""
