@@ -112,6 +112,31 @@ def test_a_spring_is_no_polynomial_of_the_ninth_degree():
     assert abs(slope - 2.2 * 0.5 * (high - low)) < 2.0 * np.ravel(coefficients.std)[1]
 
 
+def about(t):
+    """Return positions that go to and fro within half a turn."""
+    return (0.9 * np.sin(0.9 * t) + 0.4 * np.sin(2.3 * t + 1.0) + 0.1 * np.sin(7.5 * t + 2.0))
+
+
+@pytest.mark.parametrize('width', [0.3, 0.4])
+def test_what_a_series_of_a_magnet_lacks_is_no_cogging(width):
+    """Ten polynomials leave waves of a narrow magnet, but some more do not."""
+    def pull(q):
+        return -1.2 * (q - 0.2) / width * np.exp(-((q - 0.2) / width) ** 2)
+
+    log = recorded(Motor(0.1, 0.5, 0.3, held=pull), about, 20.0, 400.0, noise=0.04, counts=200_000)
+    assert named(diagnosed(log, axis(), ('position_torque', 'cogging'))) == ['position_torque']
+
+
+def test_cogging_beside_a_spring_keeps_its_name():
+    """Of waves that go on over all positions a series needs many more terms."""
+    motor = Motor(0.1, 0.5, 0.3, lines={11: (0.1, 1.0)}, held=lambda q: 0.8 * (q - 0.3))
+    log = recorded(motor, about, 20.0, 400.0, noise=0.04, counts=200_000)
+    found = diagnosed(log, axis(), ('position_torque', 'cogging'))
+    assert sorted(named(found)) == ['cogging', 'position_torque']
+    amplitude = next(cause for cause in found.causes if cause.effect.name == 'cogging')
+    assert amplitude.parameters['amplitude'].value == pytest.approx((0.1,), rel=0.05)
+
+
 @pytest.mark.parametrize('seed', [121, 122, 123])
 def test_an_inertia_that_a_strong_cause_hides_comes_back_beside_it(seed):
     """The spring makes it negative, so that it is left out at first."""
@@ -171,6 +196,40 @@ def test_an_axis_whose_error_is_no_noise_is_not_clean():
     assert found.verdict == 'unknown'
     assert 'follows nothing known of the motion' in outcome_of_diagnosis(found, axis()).sentence
     assert diagnosis_json(found, axis())['remaining']['significant'] is True
+
+
+def uneven(seed):
+    """Return the log of a motor whose load swings behind a gear, the teeth of which push it."""
+    random, period = np.random.default_rng(seed), 2.5e-4
+    speed = np.concatenate([np.r_[np.full(round(abs(step) / 1.2 / period), np.copysign(1.2, step)),
+                                  np.zeros(1000)]
+                            for step in np.diff(np.r_[0.0, random.uniform(-2.0, 2.0, 8)])])
+    kernel = np.hanning(1200) / np.hanning(1200).sum()
+    speed = np.convolve(speed, kernel, 'same')
+    asked = period * np.cumsum(speed)
+    q = qd = there = moved = held = 0.0
+    positions, torques = np.empty_like(asked), np.empty_like(asked)
+    for row in range(len(asked)):
+        error = 28.0 * (asked[row] - q) + speed[row] - qd
+        held += 1500.0 * period * error
+        torque = 75.0 * error + held
+        ratio = 1.0 + 0.04 * np.cos(100.0 * q)
+        passed = (4000.0 * (q + 4e-4 * np.sin(100.0 * q) - there) + 3.0 * (ratio * qd - moved))
+        qd += period * (torque - ratio * passed - 2.5 * np.tanh(qd / 1e-3) - 3.0 * qd) / 0.4
+        moved += period * passed / 0.25
+        q += period * qd
+        there += period * moved
+        positions[row], torques[row] = q, torque
+    noise = 0.08 * random.standard_normal(len(asked))
+    return logged(positions[::4], (torques + noise)[::4])
+
+
+@pytest.mark.parametrize('seed', [2, 3])
+def test_a_load_that_swings_behind_its_gear_is_not_late(seed):
+    """At the frequency of the swing it is, by 9 ms, and nearly all of the error is there."""
+    found = diagnosed(uneven(seed), axis(), ('time_offset', 'actuator_lag'))
+    assert found.verdict == 'unknown'
+    assert named(found) == []
 
 
 # ------------------------------------------------------------------------- setup

@@ -184,6 +184,10 @@ class Effect(ABC):
         """Return the shapes of the same series with fewer coefficients, the fewest first."""
         return ()
 
+    def with_more_terms(self, shape: Shape, count: int) -> Shape | None:
+        """Return the shape of the same series with `count` more coefficients, if it is a series."""
+        return None
+
     @abstractmethod
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         """Return the torque per unit coefficient, (n, J, K), N m."""

@@ -56,6 +56,9 @@ class PositionTorque(Effect):
     def with_fewer_terms(self, shape: Shape) -> tuple[Shape, ...]:
         return tuple({**shape, 'degree': float(degree)} for degree in range(1, self.terms(shape)))
 
+    def with_more_terms(self, shape: Shape, count: int) -> Shape | None:
+        return {**shape, 'degree': float(self.terms(shape) + count)}
+
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return polynomials(state.q, single(shape['low']), single(shape['high']),
                            int(single(shape['degree'])))

@@ -55,8 +55,8 @@ class Belief:
         reason = self._implausible(hypothesis, others, fit)
         if (reason is None and hypothesis.named.retimes
                 and not self._follows_its_law(hypothesis, others)):
-            reason = ('the torque is read at another time, but in second order of that time it '
-                      'does not follow this law')
+            reason = ('the torque is read at another time, but in second order of that time, or at '
+                      'low frequencies, it does not follow this law')
         return reason
 
     def is_possible(self, hypothesis: Hypothesis, others: Model) -> bool:
@@ -71,7 +71,7 @@ class Belief:
         return requirement_of(self.pool, model, self.rules).inflation
 
     def _follows_its_law(self, hypothesis: Hypothesis, others: Model) -> bool:
-        """Return whether a torque at another time has the second order of its law.
+        """Return whether a torque at another time follows its law beyond the first order.
 
         Errors of the other causes count as noise. If no law passes like that, the error of its own
         torque counts as noise, too, because some law must hold.

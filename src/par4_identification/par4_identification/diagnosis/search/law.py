@@ -1,7 +1,8 @@
 """Whether a torque that is late is late by a lag or by a delay.
 
 Both add the rate of the torque to it, so that they are alike to first order in the time. They
-differ in second order, by half of the squared time of its curvature.
+differ in second order, by half of the squared time of its curvature. Both are late by the same time
+at all frequencies. Loads that swing or bounce are not, but look like it at one of them.
 """
 
 from __future__ import annotations
@@ -25,13 +26,18 @@ DRAWS = 4
 """Motions that are drawn with other roundings to encoder counts. Their mean tells the squares of
 that noise to a few percent."""
 WRONG = 0.5
-"""A lag T and a delay T differ by T^2 / 2. From this share of it on, the other law is believed."""
+"""A lag T and a delay T differ by T^2 / 2. From this share of it on, the other law is believed; and
+neither is if low frequencies have a time that differs by this share of it from that of the others.
+"""
 TOLD = 0.5
-"""The second order is judged only if at least this share of its squares is no error of counts."""
+"""A column is judged only if at least this share of its squares is no error of counts."""
 DOUBT = 0.25
-"""Share of what counts are computed to do to the second order by which that may be wrong."""
-SECOND_ORDER = 10.0
-"""Log-likelihood from which a second order that differs from the law counts as no chance."""
+"""Share of what counts are computed to do to a coefficient by which that may be wrong."""
+NO_CHANCE = 10.0
+"""Log-likelihood from which what differs from the law counts as no chance."""
+OCTAVES = (4.0, 8.0)
+"""Cut-off of the torque over a frequency that parts low ones from the others. Beside the cut-off
+itself most of a rate is what counts make of it."""
 
 
 @dataclass(frozen=True)
@@ -56,33 +62,42 @@ class Dithered:
 
     def obeys(self, projection: Projection, hypothesis: Hypothesis, time: float,
               inflation: float = 1.0) -> bool:
-        """Return whether a torque that is `time` (s) late has the second order of an effect.
+        """Return whether a torque that is `time` (s) late follows the law of an effect.
 
-        A column d2(torque)/dt2 is fitted beside the effect's own. Its coefficient is 0 for the true
-        effect, and +-time^2 / 2 for a lag in place of a delay or the reverse. Without draws the
-        answer is yes. `inflation` enlarges the variances for the errors of the model
-        (`Requirement.inflation`).
+        Each of the other columns of `_orders` is fitted beside the effect's own. Its coefficient is
+        0 for the true effect. That of d2(torque)/dt2 is +-time^2 / 2 for a lag in place of a delay
+        or the reverse, that of low frequencies the difference of their time to that of the others.
+        Without draws the answer is yes. `inflation` enlarges the variances for the errors of the
+        model (`Requirement.inflation`).
         """
         if not self.draws:
             return True
         evidence = projection.evidence
-        whole = _stacked(evidence, [run.rows(_orders(hypothesis)(run.state))
+        orders = _orders(hypothesis, evidence.observations.runs[0].conditioning.torque_cutoff_hz)
+        whole = _stacked(evidence, [run.rows(orders(run.state))
                                     for run in evidence.observations.runs])
         columns = projection.rest(whole)
-        gram, moment = columns.T @ columns, columns.T @ projection.residual
-        told, blurred, uncorrected = gram[1, 1], 0.0, np.linalg.solve(gram, moment)
-        for torque, orders in zip(self.noise(evidence, delivered),
-                                  self.noise(evidence, _orders(hypothesis))):
-            moved = projection.rest(whole + orders)
-            gram = gram - moved.T @ orders / len(self.draws)
+        told = columns.T @ columns, columns.T @ projection.residual
+        (gram, moment), blurred = told, np.zeros_like(told[0])
+        for torque, noise in zip(self.noise(evidence, delivered), self.noise(evidence, orders)):
+            moved, alone = projection.rest(whole + noise), projection.rest(noise)
+            gram = gram - moved.T @ noise / len(self.draws)
             moment = moment + moved.T @ torque[:, 0] / len(self.draws)
-            blurred += float(np.sum(projection.rest(orders[:, 1:]) ** 2)) / len(self.draws)
-        if blurred > (1.0 - TOLD) * told:
-            return True
-        both = np.linalg.solve(gram, moment)
-        gain = 0.5 * float(both @ moment - moment[0] ** 2 / gram[0, 0])
-        wrong = WRONG * 0.5 * time ** 2 + DOUBT * abs(both[1] - uncorrected[1])
-        return gain < inflation * SECOND_ORDER or abs(both[1]) < wrong
+            blurred = blurred + alone.T @ alone / len(self.draws)
+
+        def differs(column: int, size: float) -> bool:
+            """Return whether a column has a coefficient that is no chance and not small to `size`.
+            """
+            apart = np.array((-told[0][0, column] / told[0][0, 0], 1.0))
+            pair = np.ix_((0, column), (0, column))
+            if apart @ (blurred - (1.0 - TOLD) * told[0])[pair] @ apart > 0.0:
+                return False
+            (found, gain), (before, _) = (_beside(*part, column) for part in ((gram, moment), told))
+            wrong = WRONG * size + DOUBT * abs(found - before)
+            return gain >= inflation * NO_CHANCE and abs(found) >= wrong
+
+        sizes = (0.5 * time ** 2, *(abs(time) for _ in OCTAVES))
+        return not any(differs(column, size) for column, size in enumerate(sizes, start=1))
 
     def noise(self, evidence: Evidence, function: Callable[[State], np.ndarray]
                ) -> list[np.ndarray]:
@@ -133,15 +148,26 @@ def delivered(state: State) -> np.ndarray:
     return state.known.delivered[..., None]
 
 
-def _orders(hypothesis: Hypothesis) -> Callable[[State], np.ndarray]:
-    """Return the columns of an effect and of the second rate of the torque, (n, J, 2)."""
+def _orders(hypothesis: Hypothesis, cutoff_hz: float) -> Callable[[State], np.ndarray]:
+    """Return the column of an effect, the second rate of the torque, and the low frequencies of the
+    column, `OCTAVES` below a cut-off, (n, J, 2 + k).
+    """
 
     def columns(state: State) -> np.ndarray:
+        own = hypothesis.effect.columns(state, hypothesis.shape)
         bend = time_rate(state, time_rate(state, state.known.delivered))
-        return np.concatenate((hypothesis.effect.columns(state, hypothesis.shape),
-                               bend[..., None]), axis=2)
+        period = float(state.t[1] - state.t[0])
+        return np.concatenate((own, bend[..., None], *(
+            low_pass(own, cutoff_hz / octave, period) for octave in OCTAVES)), axis=2)
 
     return columns
+
+
+def _beside(gram: np.ndarray, moment: np.ndarray, column: int) -> tuple[float, float]:
+    """Return the coefficient of a column beside the first, and what it gains in log-likelihood."""
+    pair = [0, column]
+    both = np.linalg.solve(gram[np.ix_(pair, pair)], moment[pair])
+    return float(both[1]), 0.5 * float(both @ moment[pair] - moment[0] ** 2 / gram[0, 0])
 
 
 def _stacked(evidence: Evidence, rows: list[np.ndarray]) -> np.ndarray:

@@ -4,13 +4,14 @@ If a machine has a cause that is in no library, the nearest name is wrong: it ex
 what an unnamed function explains. On a Par4 it is enough to compare each name with the unnamed
 functions, because its motion excites all that they have in common with effects. An axis may be any
 machine on any motion, so its names are also judged together, and its delays beside unnamed causes.
-A name falls, too, if another that was rejected explains more in its place, or if its size is not
-the same everywhere.
+A name falls, too, if another that was rejected explains more in its place, if its size is not the
+same everywhere, or if it only goes on with a series that ends too early.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -45,10 +46,11 @@ something that looks like a torque at another time."""
 def without_doubtful_names(search: Search, model: Model) -> Model:
     """Return the model of an axis without doubtful names.
 
-    A name is doubtful if an unnamed function explains far more in its place. A delay or a lag is
-    doubtful if its time changes much with the unnamed causes beside it. All names are doubtful if
-    together they leave most of an error that is no noise, or if they do not lower the error on
-    held-out rows by more than chance.
+    A name is doubtful if an unnamed function explains far more in its place, if more terms of a
+    series do as well, or if its size is not the same everywhere. A delay or a lag is doubtful if its
+    time changes much with the unnamed causes beside it. All names are doubtful if together they
+    leave most of an error that is no noise, or if they do not lower the error on held-out rows by
+    more than chance.
     """
     if {Cogging.name, PERIODIC} <= {item.effect.name for item in model}:
         # its waves may be orders of the cogging that were lost beside other causes
@@ -58,7 +60,7 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
         for item in named_of(model):
             search.journal.reject(item, reason)
         return search.with_nameless(()) or tuple(unnamed_of(model))
-    return _without(search, model, _replaced, _outdone, _timed_otherwise)
+    return _without(search, model, _continued, _replaced, _outdone, _inconstant, _timed_otherwise)
 
 
 def without_replaceable_names(search: Search, model: Model) -> Model:
@@ -97,6 +99,30 @@ def _without(search: Search, model: Model, *doubts: Doubt) -> Model:
             if trial is not None:
                 return _without(search, trial, *doubts)
     return model
+
+
+def _continued(search: Search, item: Hypothesis, model: Model) -> Model | None:
+    """Return the model without a name, if a series that goes on does as well in its place.
+
+    What a series leaves that ends too early looks like something else: a magnet beside the
+    polynomials of its field like waves. With as many more terms as the name has numbers the series
+    must do worse than the name by what any cause must gain.
+    """
+    others = others_of(model, item)
+    numbers = search.pool.width(item) + sum(np.size(number) for number in item.shape.values())
+    for series in named_of(others):
+        shape = series.named.with_more_terms(series.shape, numbers)
+        if shape is None:
+            continue
+        longer = tuple(replace(series, shape=shape) if other is series else other
+                       for other in others)
+        lost = [0.5 * (there - here) for there, here in zip(
+            search.pool.fit(longer).squares, search.pool.fit(model).squares)]
+        needed = search.weighing.requirement(model, item)
+        if lost[0] <= needed.fit or lost[1] <= needed.heldout:
+            search.journal.reject(item, f'{series.label} explains as much with more terms')
+            return longer
+    return None
 
 
 def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
