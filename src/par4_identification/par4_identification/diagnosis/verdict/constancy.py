@@ -21,19 +21,19 @@ from par4_identification.signals.rows import Run
 
 Follows = Callable[[Run], np.ndarray]
 """What a size may follow, at the rows of a run, (m, J)."""
-OF_JOINTS: dict[str, Follows] = {
-    'time': lambda run: np.broadcast_to(run.t[:, None], run.q.shape),
-    'the speed of the joint': lambda run: np.abs(run.speed),
-    'the direction of the joint': lambda run: np.sign(run.speed),
-    'the position of the joint': lambda run: run.q}
 
 
 def _along(axis: int) -> Follows:
     return lambda run: np.broadcast_to(run.rows(run.state.platform.x)[:, [axis]], run.q.shape)
 
 
-OF_PLATFORM: dict[str, Follows] = {
-    f'the position of the platform along {name}': _along(axis) for axis, name in enumerate('xyz')}
+FACTORS: dict[str, Follows] = {
+    'time': lambda run: np.broadcast_to(run.t[:, None], run.q.shape),
+    'the speed of the joint': lambda run: np.abs(run.speed),
+    'the direction of the joint': lambda run: np.sign(run.speed),
+    'the position of the joint': lambda run: run.q,
+    **{f'the position of the platform along {name}': _along(axis)
+       for axis, name in enumerate('xyz')}}
 
 
 def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
@@ -63,9 +63,8 @@ def _shares(evidence: Evidence, cause: Hypothesis, others: Model, enough: float
     without, beside = Projection(evidence, others), Projection(evidence, (*others, cause))
     own, torque = 0.5 * (without.squares - beside.squares), evidence.columns(cause)
     noise = max(1.0, beside.squares / max(evidence.rows, 1))
-    has_platform = observations.runs[0].state.geometry is not None
     shares = {}
-    for name, factor in (OF_JOINTS | OF_PLATFORM if has_platform else OF_JOINTS).items():
+    for name, factor in FACTORS.items():
         values = [factor(run) for run in observations.runs]
         rows = np.concatenate([part[:, joint] for joint in range(observations.joints)
                                for part in values])

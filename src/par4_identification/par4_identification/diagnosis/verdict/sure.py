@@ -2,10 +2,10 @@
 
 If a machine has a cause that is in no library, the nearest name is wrong: it explains a part of
 what an unnamed function explains. On a Par4 it is enough to compare each name with the unnamed
-functions, because its motion excites all that they have in common with effects. An axis may be any
-machine on any motion, so its names are also judged together, and its delays beside unnamed causes.
-A name falls, too, if another that was rejected explains more in its place, if its size is not the
-same everywhere, or if it only goes on with a series that ends too early.
+functions, because its motion excites all that they have in common with effects, and to look whether
+a name has one size everywhere. An axis may be any machine on any motion, so its names are also
+judged together, its delays beside unnamed causes, and others beside series that go on. A name
+falls, too, if another that was rejected explains more in its place.
 """
 
 from __future__ import annotations
@@ -46,11 +46,10 @@ something that looks like a torque at another time."""
 def without_doubtful_names(search: Search, model: Model) -> Model:
     """Return the model of an axis without doubtful names.
 
-    A name is doubtful if an unnamed function explains far more in its place, if more terms of a
-    series do as well, or if its size is not the same everywhere. A delay or a lag is doubtful if its
-    time changes much with the unnamed causes beside it. All names are doubtful if together they
-    leave most of an error that is no noise, or if they do not lower the error on held-out rows by
-    more than chance.
+    A name is doubtful if an unnamed function explains far more in its place, or if more terms of a
+    series do as well. A delay or a lag is doubtful if its time changes much with the unnamed causes
+    beside it. All names are doubtful if together they leave most of an error that is no noise, or
+    if they do not lower the error on held-out rows by more than chance.
     """
     if {Cogging.name, PERIODIC} <= {item.effect.name for item in model}:
         # its waves may be orders of the cogging that were lost beside other causes
@@ -60,11 +59,11 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
         for item in named_of(model):
             search.journal.reject(item, reason)
         return search.with_nameless(()) or tuple(unnamed_of(model))
-    return _without(search, model, _continued, _replaced, _outdone, _inconstant, _timed_otherwise)
+    return _without(search, model, _continued, _replaced, _outdone, _timed_otherwise)
 
 
 def without_replaceable_names(search: Search, model: Model) -> Model:
-    """Return a model without names that something else explains better.
+    """Return the model of a Par4 without names that something else explains better.
 
     That is another cause in the place of a name, or a size that is not the same everywhere.
     """
