@@ -11,6 +11,7 @@ from hidden.machines import Known, known_machine
 from hidden.scenario import Task, draw_scenario, record_scenario
 from measured import DWELL, excitation, log_of_machine, log_of_model
 from planned import log_of, state_of_motion
+from searches import log_with
 
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file
@@ -257,3 +258,27 @@ def test_zeros_that_are_a_degree_off_are_told_with_nothing_beside_them():
     assert (result.verdict, cause.effect.name, cause.joints) == (
         'explained', 'encoder_offset', (0, 1, 2, 3))
     np.testing.assert_allclose(cause.parameters['offset'].value, zeros, atol=4e-4)
+
+
+def test_a_stop_that_is_struck_otherwise_in_each_motion_takes_no_name_with_it():
+    """How much of the stop a gain takes depends on the motion, but beside the stop the gain is one.
+    """
+    gains = {'relative': (-0.05, 0.03, 0.015, 0.0)}
+
+    def stop(state):
+        way = state.q - np.median(state.q, axis=0) - 0.05
+        torque = 12.0 * np.maximum(way, 0.0)
+        torque[:, [0, 2]] = 0.0
+        return torque
+
+    fit, heldout = (log_with(('drive_gain_error', gains), seed=seed, duration=duration, beside=stop)
+                    for seed, duration in ((1, 12.0), (2, 8.0)))
+    result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
+        name: diagnosis.LIBRARY[name]
+        for name in ('drive_gain_error', 'torque_offset', 'joint_inertia_difference')})
+    cause, = result.causes
+    assert (result.verdict, cause.effect.name, cause.joints) == (
+        'partly_explained', 'drive_gain_error', (0, 1, 2))
+    relative = cause.parameters['relative']
+    assert np.all(np.abs(np.subtract(relative.value, gains['relative'][:3]))
+                  < 2.0 * np.array(relative.std))

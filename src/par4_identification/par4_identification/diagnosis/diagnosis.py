@@ -353,8 +353,9 @@ def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fi
         parameters = with_doubt(parameters, effect_parameters(
             evidence, hypothesis, corrected(solve(evidence, model)), model.index(hypothesis),
             errors[0]))
+    # unnamed causes that differ from motion to motion are no disagreement about the named one
     parameters = with_disagreement(parameters, *(
-        parameters_by(part, named, index, wrong)
+        parameters_by(part, model, model.index(hypothesis), wrong)
         for part, wrong in zip((evidence, heldout), errors)))
     if not goes_both_ways(evidence.observations):
         parameters = with_doubt_of_time(parameters, evidence.observations)

@@ -59,7 +59,7 @@ def parameters_by(evidence: Evidence, hypotheses: Sequence[Hypothesis], index: i
 
     Args:
         evidence: the rows.
-        hypotheses: all causes.
+        hypotheses: all causes, named or not.
         index: of the one.
         errors: torques by which the model may be wrong on these rows.
     """
