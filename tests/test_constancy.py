@@ -7,6 +7,7 @@ import pytest
 from searches import COGGING, EVERY, LOADED, cause, names, search_of
 
 from par4_identification.diagnosis.search.causes import named_of, unnamed_of
+from par4_identification.diagnosis.verdict import sure
 from par4_identification.diagnosis.verdict.constancy import followed_by
 from par4_identification.diagnosis.verdict.sure import without_replaceable_names
 
@@ -40,6 +41,16 @@ def test_a_cable_that_jumped_is_no_constant_torque():
     assert not named_of(model)
     assert 'time' in names(unnamed_of(model))
     assert any('changes with time' in item.reason for item in search.journal.rejected)
+
+
+def test_what_is_no_constant_torque_is_something_else(monkeypatch):
+    """No unnamed cause passes by itself, as where the noise of the rows wanders as much."""
+    search = search_of(library=('torque_offset',), beside=jumped)
+    search.run()
+    monkeypatch.setattr(search, 'with_nameless', lambda model: model)
+    monkeypatch.setattr(sure, '_replaced', lambda *_: None)
+    left, = without_replaceable_names(search, (cause('torque_offset', (3,)),))
+    assert unnamed_of((left,))
 
 
 @pytest.mark.parametrize(('beside', 'what'), [

@@ -155,13 +155,19 @@ def _outdone(search: Search, item: Hypothesis, model: Model) -> Model | None:
 
 
 def _inconstant(search: Search, item: Hypothesis, model: Model) -> Model | None:
-    """Return the model without a name whose size is not the same everywhere."""
+    """Return the model without a name whose size is not the same everywhere.
+
+    Its torque is there, whatever it is: if no unnamed cause is found that explains it well enough
+    to be told by itself, the one that comes nearest is told.
+    """
     others = others_of(model, item)
     what = followed_by(search, item, others)
     if what is None:
         return None
     search.journal.reject(item, f'its size changes with {what}, and that of such a cause does not')
-    return search.with_nameless(search.tested(others))
+    without = search.with_nameless(search.tested(others))
+    nearest = _nameless(search, item, others)[:1]
+    return without if unnamed_of(without) else (*others, *(kind for kind, _ in nearest))
 
 
 def _timed_otherwise(search: Search, item: Hypothesis, model: Model) -> Model | None:
