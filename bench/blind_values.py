@@ -25,8 +25,7 @@ DIFFERENCES = {'joint_friction_difference', 'joint_inertia_difference', 'drive_g
 """Effects whose common part the base parameters have."""
 HIDDEN_AS = {('theta_inertia', 'inertia'): 'theta_inertia',
              ('joint_inertia_difference', 'inertia'): 'actuator_inertia',
-             ('elastic_transmission', 'stiffness'): 'compliance',
-             ('friction_drift', 'viscous_drop'): 'drop'}
+             ('elastic_transmission', 'stiffness'): 'compliance'}
 """(effect, diagnosed parameter) -> hidden one, where their names differ."""
 SAME_TORQUE = {'torque_offset': 'offset', 'coulomb_asymmetry': 'asymmetry'}
 """Effect -> its size, of those that have the same torque while a joint moves."""

@@ -87,6 +87,10 @@ def test_values_are_compared_where_they_mean_the_same():
     (stiffness,) = numbers_of('elastic_transmission', {'compliance': [0.0, 0.0, 1e-4, 0.0]}, [2],
                               {'stiffness': [1.01e4]}, {'stiffness': [100.0]})
     assert stiffness.truth == pytest.approx(1e4)
+    drops = numbers_of('friction_drift', {'drop': 0.1, 'viscous_drop': 0.3, 'time_constant': 8.0},
+                       [0, 1, 2, 3], {'drop': 0.1, 'viscous_drop': 0.3}, {'drop': 0.01,
+                                                                         'viscous_drop': 0.01})
+    assert [number.truth for number in drops] == [0.1, 0.3]
     anchor = numbers_of('cable_spring', {'stiffness': 20.0, 'anchor': [0.1, 0.2, 0.3]},
                         [0, 1, 2, 3], {'stiffness': [20.0, 21.0, 19.0], 'anchor': [0.1, 0.2, 0.4]},
                         {'stiffness': [1.0] * 3, 'anchor': [0.01] * 3})
