@@ -31,6 +31,7 @@ from par4_dynamics.state import State, state_of_joints
 from par4_identification.changes.changes import changes_between, model_of_bags
 from par4_identification.commands.bag import make_bag
 from par4_identification.commands.diagnose import diagnose_bags
+from par4_identification.commands.identify import identify_bags
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.experiment.next_experiment import next_experiment
 from par4_identification.diagnosis.verdict.sure import CHANCE
@@ -707,6 +708,21 @@ def test_measured_driver_has_cogging_of_72_periods(archives, tmp_path):
     strongest = int(np.argmax(parameters['amplitude']['value']))
     assert parameters['periods']['value'][strongest] == 72.0
     assert 0.15 < parameters['amplitude']['value'][strongest] / 0.025 < 0.21
+
+
+def test_measured_driver_is_identified_beside_its_cogging(archives, tmp_path):
+    (tmp_path / 'robot.yaml').write_text(LAAS)
+    bag, out = str(tmp_path / 'bag'), tmp_path / 'out'
+    CliRunner().invoke(make_bag, [
+        str(archives / 'laas.npz'), *LAAS_COLUMNS, '--array', 'speed_test', '--joints', 'motor',
+        '--between', '8.01', '40', '--output', bag], catch_exceptions=False)
+    CliRunner().invoke(identify_bags, [
+        bag, '--robot', str(tmp_path / 'robot.yaml'), '--output', str(out), '--no-report'],
+        catch_exceptions=False)
+    found = json.loads((out / 'identification.json').read_text())
+    assert found['causes'] == ['cogging']
+    assert found['parameters']['viscous_friction']['value'] > 0.0
+    assert 4e-6 < found['parameters']['actuator_inertia']['value'] < 5.5e-6
 
 
 def test_measured_driver_at_high_speed_is_given_no_name(archives, tmp_path):

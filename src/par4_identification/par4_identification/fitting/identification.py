@@ -17,7 +17,7 @@ from par4_dynamics.base_terms import (
     base_terms,
     distributed_torque,
 )
-from par4_dynamics.model import build_model
+from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile, RigidBody
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import State
@@ -93,6 +93,7 @@ class Identification:
         fitting: estimator and options of the fit.
         shared_condition: if joints have values of their own or offsets were fitted, the condition
             number of the same rows without these; else None.
+        causes: effects whose torque was taken as known; they belong to the model.
     """
 
     terms: tuple[BaseTerm, ...]
@@ -101,6 +102,7 @@ class Identification:
     runs: tuple[Run, ...]
     fitting: Fitting = Fitting()
     shared_condition: float | None = None
+    causes: tuple[EffectEntry, ...] = ()
 
     @property
     def excitation(self) -> float:
@@ -149,27 +151,39 @@ class Identification:
         """
         parameters = {**self.parameters, **{
             term.name: Parameter(value=0.0, unit=term.unit) for term in self.left_out}}
+        impossible = self.impossible(machine)
+        if impossible is not None:
+            raise InputError(f'{impossible}; check the sign, order and gains of the joints, or '
+                             f'record a richer motion')
         for term in self.terms:
             value = np.atleast_1d(np.asarray(parameters[term.name].value, dtype=float))
-            std = np.atleast_1d(np.asarray(parameters[term.name].std, dtype=float))
             if not term.nonnegative or np.all(value >= 0.0):
                 continue
-            worst = int(np.argmin(value + INSIGNIFICANT * std))
-            if value[worst] < -INSIGNIFICANT * std[worst]:
-                joint = f' of joint {worst}' if len(value) > 1 else ''
-                unit = term.unit if machine is None else unit_on(machine, term.unit)
-                raise InputError(
-                    f'{term.name}{joint} identified as {value[worst]:.4g} {unit}, which is '
-                    f'impossible; check the sign, order and gains of the joints, or record a '
-                    f'richer motion')
             kept = np.maximum(value, 0.0).tolist()
             shared = not isinstance(parameters[term.name].value, tuple)
             parameters[term.name] = parameters[term.name].model_copy(
                 update={'value': kept[0] if shared else tuple(kept)})
-        effects = () if self.offsets is None else (
+        offsets = () if self.offsets is None else (
             EffectEntry(effect=OFFSET, parameters={'offset': self.offsets}),)
-        return ModelFile(schema='par4/model/1', rigid_body=self.rigid_body,
-                         parameters=parameters, effects=effects, provenance=provenance)
+        return ModelFile(schema='par4/model/1', rigid_body=self.rigid_body, parameters=parameters,
+                         effects=(*self.causes, *offsets), provenance=provenance)
+
+    def impossible(self, machine: Robot | Axis | None = None) -> str | None:
+        """Return which value is negative beyond noise though physics forbids it, None if none is.
+
+        `machine` was recorded; with it the value has its units.
+        """
+        for term in self.terms:
+            parameter = self.parameters[term.name]
+            value = np.atleast_1d(np.asarray(parameter.value, dtype=float))
+            std = np.atleast_1d(np.asarray(parameter.std, dtype=float))
+            worst = int(np.argmin(value + INSIGNIFICANT * std))
+            if term.nonnegative and value[worst] < -INSIGNIFICANT * std[worst]:
+                joint = f' of joint {worst}' if len(value) > 1 else ''
+                unit = term.unit if machine is None else unit_on(machine, term.unit)
+                return (f'{term.name}{joint} identified as {value[worst]:.4g} {unit}, which is '
+                        f'impossible')
+        return None
 
 
 def known_torque(machine: Robot | Axis, rigid_body: RigidBody, state: State) -> np.ndarray:
@@ -181,8 +195,8 @@ def known_torque(machine: Robot | Axis, rigid_body: RigidBody, state: State) -> 
 
 def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'paper',
              payloads: dict[str, float] | None = None,
-             conditioning: Conditioning | None = None, fitting: Fitting | None = None
-             ) -> Identification:
+             conditioning: Conditioning | None = None, fitting: Fitting | None = None,
+             beside: Model | None = None) -> Identification:
     """Return the base parameters that explain the logs best.
 
     Args:
@@ -192,6 +206,7 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'pa
         payloads: log name -> known mass at the tool, kg, carried in that log.
         conditioning: filters and rates.
         fitting: estimator, values per joint, offsets.
+        beside: model whose distributed bodies and effects are taken as known.
 
     Raises:
         InputError: data that cannot be filtered or do not excite the parameters; for instruments,
@@ -211,7 +226,8 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'pa
     shown = [index for index, term in enumerate(terms) if not (steady and term.name == INERTIA)]
     for run in runs:
         columns = base_columns(run.state)
-        known = known_torque(machine, rigid_body, run.state)
+        known = (known_torque(machine, rigid_body, run.state) if beside is None
+                 else beside.known_torque(run.state))
         payload = payloads.get(run.name, 0.0)
         if payload:
             names = [term.name for term in terms]

@@ -16,6 +16,7 @@ from par4_dynamics.model_file import RigidBody
 from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import Fitting, identify
+from par4_identification.jobs.beside_causes import beside_causes
 from par4_identification.logs.log import Log
 from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.estimator import estimator_remarks
@@ -105,6 +106,10 @@ def identify_bags(asked: Asked) -> None:
         bare = [log for log in logs if log.name not in loaded]
         identification = sound_or_refused(check, lambda: identify(
             bare, machine, asked.rigid_body, masses, conditioning, asked.fitting))
+        # a payload is no cause that would have to be found
+        beside = None if masses else sound_or_refused(check, lambda: beside_causes(
+            identification, bare, machine, conditioning, asked.chosen, status.update))
+        identification = identification if beside is None else beside.identification
         model_file = model_in_units(identification.model_file(provenance(
             'par4_identify', machine, asked.bags,
             {'rigid_body': asked.rigid_body, 'payload': masses, 'unknown_payload': loaded,
@@ -121,8 +126,9 @@ def identify_bags(asked: Asked) -> None:
         found = (*gain_remarks, *mass_remarks)
         outcome = outcome_of_identification(identification, floor, machine, bare,
                                             bool(check.useless))
-        outcome = with_setup(replace(outcome, remarks=(*outcome.remarks, *found)), check,
-                             'identification')
+        lacking = () if beside is None else (beside.remark,)
+        outcome = with_setup(replace(outcome, remarks=(*lacking, *outcome.remarks, *found)),
+                             check, 'identification')
         table = table_of_parameters(identification, machine, truth)
         page = None
         if asked.report:

@@ -334,6 +334,7 @@ def identification_json(identification: Identification, machine: Robot | Axis,
             for name, parameter in identification.parameters.items()},
         'condition_number': estimate.condition_number, 'residual_rms': estimate.rms,
         'relative_error': estimate.relative_error,
+        'causes': [entry.effect for entry in identification.causes],
         'data': {'rows': estimate.rows, 'bags': data_of_logs(logs)},
         'estimator': {
             **estimator_json(identification), 'in_words': estimator_in_words(identification),

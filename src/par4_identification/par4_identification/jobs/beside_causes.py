@@ -1,0 +1,93 @@
+"""Base parameters beside causes: where they alone come out as no machine can have them.
+
+A torque that the model lacks, such as cogging, pulls friction below zero. What a diagnosis names is
+then taken as known, and the base parameters are identified once more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from par4_dynamics.model import build_model
+from par4_dynamics.model_file import ModelFile
+from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
+from par4_identification.diagnosis.progress import Progress
+from par4_identification.diagnosis.verdict.answer import Diagnosis
+from par4_identification.fitting.identification import PLAIN, Identification, identify
+from par4_identification.logs.log import Log
+from par4_identification.reports.outcome.diagnosis import phrase_of_causes
+from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.scales import Chosen, conditioning_for
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import Axis, Robot
+from par4_sim.report.outcome import Remark
+
+
+@dataclass(frozen=True)
+class BesideCauses:
+    """An identification beside named causes.
+
+    Attributes:
+        identification: with these causes.
+        remark: why, and which.
+    """
+
+    identification: Identification
+    remark: Remark
+
+
+def beside_causes(alone: Identification, logs: Sequence[Log], machine: Robot | Axis,
+                  conditioning: Conditioning, chosen: Chosen, progress: Progress
+                  ) -> BesideCauses | None:
+    """Return the identification beside what a diagnosis names, None if all is possible without.
+
+    Args:
+        alone: base parameters of the logs without any causes.
+        logs: behind it.
+        machine: that was recorded.
+        conditioning: of `alone`.
+        chosen: what was set of the filters.
+        progress: called with the name of each step.
+
+    Raises:
+        InputError: a value is impossible, and no named cause mends that.
+    """
+    impossible = alone.impossible(machine)
+    if impossible is None or alone.fitting.estimator not in PLAIN:
+        return None
+    progress('looking for causes of an impossible value')
+    answer = diagnose(logs, machine, progress=progress, conditioning=conditioning_for(
+        logs, machine, CONDITIONING, chosen))
+    if isinstance(answer, Diagnosis) and answer.causes:
+        known = answer.extended_model.model_copy(update={'rigid_body': alone.rigid_body})
+        beside = identify(list(logs), machine, alone.rigid_body, conditioning=conditioning,
+                          fitting=alone.fitting, beside=build_model(machine, known))
+        found = replace(_widened(beside, known), causes=known.effects)
+        if found.impossible(machine) is None:
+            causes = phrase_of_causes(answer.causes, machine)
+            return BesideCauses(found, Remark(
+                False, f'Base parameters alone do not explain these data: {impossible}. So the '
+                       f'model also has what par4_diagnose names: {causes}.',
+                'Run par4_diagnose on these bags: its report shows how sure that is.'))
+    raise InputError(f'{impossible}, and so it remains beside all that par4_diagnose names; check '
+                     f'the sign, order and gains of the joints, or record a richer motion')
+
+
+def _widened(beside: Identification, known: ModelFile) -> Identification:
+    """Return an identification with the deviations of the joint fit where these are larger.
+
+    That the causes are not known exactly is in these alone. The relative error is that of the whole
+    torque.
+    """
+    estimate = beside.estimate
+    joint = [np.max(np.asarray(known.parameters[label.name].std or 0.0, dtype=float))
+             if label.name in known.parameters else 0.0 for label in estimate.labels]
+    wider = np.maximum(1.0, joint / np.maximum(estimate.std, 1e-30))
+    left, whole = (float(np.sqrt(sum(np.sum(part[run.valid] ** 2) for part, run in zip(
+        parts, beside.runs)))) for parts in (estimate.residuals, [run.tau for run in beside.runs]))
+    return replace(beside, estimate=replace(
+        estimate, covariance=estimate.covariance * np.outer(wider, wider),
+        relative_error=left / max(whole, 1e-30)))

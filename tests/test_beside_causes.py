@@ -1,0 +1,91 @@
+"""Base parameters that no machine can have alone, identified beside what a diagnosis names."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from axes import Motor, recorded
+from click.testing import CliRunner
+
+from par4_dynamics.model import read_model
+from par4_identification.commands.bag import make_bag
+from par4_identification.commands.identify import identify_bags
+from par4_identification.fitting.identification import identify
+from par4_identification.jobs.beside_causes import beside_causes
+from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.scales import Chosen, conditioning_for
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import Axis
+
+MOTOR = Motor(4.7e-6, 0.002, 1e-5, {})
+STIFFNESS = 0.002
+"""N m/rad: at 2 rad/s it looks like 20 times the motor's inertia, with the other sign."""
+MACHINE = Axis.model_validate({'schema': 'par4/axis/1', 'name': 'axis', 'joint': 'motor',
+                               'kind': 'revolute', 'gain': 1.0})
+
+
+@pytest.fixture(scope='module')
+def sprung():
+    """Return the log of a motor that turns a spring, which the base model lacks."""
+    log = recorded(MOTOR, lambda t: np.sin(2.0 * t) + 0.5 * np.sin(5.3 * t), 20.0, 1000.0)
+    return replace(log, tau=log.tau + STIFFNESS * log.q)
+
+
+@pytest.fixture(scope='module')
+def conditioning(sprung):
+    """Return the filters of the log."""
+    return conditioning_for([sprung], MACHINE, Conditioning())
+
+
+def test_a_spring_that_made_the_inertia_negative_is_part_of_the_model(sprung, conditioning):
+    alone = identify([sprung], MACHINE, conditioning=conditioning)
+    assert alone.impossible().startswith('actuator_inertia identified as -')
+    found = beside_causes(alone, [sprung], MACHINE, conditioning, Chosen(), lambda _step: None)
+    values = found.identification.parameters
+    assert values['actuator_inertia'].value == pytest.approx(MOTOR.inertia, rel=0.02)
+    assert values['coulomb_friction'].value == pytest.approx(MOTOR.coulomb, rel=0.02)
+    assert values['viscous_friction'].value == pytest.approx(MOTOR.viscous, rel=0.02)
+    # of the whole torque, of which the spring's is a large part
+    assert found.identification.estimate.relative_error < 0.01
+    written = found.identification.model_file({}, MACHINE)
+    assert [entry.effect for entry in written.effects] == ['position_torque']
+    assert 'actuator_inertia' in found.remark.text
+    assert 'follows the position' in found.remark.text
+
+
+def test_what_is_possible_is_left_as_it_is(sprung, conditioning):
+    healthy = replace(sprung, tau=sprung.tau - STIFFNESS * sprung.q)
+    alone = identify([healthy], MACHINE, conditioning=conditioning)
+    asked = []
+    assert beside_causes(alone, [healthy], MACHINE, conditioning, Chosen(), asked.append) is None
+    assert asked == []
+
+
+def test_what_no_cause_makes_possible_is_refused(sprung, conditioning):
+    turned = replace(sprung, tau=STIFFNESS * sprung.q - sprung.tau)  # the sign of the torque
+    alone = identify([turned], MACHINE, conditioning=conditioning)
+    with pytest.raises(InputError, match='so it remains beside all that par4_diagnose names; che'):
+        beside_causes(alone, [turned], MACHINE, conditioning, Chosen(), lambda _step: None)
+
+
+def test_the_command_writes_the_model_with_the_cause(sprung, tmp_path):
+    table = np.column_stack((sprung.t, sprung.q, sprung.tau))
+    np.savetxt(tmp_path / 'log.csv', table, delimiter=',', header='t,q,tau', comments='')
+    robot = tmp_path / 'axis.yaml'
+    robot.write_text('schema: par4/axis/1\nname: axis\njoint: motor\nkind: revolute\ngain: 1.0\n')
+    bag, out = str(tmp_path / 'bag'), tmp_path / 'out'
+    CliRunner().invoke(make_bag, [
+        str(tmp_path / 'log.csv'), '--columns', 'time=t:s position=q:rad torque=tau:Nm',
+        '--joints', 'motor', '--output', bag], catch_exceptions=False)
+    told = CliRunner().invoke(identify_bags, [bag, '--robot', str(robot), '--output', str(out),
+                                              '--no-report'], catch_exceptions=False)
+    assert told.exit_code == 0, told.output
+    assert '- Base parameters alone do not explain these data: actuator_inertia' in told.output
+    written = json.loads((out / 'identification.json').read_text())
+    assert written['causes'] == ['position_torque']
+    model = read_model(str(out / 'model.yaml'), MACHINE)
+    assert [active.effect.name for active in model.effects] == ['position_torque']
+    assert model.values['actuator_inertia'][0] == pytest.approx(MOTOR.inertia, rel=0.02)
