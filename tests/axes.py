@@ -25,6 +25,7 @@ class Motor:
         lines: order -> amplitude and phase of the cogging, N m and rad.
         hanging: weight times lever, N m; zero angle hangs down.
         held: what else holds the motor where it stands, N m: a spring, a magnet.
+        by_load: friction that the load adds, over the torque of weight and inertia.
     """
 
     inertia: float
@@ -33,6 +34,7 @@ class Motor:
     lines: dict[int, tuple[float, float]] = field(default_factory=dict)
     hanging: float = 0.0
     held: Callable[[float], float] = lambda _q: 0.0
+    by_load: float = 0.0
 
     def cogging(self, q):
         """Return the torque that the motor needs against its cogging, N m."""
@@ -68,12 +70,14 @@ def recorded(motor: Motor, reference, duration: float, rate: float, counts: int 
     for index in range(len(t)):
         needed = (sizes @ np.sin(orders * q + phases) + motor.hanging * np.sin(q)
                   + motor.held(q) + motor.viscous * qd)
+        coulomb = motor.coulomb + motor.by_load * abs(
+            motor.hanging * np.sin(q) + motor.inertia * acceleration[index])
         # the loop has an observer of the load, as slow loops of real drives have an integral part
-        torque = (needed + motor.coulomb * np.tanh(qd / 1e-3)
+        torque = (needed + coulomb * np.tanh(qd / 1e-3)
                   + motor.inertia * acceleration[index]
                   + position_gain * (asked[index] - q) + speed_gain * (speed[index] - qd))
         positions[index], torques[index] = q, torque
-        qdd = (torque - needed - motor.coulomb * np.tanh(qd / 1e-3)) / motor.inertia
+        qdd = (torque - needed - coulomb * np.tanh(qd / 1e-3)) / motor.inertia
         qd += STEP * qdd
         q += STEP * qd
     every = round(1.0 / (rate * STEP))

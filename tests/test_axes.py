@@ -1,16 +1,10 @@
-"""Axes as others measured them: synthetic twins always, the measured ones where they are at hand.
-
-PAR4_AXES_DATA gives the folder of the measured archives; docs/measured.md says what they are.
-"""
+"""Axes as others measured them, simulated."""
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,8 +24,6 @@ from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.changes.changes import changes_between, model_of_bags
 from par4_identification.commands.bag import make_bag
-from par4_identification.commands.diagnose import diagnose_bags
-from par4_identification.commands.identify import identify_bags
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.experiment.next_experiment import next_experiment
 from par4_identification.diagnosis.verdict.sure import CHANCE
@@ -53,7 +45,6 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis
 from robots import REFERENCE
 
-VARIABLE = 'PAR4_AXES_DATA'
 DRIVER = Motor(4.7e-6, 0.002, 1e-5, {72: (0.0047, -2.6), 18: (0.0010, 0.2)})
 HEALTHY = replace(DRIVER, lines={})
 BARE = Motor(2e-5, 0.015, 1e-3, {7: (0.048, -0.3), 14: (0.016, 3.0), 28: (0.021, 0.0),
@@ -664,140 +655,3 @@ def test_a_few_steady_speeds_are_too_few():
     found = diagnosed(held_speeds(screw(6e-4), SPEEDS[:8], 3e-4), [], axis())
     assert found.verdict == 'unusable_data'
     assert any('steady speeds are fitted, 10 are needed' in reason for reason in found.reasons)
-
-
-# --------------------------------------------------------------------------------- measured axes
-
-
-@pytest.fixture(scope='module')
-def archives():
-    """Return the folder of the measured archives."""
-    if VARIABLE not in os.environ:
-        pytest.skip(f'{VARIABLE} is not set')
-    return Path(os.environ[VARIABLE])
-
-
-def named(folder: Path, arguments: list[str], robot: str, bags: list[str], holdout: list[str]
-          ) -> dict:
-    """Return diagnosis.json of runs of an archive, through bags and the shipped commands."""
-    (folder / 'robot.yaml').write_text(robot)
-    for bag in (*bags, *holdout):
-        array, _, span = bag.partition(' ')
-        between = ['--between', *span.split()] if span else []
-        CliRunner().invoke(make_bag, [*arguments, '--array', array, '--joints', 'motor', *between,
-                                      '--output', str(folder / bag.replace(' ', '_'))],
-                           catch_exceptions=False)
-    heldout = ['--holdout', *(str(folder / bag.replace(' ', '_')) for bag in holdout)]
-    CliRunner().invoke(diagnose_bags, [
-        *(str(folder / bag.replace(' ', '_')) for bag in bags), '--robot',
-        str(folder / 'robot.yaml'), '--output', str(folder / 'out'), *(heldout if holdout else [])],
-        catch_exceptions=False)
-    return json.loads((folder / 'out' / 'diagnosis.json').read_text())
-
-
-LAAS = 'schema: par4/axis/1\nname: laas\njoint: motor\nkind: revolute\ngain: 1.0\n'
-LAAS_COLUMNS = ['--columns', 'time=1:s position=2:rad velocity=3:rad/s torque=5:A',
-                '--motor-gain', '0.025']
-
-
-def test_measured_driver_has_cogging_of_72_periods(archives, tmp_path):
-    found = named(tmp_path, [str(archives / 'laas.npz'), *LAAS_COLUMNS], LAAS,
-                  ['speed_test 8.01 40'], [])
-    assert [cause['effect'] for cause in found['causes']] == ['cogging']
-    parameters = found['causes'][0]['parameters']
-    strongest = int(np.argmax(parameters['amplitude']['value']))
-    assert parameters['periods']['value'][strongest] == 72.0
-    assert 0.15 < parameters['amplitude']['value'][strongest] / 0.025 < 0.21
-
-
-def test_measured_driver_is_identified_beside_its_cogging(archives, tmp_path):
-    (tmp_path / 'robot.yaml').write_text(LAAS)
-    bag, out = str(tmp_path / 'bag'), tmp_path / 'out'
-    CliRunner().invoke(make_bag, [
-        str(archives / 'laas.npz'), *LAAS_COLUMNS, '--array', 'speed_test', '--joints', 'motor',
-        '--between', '8.01', '40', '--output', bag], catch_exceptions=False)
-    CliRunner().invoke(identify_bags, [
-        bag, '--robot', str(tmp_path / 'robot.yaml'), '--output', str(out), '--no-report'],
-        catch_exceptions=False)
-    found = json.loads((out / 'identification.json').read_text())
-    assert found['causes'] == ['cogging']
-    assert found['parameters']['viscous_friction']['value'] > 0.0
-    assert 4e-6 < found['parameters']['actuator_inertia']['value'] < 5.5e-6
-
-
-def test_measured_driver_at_high_speed_is_given_no_name(archives, tmp_path):
-    found = named(tmp_path, [str(archives / 'laas.npz'), '--columns',
-                             'time=1:s position=2:rad torque=4:A', '--motor-gain', '0.025'], LAAS,
-                  ['accel'], [])
-    assert found['causes'] == []
-    # it turns on and on
-    assert not any('spring' in item['acts_like'] for item in found['unnamed'])
-
-
-def test_measured_bare_motor_has_cogging_of_its_poles_and_slots(archives, tmp_path):
-    found = named(tmp_path, [str(archives / 'odrive.npz'), '--columns',
-                             'time=1:s position=2:counts torque=3:A', '--counts-per-turn', '8192',
-                             '--motor-gain', '0.0551'], LAAS + 'pole_pairs: 7\n',
-                  ['slow2_slower__nocomp_0'], ['slow2_slower__comp_0'])
-    assert [cause['effect'] for cause in found['causes']] == ['cogging']
-    assert {7.0, 12.0, 14.0, 28.0, 36.0} <= set(found['causes'][0]['parameters']['periods'][
-        'value'])
-
-
-SERVO = ('schema: par4/axis/1\nname: servo\njoint: motor\nkind: revolute\ngain: 0.07\n'
-         'gravity: vertical\n')
-
-
-@pytest.fixture(scope='module')
-def screws(archives, tmp_path_factory):
-    """Return the answers for the three screw drives, `diagnosis.json` by number."""
-    runs = list(np.load(archives / 'screws.npz'))
-    return {number: named(
-        tmp_path_factory.mktemp('screws'),
-        [str(archives / 'screws.npz'), '--columns',
-         'time=1:s position=2:rad velocity=3:rad/s torque=4:Nm'], LAAS,
-        [run for run in runs if run.startswith(f'drive{number}__')], []) for number in (1, 2, 3)}
-
-
-def test_measured_lead_screw_has_stribeck_friction_and_a_load(screws):
-    causes = {cause['effect']: cause for cause in screws[1]['causes']}
-    assert set(causes) == {'torque_offset', 'stribeck'}
-    assert 2.5 < causes['stribeck']['parameters']['stribeck_velocity']['value'][0] < 7.0
-
-
-def test_measured_screw_without_backlash_has_no_stribeck_friction(screws):
-    assert screws[2]['causes'] == []
-
-
-def test_measured_worm_has_a_load_and_friction_that_falls_with_speed(screws):
-    names = [cause['effect'] for cause in screws[3]['causes']]
-    assert names[0] == 'torque_offset'
-    assert set(names[1:]) <= {'stribeck', 'nonlinear_viscous'}
-    assert len(names) > 1 or screws[3]['verdict'] == 'partly_explained'
-
-
-def test_measured_servo_is_told_as_friction_without_a_wrong_name(archives, tmp_path):
-    found = named(tmp_path, [str(archives / 'xl330.npz'), '--columns',
-                             'time=1:s position=2:rad velocity=3:rad/s voltage=4:V'], SERVO,
-                  ['sin_sin__kp100', 'sin_sin__kp200', 'sin_sin__kp400'], ['sin_sin__kp800'])
-    assert {cause['effect'] for cause in found['causes']} <= {'load_dependent_friction'}
-    words = [item['acts_like'] for item in found['unnamed']]
-    assert found['causes'] or any('friction' in word or 'load' in word for word in words)
-
-
-def test_measured_phases_are_those_of_the_table_that_compensates_them(archives, tmp_path):
-    """The table took no part; where the motion goes one way a delay of a sample may be in them."""
-    found = named(tmp_path, [str(archives / 'laas.npz'), *LAAS_COLUMNS], LAAS,
-                  ['speed_test1 15.01 60'], [])
-    parameters = next(cause for cause in found['causes']
-                      if cause['effect'] == 'cogging')['parameters']
-    table = np.ravel(np.load(archives / 'laas.npz')['table7200'])
-    lines = np.fft.fft(table) / len(table)
-    for order, phase, std in zip(parameters['periods']['value'], parameters['phase']['value'],
-                                 parameters['phase']['std']):
-        expected = np.angle(lines[int(order)]) + 0.5 * np.pi
-        apart = float(np.abs(np.angle(np.exp(1j * (np.ravel(phase) - expected))))[0])
-        if order == 72.0:
-            assert np.degrees(apart) < 10.0
-        if np.abs(lines[int(order)]) > 0.05 * np.abs(lines[72]):
-            assert apart < 3.0 * np.ravel(std)[0]
