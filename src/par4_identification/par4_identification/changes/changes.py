@@ -107,7 +107,8 @@ def changes_since_model(diagnosis: Diagnosis, machine: Robot | Axis, model_file:
     model = build_model(machine, model_file)
     seen = diagnosis.evidence.observations
     after = fitted_values(seen, diagnosis.hypotheses)
-    heldout = observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model)
+    heldout = _with_terms(observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model),
+                          seen)
     shared = not any(isinstance(parameter.value, tuple)
                      for parameter in model_file.parameters.values())
     after = replace(after, bias=swallowed_values(after, (seen, heldout), shared))

@@ -13,6 +13,7 @@ import numpy as np
 
 from par4_identification.changes.joint_values import JointValues, torque_of_causes
 from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.nominal.gate import LEAST_PLATEAUS
 
 PARTS = 3
 """Stretches of each part of the data, by time and by speed, beside the whole of it."""
@@ -33,6 +34,8 @@ def swallowed_values(after: JointValues, data: Sequence[Observations], shared: b
         for cause in after.causes:
             torque = np.concatenate(torque_of_causes([cause], observations))
             for rows in _stretches(observations):
+                if observations.steady and rows.sum(axis=0).min() < LEAST_PLATEAUS:
+                    continue  # nobody identifies a model from so few
                 found.append(_followed(base, torque, rows, shared).reshape(1, -1))
     return np.concatenate(found)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from par4_dynamics.base_terms import INERTIA
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
@@ -146,7 +147,8 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     observations = observe(fit_runs, machine, rigid_body, known)
     heldout = observe(holdout_runs, machine, rigid_body, known)
     progress('fitting the base model')
-    start = start_of(observations, machine, rigid_body, rules)
+    start = start_of(observations, machine, rigid_body, rules,
+                     None if known is None else known.values[INERTIA])
     reasons = list(start.reasons)
     if not any(run.valid.any() for run in shown(heldout, start).runs):
         reasons.append('no joint moves in the held-out data; give a bag of another motion')

@@ -45,15 +45,17 @@ def baseline_with(baseline: ModelFile | None, rigid_body: str, fitted: Mapping[s
                    terms: Sequence[BaseTerm], added: tuple[EffectEntry, ...]) -> ModelFile:
     """Return the baseline with other base parameters and more effects.
 
-    A base parameter that came out slightly negative is written as zero, and so is one of an axis
-    that its motion does not show.
+    A base parameter that came out slightly negative is written as zero. One that the motion does
+    not show stays as the baseline has it, or is written as zero without one.
     """
     parameters = {term.name: fitted[term.name] if not term.nonnegative else
                   fitted[term.name].model_copy(update={'value': max(fitted[term.name].value, 0.0)})
                   for term in terms}
     for term in BASE_TERMS:  # a motion that does not show it does not need it
         if not term.needs_platform and term.name not in parameters:
-            parameters[term.name] = Parameter(value=0.0, unit=term.unit)
+            zero = Parameter(value=0.0, unit=term.unit)
+            parameters[term.name] = zero if baseline is None else (
+                baseline.parameters.get(term.name, zero))
     return ModelFile(schema='par4/model/1', rigid_body=rigid_body, parameters=parameters,
                      effects=(*(baseline.effects if baseline else ()), *added),
                      torque_limit=baseline.torque_limit if baseline else None)

@@ -50,10 +50,13 @@ class Observations:
         """Whether each row is the mean of a stretch of constant speed."""
         return self.runs[0].conditioning.steady
 
-    def without(self, name: str) -> Observations:
-        """Return the observations without the column of a base parameter."""
-        kept = [index for index, term in enumerate(self.terms) if term.name != name]
+    def without(self, name: str, values: np.ndarray | float = 0.0) -> Observations:
+        """Return the observations without the column of a base parameter, of known values (J,)."""
+        own = [term.name for term in self.terms].index(name)
+        kept = [index for index in range(len(self.terms)) if index != own]
         return replace(self, base=tuple(part[..., kept] for part in self.base),
+                       target=tuple(target - values * part[..., own]
+                                    for target, part in zip(self.target, self.base)),
                        terms=tuple(self.terms[index] for index in kept))
 
     def effect_rows(self, effect: Effect | Kind, shape: Shape) -> tuple[np.ndarray, ...]:

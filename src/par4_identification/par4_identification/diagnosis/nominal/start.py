@@ -3,7 +3,7 @@
 The data of a Par4 must show all its base parameters, the inertia of its actuators at the latest
 beside the causes that are found. An axis may be any machine. If the bodies alone do not explain
 enough of its torque, they are fitted again beside a torque that depends on the position, periodic
-or not; an inertia that its motion does not show is left out.
+or not; an inertia that its motion does not show is that of the model that was given, or left out.
 """
 
 from __future__ import annotations
@@ -47,6 +47,8 @@ class Start:
         unless_shown: why they cannot unless the motion shows the inertia beside causes that are
             found; empty if that is no reason.
         bound: whether most of the torque depends on the position alone.
+        inertia: of the actuators where the motion does not show it and a model tells it, (J,),
+            kg m2 or kg; its torque is not in the rows then.
     """
 
     observations: Observations
@@ -55,6 +57,7 @@ class Start:
     reasons: tuple[str, ...]
     unless_shown: tuple[str, ...] = ()
     bound: bool = False
+    inertia: np.ndarray | None = None
 
     @property
     def fitted(self) -> Identification:
@@ -68,22 +71,37 @@ class Start:
         return self.identification
 
 
-def start_of(observations: Observations, machine: Robot | Axis, rigid_body: RigidBody, rules: Rules
-             ) -> Start:
-    """Return where a diagnosis of these rows of a machine starts."""
+def start_of(observations: Observations, machine: Robot | Axis, rigid_body: RigidBody, rules: Rules,
+             inertia: np.ndarray | None = None) -> Start:
+    """Return where a diagnosis of these rows of a machine starts.
+
+    Args:
+        observations: rows to fit.
+        machine: that was recorded.
+        rigid_body: 'paper' or 'full'.
+        rules: of the search.
+        inertia: that a model tells of the actuators, (J,), for a motion that does not show it.
+    """
     start = _start(observations, None, machine, rigid_body)
     if not start.reasons:
         return start
+    known = observations.without(INERTIA, 0.0 if inertia is None else inertia)
     if observations.runs[0].state.geometry is not None:
         only_vague = (start.identification is not None and _is_vague(start.identification)
                       and len(start.reasons) == 1)  # as beside a strong cause
+        if only_vague and inertia is not None:
+            again = _start(known, None, machine, rigid_body, (INERTIA,))
+            return start if again.reasons else replace(again, inertia=inertia)
         return replace(start, reasons=(), unless_shown=start.reasons) if only_vague else start
     bound = () if observations.steady else (Cogging(), PositionTorque())
     for effect in (None, *bound):
         target = None if effect is None else _without(effect, observations, rules)
         again = _start(observations, target, machine, rigid_body)
         if _hides_inertia(again):  # of which a negative value that may be chance is no reason
-            again = _start(observations.without(INERTIA), target, machine, rigid_body, (INERTIA,))
+            left = None if target is None else [
+                part + less - whole
+                for part, less, whole in zip(target, known.target, observations.target)]
+            again = replace(_start(known, left, machine, rigid_body, (INERTIA,)), inertia=inertia)
         if not again.reasons:
             return replace(again, bound=effect is not None)
     return start
@@ -113,6 +131,8 @@ def shown(heldout: Observations, start: Start) -> Observations:
     """
     if not start.left_out:
         return heldout
+    if start.inertia is not None:
+        return heldout.without(INERTIA, start.inertia)
     heldout = heldout.without(INERTIA)
     most = STRONGER * max(float(np.quantile(np.abs(run.rows(run.state.qdd)[run.valid]), 0.99))
                           for run in start.observations.runs if run.valid.any())

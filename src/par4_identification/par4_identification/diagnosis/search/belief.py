@@ -110,9 +110,12 @@ class Belief:
         effect, evidence = hypothesis.named, self.pool.evidence
         acting = list(range(evidence.observations.joints) if effect.shared
                       else hypothesis.joints)
-        level = {term.name: np.full(len(acting), value)
-                 for term, value in zip(evidence.observations.terms, fit.base)}
-        if evidence.observations.runs[0].state.geometry is None:
+        state = evidence.observations.runs[0].state
+        # a parameter that the motion does not show is known, or zero
+        level = {name: value[acting] for name, value in state.known.values.items()}
+        level.update({term.name: np.full(len(acting), value)
+                      for term, value in zip(evidence.observations.terms, fit.base)})
+        if state.geometry is None:
             level[FAST] = np.full(len(acting), self._fast_speed)
         return *estimated(evidence, hypothesis, fit, len(others),
                           self._inflation((*others, hypothesis))), level

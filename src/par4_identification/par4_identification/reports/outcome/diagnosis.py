@@ -285,7 +285,11 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
             'their own.'))
     if diagnosis.left_out:
         names = listed([in_words(name) for name in diagnosis.left_out])
+        given = any(np.any(diagnosis.extended_model.parameters[name].value)
+                    for name in diagnosis.left_out)
         remarks.append(Remark(
+            True, f'The motion does not show the {names}; it is taken from the model.',
+            'Record faster motions to have it fitted.') if given else Remark(
             False, f'The motion does not show the {names}; it is left out and counts as zero.',
             'Record faster motions, or give a model that knows it.'))
     if isinstance(machine, Axis):
