@@ -13,7 +13,6 @@ import math
 
 import numba
 import numpy as np
-from scipy.linalg import expm
 
 from par4_dynamics.rigid_body import torque_of_joints_sample
 from par4_kinematics.acceleration import closed_legs, platform_speed
@@ -37,6 +36,8 @@ def responses(damping: float, stiffness: float, interval: float, count: int
             beginning of the horizon.
         forced: (count, 2, count), what a correction of 1 rad/s2 in each interval adds to both.
     """
+    from scipy.linalg import expm  # slow to load, and of one law alone
+
     system = np.zeros((3, 3))  # error, rate, correction
     system[0, 1] = 1.0
     system[1] = -stiffness, -damping, -1.0
