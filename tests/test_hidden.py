@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hidden.kept import Kept, generator_hash, read_kept
-from hidden.motions import draw_motion
 from hidden.scenario import (
     KINDS,
     LARGE,
@@ -23,20 +22,14 @@ from hidden.scenario import (
 from hidden.scoring import outcome_of
 from hidden.study import COUNTS, diagnosis_of, made, tasks_of_study
 from hidden.truth import VISIBLE
+from short_scenarios import short_scenario
 
 from par4_identification.logs.log import Log
 
-SHORT = 10.0, 6.5
-"""s of motion where pybullet is the plant, which takes ten times as long as the exact one."""
-
 
 def diagnosed(task: Task):
-    """Return scenario, held-out recording and diagnosis of a task."""
-    scenario = draw_scenario(task)
-    if task.fidelity != 'exact':
-        scenario = replace(scenario, motions=tuple(
-            draw_motion(scenario.shape, scenario.known.robot, duration, task.seed + 1000 * more)
-            for more, duration in enumerate(SHORT)))
+    """Return scenario and diagnosis of a task."""
+    scenario = short_scenario(task)
     fit, heldout = record_scenario(scenario)
     return scenario, diagnosis_of(scenario, fit, heldout)
 
@@ -71,7 +64,7 @@ def test_both_effects_of_a_pair_are_named():
 
 
 def test_an_effect_outside_the_library_ends_as_unknown():
-    scenario = draw_scenario(Task('removed', 205000, 'viscous_asymmetry', False))
+    scenario = short_scenario(Task('removed', 205000, 'viscous_asymmetry', False))
     fit, heldout = record_scenario(scenario)
     truth = truth_of(scenario, fit)
     assert truth.strength('viscous_asymmetry') > VISIBLE

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hidden.scenario import Task, draw_scenario, record_scenario
+from hidden.scenario import Task, record_scenario
 from hidden.study import diagnosis_of
 from planned import evidence_of, log_of
+from short_scenarios import short_scenario
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
@@ -174,7 +175,7 @@ def test_draws_are_seeded_and_move_by_the_noise_of_a_count():
 @pytest.mark.parametrize(('effect', 'seed', 'parameter'), [
     ('actuator_lag', 30043, 'time_constant'), ('time_offset', 30039, 'delay')])
 def test_the_diagnosis_names_the_true_law(effect, seed, parameter):
-    scenario = draw_scenario(Task('single', seed, effect, False))
+    scenario = short_scenario(Task('single', seed, effect, False))
     diagnosis = diagnosis_of(scenario, *record_scenario(scenario))
     assert [cause.effect.name for cause in diagnosis.causes] == [effect]
     assert diagnosis.causes[0].twins == ()
