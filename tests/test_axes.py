@@ -160,7 +160,7 @@ def sliding(force, seed, noise=0.3, wander=0.0):
 
     Noise that wanders for a tenth of a second may be added.
     """
-    t = np.arange(0.0, 30.0, 1e-3)
+    t = np.arange(0.0, 18.0, 1e-3)
     rates = 2.0 * np.pi * np.array((0.11, 0.29, 0.53))
     waves = np.array((0.2, 0.06, 0.03)) * np.exp(1j * (rates * t[:, None] + float(seed)))
     q, qd, qdd = ((part * waves).sum(axis=1, keepdims=True).real

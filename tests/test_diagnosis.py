@@ -148,10 +148,16 @@ def test_an_effect_below_the_noise_is_not_named():
     assert result.verdict == 'clean'
 
 
-def test_a_known_effect_in_the_baseline_is_not_named_again():
-    hidden = draw('cogging', 1)
-    fit, heldout = logs_of(hidden, 1)
-    first = diagnose([fit], hidden.robot, holdout_logs=[heldout])
+@pytest.fixture(scope='module')
+def cogged():
+    """Return a machine with hidden cogging, its two logs and their diagnosis."""
+    hidden = draw('cogging', 5)
+    fit, heldout = logs_of(hidden, 5)
+    return hidden, fit, heldout, diagnose([fit], hidden.robot, holdout_logs=[heldout])
+
+
+def test_a_known_effect_in_the_baseline_is_not_named_again(cogged):
+    hidden, fit, heldout, first = cogged
     again = diagnose([fit], hidden.robot, first.extended_model, [heldout])
     assert names(again) == []
     assert again.verdict == 'clean'
@@ -168,11 +174,9 @@ def test_full_baseline_knows_the_rods():
     assert with_full.verdict == 'clean'
 
 
-def test_the_extended_model_helps_the_feedforward_of_the_machine():
+def test_the_extended_model_helps_the_feedforward_of_the_machine(cogged):
     """The gain in the loop: tracking with feedforward from the extended model, on the machine."""
-    hidden = draw('cogging', 5)
-    fit, heldout = logs_of(hidden, 5)
-    result = diagnose([fit], hidden.robot, holdout_logs=[heldout])
+    hidden, _, heldout, result = cogged
     extended = build_model(hidden.robot, result.extended_model)
 
     # the extended model runs as a machine: its torque is that of the true one
