@@ -322,6 +322,16 @@ def test_delays_of_a_log_with_too_little_motion_are_not_looked_for(clean):
         'close with the recorded positions.']
 
 
+def test_many_logs_with_too_little_motion_are_said_in_one_line(clean):
+    part = slice(3000, 3100)
+    short = [replace(clean, name=f'short{number}', t=clean.t[part], q=clean.q[part],
+                     tau=clean.tau[part], segments=(slice(0, 100),), doubtful=None)
+             for number in range(6)]
+    check = check_setup([clean, *short], REFERENCE)
+    remark, = (remark.text for remark in check.remarks if remark != UNSEEN)
+    assert remark.startswith('Not looked for: delays in short0, short1, short2 and 3 others, beca')
+
+
 @pytest.mark.parametrize(('factor', 'unit'), [(1e-3, 'kN m'), (1e3, 'mN m')])
 def test_torques_in_another_unit_are_put_right_exactly(sticky, factor, unit):
     wrong = replace(sticky, tau=factor * sticky.tau)

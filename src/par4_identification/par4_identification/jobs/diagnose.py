@@ -51,7 +51,7 @@ from par4_kinematics.motion_file import free_motion_path, is_untouched, write_mo
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.outcome import Remark
 from par4_sim.report.results import refuse_unwritable, write_results
-from par4_sim.report.words import listed, number
+from par4_sim.report.words import number, shortened
 
 TOOL = 'par4_diagnose'
 
@@ -145,7 +145,7 @@ def diagnose_bags(asked: Asked) -> None:
                     changes = (changes_since_model(diagnosis, machine, baseline, str(asked.model))
                                if earlier is None else
                                changes_between(diagnosis, machine, earlier.logs, baseline,
-                                               listed(asked.before), conditioning))
+                                               shortened(asked.before), conditioning))
                 except InputError as error:
                     untold = (Remark(False, f'What has changed could not be told: {error}.'),)
             if asked.simulate:

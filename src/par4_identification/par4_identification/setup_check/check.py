@@ -43,6 +43,7 @@ from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import Geometry
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Remark
+from par4_sim.report.words import shortened
 
 BEYOND_DOUBT = 0.985
 """Share of the torque that a wiring explains from which nothing else need be asked."""
@@ -184,11 +185,12 @@ def _past_singular_poses(check: SetupCheck) -> SetupCheck:
 
 def _timed(check: SetupCheck) -> SetupCheck:
     """Return the check with every torque at the time of its positions."""
+    unsought = []
     for number, log in enumerate(check.logs):
         stretches = stretches_of([log])
         rows = equations_or_none(stretches, _geometry(check))
         if rows is None:
-            check = check.remarking(not_sought(f'delays in {log.name}', TOO_LITTLE))
+            unsought.append(log.name)
             continue
         rival = equations_of(stretches, None, columns_of=with_memory) if rows.of_axis else None
         timing = timing_of(rows, rival)
@@ -196,7 +198,8 @@ def _timed(check: SetupCheck) -> SetupCheck:
             logs = list(check.logs)
             logs[number] = on_time(log, timing)
             check = check.after(timing_findings(timing, log, log.q.shape[1]), logs)
-    return check
+    return check if not unsought else check.remarking(
+        not_sought(f'delays in {shortened(unsought)}', TOO_LITTLE))
 
 
 def _calibrated(check: SetupCheck) -> SetupCheck:

@@ -54,6 +54,13 @@ def listed(parts: Sequence[str]) -> str:
     return ' and '.join(filter(None, (', '.join(parts[:-1]), parts[-1])))
 
 
+def shortened(names: Sequence[str], most: int = 3) -> str:
+    """Return names in words, the first few of many: 'a, b, c and 23 others'."""
+    if len(names) <= most + 1:
+        return listed(names)
+    return f'{", ".join(names[:most])} and {len(names) - most} others'
+
+
 def capital(text: str) -> str:
     """Return a text as the beginning of a sentence."""
     return text[:1].upper() + text[1:]
