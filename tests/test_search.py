@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planned import evidence_of
+from measured import excitation
+from planned import evidence_of, log_of, state_of_motion
 from scipy.signal import lfilter
 from searches import (
     BELT,
@@ -187,6 +188,29 @@ def test_no_unnamed_cause_stands_beside_the_right_names():
                        library=('theta_friction', 'passive_joint_friction', 'drive_gain_error',
                                 'joint_inertia_difference'))
     assert set(names(search.run())) == {'theta_friction', 'drive_gain_error'}
+
+
+def sprung(state):
+    """Return an offset of joint 1 and friction of theta that builds up over 1 mrad of it."""
+    theta = state.platform.x[:, 3]
+    share = np.zeros_like(theta)
+    for row, step in enumerate(np.diff(theta) / 1e-3, start=1):
+        share[row] = (share[row - 1] + step) / (1.0 + abs(step))
+    force = np.zeros((len(theta), 4))
+    force[:, 3] = 0.12 * share + 0.02 * state.platform.xd[:, 3]
+    return state.torque_of_force(force) + (0.0, 0.35, 0.0, 0.0)
+
+
+def test_names_stay_where_a_force_that_has_their_laws_explains_what_these_get_wrong():
+    parts = []
+    for seed, duration in ((1, 12.0), (2, 8.0)):
+        motion = excitation('reference', duration, 900 + seed)
+        state = state_of_motion(REFERENCE, motion)
+        log = log_of(REFERENCE, motion.t, motion.q, MODEL.torque(state) + sprung(state), seed,
+                     noise=1.0)
+        parts.append(evidence_of(log, REFERENCE, MODEL, noise=1.0))
+    search = search_on(*parts, library=('theta_friction', 'torque_offset'))
+    assert set(names(search.run())) == {'theta_friction', 'torque_offset'}
 
 
 @pytest.mark.parametrize(('tilt', 'expected'), [(0.014, 'external_force'), (0.04, 'wrench')])

@@ -30,6 +30,7 @@ class Requirement:
         fit: on the fitted rows, whatever the error of the named causes looks like.
         heldout: the same on held-out rows.
         beside_law_error: the same two, if the error of the named causes is fitted beside them.
+        by_error: what the errors of the torques alone may gain on all rows.
         inflation: factor by which the errors of the causes' torques enlarge the variances of fitted
             values.
     """
@@ -37,6 +38,7 @@ class Requirement:
     fit: float
     heldout: float
     beside_law_error: tuple[float, float]
+    by_error: float
     inflation: float
 
 
@@ -70,7 +72,7 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
                                          + rules.unnamed_error ** 2 * counted
                                          + rules.noise_error * rows))
     fit, heldout = rules.evidence + parts[0], rules.margin + parts[1]
-    return Requirement(fit, heldout, (fit - by_names[0], heldout - by_names[1]),
+    return Requirement(fit, heldout, (fit - by_names[0], heldout - by_names[1]), sum(parts),
                        1.0 + causes[0] / rules.evidence)
 
 

@@ -324,14 +324,16 @@ class Search:
 
         Several causes can together imitate one outside the library so well that nothing is left
         for another beside them; an unnamed cause that contains it does better without them. In the
-        place of several it need only do as well, as one cause is likelier than several that happen
-        to make up its torque. In the place of one without a name it must be better by more than
-        chance, in that of a name by as much as it would have to explain beside the name.
+        place of several it need only be better by what the model may get wrong of its torques, as
+        one cause is likelier than several that happen to make up its torque. In the place of one
+        without a name it must be better by more than chance, in that of a name by as much as it
+        would have to explain beside the name.
         """
         here = self._loss(model)
         better = here - self.rules.margin
         needed = self.weighing.requirement(model)
         decidedly = better - needed.fit - needed.heldout
+        beyond_error = here - needed.by_error
         found = []
         for kind in self._kinds:
             if kind.left_by_filters:
@@ -347,7 +349,7 @@ class Search:
                 others = others_of(others, others[int(np.argmin(standings))])
             trial = (*others, with_acting_joints(self.pool, self.rules, instead, others))
             gone = [item for item in before if item not in others]
-            limit = here if len(gone) > 1 else decidedly if named_of(gone) else better
+            limit = beyond_error if len(gone) > 1 else decidedly if named_of(gone) else better
             loss = self._loss(trial)
             if gone and loss < limit and names_of(trial) not in visited:
                 found.append((loss, trial))
