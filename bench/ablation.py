@@ -25,7 +25,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / 'tests'))
 
-from blind_scores import Outcome, found_of, hidden_names, of_others, table, wrong_sets
+from blind_scores import Outcome, found_of, hidden_names, of_others, table, wrapped, wrong_sets
 from blind_study import commit, kinds_of, machine_name, outcomes_of, read_outcomes, sampled_paths
 from hidden.kept import read_kept
 from hidden.scenario import KINDS
@@ -110,7 +110,7 @@ def report(outcomes: Sequence[Outcome], changes: Changes) -> str:
     right = sum(len(found_of(item, hidden_names(item))) for item in of_others(whole))
     wrong = sum(len(wrong_sets(item)) for item in of_others(whole))
     idle = [row[0] for row in rows if not any(row[2:])]
-    return f'''# What each number of the diagnosis is worth
+    return wrapped(f'''# What each number of the diagnosis is worth
 
 Written by `python bench/ablation.py`. {datetime.date.today().isoformat()}; {machine_name()}; commit
 {commit()}; sources of the diagnosis {decisions()}.
@@ -126,7 +126,7 @@ means {', '.join(f'{name} = {value:g}' for name, value in OFF.items())}, the oth
         'verdicts changed', 'clean no longer', 'failed'), rows)}
 
 No answer changed under: {', '.join(idle) or 'none of them'}.
-'''
+''')
 
 
 def parser_of_arguments() -> argparse.ArgumentParser:

@@ -27,6 +27,7 @@ from blind_scores import (
     share,
     table,
     visible_of,
+    wrapped,
     wrong_sets,
 )
 from blind_values import LEFT_OUT, compared
@@ -191,7 +192,7 @@ def report(outcomes: Sequence[Outcome], header: dict, planned: int) -> str:
     parts = ', '.join(f'{statistics.median(item["seconds"][part] for item in outcomes):.1f} s '
                       f'to {part}' for part in ('record', 'truth', 'diagnose'))
     left_out = '; '.join(f'`{effect}`: {why}' for effect, why in LEFT_OUT.items())
-    return f'''# Blind study
+    return wrapped(f'''# Blind study
 
 Written by `make blind` (`bench/blind_study.py`), good or bad. {header['date']};
 {header['machine']}; commit {header['commit']}; seeds from {header['first_seed']}.
@@ -254,4 +255,4 @@ told for all four joints; parameters that are fixed; `bar_mass` where rods are r
 ## Every miss
 
 {misses(outcomes)}
-'''
+''')

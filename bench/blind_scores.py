@@ -6,6 +6,7 @@ Every predicate takes one outcome, as `hidden.scoring.outcome_of` returns it.
 from __future__ import annotations
 
 import statistics
+import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
@@ -163,6 +164,13 @@ def rate(good: Sequence[bool]) -> str:
 def share(outcomes: Sequence[Outcome], good: Callable[[Outcome], object]) -> str:
     """Return in how many outcomes something holds, in words."""
     return rate([bool(good(outcome)) for outcome in outcomes])
+
+
+def wrapped(page: str) -> str:
+    """Return a page of Markdown with its paragraphs wrapped at 100 columns; the rest stays."""
+    return '\n\n'.join(part if part.lstrip().startswith(('#', '|', '-', '`')) else textwrap.fill(
+        ' '.join(part.split()), 100, break_long_words=False, break_on_hyphens=False)
+        for part in page.strip().split('\n\n')) + '\n'
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

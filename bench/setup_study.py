@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / 'tests'))
 
 import mistakes
 import numpy as np
-from blind_scores import share, table
+from blind_scores import share, table, wrapped
 from blind_study import commit, machine_name, read_outcomes
 from dask.distributed import Client, LocalCluster, as_completed
 from hidden.hiders import HIDERS
@@ -394,7 +394,7 @@ def report(outcomes: Sequence[dict], header: dict, planned: int) -> str:
     lost = Counter(item['kind'] for item in before if not keeps_effect(item, 'named'))
     hidden = sum(bool(outcome['effect']) for outcome in outcomes)
     kept = sum('kept' in item for item in good)
-    return f'''# Study of mistakes of the setup
+    return wrapped(f'''# Study of mistakes of the setup
 
 Written by `bench/setup_study.py`, good or bad. {header['date']}; {header['machine']}; commit
 {header['commit']}; seeds from {header['first_seed']}; {len(good) - kept} of {planned} recordings
@@ -447,7 +447,7 @@ of them below {np.quantile(per_log, 0.95):.2f} s).
 ## Every mistake that was not told right
 
 {table(('mistake', 'seed', 'truth', 'hidden', 'motion', 'found'), wrong) if wrong else 'None.'}
-'''
+''')
 
 
 def main() -> None:

@@ -155,3 +155,23 @@ def test_every_effect_has_a_guide_with_values_that_it_takes():
         for words in (guide.physics, guide.remedy):
             assert words.endswith('.'), name
             assert words[0].isupper(), name
+
+
+def prose(text: str) -> list[str]:
+    """Return the lines of a page that are neither code, tables, headings nor pictures."""
+    text = re.sub(r'^ *```.*?^ *```$', '', text, flags=re.DOTALL | re.MULTILINE)
+    return [line for line in text.splitlines()
+            if not re.match(r'\||#|!\[| {4}', line) and ' ' in line.strip()]
+
+
+@pytest.mark.parametrize('page', [
+    path.relative_to(DOCS.parent) for folder in ('.', 'docs', 'examples/*', 'src/*')
+    for path in sorted(DOCS.parent.glob(f'{folder}/*.md'))], ids=str)
+def test_prose_is_wrapped_at_a_hundred_columns(page):
+    text = (DOCS.parent / page).read_text(encoding='utf-8')
+    assert not [line for line in prose(text) if len(line) > 100]
+
+
+def test_long_prose_is_seen():
+    text = f'```\n{"x y" * 50}\n```\n| {"x y" * 50} |\n{"prose " * 20}\n'
+    assert [len(line) for line in prose(text)] == [120]

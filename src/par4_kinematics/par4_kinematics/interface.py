@@ -150,10 +150,10 @@ Generated from `par4_kinematics/interface.py` by `make docs`; do not edit.
 
 ## Topics
 
-Reliable, volatile, keep last {JOINT_STATES.depth}; `{ROBOT_DESCRIPTION.name}` \
-{ROBOT_DESCRIPTION.qos_yaml}. A stamp is the time at which the value is valid, never that of
-publishing. With a simulation all stamps are on its clock and every other node runs with
-`use_sim_time`.
+Reliable, volatile, keep last {JOINT_STATES.depth}; `{ROBOT_DESCRIPTION.name}`
+{ROBOT_DESCRIPTION.qos_yaml}.
+A stamp is the time at which the value is valid, never that of publishing. With a simulation all
+stamps are on its clock and every other node runs with `use_sim_time`.
 
 {_table(('topic', 'type', 'from -> to', 'content'), topics)}
 
