@@ -24,8 +24,8 @@ STAGE, SITE = ROOT / 'build' / 'site_source', ROOT / 'build' / 'site'
 PACKAGES = ('par4_kinematics', 'par4_dynamics', 'par4_sim', 'par4_identification')
 OF_ROOT = {'README.md': 'index.md', 'CONTRIBUTING.md': 'CONTRIBUTING.md',
            'CHANGELOG.md': 'CHANGELOG.md'}
-LINKED = ('examples/driver/driver.py', 'examples/emps/README.md', 'src/par4_sim/rviz/par4.rviz',
-          'LICENSE')
+LINKED = ('examples/axes/README.md', 'examples/driver/driver.py', 'examples/emps/README.md',
+          'src/par4_sim/rviz/par4.rviz', 'LICENSE')
 """Files that pages link to; the site has them as text."""
 SECTIONS = {
     'Tutorials': ('first_ten_minutes', 'your_own_robot', 'fault_step_by_step',
