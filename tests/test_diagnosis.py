@@ -91,6 +91,25 @@ def test_two_effects_are_both_named(cogged_and_sticky):
     assert not any(cause.is_nothing for cause in result.causes)
 
 
+def test_a_joint_that_weak_causes_may_make_zero_is_not_told(cogged_and_sticky, monkeypatch):
+    """On joints 0 and 1 there is cogging; what else may act leaves joint 1 in doubt."""
+    def doubted(_search, causes, _named, _weak):
+        return [replace(cause, parameters={**cause.parameters, 'amplitude': replace_std(
+            cause.parameters['amplitude'], [1e3 if joint == 1 else 1e-3 for joint in cause.joints])
+            }) for cause in causes]
+
+    def replace_std(parameter, std):
+        return parameter.model_copy(update={'std': tuple(std)})
+
+    fit, heldout = cogged_and_sticky
+    library = {'cogging': diagnosis.LIBRARY['cogging']}
+    both, = diagnose([fit], REFERENCE, holdout_logs=[heldout], library=library).causes
+    assert both.joints == (0, 1)
+    monkeypatch.setattr(diagnosis, 'widened', doubted)
+    one, = diagnose([fit], REFERENCE, holdout_logs=[heldout], library=library).causes
+    assert one.joints == (0,)
+
+
 def test_a_collision_in_the_fitted_data_alone_is_not_explained(cogged_and_sticky):
     """Rows held out do not show what struck the machine before."""
     fit, heldout = cogged_and_sticky

@@ -272,12 +272,12 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             search.journal.reject(item, 'all its values are zero within their deviations')
             return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
                            rigid_body, effects, fit_runs, progress)
+    causes = with_doubt_of_counts(search, widened(search, by_any_law, named, weak), named, changed)
     for item, cause in zip(named, causes):
         if cause.idle_joints:
             acting = without_joints(item, cause.idle_joints)
             return _answer(search, tuple(acting if other is item else other for other in model),
                            machine, baseline, rigid_body, effects, fit_runs, progress)
-    causes = with_doubt_of_counts(search, widened(search, by_any_law, named, weak), named, changed)
     unnamed = sorted((unnamed_cause(search, item, model) for item in model
                       if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
     progress('checking what remains')
