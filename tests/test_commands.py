@@ -253,7 +253,8 @@ def checked_page(path: Path, least_images: int) -> Page:
 def test_identification_json_has_the_keys_of_the_contract(identified, bags):
     content = json.loads((identified.folder / 'identification.json').read_text())
     assert list(content) == ['schema', 'parameters', 'condition_number', 'residual_rms',
-                             'relative_error', 'data', 'estimator', 'offsets', 'setup']
+                             'relative_error', 'data', 'estimator', 'offsets', 'causes',
+                             'setup']
     assert content['schema'] == 'par4/identification/1'
     for parameter in content['parameters'].values():
         assert list(parameter) == ['value', 'std', 'relative_std', 'unit']

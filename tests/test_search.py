@@ -367,10 +367,11 @@ def test_a_cause_that_cannot_be_real_gives_way_to_a_twin_that_can(others, left):
     assert set(names(search.tested((cable, drag)))) == left
 
 
-def test_the_strongest_is_named_first_whatever_its_place_in_the_library():
+def test_a_candidate_that_was_not_looked_at_closely_is_equal_to_none():
+    """The strongest ends the look at weaker ones, however much counts as equal."""
     search = search_of(('torque_offset', {'offset': STRONG}),
                        ('geometry_error', {**dict.fromkeys(DIMENSIONS, 0.0), 'arm_length': 0.004}),
-                       library=('geometry_error', 'torque_offset'))
+                       library=('geometry_error', 'torque_offset'), rules=Rules(equal=1e9))
     first, *_ = search.run()
     assert first.effect.name == 'torque_offset'
 

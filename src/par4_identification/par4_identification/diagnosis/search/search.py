@@ -172,8 +172,9 @@ class Search:
                 most = max(most, trimmed[name][0])
             if most <= 0.0:
                 return None
-            candidate = max(found, key=lambda item: trimmed.get(
-                item.hypothesis.effect.name, (-np.inf,))[0])
+            # of equals the first of the library, which is the simplest
+            candidate = next(item for item in found if trimmed.get(
+                item.hypothesis.effect.name, (-np.inf,))[0] > most - self.rules.equal)
             found.remove(candidate)
             hypothesis = trimmed[candidate.hypothesis.effect.name][1]
             if self._is_confirmed(hypothesis, model):

@@ -334,14 +334,14 @@ def identification_json(identification: Identification, machine: Robot | Axis,
             for name, parameter in identification.parameters.items()},
         'condition_number': estimate.condition_number, 'residual_rms': estimate.rms,
         'relative_error': estimate.relative_error,
-        'causes': [entry.effect for entry in identification.causes],
         'data': {'rows': estimate.rows, 'bags': data_of_logs(logs)},
         'estimator': {
             **estimator_json(identification), 'in_words': estimator_in_words(identification),
             'textbook_std': {str(label): std for label, std in
                              zip(estimate.labels, estimate.textbook_std, strict=True)}},
         'offsets': {} if offsets is None else {OFFSET: {
-            'value': offsets.value, 'std': offsets.std, 'unit': unit_on(machine, offsets.unit)}}})
+            'value': offsets.value, 'std': offsets.std, 'unit': unit_on(machine, offsets.unit)}},
+        'causes': [entry.effect for entry in identification.causes]})
 
 
 def _relative(parameter: Parameter) -> float:
