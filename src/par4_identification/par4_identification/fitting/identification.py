@@ -45,6 +45,8 @@ from par4_kinematics.robot import Axis, Robot
 
 INSIGNIFICANT = 3.0
 """Standard deviations within which a negative value is taken for zero."""
+WHAT_TO_DO = 'check the sign, order and gains of the joints, or record a richer motion'
+"""About a value that no machine can have."""
 PLAIN: Mapping[str, Callable[[Problem], Estimate]] = {
     'weighted': weighted, 'ordinary': ordinary, 'robust': robust}
 """Estimators that need nothing but the rows."""
@@ -153,8 +155,7 @@ class Identification:
             term.name: Parameter(value=0.0, unit=term.unit) for term in self.left_out}}
         impossible = self.impossible(machine)
         if impossible is not None:
-            raise InputError(f'{impossible}; check the sign, order and gains of the joints, or '
-                             f'record a richer motion')
+            raise InputError(f'{impossible}; {WHAT_TO_DO}')
         for term in self.terms:
             value = np.atleast_1d(np.asarray(parameters[term.name].value, dtype=float))
             if not term.nonnegative or np.all(value >= 0.0):

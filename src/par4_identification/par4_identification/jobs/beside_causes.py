@@ -16,7 +16,12 @@ from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.progress import Progress
 from par4_identification.diagnosis.verdict.answer import Diagnosis
-from par4_identification.fitting.identification import PLAIN, Identification, identify
+from par4_identification.fitting.identification import (
+    PLAIN,
+    WHAT_TO_DO,
+    Identification,
+    identify,
+)
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.diagnosis import phrase_of_causes
 from par4_identification.signals.rows import Conditioning
@@ -72,8 +77,8 @@ def beside_causes(alone: Identification, logs: Sequence[Log], machine: Robot | A
                 False, f'Base parameters alone do not explain these data: {impossible}. So the '
                        f'model also has what par4_diagnose names: {causes}.',
                 'Run par4_diagnose on these bags: its report shows how sure that is.'))
-    raise InputError(f'{impossible}, and so it remains beside all that par4_diagnose names; check '
-                     f'the sign, order and gains of the joints, or record a richer motion')
+    raise InputError(f'{impossible}, and so it remains beside all that par4_diagnose names; '
+                     f'{WHAT_TO_DO}')
 
 
 def _widened(beside: Identification, known: ModelFile) -> Identification:
