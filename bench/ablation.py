@@ -37,9 +37,9 @@ from par4_identification.diagnosis.search.rules import Rules
 
 ROOT = Path(__file__).parents[1]
 FACTOR = 2.0
-OFF = {'evidence': 1.0, 'equal': 1e-9, 'floor_excess': 1e9}
-"""Values at which numbers decide nothing, where that is not zero: a log-likelihood of 1 is chance,
-and no two are equal."""
+OFF = {'evidence': 1.0, 'floor_excess': 1e9}
+"""Values at which numbers decide nothing, where that is not zero: a log-likelihood of 1 is chance.
+"""
 UNCHANGED = 'as it is'
 Changes = dict[str, tuple[str, float]]
 """Name of a change -> the number that is moved, and to what."""

@@ -164,6 +164,25 @@ def test_of_readings_that_explain_the_same_those_are_told_that_undo_nothing():
     assert {item.reading: pytest.approx(item.size) for item in explanation.read} == made
 
 
+def test_the_strongest_reading_comes_first_in_whatever_order_they_are_tried():
+    # by chance neither happens, so that the chances tell nothing of their order
+    values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
+    before = Parameters(NAMES, values, np.zeros((4, 6)))
+    made = {GainFactor(None): 0.1, Added(None, 'platform_mass_2'): 0.4,
+            Added(2, 'coulomb_friction'): 0.7}
+    readings = readings_of(BASE_TERMS, 4)
+    found = [explained(
+        order, before, applied(list(made), list(made.values()), before),
+        np.diag(np.tile((1e-3 * values[0]) ** 2, 4))).read
+        for order in (readings, readings[::-1])]
+    assert [item.p_value for item in found[0]] == [0.0, 0.0, 0.0]
+    assert {item.reading for item in found[0]} == set(made)
+    for read in found:
+        assert [item.reading for item in read] == [item.reading for item in found[0]]
+        strengths = [abs(item.size) / item.std for item in read]
+        assert strengths == sorted(strengths, reverse=True)
+
+
 def test_where_something_is_left_only_what_explains_nearly_all_is_told():
     random = np.random.default_rng(6)
     values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))

@@ -367,13 +367,46 @@ def test_a_cause_that_cannot_be_real_gives_way_to_a_twin_that_can(others, left):
     assert set(names(search.tested((cable, drag)))) == left
 
 
-def test_a_candidate_that_was_not_looked_at_closely_is_equal_to_none():
-    """The strongest ends the look at weaker ones, however much counts as equal."""
+@pytest.mark.parametrize(('behind', 'first'), [
+    (0.9, 'torque_offset'), (1.1, 'position_torque'), (np.inf, 'position_torque')])
+def test_of_names_as_likely_but_for_chance_the_simplest_goes_first(behind, first, monkeypatch):
+    """One that is no more likely than no name at all is none of them."""
+    search = search_of(('torque_offset', {'offset': STRONG}),
+                       library=('position_torque', 'torque_offset'))
+    scores = {'position_torque': 500.0, 'torque_offset': 500.0 - behind}
+    monkeypatch.setattr(search, '_trimmed', lambda candidate, _: (
+        scores[candidate.hypothesis.effect.name], candidate.hypothesis))
+    model, = search._with_a_name((), set())
+    assert model.effect.name == first
+
+
+def test_a_candidate_that_was_not_looked_at_closely_is_taken_for_none(monkeypatch):
+    """The strongest ends the look at weaker ones."""
     search = search_of(('torque_offset', {'offset': STRONG}),
                        ('geometry_error', {**dict.fromkeys(DIMENSIONS, 0.0), 'arm_length': 0.004}),
-                       library=('geometry_error', 'torque_offset'), rules=Rules(equal=1e9))
-    first, *_ = search.run()
+                       library=('geometry_error', 'torque_offset'))
+    looked_at, trimmed = [], search._trimmed
+
+    def seen(candidate, model):
+        looked_at.append(candidate.hypothesis.effect.name)
+        return trimmed(candidate, model)
+
+    monkeypatch.setattr(search, '_trimmed', seen)
+    first, = search._with_a_name((), set())
     assert first.effect.name == 'torque_offset'
+    assert looked_at == ['torque_offset']
+
+
+@pytest.mark.parametrize('library', [('torque_offset', 'coulomb_asymmetry'),
+                                     ('coulomb_asymmetry', 'torque_offset')])
+def test_of_exact_twins_that_without_variables_goes_first_wherever_it_stands(library):
+    """So it does among the rivals of a third, where rounding must not decide."""
+    search = search_of(('torque_offset', {'offset': STRONG}), library=library)
+    first, = search.run()
+    assert first.effect.name == 'torque_offset'
+    rivals = [rival.hypothesis for rival in search.rivals(cause('cogging', periods=7.0), ())]
+    assert names(item for item in rivals if item is not None and not isinstance(
+        item.effect, Kind)) == ['torque_offset', 'coulomb_asymmetry']
 
 
 @pytest.mark.parametrize(('weak', 'stays'), [

@@ -38,6 +38,7 @@ class Backlash(Effect):
     parameters = (EffectParameter('gap', 'rad', 'joint'),)
     shared = True
     needs_nominal = True
+    variables = 2
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         # an axis that does not hang leans on either side by its inertia alone: it rattles at most

@@ -36,6 +36,7 @@ class BaseTilt(Effect):
     shared = True
     needs_platform = True
     needs_nominal = True
+    variables = 0
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return np.stack([self._torque(state, change)

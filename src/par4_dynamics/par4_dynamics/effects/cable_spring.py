@@ -36,6 +36,7 @@ class CableSpring(Effect):
                   EffectParameter('anchor', 'm', 'machine', size=3))
     shared = True
     needs_platform = True
+    variables = 3
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         # J_1^T e of a unit force along each axis

@@ -125,6 +125,9 @@ class Effect(ABC):
             effects of their own.
         told_by_speeds: whether its torque is a function of the joint's speed alone, so that mean
             torques at steady speeds can tell it.
+        variables: of how many quantities of the motion its force is a function where it acts, in a
+            joint, in theta or on the platform: of none if it is constant, of one if it is friction
+            by a speed. Of explanations with equally many numbers that with the fewest is simplest.
         law: the shape parameter whose values are different laws of the effect, if data may not
             tell which one holds; None if there is one law.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
@@ -146,6 +149,7 @@ class Effect(ABC):
     needs_both_ways: ClassVar[bool] = False
     of_axis: ClassVar[bool] = False
     told_by_speeds: ClassVar[bool] = False
+    variables: ClassVar[int] = 1
     law: ClassVar[str | None] = None
     phrase: ClassVar[str]
 

@@ -69,6 +69,7 @@ class ElasticTransmission(Effect):
     separable = ((0,), (1,), (2,), (3,))
     needs_nominal = True
     tolerance = 2.0
+    variables = 2
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         compliance = self.exact_at(shape, state.joints)

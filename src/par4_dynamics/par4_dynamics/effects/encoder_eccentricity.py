@@ -39,6 +39,7 @@ class EncoderEccentricity(Effect):
     separable = ((0, 1), (2, 3), (4, 5), (6, 7))
     needs_turning = True
     needs_nominal = True
+    variables = 3
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         if state.geometry is not None:

@@ -35,6 +35,7 @@ class EncoderOffset(Effect):
     separable = ((0,), (1,), (2,), (3,))
     needs_platform = True
     needs_nominal = True
+    variables = 3
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return -state.halfway.torque_by_q

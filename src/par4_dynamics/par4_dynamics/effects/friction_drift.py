@@ -36,6 +36,7 @@ class FrictionDrift(Effect):
                   EffectParameter('time_constant', 's', 'machine', is_shape=True))
     shared = True
     needs_nominal = True
+    variables = 2
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         return tuple({'time_constant': float(share * state.t[-1])} for share in SHARES)

@@ -38,6 +38,7 @@ class GeometryError(Effect):
     separable = ((0,), (1,), (2,), (3,), (4,))
     needs_platform = True
     needs_nominal = True
+    variables = 3
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         motion = state.halfway

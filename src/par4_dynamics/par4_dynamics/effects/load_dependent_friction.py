@@ -25,6 +25,7 @@ class LoadDependentFriction(Effect):
     phrase = 'friction that grows with the load'
     parameters = (EffectParameter('coefficient', '1', 'joint'),)
     needs_nominal = True
+    variables = 2
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return (np.abs(state.known.load) * np.sign(state.qd))[..., None]

@@ -37,6 +37,7 @@ class PassiveJointFriction(Effect):
                   EffectParameter('viscous', 'N m s/rad', 'machine', default=0.0))
     shared = True
     needs_platform = True
+    variables = 9
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         geometry, x, xd, _ = state.platform

@@ -30,6 +30,7 @@ class PlatformDrag(Effect):
                   EffectParameter('quadratic', 'N s2/m2', 'machine', default=0.0))
     shared = True
     needs_platform = True
+    variables = 3
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         velocity = state.platform.xd.copy()

@@ -84,6 +84,7 @@ class Presliding(Effect):
     parameters = (EffectParameter('distance', 'rad', 'machine', is_shape=True),)
     needs_nominal = True
     fixed_coefficients = True
+    variables = 2
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         span = float(np.max(np.ptp(state.q, axis=0)))

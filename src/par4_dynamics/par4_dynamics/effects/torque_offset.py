@@ -16,6 +16,7 @@ class TorqueOffset(Effect):
     parameters = (EffectParameter('offset', 'N m', 'joint'),)
     needs_both_ways = True
     told_by_speeds = True
+    variables = 0
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return np.ones((*state.q.shape, 1))

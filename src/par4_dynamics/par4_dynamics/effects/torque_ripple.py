@@ -19,6 +19,7 @@ class TorqueRipple(Cogging):
     parameters = (EffectParameter('relative', '1', 'joint', per_order=True),
                   *Cogging.parameters[1:])
     needs_nominal = True
+    variables = 2
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return state.known.torque[..., None] * super().columns(state, shape)

@@ -179,8 +179,9 @@ def explained(readings: Sequence[Reading], before: Parameters, after: np.ndarray
     nothing, size = difference.none, after.size
     p_value = float(scipy.stats.chi2.sf(nothing.squares, size))
     best = _fewest(difference)  # one direction may show what all together drown
-    read = [_read(difference, best, place) for place in range(len(best.chosen))]
-    read.sort(key=lambda item: item.p_value)
+    places = sorted(range(len(best.chosen)), key=lambda place: _without(
+        difference, best, place).squares, reverse=True)  # chances of many are zero
+    read = [_read(difference, best, place) for place in places]
     left = difference.left(best)
     return Explanation(tuple(read), p_value, left,
                        np.sqrt(_allowed(difference, best) * np.diag(covariance)),
@@ -228,15 +229,20 @@ def _left_p(difference: _Difference, fit: _Fit) -> float:
                                      max(difference.after.size - len(fit.chosen), 1)))
 
 
+def _without(difference: _Difference, fit: _Fit, place: int) -> _Fit:
+    """Return a fit without one of its readings."""
+    return difference.fit(fit.chosen[:place] + fit.chosen[place + 1:])
+
+
 def _read(difference: _Difference, best: _Fit, place: int) -> Read:
-    """Return one of the readings of a fit with its evidence and its twins."""
-    others = [index for index in best.chosen if index != best.chosen[place]]
-    without = difference.fit(others)
-    gain = without.squares - best.squares
+    """Return one of the readings of a fit with its evidence and its twins, the nearest first."""
+    without = _without(difference, best, place)
+    others, gain = without.chosen, without.squares - best.squares
     count = len(difference.readings)
     twins = [index for index in range(count) if index not in best.chosen
              and difference.fit((*others, index)).squares - best.squares < 2.0 * TWIN
              and without.squares - difference.fit((*others, index)).squares > 0.5 * gain]
+    twins.sort(key=lambda index: difference.fit((*others, index)).squares)
     return Read(
         difference.readings[best.chosen[place]], float(best.sizes[place]),
         float(np.sqrt(best.covariance[place, place])),

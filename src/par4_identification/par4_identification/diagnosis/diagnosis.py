@@ -58,6 +58,7 @@ from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
 from par4_identification.diagnosis.search.search import Search
+from par4_identification.diagnosis.search.simplicity import best_first
 from par4_identification.diagnosis.search.swing import Swing
 from par4_identification.diagnosis.search.whitening import quieter, whitener_of
 from par4_identification.diagnosis.split import manageable, split_runs
@@ -334,7 +335,8 @@ def _verdict(named: bool, incomplete: bool) -> Verdict:
 def _nearest(search: Search) -> Hypothesis | None:
     """Return the effect that rows to fit and rows held out know best though it is no cause."""
     found = search.candidates.all_of(search.weighing.beside(()), set())
-    best = max(found, key=lambda item: item.gain, default=None)
+    best = min(found, key=lambda item: best_first(search.pool, item.hypothesis, -item.gain),
+               default=None)
     if best is None:
         return None
     needed = search.weighing.requirement((best.hypothesis,))

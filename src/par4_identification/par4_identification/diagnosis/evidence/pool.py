@@ -197,3 +197,7 @@ class Pool:
     def width(self, item: Hypothesis) -> int:
         """Return the number of coefficients of a hypothesis."""
         return len(self.columns_of(item)) * (1 if item.effect.shared else len(item.joints))
+
+    def numbers(self, item: Hypothesis) -> int:
+        """Return the number of coefficients and shape parameters of a hypothesis."""
+        return self.width(item) + len(item.shape)

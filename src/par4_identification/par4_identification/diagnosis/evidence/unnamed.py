@@ -59,6 +59,7 @@ class Kind:
     ranges: Ranges | None = None
     shared: bool = False
     separable: ClassVar[Periods] = ()
+    variables: ClassVar[int] = 1
     needs_platform: bool = False
     needs_nominal: bool = False
     left_by_filters: bool = False

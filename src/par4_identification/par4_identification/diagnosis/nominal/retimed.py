@@ -39,8 +39,7 @@ def beside_retimed(base_model: Model, observations: Observations, machine: Robot
     """
     everywhere = tuple(range(observations.joints))
     whitener = flat_whitener(observations, sigma)
-    best = base_model
-    least = RETIMED * project(gather(observations, whitener), []).squares
+    found = [(RETIMED * project(gather(observations, whitener), []).squares, '', base_model)]
     for effect in library.values():
         if not effect.retimes:
             continue
@@ -56,7 +55,5 @@ def beside_retimed(base_model: Model, observations: Observations, machine: Robot
             fit = solve(evidence, [hypothesis])
             model = build_model(machine, extended_model(
                 baseline, rigid_body, evidence, [hypothesis], fit), {**CATALOGUE, **library})
-        left = project(evidence, [hypothesis]).squares
-        if left < least:
-            best, least = model, left
-    return best
+        found.append((project(evidence, [hypothesis]).squares, effect.name, model))
+    return min(found, key=lambda item: item[:2])[-1]

@@ -20,7 +20,6 @@ class Rules:
         price: log-likelihood that each coefficient must be worth beside the others. So the
             explanation with the fewest coefficients and joints is taken among equal ones.
         twin: largest difference of the log-likelihoods of two names that are twins.
-        equal: largest difference of log-likelihood at which the simpler of two names goes first.
         base_error: share (rms) of the measured torque that sampling, filters and base terms get
             wrong.
         noise_error: share of the squares of the noise by which its model may be wrong.
@@ -37,7 +36,6 @@ class Rules:
     margin: float = 8.0
     price: float = 6.5
     twin: float = 10.0
-    equal: float = 2.0
     base_error: float = 3e-4
     noise_error: float = 0.006
     named_error: float = 0.035

@@ -25,6 +25,11 @@ from par4_identification.diagnosis.search.counts import Counts
 from par4_identification.diagnosis.search.joints import with_acting_joints, with_needed_joints
 from par4_identification.diagnosis.search.law import Dithered
 from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.simplicity import (
+    BY_CHANCE,
+    best_first,
+    simplest_first,
+)
 from par4_identification.diagnosis.search.weighing import Weighing
 
 
@@ -155,7 +160,10 @@ class Search:
         return most > (1.0 - self.rules.unnamed_error ** 2) * whole
 
     def _with_a_name(self, model: Model, refused: set[str]) -> Model | None:
-        """Return the model with the most likely name that can be confirmed."""
+        """Return the model with the most likely name that can be confirmed.
+
+        Of names that are as likely but for what chance makes, the simplest is taken.
+        """
         projection = self.weighing.beside(model)
         found = [item for item in self.candidates.all_of(projection, {*names_of(model), *refused})
                  if item.gain > self.rules.evidence]
@@ -164,7 +172,7 @@ class Search:
             # no score exceeds the gain on all joints
             most = 0.0
             for item in sorted(found, key=lambda item: -item.gain):
-                if item.gain <= most:
+                if item.gain <= most - BY_CHANCE:
                     break
                 name = item.hypothesis.effect.name
                 if name not in trimmed:
@@ -172,24 +180,24 @@ class Search:
                 most = max(most, trimmed[name][0])
             if most <= 0.0:
                 return None
-            # of equals the first of the library, which is the simplest
-            candidate = next(item for item in found if trimmed.get(
-                item.hypothesis.effect.name, (-np.inf,))[0] > most - self.rules.equal)
-            found.remove(candidate)
-            hypothesis = trimmed[candidate.hypothesis.effect.name][1]
+            near = [trimmed[name] for item in found
+                    if (name := item.hypothesis.effect.name) in trimmed
+                    and trimmed[name][0] > max(most - BY_CHANCE, 0.0)]
+            _, hypothesis = min(
+                near, key=lambda own: simplest_first(self.pool, own[1], most - own[0]))
             if self._is_confirmed(hypothesis, model):
                 return (*model, hypothesis)
+            found = [item for item in found if item.hypothesis.effect is not hypothesis.effect]
             refused.add(hypothesis.effect.name)
         return None
 
     def _trimmed(self, candidate: Candidate, model: Model) -> tuple[float, Hypothesis]:
         """Return a candidate with what it needs, and its log-likelihood less what chance gives.
 
-        So many coefficients, and the best of so many shapes, gain something by chance.
+        So many numbers, and the best of so many shapes, gain something by chance.
         """
         hypothesis = self._with_needed_joints(candidate.hypothesis, model)
-        coefficients = len(hypothesis.shape) + self.pool.width(hypothesis)
-        chance = 0.5 * coefficients * float(np.log(self.pool.evidence.rows))
+        chance = 0.5 * self.pool.numbers(hypothesis) * float(np.log(self.pool.evidence.rows))
         gain, _ = self.weighing.gains(hypothesis, model)
         return gain - chance - price_of_shapes(candidate), hypothesis
 
@@ -210,7 +218,7 @@ class Search:
             found.append((self._loss(trial), trial[-1]))
         if not found:
             return None
-        hypothesis = min(found, key=lambda item: item[0])[1]
+        _, hypothesis = min(found, key=lambda item: best_first(self.pool, item[1], item[0]))
         gain = self.weighing.sound_gains(hypothesis, model)[1]
         if gain <= self.weighing.requirement((*model, hypothesis)).heldout + self.rules.margin:
             return None
@@ -313,12 +321,13 @@ class Search:
         return self._with_unnamed_instead(model, visited)
 
     def _loss(self, model: Model) -> float:
-        """Return what a model leaves of all rows, in log-likelihood, and 1 for each coefficient.
+        """Return what a model leaves of all rows, in log-likelihood, and what it gains by chance.
 
-        The latter is what fitted rows lose to it by chance (Akaike). Rows held out may go where
-        rows to fit do not; a function that is right there, too, need not know what lies beyond.
+        The latter is `BY_CHANCE` for each coefficient. Rows held out may go where rows to fit do
+        not; a function that is right there, too, need not know what lies beyond.
         """
-        return 0.5 * sum(self.pool.fit(model).squares) + sum(map(self.pool.width, model))
+        return (0.5 * sum(self.pool.fit(model).squares)
+                + BY_CHANCE * sum(map(self.pool.width, model)))
 
     def _with_unnamed_instead(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
         """Return a model in which an unnamed cause does better than those it makes needless.
@@ -354,10 +363,14 @@ class Search:
             loss = self._loss(trial)
             if gone and loss < limit and names_of(trial) not in visited:
                 found.append((loss, trial))
-        return min(found, key=lambda item: item[0])[1] if found else None
+        return min(found, key=lambda item: best_first(self.pool, item[1][-1], item[0]),
+                   default=(0.0, None))[1]
 
     def rivals(self, cause: Hypothesis, others: Model) -> list[Rival]:
-        """Return the rivals of a cause beside the others, the strongest first."""
+        """Return the rivals of a cause beside the others, the strongest first.
+
+        Of equally strong ones the simplest comes first.
+        """
         own = self.pool.fit((*others, cause))
         projection = self.weighing.beside(others)
         names = names_of((*others, cause))
@@ -370,7 +383,8 @@ class Search:
         found += [self._rival(item, self.pool.fit((*others, item)), own,
                               self.belief.objection(item, others) is None)
                   for item in (*named, *unnamed)]
-        return sorted(found, key=lambda rival: rival.margin)
+        return sorted(found, key=lambda rival: best_first(
+            self.pool, rival.hypothesis, rival.margin))
 
     def _believable(self, candidate: Candidate, others: Model) -> Hypothesis:
         """Return a candidate with what it needs, in the best shape that a machine can have.

@@ -12,6 +12,7 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.causes import Model, others_of
 from par4_identification.diagnosis.search.search import Search
+from par4_identification.diagnosis.search.simplicity import best_first
 from par4_identification.diagnosis.verdict.pair import Pair, name_of
 
 
@@ -68,7 +69,7 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
     best = rivals[0]
     gain, _ = search.weighing.gains(cause, others)
     p_value = scipy.special.chdtrc(
-        search.pool.width(cause) + len(cause.shape), 2.0 * max(gain, 0.0))
+        search.pool.numbers(cause), 2.0 * max(gain, 0.0))
     rival = None if best.hypothesis is None else name_of(best.hypothesis)
     return Judgement(cause, best.margin, rival, twins,
                      float(min(1.0, p_value * search.candidates.family)))
@@ -79,7 +80,8 @@ def doubt_of(search: Search, cause: Hypothesis, model: Model) -> Pair | None:
     others = others_of(model, cause)
     found = search.candidates.all_of(search.weighing.beside(others),
                                      {item.effect.name for item in others})
-    best = max(found, key=lambda item: item.gain, default=None)
+    best = min(found, key=lambda item: best_first(search.pool, item.hypothesis, -item.gain),
+               default=None)
     return None if best is None else Pair(cause, best.hypothesis, others, twins=False)
 
 

@@ -17,6 +17,7 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.candidates import price_of_shapes
 from par4_identification.diagnosis.search.causes import Model, named_of, names_of
 from par4_identification.diagnosis.search.search import Search
+from par4_identification.diagnosis.search.simplicity import BY_CHANCE
 from par4_identification.diagnosis.verdict.answer import Cause
 
 SHARE = 3.0 ** -0.5
@@ -34,8 +35,7 @@ def weak_causes(search: Search, model: Model) -> list[Hypothesis]:
         return found
     for item in search.candidates.all_of(search.weighing.beside(model), set(names_of(model))):
         hypothesis = item.hypothesis
-        numbers = search.pool.width(hypothesis) + len(hypothesis.shape)
-        by_chance = numbers + price_of_shapes(item)
+        by_chance = BY_CHANCE * search.pool.numbers(hypothesis) + price_of_shapes(item)
         if (item.gain > by_chance
                 and search.weighing.sound_gains(hypothesis, model)[0] > by_chance
                 and search.belief.objection(hypothesis, model) is None):
