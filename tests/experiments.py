@@ -100,7 +100,8 @@ def arm_lines(geometry: Geometry, x: np.ndarray) -> np.ndarray:
 def rods(geometry: Geometry, x: np.ndarray) -> np.ndarray:
     """Return the vectors from elbow to plate joint (4, 3), m."""
     radial = outward(geometry)
-    elbow = geometry.base_radius * radial + geometry.arm_length * arm_lines(geometry, x)
+    elbow = geometry.base_radius * radial + np.array(geometry.arm_lengths)[:, None] * arm_lines(
+        geometry, x)
     across = 0.5 * geometry.platform_bar_length * np.array((0.0, 1.0, 0.0))
     plate = geometry.platform_radius * radial
     plate[:2] += second_point(geometry, x) - across

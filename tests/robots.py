@@ -30,6 +30,18 @@ def other_robot() -> Robot:
 OTHER = other_robot()
 
 
+def uneven_robot() -> Robot:
+    """Return the other robot with legs of different lengths."""
+    content = OTHER.model_dump(by_alias=True)
+    content['name'] = 'uneven'
+    content['geometry'].update(arm_length_errors=(0.004, 0.0, -0.003, 0.002),
+                               forearm_length_errors=(0.0, -0.005, 0.003, 0.004))
+    return Robot.model_validate(content)
+
+
+UNEVEN = uneven_robot()
+
+
 def model_with(model: Model, name: str, joints: tuple[int, ...] = (0, 1, 2, 3), **values) -> Model:
     """Return the model with an effect added; values are numbers or one a joint."""
     full = {key: np.broadcast_to(np.asarray(value, dtype=float), (4,)).copy()

@@ -23,7 +23,7 @@ from par4_sim.machine import Machine
 from par4_sim.robot_tree import tree_joint_positions
 from par4_sim.view import View, render
 from par4_sim.window import Window, follow
-from robots import OTHER, REFERENCE, other_model, random_poses
+from robots import REFERENCE, UNEVEN, other_model, random_poses
 
 FIDELITIES = ['accurate', 'fast']
 HOME = np.array((0.0, 0.0, -0.78, 0.0))
@@ -126,14 +126,14 @@ def test_another_model_is_told_apart():
 @pytest.mark.parametrize('fidelity', FIDELITIES)
 def test_another_robot(plant_of, fidelity):
     model = frictionless(other_model())
-    plant = plant_of(machine_of(model, OTHER), fidelity)
+    plant = plant_of(machine_of(model, UNEVEN), fidelity)
     size = np.array((0.15, -0.1, 0.05, 0.8))
     start = np.array((-0.05, 0.05, -0.55, -0.3))
-    q, qd, torques, opening = driven(plant, OTHER, model, 0.25, start, size)
-    needed = torque_of_motion(OTHER.geometry, model, plant.dt, q, qd)
+    q, qd, torques, opening = driven(plant, UNEVEN, model, 0.25, start, size)
+    needed = torque_of_motion(UNEVEN.geometry, model, plant.dt, q, qd)
     assert np.abs(torques[1:] - needed).max() < 3e-4 * np.abs(needed).max()
     assert opening < 2e-6
-    np.testing.assert_allclose(forward_kinematics(OTHER.geometry, plant.q)[0:4], plant.x,
+    np.testing.assert_allclose(forward_kinematics(UNEVEN.geometry, plant.q)[0:4], plant.x,
                                atol=2e-6)
 
 

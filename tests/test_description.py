@@ -13,13 +13,13 @@ from par4_dynamics.model import read_model
 from par4_kinematics.robot import JOINT_NAMES
 from par4_sim.description import complete_description
 from par4_sim.robot_tree import tree_joint_positions
-from robots import OTHER, REFERENCE, random_poses
+from robots import REFERENCE, UNEVEN, random_poses
 
 STEP = 1e-4
 """s, of the differences."""
 
 
-@pytest.mark.parametrize('robot', [REFERENCE, OTHER], ids=lambda robot: robot.name)
+@pytest.mark.parametrize('robot', [REFERENCE, UNEVEN], ids=lambda robot: robot.name)
 def test_arms_have_the_limits_of_the_robot_file(robot):
     tree = ElementTree.fromstring(complete_description(robot))
     joints = {joint.get('name'): joint for joint in tree.findall('joint')}

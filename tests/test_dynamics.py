@@ -32,11 +32,11 @@ from par4_kinematics.geometry import HOME
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import Axis
 from par4_kinematics.velocity import AT_D, AT_D2, jacobian
-from robots import OTHER, REFERENCE, model_with, other_model, random_poses
+from robots import REFERENCE, UNEVEN, model_with, other_model, random_poses
 
 MACHINES = [(REFERENCE, read_model('table1', REFERENCE)),
             (REFERENCE, read_model('table1_full', REFERENCE)),
-            (OTHER, replace(other_model(), rigid_body='full'))]
+            (UNEVEN, replace(other_model(), rigid_body='full'))]
 IDS = ['reference paper', 'reference full', 'other full']
 
 
@@ -76,7 +76,7 @@ def unsimplified_torque(robot, model, state):
     g, bodies = robot.geometry, robot.bodies
     single = physical_bodies(g, model.lumped_bodies(), bodies.rod_mass, bodies.bar_mass)
     theta, rate, curve = state.x[:, 3], state.xd[:, 3], state.xdd[:, 3]
-    h, arm = g.platform_bar_length, g.arm_length
+    h = g.platform_bar_length
     up = np.array((0.0, 0.0, GRAVITY))
     a_d = state.xdd[:, :3] + up
     relative = h * np.stack((np.sin(theta) * rate ** 2 - np.cos(theta) * curve,
@@ -91,6 +91,7 @@ def unsimplified_torque(robot, model, state):
     for leg, azimuth in enumerate(g.actuator_azimuth):
         e, z = np.array((np.cos(azimuth), np.sin(azimuth), 0.0)), np.array((0.0, 0.0, 1.0))
         q, qd, qdd = state.q[:, leg], state.qd[:, leg], state.qdd[:, leg]
+        arm = g.arm_lengths[leg]
         tangent = -arm * (np.outer(np.sin(q), e) + np.outer(np.cos(q), z))
         radial = arm * (np.outer(np.cos(q), e) - np.outer(np.sin(q), z))
         a_a = tangent * qdd[:, None] - radial * qd[:, None] ** 2 + up
@@ -291,8 +292,8 @@ def test_forces_on_the_platform_do_the_work_of_the_joints():
 
 
 def test_state_of_joints_and_of_platform_agree():
-    state = moving_state(OTHER)
-    again = state_of_joints(OTHER.geometry, state.t, state.q, state.qd, state.qdd)
+    state = moving_state(UNEVEN)
+    again = state_of_joints(UNEVEN.geometry, state.t, state.q, state.qd, state.qdd)
     np.testing.assert_allclose(again.x, state.x, atol=1e-9)
     np.testing.assert_allclose(again.xdd, state.xdd, atol=1e-6)
 

@@ -18,7 +18,7 @@ from par4_sim.friction import Friction
 from par4_sim.machine import Machine
 from par4_sim.machine_effects import machine_of_model
 from par4_sim.robot_tree import tree_joint_positions
-from robots import OTHER, REFERENCE, growing_waves, model_with, other_model
+from robots import REFERENCE, UNEVEN, growing_waves, model_with, other_model
 
 HOME = np.array((0.0, 0.0, -0.78, 0.0))
 
@@ -50,8 +50,8 @@ def test_energy_is_kept(name):
 
 
 @pytest.mark.parametrize(('robot', 'model'), [
-    (REFERENCE, read_model('table1_full', REFERENCE)), (OTHER, other_model())],
-    ids=['reference', 'other'])
+    (REFERENCE, read_model('table1_full', REFERENCE)), (UNEVEN, other_model())],
+    ids=['reference', 'uneven'])
 def test_inverse_dynamics_drives_the_plant_along_the_motion(robot, model):
     """Torques of a smooth motion, friction included, reproduce it to the order of the step."""
     steps, dt = 1200, 0.25e-3

@@ -119,7 +119,7 @@ def test_a_study_is_the_same_list_of_distinct_tasks():
     assert sum(task.fidelity == 'fast' for task in tasks) >= 20
     singles = [task.effect for task in tasks if task.kind == 'single']
     counts = [singles.count(effect) for effect in set(singles)]
-    assert len(counts) == 29
+    assert len(counts) == 30
     assert max(counts) - min(counts) <= 1
     assert min(task.seed for task in tasks) >= 1_000_000
     assert len({task.outside for task in tasks if task.kind == 'company'}) >= 10

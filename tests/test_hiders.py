@@ -199,11 +199,15 @@ def test_wrong_encoders_and_dimensions_move_the_true_machine(case):
             true = Torques(case.t, case.q - error).recorded(case.known.machine)
             check(case.added(name, **values), true - case.total, share=0.05)
     assert np.abs(case.added('geometry_error', arm_length=1e-3)).max() > 1e-3
+    one_leg = case.added('leg_length_error', arm_length=on([2], 1e-3))
+    # the others answer by the platform that it moves
+    assert np.abs(one_leg).max(axis=0).min() > 1e-4
+    assert int(np.abs(one_leg).max(axis=0).argmax()) == 2
 
 
 def test_every_hider_draws_usual_sizes_and_its_family_spans_them(case):
     random = np.random.default_rng(0)
-    assert len(HIDERS) == 29
+    assert len(HIDERS) == 30
     for name, hider in HIDERS.items():
         values = hider.draw(random, case.known, ALL)
         assert any(np.any(values.get(size, 0.0)) for size in hider.sizes), name

@@ -31,7 +31,9 @@ OTHER = Robot.model_validate({
     'schema': 'par4/robot/1', 'name': 'other',
     'geometry': {'arm_length': 0.22, 'forearm_length': 0.61, 'base_radius': 0.16,
                  'platform_radius': 0.045, 'platform_bar_length': 0.06,
-                 'actuator_azimuth': [0.9, 2.2, 3.8, 5.6]},
+                 'actuator_azimuth': [0.9, 2.2, 3.8, 5.6],
+                 'arm_length_errors': [0.01, -0.005, 0.0, 0.004],
+                 'forearm_length_errors': [0.0, 0.012, -0.006, 0.003]},
     'drives': {'gain': [8.0, 8.0, 8.0, 8.0]},
     'limits': {'workspace': {'radius': 0.25, 'z': [-0.62, -0.48], 'theta': 0.6}}})
 ROBOTS = pytest.mark.parametrize('robot', [REFERENCE, OTHER], ids=lambda robot: robot.name)
@@ -69,10 +71,10 @@ def reachable_by_search(geometry: Geometry, x: np.ndarray, leg: int) -> bool:
     """Return whether some angle of the arm leaves exactly a forearm to the plate joint."""
     angles = np.linspace(-np.pi, np.pi, 20001)
     azimuth = geometry.actuator_azimuth[leg]
-    arm = geometry.arm_length * np.column_stack((
+    arm = geometry.arm_lengths[leg] * np.column_stack((
         np.cos(angles) * math.cos(azimuth), np.cos(angles) * math.sin(azimuth), -np.sin(angles)))
     distance = np.linalg.norm(joint_to_plate(geometry, x, leg) - arm, axis=1)
-    return bool(distance.min() <= geometry.forearm_length <= distance.max())
+    return bool(distance.min() <= geometry.forearm_lengths[leg] <= distance.max())
 
 
 def central_difference(function, value: np.ndarray, step: float) -> np.ndarray:
@@ -113,9 +115,10 @@ def test_inverse_kinematics_closes_the_loops_with_elbows_outward(robot):
         for leg, azimuth in enumerate(geometry.actuator_azimuth):
             radial = np.array((math.cos(azimuth), math.sin(azimuth), 0.0))
             up = np.array((0.0, 0.0, 1.0))
-            arm = geometry.arm_length * (math.cos(q[leg]) * radial - math.sin(q[leg]) * up)
+            arm = geometry.arm_lengths[leg] * (math.cos(q[leg]) * radial - math.sin(q[leg]) * up)
             plate = joint_to_plate(geometry, x, leg)
-            assert np.linalg.norm(plate - arm) == pytest.approx(geometry.forearm_length, abs=1e-12)
+            assert np.linalg.norm(plate - arm) == pytest.approx(
+                geometry.forearm_lengths[leg], abs=1e-12)
             # Outward: the elbow lies on the far side of the line from actuator to plate joint.
             assert np.cross(plate, arm) @ np.cross(radial, up) > 0.0
 
@@ -424,6 +427,7 @@ def test_what_only_looks_like_a_number_is_refused(tmp_path, part, key, value):
     ({'geometry': {'arm_length': 375}}, '375', 'expected metres, at most 10; .* millimetres'),
     ({'geometry': {'actuator_azimuth': (45, 135, 225, 315)}}, '315', 'radians, .* degrees'),
     ({'geometry': {'rotation_amplification': 0}}, '0', 'tool angle per theta, which is not 0'),
+    ({'geometry': {'arm_length_errors': (0, 0, 1.5, 0)}}, '1.5', 'at most 0.1; .* millimetres'),
     ({'limits': {'joint_position': (-57, 92)}}, '92', 'radians, at most two turns, .* degrees'),
     ({'limits': {'joint_position': (1.6, -1.0)}}, '[1.6, -1.0]', 'lower limit, then the higher'),
     ({'limits': {'workspace': {'theta': 45}}}, '45', 'radians, at most two turns, .* degrees'),

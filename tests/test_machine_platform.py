@@ -38,6 +38,9 @@ PHASE = np.array((0.0, 1.0, 2.0, 3.0))
 BESIDE = np.array((0.09, -0.06, 0.03, 0.0))
 ERRORS = {'arm_length': 6e-3, 'forearm_length': -9e-3, 'base_radius': 12e-3,
           'platform_radius': -6e-3, 'platform_bar_length': 15e-3}
+LEG_ERRORS = {'arm_length': (0.05, 0.0, -0.04, 0.02), 'forearm_length': (0.0, 0.06, -0.05, 0.0)}
+UNEVEN = Geometry.model_validate(GEOMETRY.model_dump() | {
+    f'{name}_errors': error for name, error in LEG_ERRORS.items()})
 TRUE = Geometry.model_validate(GEOMETRY.model_dump() | {
     name: getattr(GEOMETRY, name) + error for name, error in ERRORS.items()})
 
@@ -90,6 +93,8 @@ ENERGIES = {
                   lambda x: weight_energy(x, up=up_in_tilted_base())),
     'geometry_error': ((entry('geometry_error', **ERRORS),),
                        lambda x: weight_energy(x, geometry=TRUE)),
+    'leg_length_error': ((entry('leg_length_error', **LEG_ERRORS),),
+                         lambda x: weight_energy(x, geometry=UNEVEN)),
     'a payload on a tilted base': ((entry('payload', mass=0.8, half=2),
                                     entry('base_tilt', about_x=TILT[0], about_y=TILT[1])),
                                    lambda x: weight_energy(x, mass_2=M_2 + 0.8,
@@ -102,7 +107,7 @@ ENERGIES = {
 def test_the_slope_of_the_energy_holds_the_machine(name, fidelity):
     """And nothing else does: what held the machine without the effect lets it fall."""
     entries, energy = ENERGIES[name]
-    geometry = TRUE if name == 'geometry_error' else GEOMETRY
+    geometry = {'geometry_error': TRUE, 'leg_length_error': UNEVEN}.get(name, GEOMETRY)
     with plant_of(machine_of(*entries, friction=False), fidelity, ASIDE) as plant:
         speeds = []
         for torque in (gradient(energy, ASIDE, geometry), gradient(weight_energy, ASIDE)):
@@ -234,16 +239,19 @@ def test_the_energy_that_is_missing_is_what_the_friction_takes(name, fidelity):
 
 
 @pytest.mark.parametrize('fidelity', FIDELITIES)
-def test_true_dimensions_close_the_loops(fidelity):
+@pytest.mark.parametrize(('name', 'errors'), [
+    ('geometry_error', ERRORS), ('leg_length_error', LEG_ERRORS)])
+def test_true_dimensions_close_the_loops(fidelity, name, errors):
     """At the pose every forearm of the true length ends on true arms, wherever these must be."""
-    machine = machine_of(entry('geometry_error', **ERRORS))
+    machine = machine_of(entry(name, **errors))
     with plant_of(machine, fidelity, ASIDE) as plant:
         q = plant.q
         np.testing.assert_allclose(plant.x, ASIDE, atol=1e-12)
     nominal = inverse_kinematics(GEOMETRY, ASIDE)
     assert np.abs(q - nominal).min() > 1e-3
-    length = {name: getattr(GEOMETRY, name) + error for name, error in ERRORS.items()}
     for leg, azimuth in enumerate(GEOMETRY.actuator_azimuth):
+        length = {key: getattr(GEOMETRY, key) + np.broadcast_to(errors.get(key, 0.0), (4,))[leg]
+                  for key in ERRORS}
         radial = np.array((np.cos(azimuth), np.sin(azimuth), 0.0))
         elbow = ((length['base_radius'] + length['arm_length'] * np.cos(q[leg])) * radial
                  - length['arm_length'] * np.sin(q[leg]) * np.array((0.0, 0.0, 1.0)))

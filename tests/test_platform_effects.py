@@ -23,10 +23,10 @@ from par4_kinematics.geometry import Geometry
 from par4_kinematics.passive import passive_friction_force, passive_rates
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import Axis
-from robots import OTHER, REFERENCE, growing_waves, other_model, random_poses
+from robots import REFERENCE, UNEVEN, growing_waves, other_model, random_poses
 
-ROBOTS = pytest.mark.parametrize('robot', [REFERENCE, OTHER], ids=lambda robot: robot.name)
-MODELS = {REFERENCE.name: read_model('table1', REFERENCE), OTHER.name: other_model()}
+ROBOTS = pytest.mark.parametrize('robot', [REFERENCE, UNEVEN], ids=lambda robot: robot.name)
+MODELS = {REFERENCE.name: read_model('table1', REFERENCE), UNEVEN.name: other_model()}
 VALUES = {
     'payload': {'mass': 0.7, 'half': 2.0},
     'theta_inertia': {'inertia': 1.5e-3},
@@ -41,6 +41,8 @@ VALUES = {
                              'phase': (0.4, -2.0, 3.0, 1.2)},
     'geometry_error': {'arm_length': 5e-4, 'forearm_length': -8e-4, 'base_radius': 1e-3,
                        'platform_radius': -6e-4, 'platform_bar_length': 4e-4},
+    'leg_length_error': {'arm_length': (5e-4, 0.0, -3e-4, 2e-4),
+                         'forearm_length': (0.0, -4e-4, 6e-4, 3e-4)},
 }
 
 
@@ -114,7 +116,8 @@ def arms_and_rods(geometry, x):
     half_bar = np.array((0.0, 0.5 * geometry.platform_bar_length, 0.0))
     plate = np.stack([point_d2(geometry, x) - half_bar] * 2 + [x[:, :3] + half_bar] * 2, axis=1)
     joints = plate + geometry.platform_radius * outward
-    return arms, joints - geometry.base_radius * outward - geometry.arm_length * arms
+    elbows = geometry.base_radius * outward + np.array(geometry.arm_lengths)[:, None] * arms
+    return arms, joints - elbows
 
 
 def rate_matrices(geometry, x):
@@ -387,6 +390,36 @@ def test_geometry_error_is_the_torque_of_the_true_machine(robot):
         assert scale > 1e-4
 
 
+@ROBOTS
+def test_leg_length_error_is_the_torque_of_the_true_machine(robot):
+    """A forearm moves the platform by its direction, an arm by its own, and turns other levers."""
+    state, model = moving_state(robot), MODELS[robot.name]
+    nominal = robot.geometry.model_dump()
+    for leg in range(4):
+        for name in ('arm_length', 'forearm_length'):
+            error = tuple((1e-4 * np.eye(4)[leg]).tolist())
+            true = Geometry(**{**nominal, f'{name}_errors': tuple(
+                np.add(nominal[f'{name}_errors'], error).tolist())})
+            expected = model.torque(
+                state_of_joints(true, state.t, state.q, state.qd, state.qdd)) - model.torque(state)
+            tau = effect_torque(robot, state, 'leg_length_error', **{
+                **dict.fromkeys(('arm_length', 'forearm_length'), 0.0), name: error})
+            scale = np.abs(expected).max()
+            np.testing.assert_allclose(tau, expected, atol=1e-3 * scale)
+            assert scale > 1e-4
+
+
+@ROBOTS
+def test_legs_that_are_all_as_much_longer_are_an_error_of_the_dimension(robot):
+    state = moving_state(robot)
+    for name in ('arm_length', 'forearm_length'):
+        one = effect_torque(robot, state, 'geometry_error', **{name: 4e-4})
+        each = effect_torque(robot, state, 'leg_length_error', **{
+            **dict.fromkeys(('arm_length', 'forearm_length'), 0.0),
+            name: 4e-4})
+        np.testing.assert_allclose(each, one, atol=1e-3 * np.abs(one).max())
+
+
 def test_geometry_error_can_step_below_a_radius_of_zero():
     content = REFERENCE.geometry.model_dump() | {'platform_radius': 0.0}
     geometry = Geometry(**content)
@@ -464,6 +497,7 @@ def test_typical_values_are_believed_and_the_signature_fits_the_motion(name):
     ('encoder_offset', {'offset': (0.0, 0.0, -0.25, 0.0)}, 'not believed'),
     ('encoder_eccentricity', {'amplitude': (0.0, 0.02, 0.0, 0.0)}, 'badly mounted'),
     ('geometry_error', {'base_radius': -0.05}, 'in base_radius'),
+    ('leg_length_error', {'forearm_length': (0.0, 0.0, 0.04, 0.0)}, 'forearm_length of leg 2'),
 ])
 def test_implausible_values_are_refused_unless_they_may_be_chance(name, wrong, reason):
     values = values_of(name) | {
@@ -479,6 +513,7 @@ def test_implausible_values_are_refused_unless_they_may_be_chance(name, wrong, r
     ('encoder_offset', {'offset': np.radians((10.0, -10.0, 0.0, 5.0))}),
     ('encoder_eccentricity', {'amplitude': np.radians((0.4, 0.4, 0.0, 0.8))}),
     ('geometry_error', {'arm_length': np.full(4, 0.02), 'base_radius': np.full(4, -0.02)}),
+    ('leg_length_error', {'arm_length': np.array((0.0, -0.02, 0.0, 0.0))}),
 ])
 def test_large_errors_of_real_machines_are_believed(name, large):
     values = values_of(name) | large

@@ -14,7 +14,7 @@ from par4_kinematics.position import forearm, inverse_kinematics
 from par4_kinematics.reach import leg_gaps
 from par4_kinematics.robot import Robot, read_robot
 from par4_kinematics.workspace import home_pose, reachable
-from robots import OTHER, REFERENCE
+from robots import REFERENCE, UNEVEN
 
 
 def skewed() -> Robot:
@@ -24,18 +24,18 @@ def skewed() -> Robot:
     return Robot.model_validate(content)
 
 
-ROBOTS = [REFERENCE, OTHER, skewed()]
+ROBOTS = [REFERENCE, UNEVEN, skewed()]
 
 
 def gap_by_search(geometry: Geometry, x: np.ndarray, leg: int) -> float:
     """Return the smallest distance of the forearm's end from the plate joint over the arm."""
     angles = np.linspace(-math.pi, math.pi, 20001)
     lengths = np.array([math.hypot(*forearm(geometry.packed, x, angle, leg)) for angle in angles])
-    return max(lengths.min() - geometry.forearm_length, geometry.forearm_length - lengths.max(),
-               0.0)
+    forearm_length = geometry.forearm_lengths[leg]
+    return max(lengths.min() - forearm_length, forearm_length - lengths.max(), 0.0)
 
 
-@pytest.mark.parametrize('robot', ROBOTS, ids=['reference', 'other', 'skewed'])
+@pytest.mark.parametrize('robot', ROBOTS, ids=['reference', 'uneven', 'skewed'])
 def test_the_gap_is_that_of_the_best_arm(robot):
     geometry = robot.geometry
     reach = geometry.arm_length + geometry.forearm_length
@@ -71,6 +71,16 @@ def test_a_robot_whose_loops_cannot_close_is_refused(tmp_path, change, missing):
     assert message.startswith(str(tmp_path / 'robot.yaml'))
     found = float(message.split(' m less')[0].rsplit(' ', 1)[1])
     assert found == pytest.approx(missing, abs=1e-9)
+
+
+def test_the_one_leg_that_cannot_close_is_named():
+    content = REFERENCE.geometry.model_dump() | {
+        'base_radius': 1.25, 'arm_length_errors': (0.0, 0.0, -0.1, 0.0)}
+    with pytest.raises(ValueError, match=r'leg 2 cannot close the loops: .* 0\.09 m less'):
+        Geometry.model_validate(content)
+    content |= {'arm_length': 0.08, 'base_radius': 0.1}
+    with pytest.raises(ValueError, match=r'arm_length_errors .* that leave a length'):
+        Geometry.model_validate(content)
 
 
 @pytest.mark.parametrize('change', [

@@ -18,9 +18,9 @@ from par4_kinematics.interface import BASE_FRAME, PLATFORM_POSE, ROBOT_DESCRIPTI
 from par4_kinematics.robot import JOINT_NAMES
 from par4_sim.chains import chains, engine_bodies, link_positions
 from par4_sim.robot_tree import passive_joint_positions, robot_description, tree_joint_positions
-from robots import OTHER, REFERENCE, random_poses
+from robots import REFERENCE, UNEVEN, random_poses
 
-ROBOTS = [REFERENCE, OTHER]
+ROBOTS = [REFERENCE, UNEVEN]
 BODIES = LumpedBodies(np.array((0.113, 0.12, 0.1, 0.11)), 0.8, 0.9, np.full(4, 1.33))
 
 
@@ -97,7 +97,7 @@ def test_the_drawn_robot_is_closed_at_every_pose(robot):
             ends = []
             for number in range(2):
                 rotation, place = placed[f'rod_{leg}_{number}']
-                ends.append(place - geometry.forearm_length * rotation[:, 2])
+                ends.append(place - geometry.forearm_lengths[leg] * rotation[:, 2])
             np.testing.assert_allclose(np.mean(ends, axis=0), joint, atol=1e-14)
             # the two rods are a parallelogram whose short sides lie along the actuator's axis
             apart = ends[1] - ends[0]

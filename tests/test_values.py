@@ -54,6 +54,8 @@ class SimpleCause:
     ('encoder_offset', {'offset': ONE_ZERO}, (2,), (2,)),
     ('encoder_offset', {'offset': (0.004, 0.0, 0.0, -0.005)}, (0, 3), (0, 3)),
     ('encoder_eccentricity', {'amplitude': ONE_ZERO, 'phase': (0.0, 0.0, 0.7, 0.0)}, (2,), (2,)),
+    ('leg_length_error', {'arm_length': ONE_ZERO, 'forearm_length': (0.0, 0.0, -0.003, 0.0)},
+     (2,), (2,)),
     ('geometry_error', {**dict.fromkeys(DIMENSIONS, 0.0), 'forearm_length': 0.004}, EVERY, (1,))])
 def test_of_a_shared_effect_only_what_is_wrong_is_told(effect, values, joints, sets):
     """One encoder that is wrong changes the torque of all joints, and so does one dimension."""

@@ -326,11 +326,34 @@ GEOMETRY_ERROR = Hider(
                                      for name in DIMENSIONS]], per_joint=False)
 
 
+def _uneven(machine: Machine, values: Values) -> Machine:
+    old = machine.geometry.model_dump()
+    new = {f'{key}_errors': tuple(np.add(old[f'{key}_errors'], value).tolist())
+           for key, value in values.items()}
+    return replace(machine, geometry=type(machine.geometry).model_validate({**old, **new}))
+
+
+def _draw_legs(random, _known, joints):
+    """Return errors of the arm or of the forearm of each leg."""
+    longer = random.integers(0, 2, len(joints))
+    size = signs(random, joints) * np.exp(random.uniform(
+        np.log(2e-4), np.log(2e-3), len(joints)))
+    return {'arm_length': on(joints, np.where(longer, size, 0.0)),
+            'forearm_length': on(joints, np.where(longer, 0.0, size))}
+
+
+LEG_LENGTH_ERROR = Hider(
+    'leg_length_error', _uneven, _draw_legs, ('arm_length', 'forearm_length'),
+    lambda _scene: [[Column({name: on([joint], 1e-3)}, -10.0, 10.0)
+                     for name in ('arm_length', 'forearm_length') for joint in JOINTS]])
+
+
 HIDERS: dict[str, Hider] = {hider.name: hider for hider in (
     STRIBECK, COULOMB_ASYMMETRY, VISCOUS_ASYMMETRY, NONLINEAR_VISCOUS, LOAD_DEPENDENT_FRICTION,
     FRICTION_DRIFT, PRESLIDING, JOINT_FRICTION_DIFFERENCE, DRIVE_GAIN_ERROR, COGGING,
     TORQUE_RIPPLE, ACTUATOR_LAG, TIME_OFFSET, BACKLASH, ELASTIC_TRANSMISSION, TORQUE_OFFSET,
     ARM_MASS_OFFSET, DISTRIBUTED_RODS, THETA_INERTIA, THETA_FRICTION, PASSIVE_JOINT_FRICTION,
     JOINT_INERTIA_DIFFERENCE, BASE_TILT, EXTERNAL_FORCE, CABLE_SPRING, PLATFORM_DRAG,
-    ENCODER_OFFSET, ENCODER_ECCENTRICITY, GEOMETRY_ERROR)}
+    ENCODER_OFFSET, ENCODER_ECCENTRICITY, GEOMETRY_ERROR,
+    LEG_LENGTH_ERROR)}
 """All of the table but payload (two runs), torque_saturation and quantization (no torque)."""

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from par4_dynamics.state import GRAVITY
 from par4_kinematics.arrays import as_matching_rows
 from par4_kinematics.errors import InputError
-from par4_kinematics.geometry import LEGS, Geometry
+from par4_kinematics.geometry import ARM, LEGS, PACKED, Geometry
 from par4_kinematics.leg import (
     arm_direction,
     curvature,
@@ -90,7 +90,7 @@ def physical_bodies(geometry: Geometry, bodies: LumpedBodies, rod_mass: float, b
     Raises:
         InputError: a negative mass or inertia results.
     """
-    arm = geometry.arm_length
+    arm = np.array(geometry.arm_lengths)
     plate = bar_mass + 2.0 * rod_mass
     result = PhysicalBodies(
         motor_inertia=np.broadcast_to(bodies.actuator_inertia, (LEGS,)) - rod_mass * arm ** 2,
@@ -116,10 +116,17 @@ MASS, RATES, BIAS, OFFSETS, COSINES, SINES, SPEEDS = 0, 4, 8, 9, 10, 11, 12
 (four rows each), of c and g with M Xddot + c = G^T tau and qddot = G Xddot + g, and of cos q,
 sin q, qdot."""
 EQUATION_ROWS = 13
+ACTUATORS = PACKED
+PLATES, WEIGHTS, RODS, THETA, GRAVITY_AT = (ACTUATORS + 4, ACTUATORS + 6, ACTUATORS + 10,
+                                            ACTUATORS + 12, ACTUATORS + 13)
+"""Where `packed_mechanism` has the actuator inertias, both lumped masses, the gravity moments of
+the arms, the masses of rod and bar, the inertia of theta and gravity."""
+MECHANISM = GRAVITY_AT + 3
+"""Length of what `packed_mechanism` returns."""
 
 
 def packed_mechanism(geometry: Geometry, bodies: LumpedBodies, gravity: ArrayLike) -> np.ndarray:
-    """Return (36,): Geometry.packed, LumpedBodies.packed and gravity (3,) m/s2 in `base`."""
+    """Return (44,): Geometry.packed, LumpedBodies.packed and gravity (3,) m/s2 in `base`."""
     return np.concatenate((geometry.packed, bodies.packed, gravity))
 
 
@@ -134,12 +141,13 @@ def equations_sample(constants, motion, equations):
             a compiled function costs time.
     """
     xd_0, xd_1, xd_2, xd_3 = motion[1, 0], motion[1, 1], motion[1, 2], motion[1, 3]
-    gravity_x, gravity_y, gravity_z = constants[33], constants[34], constants[35]
+    gravity_x, gravity_y, gravity_z = (
+        constants[GRAVITY_AT], constants[GRAVITY_AT + 1], constants[GRAVITY_AT + 2])
     bar = constants[3]
     cosine, sine = math.cos(motion[0, 3]), math.sin(motion[0, 3])
-    m_1, m_2 = constants[24], constants[25]
+    m_1, m_2 = constants[PLATES], constants[PLATES + 1]
     # of the two rods of a forearm and of the two bars; see the module's docstring
-    rod, bars = constants[30] / 3.0, constants[31] / 3.0
+    rod, bars = constants[RODS] / 3.0, constants[RODS + 1] / 3.0
     # D' = D + u(theta): u' = bar (-cos, -sin), u'' thetad^2 = bar (sin, -cos) thetad^2
     u_x, u_y = -bar * cosine, -bar * sine
     w_x, w_y = bar * sine * xd_3 * xd_3, -bar * cosine * xd_3 * xd_3
@@ -149,7 +157,7 @@ def equations_sample(constants, motion, equations):
     m_00 = m_11 = m_22 = total - 4.0 * rod
     m_10 = m_20 = m_21 = m_32 = 0.0
     m_30, m_31 = (m_2 - 2.0 * rod) * u_x, (m_2 - 2.0 * rod) * u_y
-    m_33 = (m_2 - bars - 2.0 * rod) * bar * bar + constants[32]
+    m_33 = (m_2 - bars - 2.0 * rod) * bar * bar + constants[THETA]
     b_0, b_1 = m_2 * w_x - total * gravity_x, m_2 * w_y - total * gravity_y
     b_2 = -total * gravity_z
     # u' is normal to u'', so the centripetal part has no moment about theta
@@ -158,7 +166,7 @@ def equations_sample(constants, motion, equations):
     for leg in range(4):
         along, across, up = plate_joint(constants, motion[0, 0], motion[0, 1], motion[0, 2],
                                         cosine, sine, leg)
-        reached, cos_q, sin_q = arm_direction(constants, along, across, up)
+        reached, cos_q, sin_q = arm_direction(constants, along, across, up, leg)
         if not reached:
             return leg
         ab_x, ab_y, ab_z = forearm_vector(constants, along, across, up, cos_q, sin_q, leg)
@@ -175,9 +183,10 @@ def equations_sample(constants, motion, equations):
         row = RATES + leg
         equations[row, 0], equations[row, 1] = g_0, g_1
         equations[row, 2], equations[row, 3] = g_2, g_3
-        # inertia about the joint less that of the forearm's shares on the arm: |dA/dq| = L
-        inertia = constants[20 + leg] - rod * constants[0] * constants[0]
-        weight = constants[26 + leg] / GRAVITY * (
+        # inertia about the joint less that of the forearm's shares on the arm: |dA/dq| = L_i
+        arm = constants[ARM + leg]
+        inertia = constants[ACTUATORS + leg] - rod * arm * arm
+        weight = constants[WEIGHTS + leg] / GRAVITY * (
             sin_q * (gravity_x * constants[4 + 4 * leg] + gravity_y * constants[5 + 4 * leg])
             + cos_q * gravity_z)
         push = inertia * offset + weight
@@ -185,10 +194,10 @@ def equations_sample(constants, motion, equations):
         if rod != 0.0:
             e_0, e_1, e_2 = rod * t_x, rod * t_y, rod * t_z
             # acceleration of B - A with Xddot = 0 and qddot = 0, and what offset adds
-            inward = constants[0] * cos_q * speed * speed
+            inward = arm * cos_q * speed * speed
             r_x = inward * constants[4 + 4 * leg] - t_x * offset
             r_y = inward * constants[5 + 4 * leg] - t_y * offset
-            r_z = -constants[0] * sin_q * speed * speed - t_z * offset
+            r_z = -arm * sin_q * speed * speed - t_z * offset
             if leg < 2:
                 e_3 = u_x * e_0 + u_y * e_1
                 r_x += w_x

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from par4_dynamics.state import GRAVITY, State
 from par4_kinematics.acceleration import closed_legs, joint_rates, platform_rates
 from par4_kinematics.arrays import four, put_four, two
-from par4_kinematics.geometry import HOME, LEGS
+from par4_kinematics.geometry import ARM, HOME, LEGS
 from par4_kinematics.leg import joint_lever, tangent
 from par4_kinematics.linear_solve import dot
 from par4_kinematics.position import forward_sample, turns_of
@@ -36,7 +36,7 @@ COLUMNS = ('actuator_inertia', 'platform_mass_1', 'platform_mass_2', 'arm_gravit
 def _stretch(packed, reach, b_x, b_y, b_z, qd, qdd, leg):
     """Return the acceleration of B_i less that of A_i, b being that of B_i, m/s2."""
     t_x, t_y, t_z = tangent(packed, reach[3], reach[4], leg)
-    inward = packed[0] * qd * qd
+    inward = packed[ARM + leg] * qd * qd
     radial = inward * reach[3]
     return (b_x - t_x * qdd + radial * packed[4 + 4 * leg],
             b_y - t_y * qdd + radial * packed[5 + 4 * leg],

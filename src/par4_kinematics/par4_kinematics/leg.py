@@ -11,6 +11,8 @@ import math
 
 import numba
 
+from par4_kinematics.geometry import ARM, FOREARM
+
 
 @numba.njit(cache=True, error_model='numpy')
 def plate_joint(packed, x, y, z, cosine, sine, leg):
@@ -28,15 +30,15 @@ def plate_joint(packed, x, y, z, cosine, sine, leg):
 
 
 @numba.njit(cache=True, error_model='numpy')
-def arm_direction(packed, along, across, up):
+def arm_direction(packed, along, across, up, leg):
     """Return whether the leg reaches its plate joint, cos q and sin q, NaN where it does not.
 
     The arm's end must be l from the plate joint: along cos q - up sin q = k with
     k = (|v|^2 + L^2 - l^2) / (2 L); of the two solutions the one with the elbow outward.
     """
+    arm, forearm = packed[ARM + leg], packed[FOREARM + leg]
     plane = along * along + up * up
-    needed = (plane + across * across + packed[0] * packed[0] - packed[1] * packed[1]) / (
-        2.0 * packed[0])
+    needed = (plane + across * across + arm * arm - forearm * forearm) / (2.0 * arm)
     left = plane - needed * needed
     root = math.sqrt(left)
     return (left >= 0.0, (along * needed - up * root) / plane,
@@ -46,17 +48,18 @@ def arm_direction(packed, along, across, up):
 @numba.njit(cache=True, error_model='numpy')
 def forearm_vector(packed, along, across, up, cos_q, sin_q, leg):
     """Return A_i B_i in `base`, m, from B_i - P_i (along, across, up) and the arm's direction."""
-    inward = along - packed[0] * cos_q
+    arm = packed[ARM + leg]
+    inward = along - arm * cos_q
     cos_azimuth, sin_azimuth = packed[4 + 4 * leg], packed[5 + 4 * leg]
     return (inward * cos_azimuth - across * sin_azimuth,
-            inward * sin_azimuth + across * cos_azimuth, up + packed[0] * sin_q)
+            inward * sin_azimuth + across * cos_azimuth, up + arm * sin_q)
 
 
 @numba.njit(cache=True, error_model='numpy', forceinline=True)
 def closed_leg(packed, x, y, z, cosine, sine, leg):
     """Return A_i B_i in `base`, m, cos q and sin q of a pose; NaN where the leg cannot reach."""
     along, across, up = plate_joint(packed, x, y, z, cosine, sine, leg)
-    _, cos_q, sin_q = arm_direction(packed, along, across, up)
+    _, cos_q, sin_q = arm_direction(packed, along, across, up, leg)
     ab_x, ab_y, ab_z = forearm_vector(packed, along, across, up, cos_q, sin_q, leg)
     return ab_x, ab_y, ab_z, cos_q, sin_q
 
@@ -64,8 +67,8 @@ def closed_leg(packed, x, y, z, cosine, sine, leg):
 @numba.njit(cache=True, error_model='numpy')
 def tangent(packed, cos_q, sin_q, leg):
     """Return dA_i/dq_i in `base`, m/rad."""
-    return (-packed[0] * sin_q * packed[4 + 4 * leg], -packed[0] * sin_q * packed[5 + 4 * leg],
-            -packed[0] * cos_q)
+    arm = packed[ARM + leg]
+    return (-arm * sin_q * packed[4 + 4 * leg], -arm * sin_q * packed[5 + 4 * leg], -arm * cos_q)
 
 
 @numba.njit(cache=True, error_model='numpy', forceinline=True)
@@ -101,6 +104,6 @@ def curvature(packed, ab_x, ab_y, ab_z, vb_x, vb_y, vb_z, rate, qd, cos_q, sin_q
     turning = 0.0
     if leg < 2:
         turning = packed[3] * (ab_x * sine - ab_y * cosine) * rate * rate
-    outward = packed[0] * (cos_q * (ab_x * packed[4 + 4 * leg] + ab_y * packed[5 + 4 * leg])
-                           - sin_q * ab_z)
+    outward = packed[ARM + leg] * (
+        cos_q * (ab_x * packed[4 + 4 * leg] + ab_y * packed[5 + 4 * leg]) - sin_q * ab_z)
     return -(v_x * v_x + v_y * v_y + v_z * v_z + turning + outward * qd * qd)

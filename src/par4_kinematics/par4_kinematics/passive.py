@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from par4_kinematics.arrays import as_matching_rows, as_rows
-from par4_kinematics.geometry import LEGS, Geometry
+from par4_kinematics.geometry import FOREARM, LEGS, Geometry
 from par4_kinematics.position import forearm, inverse_kinematics
 from par4_kinematics.velocity import arm_tangent, joint_velocity
 
@@ -39,8 +39,8 @@ def passive_rates_sample(packed, x, xd, q, qd, rates):
     Rows 0..3: rod relative to arm at the elbow of each leg; rows 4..7: rod relative to half plate;
     row 8: (0, 0, thetad).
     """
-    square = packed[1] * packed[1]
     for leg in range(4):
+        square = packed[FOREARM + leg] * packed[FOREARM + leg]
         r_x, r_y, r_z = forearm(packed, x, q[leg], leg)
         t_x, t_y, t_z = arm_tangent(packed, q[leg], leg)
         v_x, v_y, v_z = xd[0] - t_x * qd[leg], xd[1] - t_y * qd[leg], xd[2] - t_z * qd[leg]
@@ -81,10 +81,10 @@ def passive_force_sample(packed, x, q, rates, coulomb, viscous, slip_rate, force
         slip_rate: Coulomb friction acts with tanh(|w| / slip_rate), rad/s; 0 for a sharp sign.
         force: (4,), written.
     """
-    square = packed[1] * packed[1]
     force[0], force[1], force[2] = 0.0, 0.0, 0.0
     force[3] = BAR_PIVOTS * _moment_per_rate(rates[8], coulomb, viscous, slip_rate) * rates[8, 2]
     for leg in range(4):
+        square = packed[FOREARM + leg] * packed[FOREARM + leg]
         elbow = BALLS_PER_GROUP * _moment_per_rate(rates[leg], coulomb, viscous, slip_rate)
         plate = BALLS_PER_GROUP * _moment_per_rate(rates[4 + leg], coulomb, viscous, slip_rate)
         m_x = elbow * rates[leg, 0] + plate * rates[4 + leg, 0]

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from par4_kinematics.arrays import as_matching_rows, as_rows, four, put_four, two
 from par4_kinematics.errors import UnreachableError
-from par4_kinematics.geometry import HOME, LEGS, POSE_NAMES, Geometry
+from par4_kinematics.geometry import FOREARM, HOME, LEGS, POSE_NAMES, Geometry
 from par4_kinematics.leg import (
     arm_direction,
     bar_lever,
@@ -53,7 +53,7 @@ def inverse_sample(packed, x, q):
     cosine, sine = math.cos(x[3]), math.sin(x[3])
     for leg in range(4):
         along, across, up = plate_joint(packed, x[0], x[1], x[2], cosine, sine, leg)
-        reached, cos_q, sin_q = arm_direction(packed, along, across, up)
+        reached, cos_q, sin_q = arm_direction(packed, along, across, up, leg)
         if not reached:
             return leg
         q[leg] = math.atan2(sin_q, cos_q)
@@ -61,9 +61,9 @@ def inverse_sample(packed, x, q):
 
 
 @numba.njit(cache=True, error_model='numpy')
-def _opening(packed, ab):
-    """Return (|A_i B_i|^2 - l^2) / 2, m2: near enough l times what the loop is open."""
-    return 0.5 * (dot(ab, ab) - packed[1] * packed[1])
+def _opening(packed, ab, leg):
+    """Return (|A_i B_i|^2 - l_i^2) / 2, m2: near enough l_i times what the loop is open."""
+    return 0.5 * (dot(ab, ab) - packed[FOREARM + leg] * packed[FOREARM + leg])
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -89,8 +89,8 @@ def forward_sample(packed, cosines, sines, row, x):
         ab_1 = forearm_of(packed, p_x, p_y, p_z, cosine, sine, cos_1, sin_1, 1)
         ab_2 = forearm_of(packed, p_x, p_y, p_z, cosine, sine, cos_2, sin_2, 2)
         ab_3 = forearm_of(packed, p_x, p_y, p_z, cosine, sine, cos_3, sin_3, 3)
-        open_0, open_1 = _opening(packed, ab_0), _opening(packed, ab_1)
-        open_2, open_3 = _opening(packed, ab_2), _opening(packed, ab_3)
+        open_0, open_1 = _opening(packed, ab_0, 0), _opening(packed, ab_1, 1)
+        open_2, open_3 = _opening(packed, ab_2, 2), _opening(packed, ab_3, 3)
         if max(abs(open_0), abs(open_1), abs(open_2), abs(open_3)) < CONVERGED * packed[1]:
             x[row, 0], x[row, 1], x[row, 2], x[row, 3] = p_x, p_y, p_z, theta
             if abs(theta) > 0.5 * math.pi:
@@ -237,5 +237,5 @@ def loop_opening(geometry: Geometry, q: ArrayLike, x: ArrayLike) -> np.ndarray:
     for row in range(len(q_rows)):
         for leg in range(LEGS):
             vector = forearm(geometry.packed, x_rows[row], q_rows[row, leg], leg)
-            opening[row, leg] = math.hypot(*vector) - geometry.forearm_length
+            opening[row, leg] = math.hypot(*vector) - geometry.forearm_lengths[leg]
     return opening.reshape((*leading, LEGS))

@@ -16,11 +16,11 @@ def leg_gaps(geometry: Geometry, x: np.ndarray) -> np.ndarray:
     At the best position of the arm; 0 where the leg reaches. The elbow can be anywhere on a circle
     in the plane of the arm, and must be as far from the plate joint as the forearm is long.
     """
-    arm, rod = geometry.arm_length, geometry.forearm_length
     gaps = np.zeros(LEGS)
     for leg in range(LEGS):
         along, across, up = plate_joint(geometry.packed, x[0], x[1], x[2], math.cos(x[3]),
                                         math.sin(x[3]), leg)
+        arm, rod = geometry.arm_lengths[leg], geometry.forearm_lengths[leg]
         in_plane = math.hypot(along, up)
         nearest = math.hypot(in_plane - arm, across)
         farthest = math.hypot(in_plane + arm, across)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from par4_kinematics.arrays import as_matching_rows, as_rows
-from par4_kinematics.geometry import LEGS, Geometry
+from par4_kinematics.geometry import ARM, LEGS, Geometry
 from par4_kinematics.leg import bar_lever, joint_lever, tangent
 from par4_kinematics.linear_solve import solve_in_place
 from par4_kinematics.position import forearm, inverse_kinematics
@@ -58,9 +58,9 @@ def jacobian_rates_sample(packed, x, xd, q, qd, point, j_x_rate, j_q_rate):
         j_x_rate[leg, 3] = lever * packed[3] * (
             cosine * v_x + sine * v_y + xd[3] * (cosine * ab_y - sine * ab_x))
         # d2A/dq2 = A's radius vector reversed: -L (cos q e - sin q z)
-        radial = -packed[0] * math.cos(q[leg])
+        radial = -packed[ARM + leg] * math.cos(q[leg])
         n_x, n_y = radial * packed[4 + 4 * leg], radial * packed[5 + 4 * leg]
-        n_z = packed[0] * math.sin(q[leg])
+        n_z = packed[ARM + leg] * math.sin(q[leg])
         j_q_rate[leg] = (v_x * t_x + v_y * t_y + v_z * t_z
                          + qd[leg] * (ab_x * n_x + ab_y * n_y + ab_z * n_z))
 

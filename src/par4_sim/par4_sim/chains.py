@@ -113,7 +113,7 @@ def engine_bodies(geometry: Geometry, bodies: LumpedBodies) -> PhysicalBodies:
     Raises:
         InputError: the lumped masses leave a body without mass or inertia.
     """
-    largest = min(np.min(bodies.actuator_inertia) / geometry.arm_length ** 2,
+    largest = min(np.min(bodies.actuator_inertia / np.square(geometry.arm_lengths)),
                   0.5 * bodies.platform_mass_1, 0.5 * bodies.platform_mass_2)
     rod_mass = max(ROD_SHARE * largest, bodies.rod_mass)
     rest = min(bodies.platform_mass_1, bodies.platform_mass_2) - 2.0 * rod_mass
@@ -192,19 +192,19 @@ def arm_inertial(geometry: Geometry, single: PhysicalBodies, leg: int) -> Inerti
     central inertia positive.
     """
     inertia, moment = float(single.motor_inertia[leg]), float(single.arm_moment[leg])
-    mass = max(inertia / (0.5 * geometry.arm_length) ** 2, 2.0 * moment ** 2 / inertia)
+    mass = max(inertia / (0.5 * geometry.arm_lengths[leg]) ** 2, 2.0 * moment ** 2 / inertia)
     return mass, moment / mass * outward_of(geometry, leg), np.full(3, inertia - moment ** 2 / mass)
 
 
-def rod_inertial(geometry: Geometry, bodies: LumpedBodies, single: PhysicalBodies,
+def rod_inertial(geometry: Geometry, bodies: LumpedBodies, single: PhysicalBodies, leg: int,
                  together: float = 1.0) -> Inertial:
-    """Return what a rod weighs, or several together; along -z from the elbow.
+    """Return what a rod of a leg weighs, or several together; along -z from the elbow.
 
     End masses need m l^2 / 4 for (20); distributed mass takes off its m l^2 / 6.
     """
-    across = together * geometry.forearm_length ** 2 * (
-        single.rod_mass / 4.0 - bodies.rod_mass / 6.0)
-    return (together * single.rod_mass, -0.5 * geometry.forearm_length * UP,
+    length = geometry.forearm_lengths[leg]
+    across = together * length ** 2 * (single.rod_mass / 4.0 - bodies.rod_mass / 6.0)
+    return (together * single.rod_mass, -0.5 * length * UP,
             across * np.array((1.0, 1.0, AXIAL_INERTIA)))
 
 
@@ -239,9 +239,9 @@ def _leg_urdf(geometry: Geometry, bodies: LumpedBodies, single: PhysicalBodies, 
     together = 2.0 / len(offsets)
     for number, offset in enumerate(offsets):
         add_inertial(add_link(robot, f'rod_{number}'),
-                     *rod_inertial(geometry, bodies, single, together))
+                     *rod_inertial(geometry, bodies, single, leg, together))
         add_joint(robot, f'elbow_{number}', 'spherical', 'arm', f'rod_{number}',
-                  geometry.arm_length * outward + offset)
+                  geometry.arm_lengths[leg] * outward + offset)
     return text_of(robot)
 
 
@@ -266,8 +266,8 @@ def _plate_urdf(geometry: Geometry, bodies: LumpedBodies, single: PhysicalBodies
 
 def _closures(geometry: Geometry, fidelity: Fidelity) -> list[Closure]:
     result = []
-    rod_end = (0.0, 0.0, -geometry.forearm_length)
     for leg in range(LEGS):
+        rod_end = (0.0, 0.0, -geometry.forearm_lengths[leg])
         plate = PLATE_CHAINS[0 if leg >= 2 else 1]
         joint = np.zeros(3) if fidelity == 'fast' else plate_joint_of(geometry, leg)
         for number, offset in enumerate(_rod_offsets(geometry, leg, fidelity)):

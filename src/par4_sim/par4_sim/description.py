@@ -74,7 +74,7 @@ def _weigh(tree: ElementTree.Element, robot: Robot, bodies: LumpedBodies) -> Non
     geometry = robot.geometry
     single = physical_bodies(geometry, bodies, robot.bodies.rod_mass, robot.bodies.bar_mass)
     found = {f'arm_{leg}': arm_inertial(geometry, single, leg) for leg in range(LEGS)}
-    found |= {f'rod_{leg}_{number}': rod_inertial(geometry, bodies, single)
+    found |= {f'rod_{leg}_{number}': rod_inertial(geometry, bodies, single, leg)
               for leg in range(LEGS) for number in range(len(SIDES))}
     found |= {f'bar_{number}': bar_inertial(geometry, bodies, single)
               for number in range(len(SIDES))}

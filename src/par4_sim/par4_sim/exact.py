@@ -18,6 +18,7 @@ from par4_dynamics.mechanism import (
     BIAS,
     COSINES,
     EQUATION_ROWS,
+    MECHANISM,
     OFFSETS,
     RATES,
     SINES,
@@ -61,7 +62,7 @@ LOST = 4
 OPEN = 5
 """In place of a leg where the mechanism does not close half a step on, where a load is taken."""
 
-PLATFORM, HAS_FORCES, HAS_PIVOTS = 36, 51, 52
+PLATFORM, HAS_FORCES, HAS_PIVOTS = MECHANISM, MECHANISM + 15, MECHANISM + 16
 """Where, behind those of the mechanism, platform forces and two flags are in the constants."""
 ANGLES, FORCE, HOLDING, RESPONSES, K_X, K_V, STAGE, END, WORK_ROWS = (
     EQUATION_ROWS, 14, 15, 16, 20, 24, 28, 30, 34)
@@ -183,7 +184,7 @@ def _joint_state(constants, work):
     cosine, sine = math.cos(theta), math.sin(theta)
     for leg in range(4):
         along, across, up = plate_joint(constants, x, y, z, cosine, sine, leg)
-        reached, cos_q, sin_q = arm_direction(constants, along, across, up)
+        reached, cos_q, sin_q = arm_direction(constants, along, across, up, leg)
         if not reached:
             return leg
         ab_x, ab_y, ab_z = forearm_vector(constants, along, across, up, cos_q, sin_q, leg)

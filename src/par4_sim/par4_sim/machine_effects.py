@@ -231,6 +231,14 @@ def _geometry_error(machine: Machine, active: ActiveEffect) -> Machine:
         {**machine.geometry.model_dump(), **true}, Geometry, 'effect geometry_error'))
 
 
+def _leg_length_error(machine: Machine, active: ActiveEffect) -> Machine:
+    true = {f'{name}_errors': np.add(getattr(machine.geometry, f'{name}_errors'),
+                                     _acting(active, name, 0.0)).tolist()
+            for name in active.values}
+    return replace(machine, geometry=parse(
+        {**machine.geometry.model_dump(), **true}, Geometry, 'effect leg_length_error'))
+
+
 def _external_force(machine: Machine, active: ActiveEffect) -> Machine:
     force = np.array([_whole(active, axis) for axis in 'xyz'])
     return _changed(machine, 'platform', force=machine.platform.force + force)
@@ -277,6 +285,7 @@ _OTHERS: dict[str, Callable[[Machine, ActiveEffect], Machine]] = {
     'joint_inertia_difference': _joint_inertia_difference,
     'base_tilt': _base_tilt,
     'geometry_error': _geometry_error,
+    'leg_length_error': _leg_length_error,
     'external_force': _external_force,
     'cable_spring': _cable_spring,
     'position_torque': _position_torque,

@@ -120,7 +120,7 @@ def _draw_frame(tree: ElementTree.Element, geometry: Geometry) -> None:
 
 def _draw_leg(tree: ElementTree.Element, geometry: Geometry, leg: int) -> None:
     """Draw an arm, a tube that narrows, and the two rods with their ball joints."""
-    length, outward = geometry.arm_length, outward_of(geometry, leg)
+    length, outward = geometry.arm_lengths[leg], outward_of(geometry, leg)
     sideways, elbow = sideways_of(geometry, leg), length * outward
     pair = PAIR_OFFSET * length * sideways
     arm = ElementTree.SubElement(tree, 'link', name=f'arm_{leg}')
@@ -134,7 +134,7 @@ def _draw_leg(tree: ElementTree.Element, geometry: Geometry, leg: int) -> None:
         between, name = f'elbow_{leg}_{number}', f'rod_{leg}_{number}'
         ElementTree.SubElement(tree, 'link', name=between)
         rod = ElementTree.SubElement(tree, 'link', name=name)
-        tip = -geometry.forearm_length * UP
+        tip = -geometry.forearm_lengths[leg] * UP
         for ball in (np.zeros(3), tip):
             draw(rod, 'metal', 'sphere', {'radius': 0.036 * length}, ball, UP)
         draw_cylinder(rod, 'carbon', 0.017 * length, np.zeros(3), tip)

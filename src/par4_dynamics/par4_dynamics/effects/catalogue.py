@@ -22,6 +22,7 @@ from par4_dynamics.effects.friction_drift import FrictionDrift
 from par4_dynamics.effects.geometry_error import GeometryError
 from par4_dynamics.effects.joint_friction_difference import JointFrictionDifference
 from par4_dynamics.effects.joint_inertia_difference import JointInertiaDifference
+from par4_dynamics.effects.leg_length_error import LegLengthError
 from par4_dynamics.effects.load_dependent_friction import LoadDependentFriction
 from par4_dynamics.effects.nonlinear_viscous import NonlinearViscous
 from par4_dynamics.effects.passive_joint_friction import PassiveJointFriction
@@ -59,6 +60,7 @@ CATALOGUE: dict[str, Effect] = {
         EncoderOffset(),
         EncoderEccentricity(),
         GeometryError(),
+        LegLengthError(),
         CoulombAsymmetry(),
         ViscousAsymmetry(),
         NonlinearViscous(),

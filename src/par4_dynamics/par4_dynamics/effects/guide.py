@@ -113,6 +113,12 @@ GUIDES = {
         'Measure the dimension that was named. Correct the robot file, or look for the part that '
         'was exchanged.',
         {'arm_length': 0.003, 'forearm_length': -0.003}),
+    'leg_length_error': Guide(
+        'The arm or the rods of one leg are longer or shorter than those of the others, so that '
+        'the platform is not where the joints say.',
+        'Measure arm and rods of the leg that was named. Write what a calibration finds into the '
+        'robot file as `arm_length_errors` and `forearm_length_errors`.',
+        {'arm_length': (0.002, 0.0, 0.0, 0.0), 'forearm_length': (0.0, 0.0, -0.002, 0.0)}),
     'coulomb_asymmetry': Guide(
         'Dry friction differs between the directions, for example of a worn or preloaded gear.',
         'Turn the joint by hand both ways. Look at preload and seals.',
