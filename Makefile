@@ -31,7 +31,10 @@ help:
 	@echo 'make docs   regenerate docs/interface.md, docs/effects.md, parameter files and layouts'
 	@echo 'make clean  remove what the above made'
 
-setup: $(VENV)/.installed
+# numba notices that the file of a kernel has changed, not that one has whose kernels it calls
+KERNELS := $(shell grep -rl numba.njit src tests --include='*.py')
+
+setup: $(VENV)/.compiled
 
 $(VENV)/.installed: requirements.txt constraints.txt $(PACKAGES:%=src/%/setup.py)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' || \
@@ -41,7 +44,11 @@ $(VENV)/.installed: requirements.txt constraints.txt $(PACKAGES:%=src/%/setup.py
 	$(BIN)/pip install --quiet --disable-pip-version-check -r requirements.txt -c constraints.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation \
 	  $(PACKAGES:%=-e src/%)
+	@touch $@
+
+$(VENV)/.compiled: $(VENV)/.installed $(KERNELS)
 	@echo 'compiling the numeric kernels, once: a minute'
+	@find src tests -name '*.nb[ic]' -delete
 	$(BIN)/python demo/compile_kernels.py
 	@touch $@
 
