@@ -61,7 +61,7 @@ EVERY_DIAGNOSED, DIAGNOSED = 6, 3
 effect, as every second recording has."""
 TIMED = ('time_offset', 'actuator_lag')
 """Effects that are a delay by themselves: not hidden beside one."""
-PLACED = ('encoder_offset', 'geometry_error', 'encoder_eccentricity')
+PLACED = ('encoder_offset', 'geometry_error', 'leg_length_error', 'encoder_eccentricity')
 """The same of zeros and dimensions."""
 
 

@@ -37,6 +37,7 @@ from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.approach import with_approach
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.excitation import excitation_motion
+from par4_kinematics.geometry import Geometry
 from par4_kinematics.position import closes
 from par4_kinematics.robot import Axis, Drives
 from par4_sim.noise import Noise
@@ -209,6 +210,24 @@ def test_a_wrong_dimension_is_measured(clean, name, error):
     true = getattr(REFERENCE.geometry, name)
     assert getattr(check.machine.geometry, name) == pytest.approx(true, abs=0.004)
     assert f'{name}: ' in check.findings[0].mend
+
+
+@pytest.mark.parametrize(('name', 'leg', 'error'), [
+    ('forearm_length', 1, 0.02), ('arm_length', 3, -0.012)])
+def test_the_length_of_one_leg_is_no_wrong_zero(clean, name, leg, error):
+    """It turns the joint's reading for a pose, as a zero does."""
+    key = f'{name}_errors'
+    wrong = tuple((error * np.eye(4)[leg]).tolist())
+    robot = REFERENCE.model_copy(update={'geometry': Geometry.model_validate(
+        REFERENCE.geometry.model_dump() | {key: wrong})})
+    kinds, check = found(clean, robot)
+    assert kinds == [('wrong_dimensions', (leg,))]
+    for lengths in ('arm_length_errors', 'forearm_length_errors'):
+        np.testing.assert_allclose(getattr(check.machine.geometry, lengths), 0.0, atol=0.004)
+    finding, = check.findings
+    assert f'of leg {leg}, these data say' in finding.evidence
+    assert f'{key}: [' in finding.mend
+    assert finding.amount.effect == 'leg_length_error'
 
 
 def test_deviations_hold_what_lasts():

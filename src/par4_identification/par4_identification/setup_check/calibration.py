@@ -1,10 +1,10 @@
 """Zeros of the encoders and dimensions of the robot file that are far off.
 
-Hypotheses are the zeros of all joints and each dimension by itself; the one that leaves least of
-the torque is believed (see `placement` for how each is fitted). Then the zeros that are small or
-not sure are taken off one by one. Small errors are the library's (encoder_offset, geometry_error)
-and left to the diagnosis. Where the poses that come out are ones that no machine takes, the search
-begins again at errors with which they are (see `starts`).
+Hypotheses are the zeros of all joints, each dimension by itself and the lengths of each leg; the
+one that leaves least of the torque is believed (see `placement` for how each is fitted). Then those
+that are small or not sure are taken off one by one. Small errors are the library's (encoder_offset,
+geometry_error, leg_length_error) and left to the diagnosis. Where the poses that come out are ones
+that no machine takes, the search begins again at errors with which they are (see `starts`).
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from par4_identification.setup_check.finding import Amount, Finding
 from par4_identification.setup_check.placement import (
     DIMENSIONS,
     ERRORS,
+    FIRST_LEG,
+    OF_LEGS,
     Placement,
     Solution,
     placement_at,
@@ -34,10 +36,11 @@ from par4_kinematics.robot import Robot
 from par4_sim.report.words import in_words, listed, number, percent
 
 ZEROS = tuple(range(LEGS))
-HYPOTHESES = (ZEROS, *((index,) for index in range(LEGS, ERRORS)))
-SMALLEST = np.array((math.radians(1.0),) * LEGS + (8e-3,) * len(DIMENSIONS))
+HYPOTHESES = (ZEROS, *((index,) for index in range(LEGS, FIRST_LEG)),
+              *((FIRST_LEG + leg, FIRST_LEG + LEGS + leg) for leg in range(LEGS)))
+SMALLEST = np.array((math.radians(1.0),) * LEGS + (8e-3,) * (ERRORS - LEGS))
 """rad and m from which an error is a mistake of the setup."""
-LARGEST = np.array((math.radians(20.0),) * LEGS + (0.06,) * len(DIMENSIONS))
+LARGEST = np.array((math.radians(20.0),) * LEGS + (0.06,) * (ERRORS - LEGS))
 LARGEST_PART = 0.3
 """Of a dimension, by which it can be wrong."""
 DEVIATIONS_ALONE, DEVIATIONS_BESIDE = 4.0, 3.0
@@ -78,8 +81,8 @@ class Calibration:
     """Errors of zeros and dimensions.
 
     Attributes:
-        values: of each zero, rad, as read less true, and each of `DIMENSIONS`, m, true less that
-            of the robot file; zero where there is no mistake.
+        values: of each zero, rad, as read less true, each of `DIMENSIONS`, m, true less that of the
+            robot file, and each leg's `OF_LEGS`, m, alike; zero where there is no mistake.
         std: of `values`, clustered.
         before, after: |residual| / |torque| in motion without and with them.
     """
@@ -135,7 +138,8 @@ def calibration_of(stretches: Sequence[Stretch], geometry: Geometry) -> Calibrat
 
 def largest_errors(geometry: Geometry) -> np.ndarray:
     """Return the largest errors (ERRORS,) that a setup has, rad and m."""
-    lengths = np.array([getattr(geometry, name) for name in DIMENSIONS])
+    lengths = np.array([getattr(geometry, name) for name in DIMENSIONS]
+                       + [size for name in OF_LEGS for size in getattr(geometry, f'{name}s')])
     return np.minimum(LARGEST, np.concatenate((np.full(LEGS, np.inf), LARGEST_PART * lengths)))
 
 
@@ -255,8 +259,8 @@ def calibration_findings(calibration: Calibration, robot: Robot) -> list[Finding
                 value=tuple(calibration.zeros[list(joints)].tolist()),
                 std=tuple(calibration.std[list(joints)].tolist()), unit='rad')})))
     wrong = [(name, float(error), float(std)) for name, error, std in
-             zip(DIMENSIONS, calibration.values[LEGS:], calibration.std[LEGS:], strict=True)
-             if error]
+             zip(DIMENSIONS, calibration.values[LEGS:FIRST_LEG], calibration.std[LEGS:FIRST_LEG],
+                 strict=True) if error]
     if wrong:
         sizes = [f'{in_words(name)} {number(1e3 * getattr(robot.geometry, name), 4)} mm, these '
                  f'data say {number(1e3 * (getattr(robot.geometry, name) + error), 4)} +- '
@@ -273,4 +277,29 @@ def calibration_findings(calibration: Calibration, robot: Robot) -> list[Finding
                 name: Parameter(value=error, unit='m', std=math.hypot(
                     std, HALF_SURE * error if name == ONLY_DIFFERENCE else 0.0))
                 for name, error, std in wrong})))
-    return found
+    return found + _leg_findings(calibration, robot, gain)
+
+
+def _leg_findings(calibration: Calibration, robot: Robot, gain: str) -> list[Finding]:
+    """Return what the lengths of single legs say."""
+    of_legs, deviations = (part[FIRST_LEG:].reshape(-1, LEGS)
+                           for part in (calibration.values, calibration.std))
+    legs = tuple(int(leg) for leg in np.flatnonzero(of_legs.any(axis=0)))
+    if not legs:
+        return []
+    sizes, lines, parameters = [], [], {}
+    for name, errors, std in zip(OF_LEGS, of_legs, deviations, strict=True):
+        if not errors.any():
+            continue
+        lengths = getattr(robot.geometry, f'{name}s')
+        sizes += [f'{in_words(name)} {number(1e3 * lengths[leg], 4)} mm of leg {leg}, these data '
+                  f'say {number(1e3 * (lengths[leg] + errors[leg]), 4)} +- '
+                  f'{number(1e3 * std[leg], 2)} mm' for leg in legs if errors[leg]]
+        whole = np.add(getattr(robot.geometry, f'{name}_errors'), errors)
+        lines.append(f'{name}_errors: [{", ".join(f"{error:.4f}" for error in whole)}]')
+        parameters[name] = Parameter(value=tuple(errors[list(legs)].tolist()), unit='m',
+                                     std=tuple(std[list(legs)].tolist()))
+    return [Finding(
+        'wrong_dimensions', legs, None, f'the robot file has {listed(sizes)}; {gain}',
+        f'Measure the machine and set geometry: {{{", ".join(lines)}}} in the robot file.', True,
+        amount=Amount('leg_length_error', legs, parameters))]

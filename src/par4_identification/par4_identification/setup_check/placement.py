@@ -41,10 +41,14 @@ JOINT_ALONE = tuple(COLUMNS.index(name) for name in (INERTIA, *FRICTION))
 PLATFORM = tuple(index for index in range(len(COLUMNS)) if index not in JOINT_ALONE)
 DIMENSIONS = ('arm_length', 'forearm_length', 'base_radius', 'platform_bar_length')
 """Base and platform radius act by their difference alone, so one of them stands for both."""
-ERRORS = LEGS + len(DIMENSIONS)
+OF_LEGS = ('arm_length', 'forearm_length')
+"""Dimensions that a leg may have of its own."""
+ERRORS = LEGS + len(DIMENSIONS) + LEGS * len(OF_LEGS)
+FIRST_LEG = LEGS + len(DIMENSIONS)
+"""Where the errors of single legs begin: those of the arms, then those of the forearms."""
 SMALL_STEP = 1e-4
 """rad and m of the finite differences."""
-LONGEST_STEP = np.array((np.radians(5.0),) * LEGS + (0.025,) * len(DIMENSIONS))
+LONGEST_STEP = np.array((np.radians(5.0),) * LEGS + (0.025,) * (ERRORS - LEGS))
 """rad and m of a step of Gauss and Newton."""
 STEPS = 8
 SETTLED = 1e-4
@@ -65,8 +69,8 @@ class Solution:
     """Errors of zeros and dimensions with everything linear refitted.
 
     Attributes:
-        values: of the zeros, rad, as read less true, and of `DIMENSIONS`, m, true less that of the
-            robot file, (ERRORS,).
+        values: of the zeros, rad, as read less true, of `DIMENSIONS`, m, true less that of the
+            robot file, and of each leg's `OF_LEGS`, m, alike, (ERRORS,).
         std: of `values`; zero where they were not free.
         left: sum of squares that is left, N2 m2.
         columns: of the bodies, (m, p).
@@ -267,13 +271,19 @@ def placement_at(stretches: Sequence[Stretch], geometry: Geometry, start: np.nda
 
 
 def with_dimensions(geometry: Geometry, errors: np.ndarray) -> Geometry:
-    """Return the geometry with `DIMENSIONS` changed by `errors`, m; a radius may fall below 0."""
+    """Return the geometry with dimensions changed by `errors` (ERRORS - LEGS,), m.
+
+    A radius may fall below 0.
+    """
     if not errors.any():
         return geometry
     content = geometry.model_dump()
+    common, of_legs = np.split(errors, (len(DIMENSIONS),))
     return Geometry.model_construct(**{**content, **{
         name: content[name] + float(error)
-        for name, error in zip(DIMENSIONS, errors, strict=True)}})
+        for name, error in zip(DIMENSIONS, common, strict=True)}, **{
+        f'{name}_errors': tuple(np.add(content[f'{name}_errors'], own).tolist())
+        for name, own in zip(OF_LEGS, of_legs.reshape(-1, LEGS), strict=True)}})
 
 
 def _travelled(stretch: Stretch) -> np.ndarray:

@@ -51,7 +51,7 @@ def possible_starts(stretches: Sequence[Stretch], geometry: Geometry) -> list[np
                            [np.argmin(q.sum(axis=1)), np.argmax(q.sum(axis=1))]))
     even = np.linspace(0, len(q) - 1, PROBES).astype(int)
     probes = q[np.concatenate((even, ends))]
-    trials = [np.concatenate((zeros, np.zeros(len(DIMENSIONS)))) for zeros in product(
+    trials = [np.concatenate((zeros, np.zeros(ERRORS - LEGS))) for zeros in product(
         GRID, repeat=LEGS) if any(zeros)]
     trials += [length * np.eye(ERRORS)[LEGS + index]
                for index in range(len(DIMENSIONS)) for length in LENGTHS]
