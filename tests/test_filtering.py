@@ -8,7 +8,7 @@ from scipy.ndimage import binary_dilation
 from scipy.signal import butter, sosfiltfilt
 
 from par4_identification.logs.masks import near
-from par4_identification.signals.filtering import low_pass
+from par4_identification.signals.filtering import AT_ONCE, low_pass
 
 PERIOD = 1e-3
 
@@ -58,3 +58,19 @@ def test_near_widens_a_mask_to_both_sides(reach):
         mask = random.random((300, 2)) < share
         wanted = binary_dilation(mask, np.ones((2 * reach + 1, 1), dtype=bool))
         np.testing.assert_array_equal(near(mask, reach), wanted)
+
+
+def test_many_columns_are_filtered_as_one_is():
+    """They are filtered some at a time."""
+    values = np.random.default_rng(9).normal(size=(150, 2 * AT_ONCE + 3))
+    filtered = low_pass(values, 40.0, PERIOD, rows=slice(3, -3, 7))
+    np.testing.assert_array_equal(filtered[:, -1],
+                                  low_pass(values[:, -1], 40.0, PERIOD)[3:-3:7])
+
+
+def test_a_filter_that_forgets_meets_no_denormal_numbers():
+    """They take many times as long."""
+    values = np.zeros((5000, 1))
+    values[0] = 1.0
+    left = np.abs(low_pass(values, 40.0, PERIOD)[4000:])
+    assert np.all((left > np.finfo(float).tiny) & (left < 1e-150))

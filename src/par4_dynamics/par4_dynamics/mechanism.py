@@ -130,7 +130,7 @@ def packed_mechanism(geometry: Geometry, bodies: LumpedBodies, gravity: ArrayLik
     return np.concatenate((geometry.packed, bodies.packed, gravity))
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def equations_sample(constants, motion, equations):
     """Write the equations of motion of one pose and velocity; return -1 or an unreachable leg.
 
@@ -235,7 +235,7 @@ def equations_sample(constants, motion, equations):
     return -1
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _forward_rows(constants, x, xd, tau, xdd):
     motion, equations = np.empty((2, 4)), np.empty((EQUATION_ROWS, 4))
     for row in range(x.shape[0]):
@@ -249,7 +249,7 @@ def _forward_rows(constants, x, xd, tau, xdd):
         solve_factored(equations, xdd[row])
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _mass_rows(constants, x, mass, rates):
     motion, equations = np.zeros((2, 4)), np.empty((EQUATION_ROWS, 4))
     for row in range(x.shape[0]):

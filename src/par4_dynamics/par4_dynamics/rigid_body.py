@@ -121,7 +121,7 @@ def _torque_sample(packed, table, x, rate, xdd, qd, qdd, cosine, sine):
             _weighted(joints[2], table, 2), _weighted(joints[3], table, 3))
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _torque_rows(packed, table, x, xd, xdd, turns, qd, qdd, torque):
     for row in range(x.shape[0]):
         cosine, sine = two(turns, row)
@@ -130,7 +130,7 @@ def _torque_rows(packed, table, x, xd, xdd, turns, qd, qdd, torque):
             four(qdd, row), cosine, sine))
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _column_rows(packed, x, xd, xdd, turns, qd, qdd, columns):
     for row in range(x.shape[0]):
         cosine, sine = two(turns, row)
@@ -141,7 +141,7 @@ def _column_rows(packed, x, xd, xdd, turns, qd, qdd, columns):
                 columns[row, leg, column] = joints[leg][column]
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def torque_of_platform_sample(packed, table, motion, torque):
     """Write the torques (4,) of one sample; return whether they are finite.
 
@@ -160,7 +160,7 @@ def torque_of_platform_sample(packed, table, motion, torque):
     return math.isfinite(result[0] + result[1] + result[2] + result[3])
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def torque_of_joints_sample(packed, table, motion, torque):
     """Do as `torque_of_platform_sample` with motion = q, qd, qdd, (3, 4)."""
     q, qd, qdd = four(motion, 0), four(motion, 1), four(motion, 2)

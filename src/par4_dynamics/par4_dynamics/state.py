@@ -18,6 +18,7 @@ from par4_kinematics.acceleration import (
 )
 from par4_kinematics.arrays import as_matching_rows
 from par4_kinematics.geometry import Geometry
+from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import Hanging
 from par4_kinematics.velocity import jacobian
 
@@ -171,13 +172,23 @@ class State:
         """Return the bodies' torque (n, J), N m, with q, qd or qdd changed by (J,)."""
         motion = {part: getattr(self, part) for part in ('q', 'qd', 'qdd')}
         motion[name] = motion[name] + change
-        if name == 'q' or self.geometry is None:
-            nearby = state_of_joints(self.geometry, self.t, **motion)
-        else:  # the pose is known
-            moved = platform_motion_at(self.geometry, self.platform.x, motion['qd'],
-                                       motion['qdd'])
-            nearby = replace(self, nominal=None, **motion, xd=moved.xd, xdd=moved.xdd)
+        nearby = (state_of_joints(None, self.t, **motion) if self.geometry is None
+                  else self.nearby(self.geometry, **motion))
         return self.known.rigid_torque(nearby)
+
+    def nearby(self, geometry: Geometry, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> State:
+        """Return a motion whose joint positions or dimensions differ little from those of this one.
+
+        The pose follows from this one by one step of Newton's method, a small part of the work of
+        forward kinematics. It is off by the square of the change, which a difference of torques to
+        both sides does not see.
+        """
+        platform = self.platform
+        shift = q - (self.q if geometry is platform.geometry
+                     else inverse_kinematics(geometry, platform.x))
+        x = platform.x + np.einsum('nij,nj->ni', self.jacobian, shift)
+        moved = platform_motion_at(geometry, x, qd, qdd)
+        return State(self.t, q, qd, qdd, geometry, x, moved.xd, moved.xdd)
 
     def part(self, rows: slice) -> State:
         """Return the motion of some of the samples, without its nominal torque."""

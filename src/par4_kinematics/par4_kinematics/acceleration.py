@@ -140,7 +140,7 @@ def platform_rates(packed, x, qd, qdd, cosine, sine):
     return xd, platform_acceleration(packed, reaches, inverse, xd, qd, qdd, cosine, sine)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _joint_rate_rows(packed, x, xd, xdd, turns, qd, qdd):
     for row in range(x.shape[0]):
         cosine, sine = two(turns, row)
@@ -150,7 +150,7 @@ def _joint_rate_rows(packed, x, xd, xdd, turns, qd, qdd):
         put_four(qdd, row, changes)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _platform_rate_rows(packed, x, turns, qd, qdd, xd, xdd):
     for row in range(x.shape[0]):
         cosine, sine = two(turns, row)

@@ -32,7 +32,7 @@ BAR_PIVOTS = 4
 """Two bars, a pivot at both ends."""
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def passive_rates_sample(packed, x, xd, q, qd, rates):
     """Write the relative angular velocity of each group, in `base`, to rates (9, 3), rad/s.
 
@@ -57,7 +57,7 @@ def passive_rates_sample(packed, x, xd, q, qd, rates):
     rates[8, 0], rates[8, 1], rates[8, 2] = 0.0, 0.0, xd[3]
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _moment_per_rate(rate, coulomb, viscous, slip_rate):
     """Return moment over angular velocity of one joint, N m s/rad."""
     speed = math.sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2])
@@ -67,7 +67,7 @@ def _moment_per_rate(rate, coulomb, viscous, slip_rate):
     return viscous + coulomb * share / speed
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def passive_force_sample(packed, x, q, rates, coulomb, viscous, slip_rate, force):
     """Write what it takes to turn the passive joints to force (4,): N on D, N m about theta.
 
@@ -108,13 +108,13 @@ def passive_force_sample(packed, x, q, rates, coulomb, viscous, slip_rate, force
             force[3] -= packed[3] * (math.cos(x[3]) * f_x + math.sin(x[3]) * f_y)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _rates_rows(packed, x, xd, q, qd, rates):
     for row in range(x.shape[0]):
         passive_rates_sample(packed, x[row], xd[row], q[row], qd[row], rates[row])
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _force_rows(packed, x, q, rates, coulomb, viscous, slip_rate, force):
     for row in range(x.shape[0]):
         passive_force_sample(packed, x[row], q[row], rates[row], coulomb, viscous, slip_rate,

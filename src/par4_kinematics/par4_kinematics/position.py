@@ -33,21 +33,21 @@ SAME_ARM = 1e-6
 """Difference of an arm's direction (rad) up to which a closed pose is in the assembly mode."""
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def forearm(packed, x, angle, leg):
     """Return the vector A_i B_i of one leg in `base`, m."""
     return forearm_of(packed, x[0], x[1], x[2], math.cos(x[3]), math.sin(x[3]), math.cos(angle),
                       math.sin(angle), leg)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def forearm_of(packed, x, y, z, cosine, sine, cos_q, sin_q, leg):
     """Return the vector A_i B_i of one leg in `base`, m; cosine and sine of theta."""
     along, across, up = plate_joint(packed, x, y, z, cosine, sine, leg)
     return forearm_vector(packed, along, across, up, cos_q, sin_q, leg)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def inverse_sample(packed, x, q):
     """Write the joint positions of one pose to q (4,); return -1, or the leg that cannot reach."""
     cosine, sine = math.cos(x[3]), math.sin(x[3])
@@ -60,13 +60,13 @@ def inverse_sample(packed, x, q):
     return -1
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _opening(packed, ab, leg):
     """Return (|A_i B_i|^2 - l_i^2) / 2, m2: near enough l_i times what the loop is open."""
     return 0.5 * (dot(ab, ab) - packed[FOREARM + leg] * packed[FOREARM + leg])
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def forward_sample(packed, cosines, sines, row, x):
     """Improve the pose x[row] until it closes the loops of one sample; return the iterations.
 
@@ -113,7 +113,7 @@ def forward_sample(packed, cosines, sines, row, x):
     return -1
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _direction_rows(packed, x, turns, cosines, sines):
     for row in range(x.shape[0]):
         p_x, p_y, p_z, _ = four(x, row)
@@ -126,7 +126,7 @@ def _direction_rows(packed, x, turns, cosines, sines):
         put_four(sines, row, (sin_0, sin_1, sin_2, sin_3))
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _forward_rows(packed, cosines, sines, start, home, x):
     for row in range(x.shape[0]):
         if row == 0:

@@ -24,13 +24,13 @@ AT_D2 = 1.0
 """Which point the translation of J_x belongs to: D of half plate 1, D' of half plate 2."""
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def arm_tangent(packed, angle, leg):
     """Return dA_i/dq_i of one leg in `base`, m/rad."""
     return tangent(packed, math.cos(angle), math.sin(angle), leg)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def jacobians_sample(packed, x, q, point, j_x, j_q):
     """Write J_x (4, 4) and the diagonal of J_q (4,) of one sample, at D or D'."""
     cosine, sine = math.cos(x[3]), math.sin(x[3])
@@ -42,7 +42,7 @@ def jacobians_sample(packed, x, q, point, j_x, j_q):
         j_q[leg] = joint_lever(packed, ab_x, ab_y, ab_z, math.cos(q[leg]), math.sin(q[leg]), leg)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def jacobian_rates_sample(packed, x, xd, q, qd, point, j_x_rate, j_q_rate):
     """Write the time derivatives of J_x (4, 4) and of the diagonal of J_q (4,); xd is of D."""
     cosine, sine = math.cos(x[3]), math.sin(x[3])
@@ -65,13 +65,13 @@ def jacobian_rates_sample(packed, x, xd, q, qd, point, j_x_rate, j_q_rate):
                          + qd[leg] * (ab_x * n_x + ab_y * n_y + ab_z * n_z))
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _part_rows(packed, x, q, point, j_x, j_q):
     for row in range(x.shape[0]):
         jacobians_sample(packed, x[row], q[row], point, j_x[row], j_q[row])
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _jacobian_rows(packed, x, q, point, jacobian):
     matrix, j_q = np.empty((4, 4)), np.empty(4)
     for row in range(x.shape[0]):
@@ -82,7 +82,7 @@ def _jacobian_rows(packed, x, q, point, jacobian):
         solve_in_place(matrix, jacobian[row])
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _jacobian_rate_rows(packed, x, xd, q, qd, point, rate):
     j_x, j_x_rate, jacobian = np.empty((4, 4)), np.empty((4, 4)), np.empty((4, 4))
     matrix = np.empty((4, 4))

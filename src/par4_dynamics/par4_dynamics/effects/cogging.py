@@ -24,7 +24,7 @@ LEAST_TURNS = 1.5
 as many turns tells what returns with each turn from any other function of its position."""
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _power_rows(phasor, exponent, columns):
     """Write sine and cosine (n, J, 2) of a whole multiple of the angles of exp(i q) (n, J)."""
     for row in range(phasor.shape[0]):

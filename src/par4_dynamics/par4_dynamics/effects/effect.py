@@ -196,6 +196,13 @@ class Effect(ABC):
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         """Return the torque per unit coefficient, (n, J, K), N m."""
 
+    def height(self, state: State) -> np.ndarray:
+        """Return the torque (n, J), N m, that a wave of coefficient 1 has where it is highest.
+
+        Asked only of effects whose shape is the order of a wave over the joint position.
+        """
+        return np.ones_like(state.q)
+
     def coefficients(self, values: Values) -> np.ndarray:
         """Return the coefficients (K, J) of parameter values, each (J,).
 

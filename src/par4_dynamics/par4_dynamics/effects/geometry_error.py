@@ -51,7 +51,7 @@ class GeometryError(Effect):
                 changed = Geometry.model_construct(
                     **{**dimensions, name: dimensions[name] + step})
                 ends.append(state.known.rigid_torque(
-                    state_of_joints(changed, motion.t, motion.q, motion.qd, motion.qdd)))
+                    motion.nearby(changed, motion.q, motion.qd, motion.qdd)))
             columns.append((ends[1] - ends[0]) / (2.0 * STEP))
         return np.stack(columns, axis=-1)
 

@@ -46,8 +46,8 @@ class LegLengthError(Effect):
         for leg in range(LEGS):
             for name in LENGTHS:
                 changed = _resized(motion.platform.geometry, {name: STEP * np.eye(LEGS)[leg]})
-                there = state.known.rigid_torque(state_of_joints(
-                    changed, motion.t, motion.q, motion.qd, motion.qdd))
+                there = state.known.rigid_torque(motion.nearby(
+                    changed, motion.q, motion.qd, motion.qdd))
                 columns.append((there - here) / STEP)
         return np.stack(columns, axis=-1)
 

@@ -28,7 +28,7 @@ BACK = 0.05
 """Share of the travel that must go in such strokes in either direction."""
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def dahl_sample(share, dq, distance):
     """Return the share z of the Coulomb level after a step dq without reversal, exactly.
 
@@ -38,7 +38,7 @@ def dahl_sample(share, dq, distance):
     return side + (share - side) * math.exp(-abs(dq) / distance)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _share_rows(q, distance, share):
     share[0] = 0.0
     for row in range(1, q.shape[0]):

@@ -21,8 +21,11 @@ class TorqueRipple(Cogging):
     needs_nominal = True
     variables = 2
 
+    def height(self, state: State) -> np.ndarray:
+        return state.known.torque
+
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        return state.known.torque[..., None] * super().columns(state, shape)
+        return self.height(state)[..., None] * super().columns(state, shape)
 
     def coefficients(self, values: Values) -> np.ndarray:
         return super().coefficients({**values, 'amplitude': values['relative']})

@@ -234,7 +234,7 @@ class Springs:
         return SAFE * max(float(alike), 0.0) * own.min(axis=0)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring, change, told):
     """Integrate c (M sdd + C sd + K s) + c d sd + s = c T_0 by Newmark's method (1959).
 

@@ -7,6 +7,12 @@ import numpy as np
 
 from par4_kinematics.errors import InputError
 
+AT_ONCE = 32
+"""Columns that are filtered together."""
+NO_DENORMAL = 1e-200
+"""Added to what is filtered, in its unit: where a filter forgets, states decay to it, not to
+numbers below 1e-308, with which processors take many times as long."""
+
 
 def low_pass(values: np.ndarray, cutoff_hz: float, period: float, order: int = 4,
              rows: slice = slice(None)) -> np.ndarray:
@@ -33,13 +39,20 @@ def low_pass(values: np.ndarray, cutoff_hz: float, period: float, order: int = 4
         raise InputError(f'low-pass: {len(values)} samples are too few, {3 * order} needed')
     padding = int(min(3 * len(values) // 4, 3.0 / (cutoff_hz * period)))
     columns = np.asarray(values, dtype=float).reshape(len(values), -1)
-    lines = np.empty((len(columns) + 2 * padding, columns.shape[1]))
-    inner = lines[padding:padding + len(columns)]
-    inner[:] = columns
-    lines[:padding] = 2.0 * columns[0] - columns[padding:0:-1]
-    lines[len(lines) - padding:] = 2.0 * columns[-1] - columns[-2:-2 - padding:-1]
-    _forward_backward(lines, _butterworth(cutoff_hz * period, order))
-    return inner[rows].reshape(-1, *values.shape[1:]).copy()
+    sections = _butterworth(cutoff_hz * period, order)
+    filtered = np.empty((len(columns[rows]), columns.shape[1]))
+    # of few columns at a time, so that the same memory serves all of them
+    buffer = np.empty((len(columns) + 2 * padding) * min(columns.shape[1], AT_ONCE))
+    for first in range(0, columns.shape[1], AT_ONCE):
+        some = columns[:, first:first + AT_ONCE]
+        lines = buffer[:(len(columns) + 2 * padding) * some.shape[1]].reshape(-1, some.shape[1])
+        inner = lines[padding:padding + len(columns)]
+        np.add(some, NO_DENORMAL, out=inner)
+        lines[:padding] = 2.0 * some[0] - some[padding:0:-1]
+        lines[len(lines) - padding:] = 2.0 * some[-1] - some[-2:-2 - padding:-1]
+        _forward_backward(lines, sections)
+        filtered[:, first:first + AT_ONCE] = inner[rows]
+    return filtered.reshape(-1, *values.shape[1:])
 
 
 def _butterworth(cutoff: float, order: int) -> np.ndarray:
@@ -55,7 +68,7 @@ def _butterworth(cutoff: float, order: int) -> np.ndarray:
                      (1.0 - 2.0 * damping * warped + warped ** 2) * scale), axis=1)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _forward_backward(lines, sections):
     """Filter columns (n, k) in place, forward and then backward."""
     for section in sections:
@@ -64,7 +77,7 @@ def _forward_backward(lines, sections):
         _sweep(lines, section, len(lines) - 1, -1, -1)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _sweep(lines, section, start, stop, step):
     """Run one section over the rows from `start` on, in place.
 

@@ -35,6 +35,16 @@ class ArNoise:
             values.append(float(self.coefficients @ values[-1:-order - 1:-1]))
         return np.array(values[:lags])
 
+    def whitened_power(self, cycles: np.ndarray) -> np.ndarray:
+        """Return the factor by which whitening multiplies the power of a wave without gaps.
+
+        Args:
+            cycles: of the wave from row to row, (...).
+        """
+        turns = np.exp(-2j * np.pi * np.asarray(cycles)[..., None]
+                       * np.arange(1, len(self.coefficients) + 1))
+        return np.abs(1.0 - turns @ self.coefficients) ** 2 / self.variance
+
     def whitening(self, valid: np.ndarray) -> Whitening:
         """Return the filter that whitens series of which some rows (n,) are valid."""
         companion = _companion(self.coefficients)
@@ -68,6 +78,13 @@ class Whitening:
         """Return the standardised innovations (n, k) of columns (n, k); zero where missing."""
         return _whiten(np.ascontiguousarray(columns), self.coefficients, self.gain, self.scale)
 
+    def adjoint(self, white: np.ndarray) -> np.ndarray:
+        """Return z (n,) of standardised rows w (n,): z @ c = w @ (whitened c) for any series c.
+
+        So the products of w with many whitened series need none of these series whitened.
+        """
+        return _adjoint(np.ascontiguousarray(white), self.coefficients, self.gain, self.scale)
+
 
 def _companion(coefficients: np.ndarray) -> np.ndarray:
     order = len(coefficients)
@@ -86,7 +103,7 @@ def _stationary_covariance(companion: np.ndarray, variance: float) -> np.ndarray
     return 0.5 * (covariance + covariance.T)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _gains(valid, companion, variance, initial):
     """Return the gains (n, p) of a Kalman filter and one over its innovations' deviations (n,)."""
     n, order = len(valid), companion.shape[0]
@@ -126,7 +143,7 @@ def _gains(valid, companion, variance, initial):
     return gains, scale
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _whiten(columns, coefficients, gains, scale):
     n, width = columns.shape
     order = len(coefficients)
@@ -154,6 +171,24 @@ def _whiten(columns, coefficients, gains, scale):
         newest = (newest + order - 1) % order
         state[newest, :] = ahead
     return white
+
+
+@numba.njit(cache=True, error_model='numpy', nogil=True)
+def _adjoint(white, coefficients, gains, scale):
+    """Run the steps of `_whiten` backward, each as its transpose."""
+    n, order = len(white), len(coefficients)
+    unwhitened, state = np.zeros(n), np.zeros(order)
+    for row in range(n - 1, -1, -1):
+        newest = state[0]
+        for i in range(order):
+            state[i] = coefficients[i] * newest + (state[i + 1] if i + 1 < order else 0.0)
+        if scale[row] > 0.0:
+            innovation = scale[row] * white[row]
+            for i in range(order):
+                innovation += gains[row, i] * state[i]
+            unwhitened[row] = innovation
+            state[0] -= innovation
+    return unwhitened
 
 
 def fit_noise(residuals: list[np.ndarray], valid: list[np.ndarray], parameters: float = 0.0,

@@ -12,7 +12,7 @@ import numpy as np
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.observations import AT_ONCE, Observations, lasting
+from par4_identification.diagnosis.evidence.observations import Observations, lasting
 from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.evidence.whitener import Whitener
 
@@ -59,6 +59,8 @@ class Stack:
     gram: np.ndarray
 
 
+AT_ONCE = 4
+"""Torques that are filtered and whitened together."""
 Key = tuple[Any, ...]
 """Names columns: an effect or a kind and its shape, or several shapes, or `BASE`."""
 BASE: Key = ('base',)
@@ -105,7 +107,6 @@ class Evidence:
         missing = [shape for shape in shapes if key_of(effect, shape) not in self._kept]
         if not missing:
             return
-        self.observations.keep(effect, missing)
         rows = [self.observations.effect_rows(effect, shape) for shape in missing]
         white = [np.asfortranarray(part) for part in self.whitener.whiten(
             [np.concatenate(parts, axis=2) for parts in zip(*rows)])]
@@ -187,6 +188,12 @@ class Evidence:
             self._kept.update(zip(some, np.ascontiguousarray(white.T)))
         return np.stack([self._kept[key] for key in keys], axis=1)
 
+    def once(self, key: Key, make: Callable[[], np.ndarray]) -> np.ndarray:
+        """Return what `make` returns; it is called once for each key, an effect and words."""
+        if key not in self._kept:
+            self._kept[key] = make()
+        return self._kept[key]
+
     def columns(self, hypothesis: Hypothesis) -> np.ndarray:
         """Return the whitened, stacked columns of a hypothesis."""
         blocks = self.blocks(hypothesis.effect, hypothesis.shape)
@@ -203,6 +210,15 @@ class Evidence:
     def whitened(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
         """Return residuals (m, J) of each run, N m, whitened and stacked, (N,)."""
         return np.concatenate(self.whitener.whiten([part[..., None] for part in residuals]))[:, 0]
+
+    def sent_back(self, white: np.ndarray) -> list[np.ndarray]:
+        """Return values (n, J) at the samples of each run of whitened, stacked rows (N,).
+
+        Their products with columns (n, J), as an effect computes them, are those of the rows with
+        the same columns filtered, whitened and stacked, which need not be made (see `Run.adjoint`).
+        """
+        return [run.adjoint(rows) for run, rows in zip(
+            self.observations.runs, self.whitener.adjoint(white))]
 
     @property
     def rows(self) -> int:

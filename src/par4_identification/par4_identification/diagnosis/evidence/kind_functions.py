@@ -177,7 +177,7 @@ def memory(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
     return elastic_slip(np.ascontiguousarray(state.q), SLIPS)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def elastic_slip(q, slips):
     """Return springs that follow q (n, J) and slip at a deflection, (n, J, k), over that.
 
@@ -211,7 +211,7 @@ def creep(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
     return np.stack(columns, axis=-1)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _crept(moved, kept):
     """Return where the dampers of springs in series come that are moved (n, J).
 

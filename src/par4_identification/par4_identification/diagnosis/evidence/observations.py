@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +17,6 @@ from par4_kinematics.robot import Axis, Robot
 
 if TYPE_CHECKING:  # it imports this module
     from par4_identification.diagnosis.evidence.unnamed import Kind
-
-AT_ONCE = 4
-"""Shapes of an effect whose columns are filtered together."""
 
 
 @dataclass(frozen=True)
@@ -70,22 +66,9 @@ class Observations:
             return tuple(np.concatenate(part, axis=2) for part in zip(*rows))
         key = (effect, tuple(sorted(shape.items())))
         if key not in self._kept:
-            self.keep(effect, (shape,))
+            self._kept[key] = tuple(run.rows(effect.columns(run.state, shape))
+                                    for run in self.runs)
         return self._kept[key]
-
-    def keep(self, effect: Effect | Kind, shapes: Sequence[Shape]) -> None:
-        """Compute the filtered columns of an effect at many shapes together, which is quicker."""
-        missing = [shape for shape in shapes
-                   if (effect, tuple(sorted(shape.items()))) not in self._kept]
-        for first in range(0, len(missing), AT_ONCE):
-            some = missing[first:first + AT_ONCE]
-            parts = []
-            for run in self.runs:
-                columns = [effect.columns(run.state, shape) for shape in some]
-                rows = run.rows(np.concatenate(columns, axis=2))
-                parts.append(np.split(rows, len(some), axis=2))
-            for shape, rows in zip(some, zip(*parts)):
-                self._kept[effect, tuple(sorted(shape.items()))] = rows
 
 
 def observe(runs: list[Run], machine: Robot | Axis, rigid_body: RigidBody, baseline: Model | None

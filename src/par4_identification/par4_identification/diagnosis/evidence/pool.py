@@ -19,6 +19,7 @@ from par4_dynamics.effects.effect import Effect, Shape
 from par4_identification.diagnosis.evidence.evidence import Block, Evidence
 from par4_identification.diagnosis.evidence.fit import Fit, fit_of, prior_weights
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.side_by_side import side_by_side
 from par4_identification.diagnosis.evidence.small_systems import assembled, directions, solved
 from par4_identification.diagnosis.evidence.unnamed import Kind
 
@@ -185,6 +186,11 @@ class Pool:
             columns = np.concatenate([np.arange(place.start, place.stop) for place in places])
             self._columns[item.key] = columns[item.columns]
         return self._columns[item.key]
+
+    def prepare(self, items: Sequence[Hypothesis]) -> None:
+        """Compute the columns of hypotheses side by side, before any of them is fitted."""
+        side_by_side(lambda own: own[0].evidence.blocks(own[1].effect, own[1].shape),
+                     [(part, item) for item in items for part in self._parts])
 
     def _place(self, effect: Effect | Kind, shape: Shape) -> slice:
         key = (effect, tuple(sorted(shape.items())))

@@ -16,7 +16,7 @@ CLEAR = 1e-3
 """and for pivots."""
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def assembled(grams, moments, own, positions, ends, size):
     """Return products of a model's columns (c, c) and with the target (c,), see `pool._Layout`.
 
@@ -74,7 +74,7 @@ def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> np.ndar
     return found
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _by_cholesky(grams, moments):
     """Return moment^T gram^-1 moment (s,) of grams (s, k, k) whose diagonals are 1 at the most.
 

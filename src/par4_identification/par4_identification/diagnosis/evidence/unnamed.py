@@ -208,7 +208,7 @@ def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], s
     return tuple(chosen)
 
 
-@numba.njit(cache=True, error_model='numpy')
+@numba.njit(cache=True, error_model='numpy', nogil=True)
 def _powers(phasor, values, first, count):
     """Return |sum_n values_n phasor_n^k| for k = first, first + 1, ... (count,)."""
     total = np.zeros(count, np.complex128)

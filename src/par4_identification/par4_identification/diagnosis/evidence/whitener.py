@@ -30,6 +30,17 @@ class Whitener:
                                 for part, whitening in zip(rows, of_runs)])
                 for joint, of_runs in enumerate(self._whitenings)]
 
+    def adjoint(self, white: np.ndarray) -> list[np.ndarray]:
+        """Return rows z (m, J) of each run of standardised rows w (N,), all joints stacked.
+
+        For any rows c, the sum of z c over all runs and joints is w @ (whitened and stacked c).
+        """
+        lengths = [len(valid) for valid in self.valid]
+        parts = iter(np.split(white, np.cumsum(lengths * len(self.noise))[:-1]))
+        of_joints = [[whitening.adjoint(next(parts)) for whitening in of_runs]
+                     for of_runs in self._whitenings]
+        return [np.stack(of_run, axis=1) for of_run in zip(*of_joints)]
+
     @cached_property
     def _whitenings(self) -> list[list[Whitening]]:
         """The filter of each joint for each run."""

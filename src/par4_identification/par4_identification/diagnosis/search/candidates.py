@@ -15,6 +15,7 @@ from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.projection import Projection
+from par4_identification.diagnosis.evidence.side_by_side import side_by_side
 from par4_identification.diagnosis.search.orders import best_orders
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import (
@@ -79,8 +80,8 @@ class Candidates:
 
     def all_of(self, projection: Projection, without: set[str]) -> list[Candidate]:
         """Return the best shape of each effect that is not among the names `without`."""
-        found = [self.best(effect, projection) for name, effect in self.library.items()
-                 if name not in without]
+        found = side_by_side(partial(self.best, projection=projection), [
+            effect for name, effect in self.library.items() if name not in without])
         return [item for item in found if item is not None]
 
     def other_shapes(self, candidate: Candidate, projection: Projection, least: float

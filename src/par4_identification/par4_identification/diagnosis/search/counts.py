@@ -57,7 +57,7 @@ class Counts:
     dithered: Dithered
     _moments: dict[tuple[object, int], np.ndarray] = field(default_factory=dict)
     _products: dict[tuple[Key, int], np.ndarray] = field(default_factory=dict)
-    _torque: list[np.ndarray] | None = None
+    _sent_back: list[list[np.ndarray]] | None = None
 
     def imitate(self, projection: Projection, hypothesis: Hypothesis) -> float:
         """Return how much of the log-likelihood of a cause, on fitted rows, counts could make.
@@ -136,16 +136,20 @@ class Counts:
                  draw: int) -> np.ndarray:
         """Return Z^T e (J, k) of columns, joint by joint, in one draw; computed once for a key."""
         if (key, draw) not in self._products:
-            if self._torque is None:
-                self._torque = self.dithered.noise(evidence, delivered)
-            torque, ends = self._torque[draw][:, 0], evidence.ends
-            told = evidence.whitener.whiten([
-                run.rows(columns(moved.state))
-                for run, moved in zip(evidence.observations.runs,
-                                      self.dithered.draws[draw].runs)])
-            self._products[key, draw] = np.stack([
-                rows.T @ torque[first:last] for rows, first, last in zip(told, ends, ends[1:])])
+            self._products[key, draw] = sum(
+                np.einsum('nj,njk->jk', error, columns(moved.state)) for error, moved in zip(
+                    self._errors(evidence)[draw], self.dithered.draws[draw].runs))
         return self._products[key, draw]
+
+    def _errors(self, evidence: Evidence) -> list[list[np.ndarray]]:
+        """Return e, sent back through whitening and filter, (n, J) of each run in each draw.
+
+        Its products with columns at the samples are those of e with their whitened rows.
+        """
+        if self._sent_back is None:
+            self._sent_back = [evidence.sent_back(draw[:, 0])
+                               for draw in self.dithered.noise(evidence, delivered)]
+        return self._sent_back
 
 
 def _stacked(hypothesis: Hypothesis, moment: np.ndarray) -> np.ndarray:

@@ -17,10 +17,19 @@ from par4_identification.diagnosis.search.shapes import best_shape, order_name
 
 MOST = 16
 """Orders of a torque; what a motor, its gear and its encoder have together."""
-ALL_TRIED = 200
-"""Orders up to which each is tried; of more, those with the strongest lines."""
-STRONGEST = 32
-"""Lines that are looked at closely."""
+LOW = 3.0
+"""Multiple of the distance at which two orders can be told apart up to which each order is looked
+at closely: base terms imitate much of such waves, which a spectrum does not see."""
+STRONGEST = 12
+"""Lines that are looked at closely, at most."""
+CLOSE = 0.6
+"""Share of what the strongest line explains that an order must explain to be looked at closely: the
+spectrum is right to 15 %, for waves that the design imitates to 25 %."""
+SPEEDS, SPECTRUM = 64, 64
+"""Speeds and orders for which the squares of waves are computed."""
+FAINTEST = 1e-3
+"""The least of these squares, as a share of the largest: of a wave that no filter lets through, no
+spectrum says how much it explains."""
 PADDED = 4.0
 """Length of a spectrum over the range of positions: its step is a quarter of the distance at which
 two orders can be told apart."""
@@ -128,15 +137,15 @@ def _strongest(effect: Effect, name: str, orders: np.ndarray, projection: Projec
         return [{name: float(order)} for order in some]
 
     def worth(some: Sequence[Shape]) -> np.ndarray:
-        new = is_new(np.array([single(shape[name]) for shape in some]))
-        return np.where(new, projection.gains(effect, some), -np.inf)
+        projection.evidence.keep(effect, some)
+        return np.array([projection.gain(effect, shape) if new else -np.inf for shape, new in zip(
+            some, is_new(np.array([single(shape[name]) for shape in some])))])
 
-    lines = Lines(projection, float(orders[-1]))
-    tried = orders
-    if len(orders) > ALL_TRIED:
-        power = np.where(is_new(orders), lines.power(orders), -1.0)
-        tried = np.sort(orders[np.argsort(-power)[:STRONGEST]])
-    shape, gain = best_shape(effect, shapes(tried), worth)
+    lines = Lines(effect, projection, float(orders[-1]))
+    by_lines = np.where(is_new(orders), lines.gains(orders), -1.0)
+    ranks = np.argsort(np.argsort(-by_lines))
+    strong = (ranks < STRONGEST) & (by_lines >= CLOSE * np.max(by_lines))
+    shape, gain = best_shape(effect, shapes(orders[strong | (orders < LOW * apart)]), worth)
     order = single(shape[name])
     if apart > WIDEST_APART:
         return order, gain
@@ -172,45 +181,65 @@ def _settled(order: float, gain: float, apart: float,
 
 @dataclass(frozen=True)
 class Lines:
-    """The spectrum of what a projection leaves, over the joint positions; made when asked for.
+    """What waves of any order explain of a residual, nearly: its spectrum over the joint positions.
 
-    It is computed from the whitened residual and the unfiltered wave. A whitening filter changes
-    little of a wave but its size and phase. The phase shift changes its sign with the direction of
-    motion, so the two directions are summed separately. Rows are summed in cells of an eighth of
-    the shortest period.
+    The product of the residual with a whitened, filtered wave is that of the wave itself with the
+    residual sent back through whitening and filter (their adjoint). Its samples are summed in cells
+    of an eighth of the shortest period, and one Fourier transform of these sums has the products
+    with the waves of all orders. A wave's own squares are those of its frequencies at the speeds of
+    the motion; what the design has in common with it is not taken from them.
 
     Attributes:
-        projection: leaves it.
+        effect: whose waves they are.
+        projection: leaves the residual.
         highest: order that is asked for.
     """
 
+    effect: Effect
     projection: Projection
     highest: float
 
     @cached_property
     def _spectrum(self) -> tuple[float, np.ndarray]:
-        """Step from order to order, and the powers of the orders 0, step, 2 step ..., no units."""
+        """Step from order to order, and twice the gains of the orders 0, step, 2 step ..."""
         evidence = self.projection.evidence
-        runs, ends = evidence.observations.runs, evidence.ends
-        positions = [np.concatenate([run.q[:, joint] for run in runs])
-                     for joint in range(evidence.observations.joints)]
+        runs = evidence.observations.runs
+        q, height = (np.concatenate(parts) for parts in (
+            [run.state.q for run in runs], [self.effect.height(run.state) for run in runs]))
+        weighted = height * np.concatenate(evidence.sent_back(self.projection.residual))
         cell = np.pi / (4.0 * self.highest)
-        span = max(float(np.ptp(q)) for q in positions)
-        count = int(next_fast_len(int(np.ceil(PADDED * span / cell)) + 1, real=True))
-        powers = np.zeros(count // 2 + 1)
-        for joint, q in enumerate(positions):
-            residual = self.projection.residual[ends[joint]:ends[joint + 1]]
-            speed = np.concatenate([run.speed[:, joint] for run in runs])
-            cells = ((q - q.min()) / cell).astype(int)
-            for side in (speed > 0.0, speed < 0.0):
-                summed = np.bincount(cells[side], residual[side], count)
-                powers += np.abs(np.fft.rfft(summed)) ** 2
-        return 2.0 * np.pi / (cell * count), powers
+        count = int(next_fast_len(int(np.ceil(PADDED * np.max(np.ptp(q, axis=0)) / cell)) + 1,
+                                  real=True))
+        step = 2.0 * np.pi / (cell * count)
+        orders = step * np.arange(count // 2 + 1)
+        gains = np.zeros(len(orders))
+        coarse = np.linspace(0.0, self.highest, SPECTRUM)
+        squares = evidence.once((self.effect, ('squares', self.highest)), lambda: np.stack(
+            [self._squares(joint, coarse) for joint in range(q.shape[1])]))
+        for joint, own in enumerate(squares):
+            cells = ((q[:, joint] - q[:, joint].min()) / cell).astype(int)
+            products = np.abs(np.fft.rfft(np.bincount(cells, weighted[:, joint], count))) ** 2
+            gains += products / np.interp(orders, coarse, np.maximum(own, FAINTEST * np.max(own)))
+        return step, gains
 
-    def power(self, orders: np.ndarray) -> np.ndarray:
-        """Return the power at some orders, (k,)."""
-        step, powers = self._spectrum
-        return powers[np.minimum(np.round(orders / step).astype(int), len(powers) - 1)]
+    def _squares(self, joint: int, orders: np.ndarray) -> np.ndarray:
+        """Return the whitened squares of the sine (or cosine) of each order on a joint, (k,)."""
+        evidence = self.projection.evidence
+        noise, squares = evidence.whitener.noise[joint], np.zeros(len(orders))
+        for run in evidence.observations.runs:
+            valid = run.valid[:, joint]
+            height = run.at_rows(self.effect.height(run.state))[valid, joint]
+            weights, edges = np.histogram(np.abs(run.speed[valid, joint]), SPEEDS,
+                                          weights=0.5 * height ** 2)
+            hertz = orders[:, None] * (edges[1:] + edges[:-1]) / (4.0 * np.pi)
+            squares += (run.conditioning.passed(hertz) ** 2
+                        * noise.whitened_power(hertz * run.row_time)) @ weights
+        return squares
+
+    def gains(self, orders: np.ndarray) -> np.ndarray:
+        """Return about twice the gains of some orders, (k,)."""
+        step, gains = self._spectrum
+        return np.interp(orders, step * np.arange(len(gains)), gains)
 
     def between(self, orders: np.ndarray, apart: float) -> np.ndarray:
         """Return the strongest lines that are none of the orders, (k,), at most `STRONGEST`.
@@ -218,12 +247,12 @@ class Lines:
         A line belongs to an order that is nearer than half of what tells two apart: the torque of
         a motor returns after a turn. Behind a gear it need not.
         """
-        step, powers = self._spectrum
-        inner = powers[1:-1]
-        peaks = 1 + np.flatnonzero((inner >= powers[:-2]) & (inner > powers[2:]))
+        step, gains = self._spectrum
+        inner = gains[1:-1]
+        peaks = 1 + np.flatnonzero((inner >= gains[:-2]) & (inner > gains[2:]))
         places = peaks * step
         distance = np.min(np.abs(orders[np.clip(
             np.searchsorted(orders, places)[:, None] - (0, 1), 0, len(orders) - 1)]
             - places[:, None]), axis=1)
         kept = peaks[(distance > 0.5 * apart) & (places > orders[0]) & (places < orders[-1])]
-        return np.sort(kept[np.argsort(-powers[kept])[:STRONGEST]]) * step
+        return np.sort(kept[np.argsort(-gains[kept])[:STRONGEST]]) * step

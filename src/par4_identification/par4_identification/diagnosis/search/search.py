@@ -207,9 +207,9 @@ class Search:
         here = self.pool.fit(model)
         self._kinds = self._all_kinds.beside(self.pool.evidence.observations, left)
         found = []
-        for kind in self._kinds:
-            if kind.name in names_of(model) | refused:
-                continue
+        tried = [kind for kind in self._kinds if kind.name not in names_of(model) | refused]
+        self.pool.prepare([Hypothesis(kind, {}, self._joints) for kind in tried])
+        for kind in tried:
             hypothesis = Hypothesis(kind, {}, self._joints)
             trial = (*model, with_acting_joints(self.pool, self.rules, hypothesis, model))
             gain = 0.5 * (here.heldout_squares - self.pool.fit(trial).heldout_squares)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from par4_identification.diagnosis.evidence.fit import Fit, residuals, solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.projection import project
+from par4_identification.diagnosis.evidence.side_by_side import side_by_side
 from par4_identification.diagnosis.evidence.unnamed import PRIOR_ROWS, Kinds
 from par4_identification.diagnosis.evidence.whitener import (
     Whitener,
@@ -89,7 +91,8 @@ def _noise_of_plateaus(observations: Observations) -> np.ndarray:
 def _without_unnamed(observations: Observations, left: tuple[np.ndarray, ...], kinds: Kinds
                      ) -> tuple[np.ndarray, ...]:
     """Return residuals (m, J) without the unnamed functions that one half tells of the other."""
-    rows = [observations.effect_rows(kind, {}) for kind in kinds.beside(observations, left)]
+    rows = side_by_side(partial(observations.effect_rows, shape={}),
+                        kinds.beside(observations, left))
     lengths = np.cumsum([len(part) for part in left])[:-1]
     kept = np.concatenate(left)
     time = np.concatenate([run.t for run in observations.runs])

@@ -1,0 +1,86 @@
+"""Rows sent back through whitening and filter: their products need no filtered columns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from measured import excitation
+from planned import evidence_of, log_of, state_of_motion
+from searches import MODEL
+from test_search import bump
+
+from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_identification.diagnosis.evidence.evidence import gather
+from par4_identification.diagnosis.evidence.observations import with_nominal
+from par4_identification.diagnosis.evidence.projection import project
+from par4_identification.diagnosis.evidence.whitener import Whitener
+from par4_identification.diagnosis.search.orders import Lines
+from par4_identification.signals.noise import ArNoise
+from robots import REFERENCE, model_with
+
+WANDERING = ArNoise(np.array((1.2, -0.3, 0.05)), 0.01)
+RIPPLE = {'relative': (0.05, 0.03, 0.04, 0.02), 'periods': 36.0, 'phase': (0.5, 0.0, 2.0, 1.0)}
+COGGING = {'amplitude': 0.3, 'periods': 31.0, 'phase': (0.0, 1.0, 2.0, 3.0)}
+
+
+@pytest.mark.parametrize('missing', [0.0, 0.05, 0.6])
+def test_the_adjoint_of_whitening_has_the_products_of_whitened_series(missing):
+    random = np.random.default_rng(3)
+    series, white = random.normal(size=(400, 3)), random.normal(size=400)
+    valid = np.repeat(random.random(40) >= missing, 10)
+    whitening = WANDERING.whitening(valid)
+    np.testing.assert_allclose(whitening.adjoint(white) @ series, white @ whitening.of(series),
+                               rtol=1e-10)
+    assert not whitening.adjoint(white)[~valid].any()
+
+
+@pytest.mark.parametrize('cycles', [0.0, 0.02, 0.3, 0.5])
+def test_whitening_multiplies_the_power_of_a_wave_as_said(cycles):
+    rows = np.arange(4000)
+    wave = np.stack((np.cos(2.0 * np.pi * cycles * rows), np.sin(2.0 * np.pi * cycles * rows)), 1)
+    white = WANDERING.whiten(wave, np.ones(len(rows), bool))[100:]
+    assert np.sum(white ** 2) / np.sum(wave[100:] ** 2) == pytest.approx(
+        WANDERING.whitened_power(np.array(cycles)), rel=1e-3)
+
+
+@pytest.fixture(scope='module')
+def evidence():
+    """Rows of a machine with periodic torques and a bump, in noise that wanders."""
+    model = model_with(model_with(MODEL, 'cogging', **COGGING), 'torque_ripple', **RIPPLE)
+    motion = excitation('reference', 12.0, 905)
+    state = state_of_motion(REFERENCE, motion)
+    log = log_of(REFERENCE, motion.t, motion.q, model.torque(state) + bump(state), 5)
+    plain = evidence_of(log, REFERENCE, MODEL)
+    observations = with_nominal(plain.observations, MODEL)
+    noise = tuple(replace(WANDERING, variance=(0.02 + 0.01 * joint) ** 2) for joint in range(4))
+    return gather(observations, Whitener(noise, plain.whitener.valid))
+
+
+@pytest.mark.parametrize('name', ['coulomb_asymmetry', 'arm_mass_offset', 'drive_gain_error'])
+def test_rows_sent_back_have_the_products_of_filtered_and_whitened_columns(evidence, name):
+    effect = CATALOGUE[name]
+    white = evidence.target_left
+    sent_back = evidence.sent_back(white)
+    found = sum(np.einsum('nj,njk->jk', own, effect.columns(run.state, {}))
+                for own, run in zip(sent_back, evidence.observations.runs))
+    (block,), ends = evidence.blocks(effect, {}), evidence.ends
+    wanted = [columns.T @ white[first:last]
+              for columns, first, last in zip(block.columns, ends, ends[1:])]
+    # the ends, through which the filter reflects, are some thousandths of 12 s
+    np.testing.assert_allclose(found, wanted, atol=5e-3 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize(('name', 'tolerance'), [('cogging', 0.15), ('torque_ripple', 0.25)])
+def test_the_spectrum_over_positions_tells_what_each_order_explains(evidence, name, tolerance):
+    """The strongest of all is among the strongest lines."""
+    effect, projection = CATALOGUE[name], project(evidence, ())
+    orders = np.arange(16.0, 161.0)
+    told = Lines(effect, projection, 160.0).gains(orders)
+    evidence.keep(effect, [{'periods': order} for order in orders])
+    true = np.array([projection.gain(effect, {'periods': order}) for order in orders])
+    strongest = true > 0.5 * true.max()
+    assert strongest.sum() >= 3
+    np.testing.assert_allclose(told[strongest], true[strongest], rtol=tolerance)
+    assert told[np.argmax(true)] > 0.8 * told.max()
