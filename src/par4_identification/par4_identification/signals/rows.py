@@ -318,5 +318,4 @@ def _white_floor(torque: np.ndarray, conditioning: Conditioning, period: float) 
         return np.zeros(torque.shape[1])
     high = torque - low_pass(torque, 4.0 * conditioning.torque_cutoff_hz, period, order=8)
     level = np.median(np.abs(high), axis=0) / 0.6745
-    gain = 1.0 / (1.0 + (frequency / conditioning.torque_cutoff_hz) ** 8) ** 2
-    return level * np.sqrt(np.mean(gain ** 2) / np.mean(band))
+    return level * np.sqrt(np.mean(conditioning.passed(frequency) ** 2) / np.mean(band))

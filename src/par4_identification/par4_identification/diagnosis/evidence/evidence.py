@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations, lasting
+from par4_identification.diagnosis.evidence.side_by_side import side_by_side
 from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.evidence.whitener import Whitener
 
@@ -182,7 +183,7 @@ class Evidence:
         missing = [key for key in keys if key not in self._kept]
         for first in range(0, len(missing), AT_ONCE):
             some = missing[first:first + AT_ONCE]
-            rows = [run.rows(np.stack([torque(run.state, key) for key in some], axis=-1))
+            rows = [run.rows(np.stack(side_by_side(partial(torque, run.state), some), axis=-1))
                     for run in self.observations.runs]
             white = np.concatenate(self.whitener.whiten(rows))
             self._kept.update(zip(some, np.ascontiguousarray(white.T)))

@@ -1,4 +1,4 @@
-"""Rows sent back through whitening and filter: their products need no filtered columns."""
+"""Rows, their noise, and rows sent back through whitening and filter."""
 
 from __future__ import annotations
 
@@ -18,8 +18,11 @@ from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.search.orders import Lines
 from par4_identification.signals.noise import ArNoise
+from par4_identification.signals.rows import runs_of_log
+from par4_kinematics.robot import Axis
 from robots import REFERENCE, model_with
 
+MOTOR = Axis(schema='par4/axis/1', name='motor', joint='motor', kind='revolute', gain=1.0)
 WANDERING = ArNoise(np.array((1.2, -0.3, 0.05)), 0.01)
 RIPPLE = {'relative': (0.05, 0.03, 0.04, 0.02), 'periods': 36.0, 'phase': (0.5, 0.0, 2.0, 1.0)}
 COGGING = {'amplitude': 0.3, 'periods': 31.0, 'phase': (0.0, 1.0, 2.0, 3.0)}
@@ -84,3 +87,12 @@ def test_the_spectrum_over_positions_tells_what_each_order_explains(evidence, na
     assert strongest.sum() >= 3
     np.testing.assert_allclose(told[strongest], true[strongest], rtol=tolerance)
     assert told[np.argmax(true)] > 0.8 * told.max()
+
+
+@pytest.mark.parametrize('period', [0.0005, 0.001])
+def test_the_noise_floor_of_white_torque_is_what_rows_have_of_it(period):
+    """It is read above the band of the torque; before, it was told 6 % too small."""
+    log = log_of(MOTOR, np.arange(0.0, 60.0, period), np.sin(np.arange(0.0, 60.0, period))[:, None],
+                 np.zeros((round(60.0 / period), 1)), 4, noise=0.7)
+    run, = runs_of_log(log, MOTOR)
+    assert run.noise_floor[0] == pytest.approx(np.std(run.tau[:, 0]), rel=0.04)
