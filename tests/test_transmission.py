@@ -304,3 +304,16 @@ def test_both_plants_agree_behind_springs_and_gaps(transmission):
     assert np.abs(q - other_q).max() < 5e-4
     assert np.abs(x - other_x).max() < 0.2 * np.abs(x - rigid_x).max()
     assert np.abs(rigid_q - q)[100:].max() > 5e-4
+
+
+def test_joints_that_stick_beside_soft_ones_need_no_torque_to_be_held():
+    """A small torque does not move them at all: before, the start was a singular system."""
+    machine = replace(MACHINE, friction=Friction(coulomb=all_joints(9.0)),
+                      transmission=Transmission(stiffness=np.array((RIGID, RIGID, 2e3, 2e3))))
+    plant = build_plant(machine, 'exact')
+    plant.reset(HOME)
+    at_first = plant.arms.copy()
+    for _ in range(200):
+        plant.step(np.zeros(4))
+    np.testing.assert_allclose(plant.arms[:2], at_first[:2], atol=1e-9)
+    np.testing.assert_allclose(plant.arms[2:], at_first[2:], atol=1e-4)

@@ -38,6 +38,8 @@ CONTACT_STIFFNESS = 1e5
 """Of a gap in a transmission that is rigid otherwise, N m/rad: 0.1 mrad at 10 N m."""
 LARGEST_PHASE = 0.2
 """Phase of the fastest resonance in a step, rad: the leapfrog's frequency is right to 0.2 %."""
+HELD = 1e-6
+"""Response to a torque over the largest one, below which a joint does not answer: it is held."""
 FRICTION_LEVELS = ('coulomb', 'viscous', 'coulomb_asymmetry', 'viscous_asymmetry',
                    'stribeck_torque', 'quadratic', 'power_torque', 'load_coefficient')
 """What makes the friction of a joint vanish where it is zero."""
@@ -242,7 +244,10 @@ class ElasticPlant:
                           + 0.5 * np.sign(holding) * self._motors.gap)
 
     def _holding_torque(self, x: ArrayLike) -> np.ndarray:
-        """Return the torque (4,), N m, that holds the arms at pose x, from trials of one step."""
+        """Return the torque (4,), N m, that holds the arms at pose x, from trials of one step.
+
+        It is the smallest: what sticks by itself, or is held by a plate, needs none.
+        """
         def speeds(tau: np.ndarray) -> np.ndarray:
             self._plant.reset(x)
             self._plant.step(tau)
@@ -250,7 +255,7 @@ class ElasticPlant:
 
         falling = speeds(np.zeros(LEGS))
         response = np.stack([speeds(unit) - falling for unit in np.eye(LEGS)], axis=1)
-        return -np.linalg.solve(response, falling)
+        return -np.linalg.lstsq(response, falling, rcond=HELD)[0]
 
     def step(self, tau: ArrayLike) -> None:
         """Advance by dt with motor torques tau (4,), N m, held.
