@@ -32,10 +32,11 @@ from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.fit import left_by, residuals, solve
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.diagnosis.evidence.pool import MOST_COLUMNS, Pool
 from par4_identification.diagnosis.evidence.projection import project
-from par4_identification.diagnosis.evidence.unnamed import KINDS, Kind, Kinds
+from par4_identification.diagnosis.evidence.unnamed import KINDS, Kinds
 from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.diagnosis.nominal.gate import WORST_ERROR, unusable
 from par4_identification.diagnosis.search.causes import named_of
@@ -367,15 +368,20 @@ def test_a_cause_that_cannot_be_real_gives_way_to_a_twin_that_can(others, left):
     assert set(names(search.tested((cable, drag)))) == left
 
 
-@pytest.mark.parametrize(('behind', 'first'), [
-    (0.9, 'torque_offset'), (1.1, 'position_torque'), (np.inf, 'position_torque')])
-def test_of_names_as_likely_but_for_chance_the_simplest_goes_first(behind, first, monkeypatch):
+@pytest.mark.parametrize(('behind', 'on_heldout', 'first'), [
+    (0.9, 5.0, 'torque_offset'), (1.1, 5.0, 'position_torque'), (1.1, 0.5, 'torque_offset'),
+    (9.0, 0.5, 'torque_offset'), (11.0, 0.5, 'position_torque'), (np.inf, 0.0, 'position_torque')])
+def test_of_names_as_likely_but_for_chance_the_simplest_goes_first(behind, on_heldout, first,
+                                                                   monkeypatch):
     """One that is no more likely than no name at all is none of them."""
     search = search_of(('torque_offset', {'offset': STRONG}),
                        library=('position_torque', 'torque_offset'))
     scores = {'position_torque': 500.0, 'torque_offset': 500.0 - behind}
     monkeypatch.setattr(search, '_trimmed', lambda candidate, _: (
         scores[candidate.hypothesis.effect.name], candidate.hypothesis))
+    gains = search.weighing.gains
+    monkeypatch.setattr(search.weighing, 'gains', lambda own, others: (
+        gains(own, others)[0], 400.0 - on_heldout * (own.effect.name == 'torque_offset')))
     model, = search._with_a_name((), set())
     assert model.effect.name == first
 

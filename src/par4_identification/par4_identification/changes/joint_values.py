@@ -17,8 +17,8 @@ from par4_dynamics.model_file import ModelFile
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.evidence import Evidence, gather, spread
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.evidence.whitener import flat_whitener, whitener_of_residuals
 from par4_identification.diagnosis.search.rules import Rules
 from par4_kinematics.errors import InputError

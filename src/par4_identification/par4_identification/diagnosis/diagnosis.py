@@ -36,9 +36,10 @@ from par4_identification.diagnosis.evidence.fit import (
 )
 from par4_identification.diagnosis.evidence.holdout import Blocks, blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.evidence.pool import Pool
-from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
+from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
 from par4_identification.diagnosis.nominal.start import Start, shown, start_beside, start_of

@@ -12,9 +12,9 @@ import numpy as np
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations, lasting
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side
-from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.evidence.whitener import Whitener
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.diagnosis.evidence.unnamed import Kind
 
 DOUBT = 0.5
 """Standard deviation of a correction of fitted values, over the correction."""

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from par4_dynamics.effects.effect import Effect, Shape
-from par4_identification.diagnosis.evidence.unnamed import Kind
+from par4_identification.diagnosis.evidence.kind import Kind
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ from numpy.polynomial.legendre import legvander
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.kind_functions import Ranges
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.diagnosis.evidence.unnamed import Kind
 
 PLACE_DEGREE = 2
 """Of the polynomial of a joint's position that a torque may be wrong by."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,12 +11,10 @@ from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.model import Model
 from par4_dynamics.model_file import RigidBody
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.fitting.identification import known_torque
 from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
-
-if TYPE_CHECKING:  # it imports this module
-    from par4_identification.diagnosis.evidence.unnamed import Kind
 
 
 @dataclass(frozen=True)

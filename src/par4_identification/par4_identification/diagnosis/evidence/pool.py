@@ -19,9 +19,9 @@ from par4_dynamics.effects.effect import Effect, Shape
 from par4_identification.diagnosis.evidence.evidence import Block, Evidence
 from par4_identification.diagnosis.evidence.fit import Fit, fit_of, prior_weights
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side
 from par4_identification.diagnosis.evidence.small_systems import assembled, directions, solved
-from par4_identification.diagnosis.evidence.unnamed import Kind
 
 MOST_COLUMNS = 512
 """Columns of a pool beyond which it begins anew: most are those of shapes that were tried once."""

@@ -22,8 +22,8 @@ from par4_identification.diagnosis.evidence.evidence import (
 )
 from par4_identification.diagnosis.evidence.fit import prior_weights
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.small_systems import ROUNDING, quadratic
-from par4_identification.diagnosis.evidence.unnamed import Kind
 
 
 @dataclass(frozen=True)

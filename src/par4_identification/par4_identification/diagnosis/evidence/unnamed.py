@@ -8,17 +8,16 @@ searched, accepted and tested like an effect; its coefficients have no meaning b
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import replace
 
 import numba
 import numpy as np
 
 from par4_dynamics.effects.cogging import HIGHEST_PERIODS, lowest_order
-from par4_dynamics.effects.effect import Shape
 from par4_dynamics.effects.position_torque import WIDEST
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence import kind_functions as functions
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.kind_functions import (
     Function,
     Periods,
@@ -28,69 +27,7 @@ from par4_identification.diagnosis.evidence.kind_functions import (
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.signals.rows import Run
 
-PRIOR_ROWS = 3.0
-"""Weight of the prior, zero, of a coefficient whose column has the size 1: as that many rows."""
 PERIODS = np.arange(1, HIGHEST_PERIODS + 1)
-
-
-@dataclass(frozen=True, eq=False)
-class Kind:
-    """A kind of unnamed cause: a sum of columns with free coefficients.
-
-    It stands where an effect stands in a hypothesis, with an empty shape.
-
-    Attributes:
-        name: of the kind, as `diagnosis.json` and tests know it.
-        phrase: what it acts like, in words.
-        function: its columns (n, J, k) of a motion, N m per unit coefficient.
-        ranges: scales that make it the same function on other data.
-        shared: whether a column has one coefficient on all joints.
-        needs_platform: whether only machines with a platform can have it.
-        needs_nominal: whether its columns need the nominal torque.
-        told_by_speeds: whether it is a function of the joint's speed alone, so that mean torques at
-            steady speeds can tell it.
-        left_by_filters: whether sampling and filters leave some of it in every record, so that it
-            counts only where it explains most of what is left.
-    """
-
-    name: str
-    phrase: str
-    function: Function
-    ranges: Ranges | None = None
-    shared: bool = False
-    separable: ClassVar[Periods] = ()
-    variables: ClassVar[int] = 1
-    needs_platform: bool = False
-    needs_nominal: bool = False
-    left_by_filters: bool = False
-    told_by_speeds: bool = False
-
-    def parts(self, shape: Shape) -> tuple[Shape, ...]:
-        """Return the shape as the only part: a kind has no others."""
-        return (shape,)
-
-    def prior(self, squares: np.ndarray, rows: float) -> np.ndarray:
-        """Return the weight of the prior, zero, of each coefficient: squares of a row of its own.
-
-        It is that of `PRIOR_ROWS` rows in which a column has its usual size, or that of the
-        columns on the average where it is larger: a column that the motion hardly visits must not
-        be free to be anything where other motions go.
-
-        Args:
-            squares: of the whitened columns, (k,), (g, k) where g joints have their own.
-            rows: on which they are.
-        """
-        return PRIOR_ROWS / max(rows, 1.0) * np.maximum(squares, squares.mean())
-
-    def columns(self, state: State, shape: Shape) -> np.ndarray:  # noqa: ARG002
-        """Return its columns (n, J, k).
-
-        Raises:
-            TypeError: it has not been scaled to a motion.
-        """
-        if self.ranges is None:
-            raise TypeError(f'the kind {self.name} has not been scaled to a motion')
-        return np.ascontiguousarray(self.function(state, self.ranges))
 
 
 KINDS = (

@@ -11,9 +11,9 @@ from par4_dynamics.effects.effect import CERTAIN, FAST, Base, Values
 from par4_identification.diagnosis.evidence.estimates import estimated, fixed_sizes
 from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.projection import Projections
-from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.causes import Model
 from par4_identification.diagnosis.search.law import Dithered

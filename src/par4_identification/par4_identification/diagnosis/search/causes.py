@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.unnamed import Kind
+from par4_identification.diagnosis.evidence.kind import Kind
 
 Model = tuple[Hypothesis, ...]
 """Causes, named and unnamed, that stand beside the base terms."""

@@ -9,8 +9,8 @@ from itertools import combinations
 import numpy as np
 
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.pool import Pool
-from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.belief import Belief
 from par4_identification.diagnosis.search.causes import Model
 from par4_identification.diagnosis.search.requirement import requirement_of

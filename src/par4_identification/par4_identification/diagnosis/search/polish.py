@@ -11,8 +11,8 @@ from par4_identification.diagnosis.evidence.estimates import shape_knobs, shape_
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import Fit, left_by
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.pool import Pool
-from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.causes import Model, others_of
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.shapes import order_name

@@ -10,8 +10,8 @@ import numpy as np
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.pool import Pool
-from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.rules import Rules
 
 

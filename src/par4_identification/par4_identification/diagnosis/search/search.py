@@ -9,9 +9,10 @@ import numpy as np
 
 from par4_identification.diagnosis.evidence.fit import residuals
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.pool import Fitted, Pool
 from par4_identification.diagnosis.evidence.projection import Projections
-from par4_identification.diagnosis.evidence.unnamed import Kind, Kinds
+from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.belief import Belief
 from par4_identification.diagnosis.search.candidates import Candidate, Candidates, price_of_shapes
 from par4_identification.diagnosis.search.causes import (
@@ -162,7 +163,8 @@ class Search:
     def _with_a_name(self, model: Model, refused: set[str]) -> Model | None:
         """Return the model with the most likely name that can be confirmed.
 
-        Of names that are as likely but for what chance makes, the simplest is taken.
+        Of names that are as likely but for what chance makes, the simplest is taken. So it is of
+        names that would be told as twins, if held-out rows do not prefer the best of them.
         """
         projection = self.weighing.beside(model)
         found = [item for item in self.candidates.all_of(projection, {*names_of(model), *refused})
@@ -172,7 +174,7 @@ class Search:
             # no score exceeds the gain on all joints
             most = 0.0
             for item in sorted(found, key=lambda item: -item.gain):
-                if item.gain <= most - BY_CHANCE:
+                if item.gain <= most - self.rules.twin:
                     break
                 name = item.hypothesis.effect.name
                 if name not in trimmed:
@@ -180,9 +182,12 @@ class Search:
                 most = max(most, trimmed[name][0])
             if most <= 0.0:
                 return None
-            near = [trimmed[name] for item in found
-                    if (name := item.hypothesis.effect.name) in trimmed
-                    and trimmed[name][0] > max(most - BY_CHANCE, 0.0)]
+            likely = [own for item in found if (own := trimmed.get(item.hypothesis.effect.name))
+                      and own[0] > max(most - self.rules.twin, 0.0)]
+            best = max(likely, key=lambda own: own[0])[1]
+            confirmed = self.weighing.gains(best, model)[1]
+            near = [own for own in likely if own[0] > most - BY_CHANCE
+                    or self.weighing.gains(own[1], model)[1] > confirmed - BY_CHANCE]
             _, hypothesis = min(
                 near, key=lambda own: simplest_first(self.pool, own[1], most - own[0]))
             if self._is_confirmed(hypothesis, model):

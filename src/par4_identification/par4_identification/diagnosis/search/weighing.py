@@ -9,11 +9,11 @@ import numpy as np
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import Fit, pinned
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.kind_functions import Ranges
 from par4_identification.diagnosis.evidence.law_error import factors_of, law_error_of, put_in
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.projection import Projection, Projections
-from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.causes import Model, named_of
 from par4_identification.diagnosis.search.counts import Counts
 from par4_identification.diagnosis.search.requirement import Requirement, requirement_of

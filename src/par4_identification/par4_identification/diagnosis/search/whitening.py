@@ -12,10 +12,11 @@ from par4_dynamics.effects.effect import Effect
 from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.fit import Fit, residuals, solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import PRIOR_ROWS
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side
-from par4_identification.diagnosis.evidence.unnamed import PRIOR_ROWS, Kinds
+from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.evidence.whitener import (
     Whitener,
     flat_whitener,

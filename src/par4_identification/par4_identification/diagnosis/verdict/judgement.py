@@ -9,7 +9,7 @@ import scipy
 
 from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.unnamed import Kind
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.search.causes import Model, others_of
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.simplicity import best_first

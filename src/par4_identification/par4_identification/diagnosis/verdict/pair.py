@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.unnamed import Kind
+from par4_identification.diagnosis.evidence.kind import Kind
 
 NOTHING = 'no cause at all'
 """Name of no cause at all."""

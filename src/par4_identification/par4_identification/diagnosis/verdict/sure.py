@@ -19,8 +19,8 @@ from par4_dynamics.effects.cogging import Cogging
 from par4_identification.diagnosis.evidence.fit import residuals, rms_of
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.diagnosis.evidence.unnamed import Kind
 from par4_identification.diagnosis.search.causes import Model, named_of, others_of, unnamed_of
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
