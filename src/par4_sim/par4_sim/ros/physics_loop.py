@@ -21,7 +21,7 @@ from par4_sim.simulation import Sample, Simulation
 BACKLOG = 0.5
 """Seconds behind the wall clock that are caught up; what is beyond is let go."""
 IDLE = 0.005
-"""Longest wait for an order, s, while the simulation stands."""
+"""Seconds between looks for an order while the simulation stands."""
 PATIENCE = 5.0
 """Seconds to wait for an order to be carried out."""
 GRACE = 0.5
@@ -250,8 +250,10 @@ class PhysicsLoop:
         return kept
 
     def _carry_out_orders(self, standing: bool) -> None:
+        if standing and self._orders.empty():
+            time.sleep(IDLE)  # get(timeout=IDLE) may wait for ever: its own start may outlast it
         try:
-            self._orders.get(block=standing, timeout=IDLE)()
+            self._orders.get_nowait()()
         except Empty:
             return
 
