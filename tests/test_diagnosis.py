@@ -139,6 +139,32 @@ def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monk
                for item in result.rejected)
 
 
+@pytest.mark.parametrize(('margin', 'rival', 'is_told'), [
+    (-5.0, 'a function of joint speed', False), (5.0, 'a function of joint speed', True),
+    (-5.0, 'nonlinear_viscous', True)])
+def test_a_cause_that_may_be_zero_is_told_only_if_nothing_else_explains_as_much(
+        cogged_and_sticky, monkeypatch, margin, rival, is_told):
+    """Its sizes are zero within two deviations; a twin that explains as much is told with it."""
+    def doubted(parameters, *_):
+        return {name: parameter.model_copy(update={
+            'std': tuple(0.7 * np.abs(parameter.value)) if name == 'stribeck_torque'
+            else parameter.std}) for name, parameter in parameters.items()}
+
+    judge_of = diagnosis.judge
+
+    def judged(search, item, model):
+        found = judge_of(search, item, model)
+        return found if item.effect.name != 'stribeck' else replace(
+            found, margin=margin, rival=rival, twins=('nonlinear_viscous',))
+
+    monkeypatch.setattr(diagnosis, 'with_disagreement', doubted)
+    monkeypatch.setattr(diagnosis, 'judge', judged)
+    fit, heldout = cogged_and_sticky
+    result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
+        name: diagnosis.LIBRARY[name] for name in ('cogging', 'stribeck')})
+    assert ('stribeck' in names(result)) == is_told
+
+
 def test_a_joint_whose_size_may_be_zero_is_not_named(cogged_and_sticky, monkeypatch):
     """A mechanic opens the drive that is named; the name and its other joint stay."""
     def doubted(parameters, *_):

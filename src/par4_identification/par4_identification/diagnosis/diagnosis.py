@@ -275,6 +275,14 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
                            rigid_body, effects, fit_runs, progress)
     causes = with_doubt_of_counts(search, widened(search, by_any_law, named, weak), named, changed)
+    for item, cause in reversed(list(zip(named, causes))):
+        # a twin that explains as much says nothing against it
+        if (cause.margin <= 0.0 and cause.rival not in cause.twins
+                and cause.is_zero_within(EITHER_SIDE)):
+            search.journal.reject(item, f'all its values may be zero, and on rows held out '
+                                  f'{cause.rival or "no cause at all"} explains as much')
+            return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
+                           rigid_body, effects, fit_runs, progress)
     for item, cause in zip(named, causes):
         if cause.idle_joints:
             acting = without_joints(item, cause.idle_joints)
