@@ -1,7 +1,8 @@
-"""Rows, their noise, and rows sent back through whitening and filter."""
+"""Rows, their noise, rows sent back through whitening and filter, and columns on all processors."""
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.observations import with_nominal
 from par4_identification.diagnosis.evidence.projection import project
+from par4_identification.diagnosis.evidence.side_by_side import side_by_side, threads_of_process
 from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.search.orders import Lines
 from par4_identification.signals.noise import ArNoise
@@ -96,3 +98,21 @@ def test_the_noise_floor_of_white_torque_is_what_rows_have_of_it(period):
                  np.zeros((round(60.0 / period), 1)), 4, noise=0.7)
     run, = runs_of_log(log, MOTOR)
     assert run.noise_floor[0] == pytest.approx(np.std(run.tau[:, 0]), rel=0.04)
+
+
+@pytest.mark.parametrize(('asked', 'threads'), [('1', 1), ('3', 3)])
+def test_as_many_threads_compute_as_other_libraries_are_told(monkeypatch, asked, threads):
+    monkeypatch.setenv('OMP_NUM_THREADS', asked)
+    assert threads_of_process() == threads
+
+
+@pytest.mark.parametrize('asked', ['', '0', 'many'])
+def test_without_a_number_of_threads_the_processors_count(monkeypatch, asked):
+    monkeypatch.setenv('OMP_NUM_THREADS', asked)
+    assert 1 <= threads_of_process() <= (os.cpu_count() or 1)
+
+
+def test_what_is_computed_side_by_side_keeps_its_order_and_its_errors():
+    assert side_by_side(lambda item: item ** 2, range(50)) == [item ** 2 for item in range(50)]
+    with pytest.raises(ZeroDivisionError):
+        side_by_side(lambda item: 1 / item, (1, 0))

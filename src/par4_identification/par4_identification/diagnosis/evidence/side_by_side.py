@@ -19,6 +19,19 @@ def side_by_side(function: Callable[[Item], Result], items: Iterable[Item]) -> l
     Compiled kernels and numpy let other threads run while they compute. What the function returns
     may be kept by it, but must not depend on which item comes first.
     """
-    processors = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else 1
-    with ThreadPoolExecutor(min(MOST, processors)) as threads:
+    with ThreadPoolExecutor(min(MOST, threads_of_process())) as threads:
         return list(threads.map(function, items))
+
+
+def threads_of_process() -> int:
+    """Return how many threads may compute: `OMP_NUM_THREADS`, or the processors of this process.
+
+    Libraries of linear algebra follow the same variable, and dask sets it for its workers, of which
+    each has one processor.
+    """
+    asked = os.environ.get('OMP_NUM_THREADS', '')
+    if asked.isdecimal() and int(asked) > 0:
+        return int(asked)
+    if hasattr(os, 'sched_getaffinity'):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
