@@ -18,7 +18,8 @@ from par4_identification.diagnosis.evidence.observations import with_nominal
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side, threads_of_process
 from par4_identification.diagnosis.evidence.whitener import Whitener
-from par4_identification.diagnosis.search.orders import Lines
+from par4_identification.diagnosis.search.orders import Lines, best_orders
+from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.signals.noise import ArNoise
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.robot import Axis
@@ -116,3 +117,10 @@ def test_what_is_computed_side_by_side_keeps_its_order_and_its_errors():
     assert side_by_side(lambda item: item ** 2, range(50)) == [item ** 2 for item in range(50)]
     with pytest.raises(ZeroDivisionError):
         side_by_side(lambda item: 1 / item, (1, 0))
+
+
+def test_where_all_orders_are_found_the_search_for_more_ends(evidence):
+    shape, gain = best_orders(CATALOGUE['cogging'], [{'periods': 31.0}], project(evidence, ()),
+                              Rules())
+    assert shape == {'periods': 31.0}
+    assert gain > 1000.0

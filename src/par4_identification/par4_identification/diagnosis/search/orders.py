@@ -27,6 +27,8 @@ CLOSE = 0.6
 spectrum is right to 15 %, for waves that the design imitates to 25 %."""
 SPEEDS, SPECTRUM = 64, 64
 """Speeds and orders for which the squares of waves are computed."""
+TINY = 1e-300
+"""Stands for the squares of a wave without any, by which must be divided."""
 FAINTEST = 1e-3
 """The least of these squares, as a share of the largest: of a wave that no filter lets through, no
 spectrum says how much it explains."""
@@ -144,7 +146,7 @@ def _strongest(effect: Effect, name: str, orders: np.ndarray, projection: Projec
     lines = Lines(effect, projection, float(orders[-1]))
     by_lines = np.where(is_new(orders), lines.gains(orders), -1.0)
     ranks = np.argsort(np.argsort(-by_lines))
-    strong = (ranks < STRONGEST) & (by_lines >= CLOSE * np.max(by_lines))
+    strong = (ranks == 0) | ((ranks < STRONGEST) & (by_lines >= CLOSE * np.max(by_lines)))
     shape, gain = best_shape(effect, shapes(orders[strong | (orders < LOW * apart)]), worth)
     order = single(shape[name])
     if apart > WIDEST_APART:
@@ -219,7 +221,8 @@ class Lines:
         for joint, own in enumerate(squares):
             cells = ((q[:, joint] - q[:, joint].min()) / cell).astype(int)
             products = np.abs(np.fft.rfft(np.bincount(cells, weighted[:, joint], count))) ** 2
-            gains += products / np.interp(orders, coarse, np.maximum(own, FAINTEST * np.max(own)))
+            least = max(FAINTEST * float(np.max(own)), TINY)
+            gains += products / np.interp(orders, coarse, np.maximum(own, least))
         return step, gains
 
     def _squares(self, joint: int, orders: np.ndarray) -> np.ndarray:
