@@ -386,6 +386,12 @@ def test_of_names_as_likely_but_for_chance_the_simplest_goes_first(behind, on_he
     assert model.effect.name == first
 
 
+def test_without_twins_the_best_name_is_taken():
+    search = search_of(('torque_offset', {'offset': STRONG}), rules=Rules(twin=0.0),
+                       library=('drive_gain_error', 'torque_offset'))
+    assert names(search.run()) == ['torque_offset']
+
+
 def test_a_candidate_that_was_not_looked_at_closely_is_taken_for_none(monkeypatch):
     """The strongest ends the look at weaker ones."""
     search = search_of(('torque_offset', {'offset': STRONG}),

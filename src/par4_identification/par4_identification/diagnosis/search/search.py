@@ -183,7 +183,7 @@ class Search:
             if most <= 0.0:
                 return None
             likely = [own for item in found if (own := trimmed.get(item.hypothesis.effect.name))
-                      and own[0] > max(most - self.rules.twin, 0.0)]
+                      and own[0] > 0.0 and own[0] >= most - self.rules.twin]
             best = max(likely, key=lambda own: own[0])[1]
             confirmed = self.weighing.gains(best, model)[1]
             near = [own for own in likely if own[0] > most - BY_CHANCE
