@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from queue import Empty, SimpleQueue
+from queue import Empty, Queue
 from threading import Event, Lock
 
 import numpy as np
@@ -21,7 +21,7 @@ from par4_sim.simulation import Sample, Simulation
 BACKLOG = 0.5
 """Seconds behind the wall clock that are caught up; what is beyond is let go."""
 IDLE = 0.005
-"""Seconds between looks for an order while the simulation stands."""
+"""Longest wait for an order, s, while the simulation stands."""
 PATIENCE = 5.0
 """Seconds to wait for an order to be carried out."""
 GRACE = 0.5
@@ -83,7 +83,8 @@ class PhysicsLoop:
         self._standing_since: float | None = None
         self._references: Inbox[ReferencePoints] = Inbox()
         self._efforts: Inbox[Torques] = Inbox()
-        self._orders: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        # SimpleQueue.get may wait for ever where its own start outlasts the timeout (CPython 3.11)
+        self._orders: Queue[Callable[[], None]] = Queue()
 
     @property
     def torque_limit(self) -> float:
@@ -250,10 +251,8 @@ class PhysicsLoop:
         return kept
 
     def _carry_out_orders(self, standing: bool) -> None:
-        if standing and self._orders.empty():
-            time.sleep(IDLE)  # get(timeout=IDLE) may wait for ever: its own start may outlast it
         try:
-            self._orders.get_nowait()()
+            self._orders.get(block=standing, timeout=IDLE)()
         except Empty:
             return
 
