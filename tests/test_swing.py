@@ -103,6 +103,36 @@ def test_the_resonance_is_that_of_the_load_on_its_spring():
     assert springs.resonances(np.zeros(1)) == np.inf
 
 
+def slope_errors(state, compliance, damping_ratio):
+    """Return the rms of slopes less differences of torques, over that of these, of each value."""
+    springs = Springs(state)
+    slopes, step, errors = springs.slopes(compliance, damping_ratio), 1e-4, []
+    for value in (*np.flatnonzero(compliance > 0.0), -1):
+        ends = []
+        for side in (-step, step):
+            moved = compliance * np.exp(side * (np.arange(len(compliance)) == value))
+            damping = damping_ratio * np.exp(side * (value == -1))
+            ends.append(springs.torque(moved, damping)[1])
+        difference = (ends[1] - ends[0]) / (2.0 * step)
+        errors.append(np.std(slopes[..., value] - difference) / np.std(difference))
+    rigid = compliance <= 0.0
+    assert not slopes[..., :-1][..., rigid].any()
+    return errors
+
+
+def test_slopes_are_those_of_the_torque():
+    """Of an axis exactly, of a mechanism but for what the first order misses."""
+    axis = evidence_of_axis(0.0).observations.runs[0].state
+    compliance = np.array((1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2),))
+    assert max(slope_errors(axis, compliance, 0.1)) < 1e-5
+    known = known_machine('reference')
+    motion = draw_motion('circles', known.robot, 8.0, 7)
+    log = log_of(known.robot, motion.t, motion.q, np.zeros_like(motion.q), 1, 0.0)
+    run, = runs_of_log(log, known.robot)
+    state = replace(run.state, nominal=known.model.nominal(run.state))
+    assert max(slope_errors(state, np.array((1e-4, 0.0, 5e-5, 3e-4)), 0.05)) < 0.05
+
+
 def test_a_search_that_goes_on_from_another_one_ends_where_it_would():
     true = 1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2)
     projection = project(evidence_of_axis(true, damping_ratio=0.15), [])

@@ -30,8 +30,6 @@ STIFFNESSES = (1e2, 1e6)
 """N m/rad, of the arms of a Par4."""
 DAMPING_RATIOS = (2e-3, 0.7)
 """Of a transmission, from a bare steel shaft to one that hardly swings."""
-STEP = 1e-3
-"""Of a compliance, for the slope of the torque."""
 RESONANCES = (1.0, 500.0)
 """Hz, of an axis, whose stiffness may be any: of its load, half of its inertia, on its spring."""
 
@@ -79,11 +77,8 @@ class ElasticTransmission(Effect):
         spring, torque = springs.torque(compliance, damping_ratio)
         columns = (np.zeros((*torque.shape, state.joints)) if np.all(compliance > 0.0)
                    else transmission_columns(state, -spring))
-        for joint in np.flatnonzero(compliance > 0.0):
-            moved = compliance.copy()
-            moved[joint] *= 1.0 + STEP
-            columns[..., joint] = (springs.torque(moved, damping_ratio)[1] - torque) / (
-                STEP * compliance[joint])
+        soft = np.flatnonzero(compliance > 0.0)
+        columns[..., soft] = springs.slopes(compliance, damping_ratio)[..., soft] / compliance[soft]
         missed = torque - columns @ compliance
         return columns + missed[..., None] * compliance / (compliance @ compliance)
 

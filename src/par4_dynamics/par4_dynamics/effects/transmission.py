@@ -17,7 +17,6 @@ from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State, state_of_joints
 from par4_kinematics.errors import UnreachableError
-from par4_kinematics.linear_solve import solve_in_place
 
 MOTOR_SHARE = 0.5
 """Of the actuator inertia that turns with the encoder, before the transmission: assumed."""
@@ -121,6 +120,7 @@ class Springs:
         self._place = np.concatenate((np.zeros(before, dtype=int), np.arange(len(self._rigid))))
         fade = np.concatenate((np.linspace(1.0, 0.0, before), np.zeros(len(self._rigid))))
         self._more = 1.0 + RUN_IN_DAMPING * fade ** 2
+        self._last: tuple[tuple[float, ...], np.ndarray] = (), self._rigid
 
     def resonances(self, compliance: np.ndarray) -> np.ndarray:
         """Return the frequency at which each load swings against its resting motor, (J,) Hz.
@@ -146,22 +146,51 @@ class Springs:
         """
         if self._still or not np.any(compliance > 0.0):
             return self._rigid, np.zeros_like(self._rigid)
-        spring, change, twist = self._swung(self._rigid, compliance, damping_ratio, every)
-        if every > 1:
-            told = every * np.arange(len(spring))
-            wanted = self._before + np.arange(len(self._rigid))
-            spring, change = (np.stack([np.interp(wanted, told, joint) for joint in part.T], axis=1)
-                              for part in (spring, change))
-            return spring, change
-        spring, change, twist = (part[..., self._before:, :] for part in (spring, change, twist))
-        if self._state.geometry is None:  # linear
-            return spring, change
-        try:
-            missed = self._exact_change(*twist) - change
-        except UnreachableError:  # springs so soft are none that a machine has
-            return spring, change
-        spring, change, _ = self._swung(self._rigid + missed, compliance, damping_ratio)
-        return spring[self._before:], change[self._before:] + missed
+        load = self._load(compliance, damping_ratio, every)
+        spring, change, _, _ = self._swung(load, compliance, damping_ratio, every)
+        return self._told(spring, every), self._told(change, every) + (load - self._rigid)
+
+    def slopes(self, compliance: np.ndarray, damping_ratio: float = DAMPING_RATIO, every: int = 1
+               ) -> np.ndarray:
+        """Return d/d ln c and d/d ln (damping ratio) of the change of `torque`, (n, J, J + 1), N m.
+
+        They leave out how what the first order misses changes; rigid joints have none.
+        """
+        slopes = np.zeros((*self._rigid.shape, self._rigid.shape[1] + 1))
+        if self._still or not np.any(compliance > 0.0):
+            return slopes
+        load = self._load(compliance, damping_ratio, every)
+        found = self._told(self._swung(load, compliance, damping_ratio, every, True)[3], every)
+        slopes[..., [*np.flatnonzero(compliance > 0.0), -1]] = found
+        return slopes
+
+    def _load(self, compliance: np.ndarray, damping_ratio: float, every: int) -> np.ndarray:
+        """Return what rigid springs would carry, with what the first order misses, (n, J), N m.
+
+        That of the last compliances is kept: slopes are asked for where a torque was.
+        """
+        if every > 1 or self._state.geometry is None:  # coarse, linear
+            return self._rigid
+        asked = damping_ratio, *compliance
+        last, load = self._last
+        if last != asked:
+            _, change, twist, _ = self._swung(self._rigid, compliance, damping_ratio)
+            try:
+                load = self._rigid + self._exact_change(
+                    *twist[:, self._before:]) - change[self._before:]
+            except UnreachableError:  # springs so soft are none that a machine has
+                load = self._rigid
+            self._last = asked, load
+        return load
+
+    def _told(self, steps: np.ndarray, every: int) -> np.ndarray:
+        """Return values (n, ...) at the samples of the motion of those at the steps (m, ...)."""
+        if every == 1:
+            return steps[self._before:]
+        taken, wanted = every * np.arange(len(steps)), np.arange(len(self._rigid)) + self._before
+        return np.stack([np.interp(wanted, taken, values)
+                         for values in steps.reshape(len(steps), -1).T], axis=1).reshape(
+                             (-1, *steps.shape[1:]))
 
     def _exact_change(self, twist: np.ndarray, speed: np.ndarray, rate: np.ndarray) -> np.ndarray:
         """Return the change of the load's torque (n, J), N m, where it twists by (n, J), rad.
@@ -183,7 +212,8 @@ class Springs:
         return self._state.known.rigid_torque(self._state)
 
     def _swung(self, rigid: np.ndarray, compliance: np.ndarray, damping_ratio: float,
-               every: int = 1) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+               every: int = 1, with_slopes: bool = False
+               ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return what `torque` does, to first order, with a run-in before it, and the twists.
 
         Args:
@@ -191,7 +221,9 @@ class Springs:
             compliance, damping_ratio, every: of `torque`.
 
         Returns:
-            Two (m, J), N m; twist, speed and acceleration (3, m, J), of every so many samples.
+            Two (m, J), N m; twist, speed and acceleration (3, m, J); slopes of the second (m, J, p)
+            by the logarithms of the compliances of the p - 1 joints that twist and of the damping
+            ratio, p = 0 unless asked for. All of every so many samples.
         """
         soft = np.flatnonzero(compliance > 0.0)
         twisting = compliance[soft]
@@ -200,10 +232,11 @@ class Springs:
         before = 2.0 * rigid[0] - rigid[self._before:0:-1]
         load = np.ascontiguousarray(np.concatenate((before, rigid))[steps])
         spring, change, twist = np.empty_like(load), np.empty_like(load), np.zeros((3, *load.shape))
+        slopes = np.empty((*load.shape, len(soft) + 1 if with_slopes else 0))
         h = every * self._period
         _swing(load, self._place[steps], self._by_motion, soft, twisting, lag, self._more[steps],
-               h, self._beta(twisting, soft, h), spring, change, twist)
-        return spring, change, twist
+               h, self._beta(twisting, soft, h), spring, change, twist, slopes)
+        return spring, change, twist, slopes
 
     def _beta(self, compliance: np.ndarray, soft: np.ndarray, h: float) -> np.ndarray:
         """Return Newmark's beta of each joint that twists, (k,), for steps of h, s.
@@ -235,53 +268,122 @@ class Springs:
 
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
-def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring, change, told):
+def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring, change, told,
+           slopes):
     """Integrate c (M sdd + C sd + K s) + c d sd + s = c T_0 by Newmark's method (1959).
 
     Its gamma is 1/2, so that nothing is damped by the steps. Only the `soft` joints (k,) twist;
     `compliance`, `lag` and `beta` (k,) are theirs. M, C and K (3, n, J, J) of a row are those of
-    its `place`. Twist, speed and acceleration are told, (3, n, J).
+    its `place`. Twist, speed and acceleration are told, (3, n, J). `slopes` (n, J, p) are those of
+    the change of the torque by the logarithm of each compliance and of the damping ratio, with
+    p = k + 1, or none with p = 0.
     """
     joints, count = load.shape[1], len(soft)
+    wanted = slopes.shape[2]
     twist, speed, rate = np.empty(count), np.zeros(count), np.zeros(count)
+    twists, speeds, rates = (np.zeros((wanted, count)), np.zeros((wanted, count)),
+                             np.zeros((wanted, count)))
     for k in range(count):
         twist[k] = compliance[k] * load[0, soft[k]]
-    matrix, right = np.empty((count, count)), np.empty((count, 1))
+        if wanted > 0:
+            twists[k, k] = twist[k]
+    matrix = np.empty((count, count))
     for row in range(len(load)):
         inertia, by_speed, by_twist = (
             by_motion[0, place[row]], by_motion[1, place[row]], by_motion[2, place[row]])
-        for k in range(count):
-            twist[k] += h * speed[k] + (0.5 - beta[k]) * h * h * rate[k]
-            speed[k] += 0.5 * h * rate[k]
+        _predicted(twist, speed, rate, h, beta)
         for k in range(count):
             slow = more[row] * lag[k]
-            right[k, 0] = compliance[k] * load[row, soft[k]] - slow * speed[k] - twist[k]
             for other in range(count):
-                m = inertia[soft[k], soft[other]]
-                c = by_speed[soft[k], soft[other]]
-                s = by_twist[soft[k], soft[other]]
-                right[k, 0] -= compliance[k] * (c * speed[other] + s * twist[other])
-                matrix[k, other] = compliance[k] * (m + 0.5 * h * c + beta[other] * h * h * s)
+                matrix[k, other] = compliance[k] * (
+                    inertia[soft[k], soft[other]] + 0.5 * h * by_speed[soft[k], soft[other]]
+                    + beta[other] * h * h * by_twist[soft[k], soft[other]])
             matrix[k, k] += 0.5 * h * slow + beta[k] * h * h
-        if count == 1:
-            right[0, 0] /= matrix[0, 0]
-        else:
-            solve_in_place(matrix, right)
-        for k in range(count):
-            rate[k] = right[k, 0]
-            twist[k] += beta[k] * h * h * rate[k]
-            speed[k] += 0.5 * h * rate[k]
+            rate[k] = compliance[k] * (load[row, soft[k]] - _by_twist(
+                by_speed[soft[k]], by_twist[soft[k]], soft, speed, twist)
+                ) - slow * speed[k] - twist[k]
+        _factored(matrix)
+        _corrected(matrix, twist, speed, rate, h, beta)
         for i in range(joints):
-            change[row, i] = 0.0
-            for k in range(count):
-                change[row, i] -= (inertia[i, soft[k]] * rate[k] + by_speed[i, soft[k]] * speed[k]
-                                   + by_twist[i, soft[k]] * twist[k])
+            change[row, i] = -_by_rate(inertia[i], soft, rate) - _by_twist(
+                by_speed[i], by_twist[i], soft, speed, twist)
             spring[row, i] = load[row, i] + change[row, i]
         for k in range(count):
             spring[row, soft[k]] = twist[k] / compliance[k]
             told[0, row, soft[k]] = twist[k]
             told[1, row, soft[k]] = speed[k]
             told[2, row, soft[k]] = rate[k]
+        for p in range(wanted):
+            _predicted(twists[p], speeds[p], rates[p], h, beta)
+            for k in range(count):
+                slow = more[row] * lag[k]
+                rates[p, k] = (-compliance[k] * _by_twist(
+                    by_speed[soft[k]], by_twist[soft[k]], soft, speeds[p], twists[p])
+                    - slow * speeds[p, k] - twists[p, k])
+                if p == count:
+                    rates[p, k] -= slow * speed[k]
+                elif p == k:  # c T_0 grows with c, what damps it with its root
+                    rates[p, k] += twist[k] + 0.5 * slow * speed[k]
+            _corrected(matrix, twists[p], speeds[p], rates[p], h, beta)
+            for i in range(joints):
+                slopes[row, i, p] = -_by_rate(inertia[i], soft, rates[p]) - _by_twist(
+                    by_speed[i], by_twist[i], soft, speeds[p], twists[p])
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def _predicted(twist, speed, rate, h, beta):
+    """Move twist and speed to the next step, but for what its acceleration does."""
+    for k in range(len(twist)):
+        twist[k] += h * speed[k] + (0.5 - beta[k]) * h * h * rate[k]
+        speed[k] += 0.5 * h * rate[k]
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def _corrected(factors, twist, speed, rate, h, beta):
+    """Solve for the acceleration, of which `rate` is the right side, and add what it does."""
+    count = len(rate)
+    for k in range(count):
+        for other in range(k):
+            rate[k] -= factors[k, other] * rate[other]
+    for k in range(count - 1, -1, -1):
+        for other in range(k + 1, count):
+            rate[k] -= factors[k, other] * rate[other]
+        rate[k] *= factors[k, k]
+    for k in range(count):
+        twist[k] += beta[k] * h * h * rate[k]
+        speed[k] += 0.5 * h * rate[k]
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def _factored(matrix):
+    """Replace a matrix by its triangular factors, with reciprocals on the diagonal.
+
+    Without pivots: it is an inertia whose rows are scaled, and little more.
+    """
+    for k in range(len(matrix)):
+        matrix[k, k] = 1.0 / matrix[k, k]
+        for row in range(k + 1, len(matrix)):
+            matrix[row, k] *= matrix[k, k]
+            for column in range(k + 1, len(matrix)):
+                matrix[row, column] -= matrix[row, k] * matrix[k, column]
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def _by_rate(inertia, soft, rate):
+    """Return the torque of a joint that accelerations of the twists take, N m."""
+    total = 0.0
+    for k in range(len(soft)):
+        total += inertia[soft[k]] * rate[k]
+    return total
+
+
+@numba.njit(cache=True, error_model='numpy', forceinline=True)
+def _by_twist(by_speed, by_twist, soft, speed, twist):
+    """Return the torque of a joint that goes with the twists and their speeds, N m."""
+    total = 0.0
+    for k in range(len(soft)):
+        total += by_speed[soft[k]] * speed[k] + by_twist[soft[k]] * twist[k]
+    return total
 
 
 def one_a_joint(values: np.ndarray) -> np.ndarray:

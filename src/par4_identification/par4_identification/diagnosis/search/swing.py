@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -35,10 +34,8 @@ IN_BAND = 0.7
 """Highest resonance whose damping is told, over the frequency to which encoders tell the motion."""
 MOST_DAMPED = 0.99 * DAMPING_RATIOS[1]
 """Damping ratio from which on the search has ended at its bound."""
-TINY = 1e-12
-"""rad/(N m): what is rigid, where a logarithm is taken."""
-CHANGE = 1e-3
-"""Of the logarithms of compliances and damping, for derivatives."""
+DIGITS = 9
+"""Of logarithms, so that a torque that was computed at a trial is found again."""
 WIDEST = 0.7
 """First step of these logarithms at the most."""
 
@@ -78,20 +75,18 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
 
     def torque(state: State, key: Key) -> np.ndarray:
         damping, *compliance = key[1]
-        every = COARSE_STEP if damping == COARSE_DAMPING else 1
-        return springs[id(state)].torque(np.array(compliance), damping, every)[1]
+        return springs[id(state)].torque(np.array(compliance), damping, _every(damping))[1]
 
     def torques(trials: np.ndarray, damping: float) -> np.ndarray:
-        rounded = np.exp(np.round(np.log(trials + TINY), 9)) * (trials > 0.0)
-        return evidence.torques([(ElasticTransmission, (damping, *row)) for row in rounded],
-                                torque)
+        return evidence.torques([(ElasticTransmission, (damping, *row)) for row in trials], torque)
 
-    def left(damping: float, trials: np.ndarray) -> np.ndarray:
-        return target[:, None] - projection.rest(torques(np.exp(trials), damping))
+    def left(trial: np.ndarray, damping: float) -> np.ndarray:
+        return target - projection.rest(torques(trial[None], damping)[:, 0])
 
-    def left_by_all(trials: np.ndarray) -> np.ndarray:
-        return np.concatenate([left(float(np.exp(trial[-1])), trial[None, :-1])
-                               for trial in trials], axis=1)
+    def slopes(trial: np.ndarray, damping: float) -> np.ndarray:
+        return -projection.rest(np.concatenate(evidence.whitener.whiten([run.rows(
+            springs[id(run.state)].slopes(trial, damping, _every(damping)))
+            for run in evidence.observations.runs])))
 
     joints, state = evidence.observations.joints, evidence.observations.runs[0].state
     soft, stiff = stiffnesses_of(state)
@@ -106,12 +101,16 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
                              for compliance, damping in zip(believed, np.log(DAMPING_RATIOS))])
 
     def damped_as_usual(start: np.ndarray, damping: float) -> tuple[np.ndarray, Swing]:
-        found, squares = _descended(partial(left, damping), start, believed)
-        return found, Swing(np.exp(found), None, _square(target) - squares)
+        found, squares = _descended(lambda trial: left(trial, damping),
+                                    lambda trial: slopes(trial, damping)[:, :-1], start, believed)
+        return found, Swing(_of_logarithms(found), None, _square(target) - squares)
 
     def damped(start: np.ndarray, damping: float) -> Swing:
-        found, squares = _descended(left_by_all, np.append(start, np.log(damping)), with_damping)
-        return Swing(np.exp(found[:-1]), float(np.exp(found[-1])), _square(target) - squares)
+        found, squares = _descended(lambda trial: left(trial[:-1], float(trial[-1])),
+                                    lambda trial: slopes(trial[:-1], float(trial[-1])),
+                                    np.append(start, np.log(damping)), with_damping)
+        told = _of_logarithms(found)
+        return Swing(told[:-1], float(told[-1]), _square(target) - squares)
 
     again = None
     if known is not None:
@@ -125,7 +124,7 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
     for damping in (COARSE_DAMPING, DAMPING_RATIO):
         found, usual = damped_as_usual(found, damping)
     best = usual
-    if _ring_in_band(list(springs.values()), np.exp(found), evidence):
+    if _ring_in_band(list(springs.values()), usual.compliance, evidence):
         freed = damped(found, DAMPING_RATIO)
         # so much damping that the search ends at its bound is none that these data tell
         if freed.squares - usual.squares > price and (freed.damping_ratio or 0.0) < MOST_DAMPED:
@@ -180,27 +179,30 @@ def _first_look(alone: np.ndarray, target: np.ndarray, joints: int
     return [None if index < 0 else int(index) % TRIED for index in chosen], squares
 
 
-def _descended(left: Callable[[np.ndarray], np.ndarray], start: np.ndarray, believed: np.ndarray
-               ) -> tuple[np.ndarray, float]:
-    """Return the minimum of |left(x)|^2 near `start` (p,), within what is believed, and its value.
+def _descended(left: Callable[[np.ndarray], np.ndarray], slopes: Callable[[np.ndarray], np.ndarray],
+               start: np.ndarray, believed: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the logarithms x (p,) of the minimum of |left|^2 near `start` (p,), and its value.
 
-    `left` (n, k) is that of k trials (k, p). `believed` has the lowest and the highest x; `start`
-    lies between them.
+    `left` (n,) and its slopes by the logarithms (n, p) are those of a trial exp(x) (p,). `believed`
+    has the lowest and the highest x; `start` lies between them.
 
     The box of the first step is `WIDEST`, so that the search stays in the basin where it begins.
     """
     lowest, highest = believed
-
-    def slopes(change: np.ndarray) -> np.ndarray:
-        steps = CHANGE * np.concatenate((np.zeros((1, len(start))), np.eye(len(start))))
-        here, *moved = left(start + change + steps).T
-        return np.stack([(there - here) / CHANGE for there in moved], axis=1)
-
     found = least_squares(
-        lambda change: left((start + change)[None])[:, 0], np.zeros_like(start), slopes,
-        method='dogbox',
+        lambda change: left(_of_logarithms(start + change)), np.zeros_like(start),
+        lambda change: slopes(_of_logarithms(start + change)), method='dogbox',
         bounds=(lowest - start, highest - start), x_scale=WIDEST, ftol=SETTLED, max_nfev=TRIALS)
     return start + found.x, 2.0 * float(found.cost)
+
+
+def _of_logarithms(trial: np.ndarray) -> np.ndarray:
+    return np.asarray(np.exp(np.round(trial, DIGITS)))
+
+
+def _every(damping: float) -> int:
+    """Return the samples from step to step of the integration."""
+    return COARSE_STEP if damping == COARSE_DAMPING else 1
 
 
 def _square(values: np.ndarray) -> float:

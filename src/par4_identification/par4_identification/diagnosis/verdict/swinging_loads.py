@@ -42,8 +42,6 @@ TWISTS = 4.0
 """Compliance over that of the stiffest transmission from which on a joint twists."""
 SMALL, SETTLED = 0.1, 0.1
 """Step over its own standard deviation, and over the way so far, that is the last."""
-CHANGE = 1e-3
-"""Of these logarithms, for derivatives."""
 WRONG = 0.5
 """Share of the correction that may be wrong."""
 
@@ -110,14 +108,13 @@ def unbiased(item: Hypothesis, projection: Projection, dithered: Dithered) -> Hy
     moves, pace = np.ones(loads.count, dtype=bool), 1.0
     way: list[np.ndarray] = []
     for _ in range(STEPS):
-        torques = partial(loads.torques, change + CHANGE * np.vstack((
-            np.zeros(loads.count), np.eye(loads.count))))
-        here = np.concatenate(evidence.whitener.whiten(
-            [run.rows(torques(run.state)) for run in evidence.observations.runs]))
-        slopes = projection.rest(_slopes(here))
-        score = slopes.T @ (projection.residual - projection.rest(here[:, :1])[:, 0])
-        for noise, of_rigid in zip(dithered.noise(evidence, torques), rigid):
-            score += (slopes + projection.rest(_slopes(noise))).T @ (
+        torque = partial(loads.torque, change)
+        here = projection.rest(np.concatenate(evidence.whitener.whiten(
+            [run.rows(torque(run.state)) for run in evidence.observations.runs])))
+        slopes = here[:, 1:]
+        score = slopes.T @ (projection.residual - here[:, 0])
+        for noise, of_rigid in zip(dithered.noise(evidence, torque), rigid):
+            score += (slopes + projection.rest(noise[:, 1:])).T @ (
                 noise[:, 0] + of_rigid) / len(rigid)
         gram = slopes.T @ slopes
         if not way:
@@ -163,12 +160,17 @@ class _Loads:
         self.twist = np.append(self._start[self._twisting] > TWISTS / stiff,
                                np.full(int(self._is_told), True))
 
-    def torques(self, changes: np.ndarray, state: State) -> np.ndarray:
-        """Return the torque (n, J, m), N m, of a motion at m changes (m, count)."""
+    def torque(self, change: np.ndarray, state: State) -> np.ndarray:
+        """Return the torque of a motion at a change (count,), and its slopes there.
+
+        They are (n, J, 1 + count), N m, the torque first.
+        """
         if id(state) not in self._springs:
             self._springs[id(state)] = Springs(state)
-        return np.stack([self._springs[id(state)].torque(*self._values(change))[1]
-                         for change in changes], axis=-1)
+        springs, values = self._springs[id(state)], self._values(change)
+        told = [*self._twisting, *([-1] if self._is_told else [])]
+        return np.concatenate((springs.torque(*values)[1][..., None],
+                               springs.slopes(*values)[..., told]), axis=-1)
 
     def possible(self, change: np.ndarray) -> np.ndarray:
         """Return a change (count,) whose damping is one of a transmission."""
@@ -190,8 +192,3 @@ class _Loads:
         compliance = self._start.copy()
         compliance[self._twisting] *= np.exp(change[:len(self._twisting)])
         return compliance, self._damping * float(np.exp(change[-1]) if self._is_told else 1.0)
-
-
-def _slopes(torques: np.ndarray) -> np.ndarray:
-    """Return the slopes (N, k) of torques (N, 1 + k), the first of them where the others begin."""
-    return (torques[:, 1:] - torques[:, :1]) / CHANGE
