@@ -264,6 +264,26 @@ def test_deviations_of_few_clusters_are_not_too_small():
     assert np.mean(np.array(ratios) > 4.0) < 0.01
 
 
+@pytest.mark.parametrize('wrong', [1.0, 30.0])
+def test_a_heavy_cluster_is_held_against_the_others(wrong):
+    """A pose near a singular one outweighs a log; the others tell the value by themselves, too."""
+    random = np.random.default_rng(6)
+    cluster = np.repeat(np.arange(40), 50)
+    size = np.where(cluster == 7, 30.0, 1.0)
+    ratios, deviations = [], []
+    for _ in range(200):
+        slopes = (size * random.standard_normal(2000))[:, None]
+        error = np.repeat(random.standard_normal(40), 50) + random.standard_normal(2000)
+        error[cluster == 7] *= wrong
+        value = float(slopes[:, 0] @ error / (slopes[:, 0] @ slopes[:, 0]))
+        std = clustered_std(slopes, error - slopes[:, 0] * value, cluster, slopes[:, :0])[0]
+        ratios.append(abs(value) / std)
+        deviations.append(std)
+    assert np.mean(np.array(ratios) > 4.0) < 0.01
+    alone = np.sqrt(2.0 / (39 * 50))  # what the others tell
+    assert 0.5 * alone < np.median(deviations) < 2.0 * max(alone, wrong * np.sqrt(2.0 / 50) / 30.0)
+
+
 @pytest.mark.parametrize('seed', [29, 30])
 def test_a_short_log_has_no_wrong_zeros_but_those_that_are(seed):
     """What a fit of three seconds of motion leaves says little of what it got wrong."""

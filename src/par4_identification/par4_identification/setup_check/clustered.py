@@ -8,6 +8,8 @@ McCaffrey 2002).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import scipy
 
@@ -16,6 +18,9 @@ CLUSTER = 0.5
 FAR = 4.0
 """Standard deviations at which few clusters are made up for: Student's distribution, of as many
 degrees of freedom as clusters of equal weight would have."""
+FEW = 4.0
+"""Clusters of equal weight below which the heaviest one counts as a disagreement with the others.
+"""
 ALONE = 1e-6
 """Share of what tells a value that must come from other clusters than one."""
 
@@ -49,7 +54,9 @@ def clustered_std(slopes: np.ndarray, residual: np.ndarray, cluster: np.ndarray,
 
     They are those of the jackknife that leaves out a cluster at a time: what a cluster says by
     itself, its residual hides, the more so the fewer clusters there are. `FAR` of them are as
-    unlikely as of a normal variable; infinite where all hangs on one cluster.
+    unlikely as of a normal variable; infinite where all hangs on one cluster. Where one cluster
+    outweighs the others, and these tell the value by themselves, its deviation is theirs and by how
+    much the heavy one changes it.
 
     Args:
         slopes: of the values that were fitted.
@@ -57,23 +64,63 @@ def clustered_std(slopes: np.ndarray, residual: np.ndarray, cluster: np.ndarray,
         cluster: number of the cluster of each row, (n,).
         beside: orthonormal basis (n, p) of all that was fitted beside.
     """
+    whole = _jackknife(slopes, residual, cluster, beside)
+    if whole is None:
+        return np.full(slopes.shape[1], np.inf)
+    std = whole.std
+    for value in np.flatnonzero(whole.clusters < FEW):
+        kept = cluster != whole.heaviest[value]
+        rest = _jackknife(slopes[kept], (residual - whole.moved[value])[kept], cluster[kept],
+                          basis_of(beside[kept]))
+        if rest is not None:
+            std[value] = min(std[value], np.hypot(rest.std[value], whole.change[value]))
+    return std
+
+
+@dataclass(frozen=True)
+class _Jackknife:
+    """What leaving out a cluster at a time tells of k values.
+
+    Attributes:
+        std: standard deviations, (k,).
+        clusters: how many of equal weight would tell as much, (k,).
+        heaviest: number of the cluster that outweighs the others most, (k,).
+        change: of each value without that cluster, (k,).
+        moved: change of the fitted rows without that cluster, (k, n).
+    """
+
+    std: np.ndarray
+    clusters: np.ndarray
+    heaviest: np.ndarray
+    change: np.ndarray
+    moved: np.ndarray
+
+
+def _jackknife(slopes: np.ndarray, residual: np.ndarray, cluster: np.ndarray, beside: np.ndarray
+               ) -> _Jackknife | None:
+    """Return what leaving out a cluster at a time tells; None where all hangs on one cluster."""
     own, triangle = np.linalg.qr(slopes - beside @ (beside.T @ slopes))
     fitted = np.column_stack((beside, own))
     order = np.argsort(cluster, kind='stable')
     ends = np.flatnonzero(np.diff(cluster[order])) + 1
-    scatter = np.zeros((slopes.shape[1],) * 2)
+    changes = []
     for rows in np.split(order, ends):
         part = fitted[rows]
         rest = np.eye(part.shape[1]) - part.T @ part
         try:
             np.linalg.cholesky(rest - ALONE * np.eye(len(rest)))
         except np.linalg.LinAlgError:
-            return np.full(slopes.shape[1], np.inf)
-        change = np.linalg.solve(rest, part.T @ residual[rows])[-slopes.shape[1]:]
-        scatter += np.outer(change, change)
+            return None
+        changes.append(np.linalg.solve(rest, part.T @ residual[rows]))
     inverse = np.linalg.pinv(triangle, rcond=1e-10)
-    std = np.sqrt(np.diag(inverse @ scatter @ inverse.T))
+    of_values = np.array(changes)[:, -slopes.shape[1]:] @ inverse.T
+    std = np.sqrt(np.sum(of_values ** 2, axis=0))
     weight = np.add.reduceat((own @ inverse.T)[order] ** 2, np.r_[0, ends], axis=0)
     alike = weight.sum(axis=0) ** 2 / np.maximum((weight ** 2).sum(axis=0), 1e-300)
     freedom = np.maximum(alike - 1.0, 1.0)
-    return np.asarray(std * scipy.special.stdtrit(freedom, scipy.special.ndtr(FAR)) / FAR)
+    heaviest = np.argmax(weight, axis=0)
+    return _Jackknife(
+        np.asarray(std * scipy.special.stdtrit(freedom, scipy.special.ndtr(FAR)) / FAR), alike,
+        cluster[order][np.r_[0, ends]][heaviest],
+        np.abs(of_values[heaviest, np.arange(len(std))]),
+        -np.stack([fitted @ changes[index] for index in heaviest]))
