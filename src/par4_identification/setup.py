@@ -27,7 +27,7 @@ setup(
     ],
     install_requires=[
         'backports.zstd', 'click', 'daqp', 'dask', 'distributed', 'lazy-loader', 'lz4',
-        'matplotlib', 'numba', 'numpy', 'rich', 'rosbags', 'scipy'],
+        'matplotlib', 'numba', 'numpy', 'rich', 'rosbags', 'scipy', 'threadpoolctl'],
     extras_require={'test': ['hypothesis', 'pytest', 'pytest-timeout', 'pytest-xdist']},
     zip_safe=False,
     entry_points={

@@ -39,6 +39,7 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.evidence.pool import Pool
+from par4_identification.diagnosis.evidence.side_by_side import plain_linear_algebra
 from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
@@ -141,6 +142,15 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     if conditioning is None:
         conditioning = CONDITIONING if isinstance(machine, Axis) else conditioning_for(
             [*fit_logs, *holdout_logs], machine, CONDITIONING)
+    with plain_linear_algebra():
+        return _diagnosed_logs(fit_logs, machine, baseline, holdout_logs,
+                               LIBRARY if library is None else library, rules, conditioning,
+                               progress)
+
+
+def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None,
+                    holdout_logs: Sequence[Log], searched: Mapping[str, Effect], rules: Rules,
+                    conditioning: Conditioning, progress: Progress) -> Diagnosis | Unusable:
     rigid_body = baseline.rigid_body if baseline else 'paper'
     known = build_model(machine, baseline) if baseline else None
     progress('filtering the logs')
@@ -157,7 +167,6 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     if reasons or start.identification is None:  # without one there is a reason
         return Unusable(tuple(reasons), tuple(fit_runs))
 
-    searched = LIBRARY if library is None else library
     effects = {**CATALOGUE, **searched}
     answer = _diagnosed(start, heldout, machine, baseline, searched, rules, tuple(fit_runs),
                         progress)

@@ -196,7 +196,8 @@ class Pool:
         key = (effect, tuple(sorted(shape.items())))
         if key not in self._places:
             blocks: list[Block] = [part.evidence.blocks(effect, shape)[0] for part in self._parts]
-            places = [part.add(block.columns) for part, block in zip(self._parts, blocks)]
+            places = side_by_side(lambda own: own[0].add(own[1].columns),
+                                  zip(self._parts, blocks))
             self._places[key] = places[0]
         return self._places[key]
 

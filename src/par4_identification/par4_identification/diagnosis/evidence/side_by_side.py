@@ -5,7 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager
+from functools import cache
 from typing import TypeVar
+
+from threadpoolctl import ThreadpoolController
 
 MOST = 4
 """Threads: each holds the columns that it computes."""
@@ -19,8 +23,25 @@ def side_by_side(function: Callable[[Item], Result], items: Iterable[Item]) -> l
     Compiled kernels and numpy let other threads run while they compute. What the function returns
     may be kept by it, but must not depend on which item comes first.
     """
-    with ThreadPoolExecutor(min(MOST, threads_of_process())) as threads:
+    count = min(MOST, threads_of_process())
+    if count == 1:
+        return list(map(function, items))
+    with ThreadPoolExecutor(count) as threads:
         return list(threads.map(function, items))
+
+
+def plain_linear_algebra() -> AbstractContextManager[object]:
+    """Return a context in which linear algebra has one thread, in this whole process.
+
+    Its matrices are small here. Threads of its own beside those of `side_by_side` wait for each
+    other: 60 s of log took 11.6 s instead of 9.9 s.
+    """
+    return _libraries().limit(limits=1)
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    return ThreadpoolController()
 
 
 def threads_of_process() -> int:

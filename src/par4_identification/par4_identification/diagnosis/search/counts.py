@@ -11,7 +11,7 @@ it is calm.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -24,6 +24,7 @@ from par4_identification.diagnosis.evidence.evidence import BASE, Evidence, Key,
 from par4_identification.diagnosis.evidence.fit import Fit, corrected
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import Projection
+from par4_identification.diagnosis.evidence.side_by_side import side_by_side
 from par4_identification.diagnosis.search.law import Dithered, delivered
 
 DOUBT = 2.0
@@ -129,16 +130,20 @@ class Counts:
 
     def _mean(self, evidence: Evidence, key: Key, columns: Callable[[State], np.ndarray],
               draws: int) -> np.ndarray:
-        return np.mean([self._of_draw(evidence, key, columns, draw) for draw in range(draws)],
-                       axis=0)
+        errors = self._errors(evidence)
+        return np.mean(side_by_side(
+            lambda draw: self._of_draw(errors[draw], key, columns, draw), range(draws)), axis=0)
 
-    def _of_draw(self, evidence: Evidence, key: Key, columns: Callable[[State], np.ndarray],
-                 draw: int) -> np.ndarray:
-        """Return Z^T e (J, k) of columns, joint by joint, in one draw; computed once for a key."""
+    def _of_draw(self, errors: Sequence[np.ndarray], key: Key,
+                 columns: Callable[[State], np.ndarray], draw: int) -> np.ndarray:
+        """Return Z^T e (J, k) of columns, joint by joint, in one draw; computed once for a key.
+
+        `errors` (n, J) of each run are those that `_errors` returns for the draw.
+        """
         if (key, draw) not in self._products:
             self._products[key, draw] = sum(
-                np.einsum('nj,njk->jk', error, columns(moved.state)) for error, moved in zip(
-                    self._errors(evidence)[draw], self.dithered.draws[draw].runs))
+                np.einsum('nj,njk->jk', error, columns(moved.state))
+                for error, moved in zip(errors, self.dithered.draws[draw].runs))
         return self._products[key, draw]
 
     def _errors(self, evidence: Evidence) -> list[list[np.ndarray]]:

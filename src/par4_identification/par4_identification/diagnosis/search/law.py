@@ -19,6 +19,7 @@ from par4_identification.diagnosis.evidence.evidence import Evidence, spread
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations, with_nominal
 from par4_identification.diagnosis.evidence.projection import Projection
+from par4_identification.diagnosis.evidence.side_by_side import side_by_side
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.rows import Run
 
@@ -104,9 +105,9 @@ class Dithered:
         """Return the change of `function`, (n, J, K) of a state, in each draw, whitened (N, K)."""
         runs = evidence.observations.runs
         told = [function(run.state) for run in runs]
-        return [_stacked(evidence, [run.rows(function(moved.state) - own)
-                                    for run, moved, own in zip(runs, draw.runs, told)])
-                for draw in self.draws]
+        return side_by_side(lambda draw: _stacked(evidence, [
+            run.rows(function(moved.state) - own)
+            for run, moved, own in zip(runs, draw.runs, told)]), self.draws)
 
 
 def dithered(observations: Observations, seed: int = 0) -> Dithered:

@@ -98,11 +98,12 @@ def _without_unnamed(observations: Observations, left: tuple[np.ndarray, ...], k
     kept = np.concatenate(left)
     time = np.concatenate([run.t for run in observations.runs])
     halves = (time // HALF % 2).astype(bool)
-    for joint in range(observations.joints):
+
+    def of_joint(joint: int) -> np.ndarray:
         valid = np.concatenate([run.valid[:, joint] for run in observations.runs])
         designs = [np.concatenate([part[:, joint] for part in parts]) for parts in rows]
+        target = kept[:, joint]
         for _ in range(MOST):
-            target = kept[:, joint]
             before = float(np.sum(target[valid] ** 2))
             squares = [sum(float(np.sum((target - design @ _ridge(design, target, valid & half))
                                         [valid & ~half] ** 2)) for half in (halves, ~halves))
@@ -110,8 +111,11 @@ def _without_unnamed(observations: Observations, left: tuple[np.ndarray, ...], k
             best = int(np.argmin(squares))
             if squares[best] > (1.0 - WORTH) * before:
                 break
-            kept[:, joint] = target - designs[best] @ _ridge(designs[best], target, valid)
-    return tuple(np.split(kept, lengths))
+            target = target - designs[best] @ _ridge(designs[best], target, valid)
+        return target
+
+    return tuple(np.split(np.stack(side_by_side(of_joint, range(observations.joints)), axis=1),
+                          lengths))
 
 
 def _ridge(design: np.ndarray, target: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -37,8 +37,8 @@ def weak_causes(search: Search, model: Model) -> list[Hypothesis]:
         hypothesis = item.hypothesis
         by_chance = BY_CHANCE * search.pool.numbers(hypothesis) + price_of_shapes(item)
         if (item.gain > by_chance
-                and search.weighing.sound_gains(hypothesis, model)[0] > by_chance
-                and search.belief.objection(hypothesis, model) is None):
+                and search.belief.objection(hypothesis, model) is None
+                and search.weighing.sound_gains(hypothesis, model)[0] > by_chance):
             found.append(hypothesis)
     return found
 
