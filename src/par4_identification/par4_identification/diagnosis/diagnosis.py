@@ -283,8 +283,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             search.journal.reject(item, 'all its values are zero within their deviations')
             return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
                            rigid_body, effects, fit_runs, progress)
-    causes = with_doubt_of_counts(search, widened(search, by_any_law, named, weak), named, changed)
-    for item, cause in reversed(list(zip(named, causes))):
+    for item, cause in reversed(list(zip(named, widened(search, causes, named, weak)))):
         # a twin that explains as much says nothing against it
         if (cause.margin <= 0.0 and cause.rival not in cause.twins
                 and cause.is_zero_within(EITHER_SIDE)):
@@ -292,6 +291,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
                                   f'{cause.rival or "no cause at all"} explains as much')
             return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
                            rigid_body, effects, fit_runs, progress)
+    causes = with_doubt_of_counts(search, widened(search, by_any_law, named, weak), named, changed)
     for item, cause in zip(named, causes):
         if cause.idle_joints:
             acting = without_joints(item, cause.idle_joints)
