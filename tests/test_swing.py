@@ -15,7 +15,8 @@ from hidden.study import diagnosis_of
 from planned import evidence_of, log_of
 
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.effects.transmission import DAMPING_RATIO, MOTOR_SHARE, Springs
+from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
+from par4_dynamics.effects.transmission import MOTOR_SHARE
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis

@@ -15,11 +15,10 @@ from par4_dynamics.effects.effect import (
     beyond,
     single,
 )
+from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.effects.transmission import (
-    DAMPING_RATIO,
     MOTOR_SHARE,
-    Springs,
     one_a_joint,
     told_torque,
     transmission_columns,
@@ -52,10 +51,11 @@ class ElasticTransmission(Effect):
     The load swings on its transmissions against motors that move as measured, lightly damped: the
     torque that twists them is integrated with the compliances 1/k that the shape holds, one
     `expanded_at_<joint>` each, and is the nominal one without them. Columns are the change of the
-    torque with each compliance there; what this first order misses is shared out among them, so
-    that they are exact where the coefficients equal those compliances. A joint without elasticity
-    has the stiffness 0 in its place. The damping ratio is over the critical damping with which the
-    two parts of the actuator's inertia, motor and arm, swing against each other.
+    torque with each compliance there, to some 2 % (`Springs.slopes`); what they miss is shared out
+    among them, so that they are exact where the coefficients equal those compliances. A joint
+    without elasticity has the stiffness 0 in its place. The damping ratio is over the critical
+    damping with which the two parts of the actuator's inertia, motor and arm, swing against each
+    other.
     """
 
     name = 'elastic_transmission'

@@ -8,42 +8,28 @@ joint moves the platform and with it the torque of all.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 
-import numba
 import numpy as np
 
 from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State, state_of_joints
-from par4_kinematics.errors import UnreachableError
 
 MOTOR_SHARE = 0.5
 """Of the actuator inertia that turns with the encoder, before the transmission: assumed."""
-DAMPING_RATIO = 0.05
-"""Of a transmission, over the critical damping of motor against arm: assumed where nothing tells.
-With much less the noise of the encoders would swing the load."""
 ORDER, FOLDED = 4, 0.4
 """Of the filter, either way, that ends what encoders tell; share of the sample rate from which on
 there is nothing to end."""
-FOURTH_ORDER, UNBOUNDED = 1.0 / 12.0, 0.25
-"""Newmark's beta with which frequencies are right to the fourth power of the step (Fox and Goodwin
-1949), and that with which no step is too long."""
-POSES, SAFE = 20, 0.7
-"""Poses of a motion whose inertia is looked at for the smallest, and share of that which is counted
-on in all others."""
-RUN_IN, RUN_IN_DAMPING = 1.0, 25.0
-"""s before the motion, and times more damping at its start: the swing in which the integration
-starts dies away there. It fades to nothing without a kink, which would start another."""
 
 
-def _motor_side(state: State, qdd: np.ndarray) -> np.ndarray:
+def motor_side(state: State, qdd: np.ndarray) -> np.ndarray:
+    """Return the torque, N m, that accelerates the motors by qdd (..., J), rad/s2."""
     return MOTOR_SHARE * state.known.values['actuator_inertia'] * qdd
 
 
 def transmitted_torque(state: State) -> np.ndarray:
     """Return the torque (n, J), N m, that the transmission carries to the load."""
-    return state.known.load - _motor_side(state, state.qdd)
+    return state.known.load - motor_side(state, state.qdd)
 
 
 def transmission_columns(state: State, shift: np.ndarray) -> np.ndarray:
@@ -55,7 +41,7 @@ def transmission_columns(state: State, shift: np.ndarray) -> np.ndarray:
     """
     curvature = time_rate(state, time_rate(state, shift))
     return (shift_columns(state, shift)
-            - _motor_side(state, curvature)[:, None, :] * np.eye(state.joints))
+            - motor_side(state, curvature)[:, None, :] * np.eye(state.joints))
 
 
 def load_inertia(state: State, t: np.ndarray) -> np.ndarray:
@@ -66,7 +52,7 @@ def load_inertia(state: State, t: np.ndarray) -> np.ndarray:
     q = np.stack([np.interp(t, state.t, joint) for joint in state.q.T], axis=1)
     still = np.zeros_like(q)
     rest = replace(state_of_joints(state.geometry, t, q, still, still), nominal=state.nominal)
-    return rest.torque_by_qdd - _motor_side(state, np.eye(state.joints))
+    return rest.torque_by_qdd - motor_side(state, np.eye(state.joints))
 
 
 def told_torque(state: State) -> np.ndarray:
@@ -86,304 +72,6 @@ def told_torque(state: State) -> np.ndarray:
     sections = butter(ORDER, state.told_hz, fs=1.0 / period, output='sos')
     reach = min(len(torque) - 1, round(3.0 / (state.told_hz * period)))
     return np.asarray(sosfiltfilt(sections, torque, axis=0, padlen=reach))
-
-
-class Springs:
-    """Loads that swing on their transmissions while the motors move as measured.
-
-    A twist s of the joints changes what the load takes to move, to first order in s by
-    -(M sdd + C sd + K s), and the springs carry T = T_0 - (M sdd + C sd + K s) = s / c + d sd.
-    T_0 is what rigid ones would carry; M, C and K are the derivatives of the load's torque by
-    acceleration, velocity and position along the motion. The motors move as measured whatever the
-    twist, so that the load swings against motors at rest: at sqrt(1 / c M), which a light machine
-    may have far within the band of its torque. There C, some percent of M times that frequency,
-    damps or drives as much as the springs themselves do. What the first order misses along the
-    motion of the load of a mechanism is added to T_0, and the loads swing once more: the speed of a
-    twist may be a third of the joint's, and what goes with its square looks like damping.
-
-    Args:
-        state: the motion with its nominal torque.
-    """
-
-    def __init__(self, state: State) -> None:
-        self._state, self._rigid = state, told_torque(state)
-        self._still = len(state.t) < 2
-        if self._still:
-            return
-        self._period = (state.t[-1] - state.t[0]) / (len(state.t) - 1)
-        self._by_motion = np.stack((
-            state.torque_by_qdd - _motor_side(state, np.eye(state.joints)),
-            state.torque_by_qd, state.torque_by_q))
-        self._reduced = np.broadcast_to(
-            (1.0 - MOTOR_SHARE) * _motor_side(state, np.ones(state.joints)), state.joints)
-        before = self._before = min(len(self._rigid) - 1, round(RUN_IN / self._period))
-        self._place = np.concatenate((np.zeros(before, dtype=int), np.arange(len(self._rigid))))
-        fade = np.concatenate((np.linspace(1.0, 0.0, before), np.zeros(len(self._rigid))))
-        self._more = 1.0 + RUN_IN_DAMPING * fade ** 2
-        self._last: tuple[tuple[float, ...], np.ndarray] = (), self._rigid
-
-    def resonances(self, compliance: np.ndarray) -> np.ndarray:
-        """Return the frequency at which each load swings against its resting motor, (J,) Hz.
-
-        `compliance` is (J,), rad/(N m); infinite where it is at most zero.
-        """
-        inertia = np.mean(np.diagonal(self._by_motion[0], axis1=1, axis2=2), axis=0)
-        with np.errstate(divide='ignore'):
-            return np.asarray(1.0 / np.sqrt(np.maximum(compliance, 0.0) * inertia) / (2.0 * np.pi))
-
-    def torque(self, compliance: np.ndarray, damping_ratio: float = DAMPING_RATIO, every: int = 1
-               ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the torque s / c of springs that twist by s, and the change of the load's torque.
-
-        Args:
-            compliance: c, (J,), rad/(N m); at most zero is rigid.
-            damping_ratio: over the critical damping with which the two parts of the actuator's
-                inertia, motor and arm, swing against each other on the spring.
-            every: samples from step to step of the integration; more than one is quick and coarse.
-
-        Returns:
-            Two (n, J), N m; the nominal torque and zero where nothing twists.
-        """
-        if self._still or not np.any(compliance > 0.0):
-            return self._rigid, np.zeros_like(self._rigid)
-        load = self._load(compliance, damping_ratio, every)
-        spring, change, _, _ = self._swung(load, compliance, damping_ratio, every)
-        return self._told(spring, every), self._told(change, every) + (load - self._rigid)
-
-    def slopes(self, compliance: np.ndarray, damping_ratio: float = DAMPING_RATIO, every: int = 1
-               ) -> np.ndarray:
-        """Return d/d ln c and d/d ln (damping ratio) of the change of `torque`, (n, J, J + 1), N m.
-
-        They leave out how what the first order misses changes; rigid joints have none.
-        """
-        slopes = np.zeros((*self._rigid.shape, self._rigid.shape[1] + 1))
-        if self._still or not np.any(compliance > 0.0):
-            return slopes
-        load = self._load(compliance, damping_ratio, every)
-        found = self._told(self._swung(load, compliance, damping_ratio, every, True)[3], every)
-        slopes[..., [*np.flatnonzero(compliance > 0.0), -1]] = found
-        return slopes
-
-    def _load(self, compliance: np.ndarray, damping_ratio: float, every: int) -> np.ndarray:
-        """Return what rigid springs would carry, with what the first order misses, (n, J), N m.
-
-        That of the last compliances is kept: slopes are asked for where a torque was.
-        """
-        if every > 1 or self._state.geometry is None:  # coarse, linear
-            return self._rigid
-        asked = damping_ratio, *compliance
-        last, load = self._last
-        if last != asked:
-            _, change, twist, _ = self._swung(self._rigid, compliance, damping_ratio)
-            try:
-                load = self._rigid + self._exact_change(
-                    *twist[:, self._before:]) - change[self._before:]
-            except UnreachableError:  # springs so soft are none that a machine has
-                load = self._rigid
-            self._last = asked, load
-        return load
-
-    def _told(self, steps: np.ndarray, every: int) -> np.ndarray:
-        """Return values (n, ...) at the samples of the motion of those at the steps (m, ...)."""
-        if every == 1:
-            return steps[self._before:]
-        taken, wanted = every * np.arange(len(steps)), np.arange(len(self._rigid)) + self._before
-        return np.stack([np.interp(wanted, taken, values)
-                         for values in steps.reshape(len(steps), -1).T], axis=1).reshape(
-                             (-1, *steps.shape[1:]))
-
-    def _exact_change(self, twist: np.ndarray, speed: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """Return the change of the load's torque (n, J), N m, where it twists by (n, J), rad.
-
-        Args:
-            twist, speed, rate: of the springs, (n, J), rad, rad/s, rad/s2.
-
-        Raises:
-            UnreachableError: positions of the load with which the mechanism does not close.
-        """
-        state = self._state
-        moved = state_of_joints(state.geometry, state.t, state.q - twist, state.qd - speed,
-                                state.qdd - rate)
-        return state.known.rigid_torque(moved) - self._whole + _motor_side(state, rate)
-
-    @cached_property
-    def _whole(self) -> np.ndarray:
-        """The rigid machine's torque, (n, J) N m."""
-        return self._state.known.rigid_torque(self._state)
-
-    def _swung(self, rigid: np.ndarray, compliance: np.ndarray, damping_ratio: float,
-               every: int = 1, with_slopes: bool = False
-               ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return what `torque` does, to first order, with a run-in before it, and the twists.
-
-        Args:
-            rigid: what rigid springs would carry, (n, J), N m.
-            compliance, damping_ratio, every: of `torque`.
-
-        Returns:
-            Two (m, J), N m; twist, speed and acceleration (3, m, J); slopes of the second (m, J, p)
-            by the logarithms of the compliances of the p - 1 joints that twist and of the damping
-            ratio, p = 0 unless asked for. All of every so many samples.
-        """
-        soft = np.flatnonzero(compliance > 0.0)
-        twisting = compliance[soft]
-        lag = 2.0 * damping_ratio * np.sqrt(twisting * self._reduced[soft])  # c d, s
-        steps = slice(None, None, every)
-        before = 2.0 * rigid[0] - rigid[self._before:0:-1]
-        load = np.ascontiguousarray(np.concatenate((before, rigid))[steps])
-        spring, change, twist = np.empty_like(load), np.empty_like(load), np.zeros((3, *load.shape))
-        slopes = np.empty((*load.shape, len(soft) + 1 if with_slopes else 0))
-        h = every * self._period
-        _swing(load, self._place[steps], self._by_motion, soft, twisting, lag, self._more[steps],
-               h, self._beta(twisting, soft, h), spring, change, twist, slopes)
-        return spring, change, twist, slopes
-
-    def _beta(self, compliance: np.ndarray, soft: np.ndarray, h: float) -> np.ndarray:
-        """Return Newmark's beta of each joint that twists, (k,), for steps of h, s.
-
-        It is that of `FOURTH_ORDER` where the joint is soft enough. As the springs' stiffness is
-        diagonal, steps are stable while M - diag((1/4 - beta) h^2 / c) is positive: no joint's beta
-        depends on how stiff the others are.
-
-        Args:
-            compliance: of the joints that twist, (k,).
-            soft: which ones, (k,).
-            h: step.
-        """
-        least = UNBOUNDED - self._least_inertia[soft] * compliance / h ** 2
-        return np.maximum(least, FOURTH_ORDER)
-
-    @cached_property
-    def _least_inertia(self) -> np.ndarray:
-        """Inertia (J,), kg m2, of which a diagonal matrix is smaller than that of the load."""
-        poses = np.linspace(0, len(self._rigid) - 1, POSES).astype(int)
-        inertia = self._by_motion[0][poses]
-        own = np.diagonal(inertia, axis1=1, axis2=2)
-        if np.any(own <= 0.0):
-            return np.zeros(own.shape[1])
-        both = 0.5 * (inertia + np.swapaxes(inertia, 1, 2))
-        scale = np.sqrt(own)
-        alike = np.linalg.eigvalsh(both / (scale[:, :, None] * scale[:, None, :]))[:, 0].min()
-        return SAFE * max(float(alike), 0.0) * own.min(axis=0)
-
-
-@numba.njit(cache=True, error_model='numpy', nogil=True)
-def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring, change, told,
-           slopes):
-    """Integrate c (M sdd + C sd + K s) + c d sd + s = c T_0 by Newmark's method (1959).
-
-    Its gamma is 1/2, so that nothing is damped by the steps. Only the `soft` joints (k,) twist;
-    `compliance`, `lag` and `beta` (k,) are theirs. M, C and K (3, n, J, J) of a row are those of
-    its `place`. Twist, speed and acceleration are told, (3, n, J). `slopes` (n, J, p) are those of
-    the change of the torque by the logarithm of each compliance and of the damping ratio, with
-    p = k + 1, or none with p = 0.
-    """
-    joints, count = load.shape[1], len(soft)
-    wanted = slopes.shape[2]
-    twist, speed, rate = np.empty(count), np.zeros(count), np.zeros(count)
-    twists, speeds, rates = (np.zeros((wanted, count)), np.zeros((wanted, count)),
-                             np.zeros((wanted, count)))
-    for k in range(count):
-        twist[k] = compliance[k] * load[0, soft[k]]
-        if wanted > 0:
-            twists[k, k] = twist[k]
-    matrix = np.empty((count, count))
-    for row in range(len(load)):
-        inertia, by_speed, by_twist = (
-            by_motion[0, place[row]], by_motion[1, place[row]], by_motion[2, place[row]])
-        _predicted(twist, speed, rate, h, beta)
-        for k in range(count):
-            slow = more[row] * lag[k]
-            for other in range(count):
-                matrix[k, other] = compliance[k] * (
-                    inertia[soft[k], soft[other]] + 0.5 * h * by_speed[soft[k], soft[other]]
-                    + beta[other] * h * h * by_twist[soft[k], soft[other]])
-            matrix[k, k] += 0.5 * h * slow + beta[k] * h * h
-            rate[k] = compliance[k] * (load[row, soft[k]] - _by_twist(
-                by_speed[soft[k]], by_twist[soft[k]], soft, speed, twist)
-                ) - slow * speed[k] - twist[k]
-        _factored(matrix)
-        _corrected(matrix, twist, speed, rate, h, beta)
-        for i in range(joints):
-            change[row, i] = -_by_rate(inertia[i], soft, rate) - _by_twist(
-                by_speed[i], by_twist[i], soft, speed, twist)
-            spring[row, i] = load[row, i] + change[row, i]
-        for k in range(count):
-            spring[row, soft[k]] = twist[k] / compliance[k]
-            told[0, row, soft[k]] = twist[k]
-            told[1, row, soft[k]] = speed[k]
-            told[2, row, soft[k]] = rate[k]
-        for p in range(wanted):
-            _predicted(twists[p], speeds[p], rates[p], h, beta)
-            for k in range(count):
-                slow = more[row] * lag[k]
-                rates[p, k] = (-compliance[k] * _by_twist(
-                    by_speed[soft[k]], by_twist[soft[k]], soft, speeds[p], twists[p])
-                    - slow * speeds[p, k] - twists[p, k])
-                if p == count:
-                    rates[p, k] -= slow * speed[k]
-                elif p == k:  # c T_0 grows with c, what damps it with its root
-                    rates[p, k] += twist[k] + 0.5 * slow * speed[k]
-            _corrected(matrix, twists[p], speeds[p], rates[p], h, beta)
-            for i in range(joints):
-                slopes[row, i, p] = -_by_rate(inertia[i], soft, rates[p]) - _by_twist(
-                    by_speed[i], by_twist[i], soft, speeds[p], twists[p])
-
-
-@numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _predicted(twist, speed, rate, h, beta):
-    """Move twist and speed to the next step, but for what its acceleration does."""
-    for k in range(len(twist)):
-        twist[k] += h * speed[k] + (0.5 - beta[k]) * h * h * rate[k]
-        speed[k] += 0.5 * h * rate[k]
-
-
-@numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _corrected(factors, twist, speed, rate, h, beta):
-    """Solve for the acceleration, of which `rate` is the right side, and add what it does."""
-    count = len(rate)
-    for k in range(count):
-        for other in range(k):
-            rate[k] -= factors[k, other] * rate[other]
-    for k in range(count - 1, -1, -1):
-        for other in range(k + 1, count):
-            rate[k] -= factors[k, other] * rate[other]
-        rate[k] *= factors[k, k]
-    for k in range(count):
-        twist[k] += beta[k] * h * h * rate[k]
-        speed[k] += 0.5 * h * rate[k]
-
-
-@numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _factored(matrix):
-    """Replace a matrix by its triangular factors, with reciprocals on the diagonal.
-
-    Without pivots: it is an inertia whose rows are scaled, and little more.
-    """
-    for k in range(len(matrix)):
-        matrix[k, k] = 1.0 / matrix[k, k]
-        for row in range(k + 1, len(matrix)):
-            matrix[row, k] *= matrix[k, k]
-            for column in range(k + 1, len(matrix)):
-                matrix[row, column] -= matrix[row, k] * matrix[k, column]
-
-
-@numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _by_rate(inertia, soft, rate):
-    """Return the torque of a joint that accelerations of the twists take, N m."""
-    total = 0.0
-    for k in range(len(soft)):
-        total += inertia[soft[k]] * rate[k]
-    return total
-
-
-@numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _by_twist(by_speed, by_twist, soft, speed, twist):
-    """Return the torque of a joint that goes with the twists and their speeds, N m."""
-    total = 0.0
-    for k in range(len(soft)):
-        total += by_speed[soft[k]] * speed[k] + by_twist[soft[k]] * twist[k]
-    return total
 
 
 def one_a_joint(values: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from par4_dynamics.effects.elastic_transmission import (
     ElasticTransmission,
     believed_stiffnesses,
 )
-from par4_dynamics.effects.transmission import DAMPING_RATIO, Springs
+from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.evidence import Evidence, Key
 from par4_identification.diagnosis.evidence.projection import Projection

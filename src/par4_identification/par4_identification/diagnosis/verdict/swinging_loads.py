@@ -21,7 +21,7 @@ from par4_dynamics.effects.elastic_transmission import (
     DAMPING_RATIOS,
     ElasticTransmission,
 )
-from par4_dynamics.effects.transmission import DAMPING_RATIO, Springs
+from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.doubt import with_doubt
 from par4_identification.diagnosis.evidence.estimates import told_values
