@@ -118,7 +118,8 @@ def outcomes_of(work: Callable[[object], Outcome], items: Sequence[object],
     try:
         with Client(arguments.scheduler or cluster) as client:
             futures = client.map(attempt, items, pure=False)
-            for _, outcome in as_completed(futures, with_results=True):
+            for future, outcome in as_completed(futures, with_results=True):
+                future.release()  # a worker that is lost would have its work done again
                 yield outcome
     finally:
         if cluster:

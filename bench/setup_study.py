@@ -352,7 +352,8 @@ def run(tasks: Sequence[tuple[int, int, bool, bool] | Path], scheduler: str | No
     with Client(scheduler or cluster) as client, results.open('a') as file, Progress() as progress:
         bar = progress.add_task('looking', total=len(tasks))
         futures = client.map(attempted, tasks, pure=False)
-        for _, outcomes in as_completed(futures, with_results=True):
+        for future, outcomes in as_completed(futures, with_results=True):
+            future.release()  # a worker that is lost would have its work done again
             file.writelines(json.dumps(outcome) + '\n' for outcome in outcomes)
             file.flush()
             progress.advance(bar)

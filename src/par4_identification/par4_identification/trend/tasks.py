@@ -67,8 +67,10 @@ def results_of(work: Callable[[str], dict[str, Any]], bags: Sequence[str], sched
                     raise InputError(f'--scheduler {scheduler}: the connection to it was lost; the '
                                      f'bags done so far are kept, so call again')
                 lost = future.exception()
-                yield futures[future], (future.result() if lost is None else {
-                    'error': f'{futures[future]}: its task was lost ({type(lost).__name__})'})
+                outcome = future.result() if lost is None else {
+                    'error': f'{futures[future]}: its task was lost ({type(lost).__name__})'}
+                future.release()  # a worker that is lost would have its work done again
+                yield futures[future], outcome
     finally:
         if cluster is not None:
             cluster.close()
