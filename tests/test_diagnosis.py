@@ -139,12 +139,17 @@ def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monk
                for item in result.rejected)
 
 
-@pytest.mark.parametrize(('margin', 'rival', 'is_told'), [
-    (-5.0, 'a function of joint speed', False), (5.0, 'a function of joint speed', True),
-    (-5.0, 'nonlinear_viscous', True)])
+@pytest.mark.parametrize(('margin', 'rival', 'doubt', 'is_told'), [
+    (-5.0, 'a function of joint speed', 'with_disagreement', False),
+    (5.0, 'a function of joint speed', 'with_disagreement', True),
+    (-5.0, 'nonlinear_viscous', 'with_disagreement', True),
+    (-5.0, 'a function of joint speed', 'with_doubt_of_law', True)])
 def test_a_cause_that_may_be_zero_is_told_only_if_nothing_else_explains_as_much(
-        cogged_and_sticky, monkeypatch, margin, rival, is_told):
-    """Its sizes are zero within two deviations; a twin that explains as much is told with it."""
+        cogged_and_sticky, monkeypatch, margin, rival, doubt, is_told):
+    """Its sizes are zero within two deviations; a twin that explains as much is told with it.
+
+    How large it is by another law says nothing against it.
+    """
     def doubted(parameters, *_):
         return {name: parameter.model_copy(update={
             'std': tuple(0.7 * np.abs(parameter.value)) if name == 'stribeck_torque'
@@ -157,7 +162,7 @@ def test_a_cause_that_may_be_zero_is_told_only_if_nothing_else_explains_as_much(
         return found if item.effect.name != 'stribeck' else replace(
             found, margin=margin, rival=rival, twins=('nonlinear_viscous',))
 
-    monkeypatch.setattr(diagnosis, 'with_disagreement', doubted)
+    monkeypatch.setattr(diagnosis, doubt, doubted)
     monkeypatch.setattr(diagnosis, 'judge', judged)
     fit, heldout = cogged_and_sticky
     result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
