@@ -24,7 +24,7 @@ from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.law import dithered
 from par4_identification.diagnosis.search.rules import Rules
-from par4_identification.diagnosis.search.swing import Swing, swing_in
+from par4_identification.diagnosis.search.swing import Swing, _descended, swing_in
 from par4_identification.diagnosis.verdict.swinging_loads import unbiased
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.robot import Axis
@@ -144,6 +144,15 @@ def test_a_search_that_goes_on_from_another_one_ends_where_it_would():
         found = swing_in(projection, LEAST, PRICE, known)
         np.testing.assert_allclose(found.compliance, anew.compliance, rtol=0.01)
         assert found.damping_ratio == pytest.approx(anew.damping_ratio, rel=0.05)
+
+
+@pytest.mark.parametrize('beside', [0.0, 1e-9])
+def test_a_descent_that_begins_at_a_bound_goes_on(beside):
+    """A step that ends at a bound just ahead must not end the search."""
+    start, believed = np.array((beside, 0.0)), np.array(((0.0, -5.0), (5.0, 5.0)))
+    found, _ = _descended(lambda trial: np.log(trial) - (-1.0, 3.0), lambda _: np.eye(2), start,
+                          believed)
+    np.testing.assert_allclose(found, (0.0, 3.0), atol=1e-6)
 
 
 def test_a_damping_at_the_bound_of_what_is_believed_is_not_told():

@@ -34,6 +34,9 @@ IN_BAND = 0.7
 """Highest resonance whose damping is told, over the frequency to which encoders tell the motion."""
 MOST_DAMPED = 0.99 * DAMPING_RATIOS[1]
 """Damping ratio from which on the search has ended at its bound."""
+AT_BOUND = 1e-6
+"""Of a logarithm: what starts as near to its bound starts there. A step that ends at a bound just
+ahead is none, and the descent would end with it."""
 DIGITS = 9
 """Of logarithms, so that a torque that was computed at a trial is found again."""
 WIDEST = 0.7
@@ -189,6 +192,8 @@ def _descended(left: Callable[[np.ndarray], np.ndarray], slopes: Callable[[np.nd
     The box of the first step is `WIDEST`, so that the search stays in the basin where it begins.
     """
     lowest, highest = believed
+    start = np.where(start < lowest + AT_BOUND, lowest, start)
+    start = np.where(start > highest - AT_BOUND, highest, start)
     found = least_squares(
         lambda change: left(_of_logarithms(start + change)), np.zeros_like(start),
         lambda change: slopes(_of_logarithms(start + change)), method='dogbox',
