@@ -29,6 +29,8 @@ STIFFNESSES = (1e2, 1e6)
 """N m/rad, of the arms of a Par4."""
 DAMPING_RATIOS = (2e-3, 0.7)
 """Of a transmission, from a bare steel shaft to one that hardly swings."""
+STEP = 1e-3
+"""Of a compliance, for the slope of the torque."""
 RESONANCES = (1.0, 500.0)
 """Hz, of an axis, whose stiffness may be any: of its load, half of its inertia, on its spring."""
 
@@ -51,11 +53,10 @@ class ElasticTransmission(Effect):
     The load swings on its transmissions against motors that move as measured, lightly damped: the
     torque that twists them is integrated with the compliances 1/k that the shape holds, one
     `expanded_at_<joint>` each, and is the nominal one without them. Columns are the change of the
-    torque with each compliance there, to some 2 % (`Springs.slopes`); what they miss is shared out
-    among them, so that they are exact where the coefficients equal those compliances. A joint
-    without elasticity has the stiffness 0 in its place. The damping ratio is over the critical
-    damping with which the two parts of the actuator's inertia, motor and arm, swing against each
-    other.
+    torque with each compliance there; what this first order misses is shared out among them, so
+    that they are exact where the coefficients equal those compliances. A joint without elasticity
+    has the stiffness 0 in its place. The damping ratio is over the critical damping with which the
+    two parts of the actuator's inertia, motor and arm, swing against each other.
     """
 
     name = 'elastic_transmission'
@@ -77,8 +78,11 @@ class ElasticTransmission(Effect):
         spring, torque = springs.torque(compliance, damping_ratio)
         columns = (np.zeros((*torque.shape, state.joints)) if np.all(compliance > 0.0)
                    else transmission_columns(state, -spring))
-        soft = np.flatnonzero(compliance > 0.0)
-        columns[..., soft] = springs.slopes(compliance, damping_ratio)[..., soft] / compliance[soft]
+        for joint in np.flatnonzero(compliance > 0.0):
+            moved = compliance.copy()
+            moved[joint] *= 1.0 + STEP
+            columns[..., joint] = (springs.torque(moved, damping_ratio)[1] - torque) / (
+                STEP * compliance[joint])
         missed = torque - columns @ compliance
         return columns + missed[..., None] * compliance / (compliance @ compliance)
 
