@@ -173,12 +173,12 @@ def test_every_dependency_is_pinned_and_explained():
 ROSDEP = {'matplotlib': 'python3-matplotlib', 'pybullet': 'python3-pybullet-pip',
           'rosbags': 'python3-rosbags-pip', 'toppra': 'python3-toppra-pip',
           **{name: f'python3-{name}' for name in (
-              'click', 'jinja2', 'numba', 'numpy', 'pydantic', 'rich', 'scipy', 'threadpoolctl')},
+              'click', 'jinja2', 'numba', 'numpy', 'pydantic', 'rich', 'scipy')},
           'ruamel': 'python3-ruamel.yaml'}
 """Library -> key of rosdep, as of rosdistro in 2026."""
 KEYLESS = {'backports': 'backports.zstd', 'daqp': 'daqp', 'dask': 'dask',
            'distributed': 'distributed', 'lazy_loader': 'lazy-loader', 'lz4': 'lz4',
-           'markupsafe': 'markupsafe', 'ruckig': 'ruckig'}
+           'markupsafe': 'markupsafe', 'ruckig': 'ruckig', 'threadpoolctl': 'threadpoolctl'}
 """Library -> name of its distribution, for which rosdep has no key."""
 
 
