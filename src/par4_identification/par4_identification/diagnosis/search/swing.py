@@ -22,7 +22,7 @@ TRIED = 19
 """Compliances of a joint that are tried: a resonance apart at the coarse damping."""
 VISIBLE = 10.0
 """The stiffest of them over the stiffest that is believed."""
-COARSE_DAMPING = 0.2
+COARSE_DAMPING = 0.4
 """Ratio in the first search: wide resonances overlap, and so do the basins of the fit."""
 COARSE_STEP = 2
 """Samples from step to step of the integration in the first search."""
