@@ -10,7 +10,7 @@ import pytest
 from measured import log_of_model
 
 from par4_dynamics.model import read_model
-from par4_identification.diagnosis.split import MOST, manageable
+from par4_identification.diagnosis.split import MOST, manageable, split_runs
 from par4_identification.fitting.identification import identify
 from par4_identification.logs import stretches
 from par4_identification.logs.log import Log
@@ -21,6 +21,7 @@ from par4_identification.logs.stretches import (
     seconds_of,
     spread_over,
 )
+from par4_identification.signals.rows import Conditioning
 from robots import REFERENCE
 
 
@@ -75,15 +76,62 @@ def test_the_parts_of_a_log_are_the_log(gap, share):
 
 def test_of_long_logs_stretches_are_diagnosed_and_of_others_everything():
     short, long = log_of(100.0), log_of(5000.0)
-    assert manageable([short], []) == ([short], [], 1.0)
-    fit, held, share = manageable([long], [])
+    assert manageable([short], [], Conditioning()) == ([short], [], 1.0)
+    fit, held, share = manageable([long], [], Conditioning())
     assert sum(log.tau.size for log in fit) == pytest.approx(MOST, rel=0.02)
     assert sum(log.tau.size for log in held) <= MOST // 2 + 10
     assert share == pytest.approx((sum(log.tau.size for log in (*fit, *held))) / long.tau.size)
     # of one log the last third is held out; of several the last
     assert fit[0].t[-1] < held[0].t[0]
-    assert manageable([short, long], [])[1][0].t[0] == 0.0
-    assert len(manageable([short], [long])[0]) == 1
+    assert manageable([short, long], [], Conditioning())[1][0].t[0] == 0.0
+    assert len(manageable([short], [long], Conditioning())[0]) == 1
+
+
+def test_steady_speeds_are_not_thinned_before_every_third_is_held_out():
+    long = log_of(5000.0)
+    steady = Conditioning(steady=True)
+    assert manageable([long], [], steady) == ([long], [], 1.0)
+
+
+def test_no_stretch_is_too_short_for_the_filters_in_a_log_of_many_gaps():
+    """A sample is lost every 9 s."""
+    log = log_of(1200.0)
+    gaps = replace(log, segments=tuple(
+        slice(start, start + 899) for start in range(0, 119_700, 900)))
+    thin, = spread_over([gaps], 120.0)
+    assert seconds_of([thin]) == pytest.approx(120.0, rel=0.1)
+    assert min(part.stop - part.start for part in thin.segments) == 899
+    assert thin.t[-1] == gaps.t[gaps.segments[-1].stop - 1]
+
+
+def test_of_many_short_logs_some_are_taken_whole():
+    logs = [replace(log_of(9.0), name=f'log {number}') for number in range(100)]
+    taken = spread_over(logs, 90.0)
+    assert len(taken) == 10
+    assert {seconds_of([log]) for log in taken} == {9.0}
+    assert (taken[0].name, taken[-1].name) == ('log 0', 'log 99')
+
+
+def test_of_logs_without_a_stretch_for_the_filters_something_is_returned():
+    log = log_of(60.0)
+    torn = replace(log, segments=tuple(slice(start, start + 20) for start in range(0, 6000, 50)))
+    thin, = spread_over([torn], 6.0)
+    assert 0.0 < seconds_of([thin]) < 6.1
+
+
+@pytest.mark.parametrize(('gap', 'share'), [(None, 2.0 / 3.0), (0.2, 2.0 / 3.0), (0.95, 2.0 / 3.0),
+                                            (0.7, 0.7)])
+def test_the_last_third_of_a_log_is_held_out_wherever_its_gaps_are(gap, share):
+    """A gap within a sixth of its rows is where it is cut."""
+    log = log_of_model(REFERENCE, read_model('table1', REFERENCE), duration=24.0)
+    if gap is not None:
+        at = round(gap * len(log.t))
+        log = replace(log, segments=(slice(0, at), slice(at + 100, len(log.t))))
+    fit, held = split_runs([log], [], REFERENCE, Conditioning())
+    fitted, kept = (sum(int(run.valid.any(axis=1).sum()) for run in runs) for runs in (fit, held))
+    assert fitted / (fitted + kept) == pytest.approx(share, abs=0.04)
+    times = [np.concatenate([run.t[run.valid.any(axis=1)] for run in runs]) for runs in (fit, held)]
+    assert times[0].max() < times[1].min()
 
 
 @pytest.mark.parametrize('gap', [False, True])

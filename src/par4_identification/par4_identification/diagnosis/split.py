@@ -17,14 +17,16 @@ MOST = 480_000
 looked at, so that time and memory end; what the model gets wrong limits a long log anyway."""
 
 
-def manageable(fit_logs: Sequence[Log], holdout_logs: Sequence[Log]
+def manageable(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], conditioning: Conditioning
                ) -> tuple[Sequence[Log], Sequence[Log], float]:
     """Return the logs to fit and those held out, and the share of all readings that these have.
 
-    Each of the two has at most `MOST` readings: of longer logs only stretches are taken, spread
-    over them.
+    Each of the two has some `MOST` readings at the most: of longer logs only stretches are taken,
+    spread over them. Of steady speeds all is taken, as it gives few rows.
     """
     logs = [*fit_logs, *holdout_logs]
+    if conditioning.steady:
+        return fit_logs, holdout_logs, 1.0
     if sum(log.tau.size for log in fit_logs) <= MOST >= sum(log.tau.size for log in holdout_logs):
         return fit_logs, holdout_logs, 1.0
     if not holdout_logs:
@@ -41,9 +43,9 @@ def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Ro
                conditioning: Conditioning) -> tuple[list[Run], list[Run]]:
     """Return the rows to fit and those held out.
 
-    Without held-out logs the last log is held out. Of a single log the last stretch without gaps
-    is; of a single stretch its last third, cut at a standstill within a sixth of the rows. Of
-    steady speeds every third is held out.
+    Without held-out logs the last log is held out, of a single log its last third. That is cut at
+    the gap or standstill within a sixth of the rows that comes nearest, if there is one. Of steady
+    speeds every third is held out.
     """
     fit_runs = runs_of_logs(fit_logs, machine, conditioning)
     if holdout_logs:
@@ -56,13 +58,16 @@ def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Ro
         last = fit_logs[-1].name
         return ([run for run in fit_runs if run.name != last],
                 [run for run in fit_runs if run.name == last])
-    if len(fit_runs) > 1:
-        return fit_runs[:-1], fit_runs[-1:]
-    run = fit_runs[0]
-    rows = len(run.t)
+    ends = np.cumsum([len(run.t) for run in fit_runs])
+    rows = int(ends[-1])
+    resting = np.flatnonzero(np.concatenate([run.standstill.all(axis=1) for run in fit_runs]))
+    places = np.concatenate((ends[:-1], resting))
+    places = places[(places > rows // 2) & (places < 5 * rows // 6)]
     cut = 2 * rows // 3
-    resting = np.flatnonzero(run.standstill.all(axis=1))
-    resting = resting[(resting > rows // 2) & (resting < 5 * rows // 6)]
-    if len(resting):
-        cut = int(resting[np.argmin(np.abs(resting - cut))])
-    return [run.part(slice(0, cut))], [run.part(slice(cut, rows))]
+    if len(places):
+        cut = int(places[np.argmin(np.abs(places - cut))])
+    cuts = [min(max(cut - int(end) + len(run.t), 0), len(run.t))
+            for end, run in zip(ends, fit_runs)]
+    return ([run.part(slice(0, at)) for run, at in zip(fit_runs, cuts) if at],
+            [run.part(slice(at, len(run.t))) for run, at in zip(fit_runs, cuts)
+             if at < len(run.t)])

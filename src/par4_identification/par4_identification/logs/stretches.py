@@ -14,6 +14,8 @@ PIECE = 600.0
 """s that are filtered at a time; of four joints at 1 kHz the columns are 120 MB then."""
 STRETCH = 10.0
 """s of a stretch: long against the memory of the filters and of presliding friction."""
+SHORTEST = 1.0
+"""s that a filter needs; of what is shorter nothing can be said."""
 
 
 def seconds_of(logs: Sequence[Log]) -> float:
@@ -24,13 +26,22 @@ def seconds_of(logs: Sequence[Log]) -> float:
 def spread_over(logs: Sequence[Log], seconds: float) -> tuple[Log, ...]:
     """Return logs with about `seconds` of what they hold, in stretches of `STRETCH` s.
 
-    Times stay those of the log, so that what changes over it still shows. Logs that hold no more
-    are returned as they are.
+    Stretches are shorter only where the log has gaps. Times stay those of the log, so that what
+    changes over it still shows. Logs that hold no more are returned as they are; one of which no
+    stretch is taken is left out.
     """
-    share = seconds / max(seconds_of(logs), 1e-9)
-    if share >= 1.0:
+    if seconds >= seconds_of(logs):
         return tuple(logs)
-    return tuple(_thinned(log, share) for log in logs)
+    stretches = [(number, part) for number, log in enumerate(logs)
+                 for part in _cut(log, STRETCH) if _lasts(log, part)] or [
+        (number, part) for number, log in enumerate(logs) for part in log.segments]
+    held = sum(logs[number].period * (part.stop - part.start) for number, part in stretches)
+    count = min(max(1, int(len(stretches) * seconds / held)), len(stretches))
+    # the first begins where the first log does, the last ends with the last
+    taken = [stretches[index] for index in np.linspace(
+        0, len(stretches) - 1, count).round().astype(int)]
+    parts = [[part for own, part in taken if own == number] for number in range(len(logs))]
+    return tuple(_with_segments(log, own) for log, own in zip(logs, parts) if own)
 
 
 def in_pieces(log: Log) -> Log:
@@ -39,25 +50,22 @@ def in_pieces(log: Log) -> Log:
     Filters and columns then hold no more than a piece at a time. The samples stay; what a filter
     does not know at the ends of a piece, a tenth of a second, is not in the rows.
     """
-    longest = round(PIECE / log.period)
+    return replace(log, segments=tuple(_cut(log, PIECE)))
+
+
+def _cut(log: Log, longest: float) -> list[slice]:
+    """Return the sound stretches of a log, each in equal parts of `longest` s at the most."""
+    samples = round(longest / log.period)
     parts = []
     for segment in log.segments:
-        count = -(-(segment.stop - segment.start) // longest)
+        count = -(-(segment.stop - segment.start) // samples)
         ends = np.linspace(segment.start, segment.stop, count + 1).astype(int).tolist()
         parts += [slice(*pair) for pair in pairwise(ends)]
-    return replace(log, segments=tuple(parts))
+    return parts
 
 
-def _thinned(log: Log, share: float) -> Log:
-    parts = []
-    for segment in log.segments:
-        samples = segment.stop - segment.start
-        count = max(1, round(share * samples * log.period / STRETCH))
-        length = min(round(share * samples / count), samples)
-        # the first begins where the segment does, the last ends with it
-        starts = np.linspace(segment.start, segment.stop - length, count).astype(int)
-        parts += [slice(int(start), int(start) + length) for start in starts]
-    return _with_segments(log, parts)
+def _lasts(log: Log, part: slice) -> bool:
+    return log.period * (part.stop - part.start) >= SHORTEST
 
 
 def parted(log: Log, share: float) -> tuple[Log, Log]:
