@@ -361,12 +361,23 @@ def arrays_of(parameters, joints, acting):
 
 def test_a_cause_is_zero_where_each_of_its_sizes_is_within_its_deviations():
     """A size that a law does not have is zero without a deviation; shapes are no sizes."""
-    told = SimpleNamespace(effect=CATALOGUE['stribeck'], parameters={
+    told = Cause(CATALOGUE['stribeck'], (0, 1), {
         'stribeck_torque': Parameter(value=(-1.5, 0.0), std=(1.0, 0.0)),
         'stribeck_velocity': Parameter(value=(0.3, 0.3), std=(0.1, 0.1)),
-        'exponent': Parameter(value=(1.6, 1.6), std=(0.1, 0.1))})
-    assert not Cause.is_zero_within(told, 1.0)
-    assert Cause.is_zero_within(told, 2.0)
+        'exponent': Parameter(value=(1.6, 1.6), std=(0.1, 0.1))},
+        (), 1.0, 0.0, 1.0, None, Gain(1.0, 0.5, 1.5))
+    assert not told.is_zero_within(1.0)
+    assert told.is_zero_within(2.0)
+
+
+@pytest.mark.parametrize('name', sorted(CATALOGUE))
+def test_a_cause_all_of_whose_sizes_are_zero_is_nothing_whatever_its_other_values(name):
+    """A phase, an exponent, a range and an anchor may be anything then."""
+    effect = CATALOGUE[name]
+    told = {own.name: Parameter(value=(0.01 if own.is_size else 2.5,) * own.size,
+                                std=(0.05,) * own.size) for own in effect.parameters}
+    cause = Cause(effect, (0,), told, (), 1.0, 0.0, 1.0, None, Gain(1.0, 0.5, 1.5))
+    assert cause.is_nothing == any(own.is_size for own in effect.parameters)
 
 
 @pytest.mark.parametrize(('name', 'size', 'idle'), [

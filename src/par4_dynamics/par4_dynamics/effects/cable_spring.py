@@ -33,7 +33,7 @@ class CableSpring(Effect):
     name = 'cable_spring'
     phrase = 'a cable that pulls like a spring'
     parameters = (EffectParameter('stiffness', 'N/m', 'machine', size=3, uniform=True),
-                  EffectParameter('anchor', 'm', 'machine', size=3))
+                  EffectParameter('anchor', 'm', 'machine', size=3, qualifies=True))
     shared = True
     needs_platform = True
     variables = 3

@@ -87,7 +87,7 @@ class Cogging(Effect):
     parameters = (
         EffectParameter('amplitude', 'N m', 'joint', per_order=True),
         EffectParameter('periods', '1/turn', 'machine', is_shape=True, per_order=True),
-        EffectParameter('phase', 'rad', 'joint', per_order=True))
+        EffectParameter('phase', 'rad', 'joint', per_order=True, qualifies=True))
 
     def __init__(self, whole_orders: bool = True) -> None:
         self.whole_orders = whole_orders

@@ -42,6 +42,8 @@ class EffectParameter:
         is_shape: whether the columns depend on it; if not, it is a coefficient.
         per_order: whether it may have a value for each order of a periodic torque, or for each term
             of a series. The one of these parameters that is a shape lists the orders.
+        qualifies: whether it says of another parameter where, from what point or with which power
+            it acts, such as a phase or an exponent.
     """
 
     name: str
@@ -53,6 +55,12 @@ class EffectParameter:
     uniform: bool = False
     is_shape: bool = False
     per_order: bool = False
+    qualifies: bool = False
+
+    @property
+    def is_size(self) -> bool:
+        """Whether there is no effect where it is zero, and the other sizes are, too."""
+        return not (self.is_shape or self.qualifies)
 
 
 @dataclass(frozen=True)
@@ -115,8 +123,6 @@ class Effect(ABC):
             coefficient. The shape `expanded_at` holds that value; a search looks for the value at
             which the fitted coefficient equals it.
         retimes: whether it is, to first order, the torque of the motion at another time.
-        tolerance: factor by which its torque may change more than that of other effects from data
-            to data, because what its columns leave out depends on the motion.
         against_the_others: whether the part that all joints have in common is a base parameter, so
             that only differences between joints show.
         needs_both_ways: whether it cannot be told from friction if the joint moves one way only
@@ -144,7 +150,6 @@ class Effect(ABC):
     fixed_range: ClassVar[tuple[float, float]] = (0.5, 1.5)
     expanded: ClassVar[bool] = False
     retimes: ClassVar[bool] = False
-    tolerance: ClassVar[float] = 1.0
     against_the_others: ClassVar[bool] = False
     needs_both_ways: ClassVar[bool] = False
     of_axis: ClassVar[bool] = False

@@ -67,7 +67,6 @@ class ElasticTransmission(Effect):
     shared = True
     separable = ((0,), (1,), (2,), (3,))
     needs_nominal = True
-    tolerance = 2.0
     variables = 2
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:

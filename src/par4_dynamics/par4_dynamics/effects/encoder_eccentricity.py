@@ -34,7 +34,7 @@ class EncoderEccentricity(Effect):
     name = 'encoder_eccentricity'
     phrase = 'an eccentric joint encoder'
     parameters = (EffectParameter('amplitude', 'rad', 'joint'),
-                  EffectParameter('phase', 'rad', 'joint'))
+                  EffectParameter('phase', 'rad', 'joint', qualifies=True))
     shared = True
     separable = ((0, 1), (2, 3), (4, 5), (6, 7))
     needs_turning = True

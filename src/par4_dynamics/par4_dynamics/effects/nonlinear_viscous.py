@@ -43,7 +43,8 @@ class NonlinearViscous(Effect):
     phrase = 'friction that is not linear in speed'
     parameters = (EffectParameter('quadratic', 'N m s2/rad2', 'joint', default=0.0),
                   EffectParameter('torque', 'N m', 'joint', default=0.0),
-                  EffectParameter('exponent', '1', 'joint', default=QUADRATIC))
+                  EffectParameter('exponent', '1', 'joint', default=QUADRATIC,
+                                  qualifies=True))
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         return tuple({'exponent': exponent} for exponent in EXPONENTS)

@@ -39,7 +39,7 @@ class PositionTorque(Effect):
     name = 'position_torque'
     phrase = 'torque that follows the position'
     parameters = (EffectParameter('coefficients', 'N m', 'joint', per_order=True),
-                  EffectParameter('range', 'rad', 'machine', size=2))
+                  EffectParameter('range', 'rad', 'machine', size=2, qualifies=True))
     needs_both_ways = True
     of_axis = True
 

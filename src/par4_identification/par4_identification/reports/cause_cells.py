@@ -60,7 +60,7 @@ def parameter_cells(cause: Cause, name: str, machine: Robot | Axis) -> dict[str,
     series = own.per_order and not shape  # its terms are no orders
     if series or (shape and isinstance(cause.parameters[shape[0].name].value, tuple)):
         return _order_cells(parameter, name, machine)
-    scope, is_size = own.scope, not own.is_shape and name != 'phase'
+    scope, is_size = own.scope, own.is_size
     values, stds = (np.atleast_1d(np.asarray(part, dtype=float))
                     for part in (parameter.value, parameter.std))
     cells = [f'0 ± {number(float(std), 2)}' if is_size and not told else

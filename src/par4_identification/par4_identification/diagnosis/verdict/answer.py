@@ -67,18 +67,16 @@ class Cause:
     def idle_joints(self) -> tuple[int, ...]:
         """Those of its joints whose own sizes are all zero within one standard deviation.
 
-        There are none if no joint would be left, or if the effect acts on all joints or none. A
-        phase is no size: it may be anything where an amplitude is zero.
+        There are none if no joint would be left, or if the effect acts on all joints or none.
         """
         if self.effect.shared and not self.effect.separable:
             return ()
-        sizes = [parameter for parameter in self.effect.parameters if not parameter.is_shape
-                 and parameter.name in self.parameters and parameter.name != 'phase']
-        if not sizes or any(parameter.scope != 'joint' for parameter in sizes):
+        told = [parameter for parameter in self.effect.parameters
+                if parameter.is_size and parameter.name in self.parameters]
+        if not told or any(parameter.scope != 'joint' for parameter in told):
             return ()
         zero = np.ones(len(self.joints), dtype=bool)
-        for parameter in sizes:
-            size = self.parameters[parameter.name]
+        for size in self._sizes:
             small = np.abs(np.asarray(size.value, dtype=float)) <= np.asarray(size.std, dtype=float)
             zero &= np.all(np.reshape(small, (-1, len(self.joints))), axis=0)
         return () if zero.all() else tuple(
@@ -86,11 +84,14 @@ class Cause:
 
     def is_zero_within(self, deviations: float) -> bool:
         """Return whether all its sizes are zero within so many standard deviations."""
-        sizes = [self.parameters[parameter.name] for parameter in self.effect.parameters
-                 if not parameter.is_shape and parameter.name in self.parameters]
-        return bool(sizes) and all(np.all(
+        return bool(self._sizes) and all(np.all(
             np.abs(np.asarray(size.value, dtype=float))
-            <= deviations * np.asarray(size.std, dtype=float)) for size in sizes)
+            <= deviations * np.asarray(size.std, dtype=float)) for size in self._sizes)
+
+    @property
+    def _sizes(self) -> list[Parameter]:
+        return [self.parameters[parameter.name] for parameter in self.effect.parameters
+                if parameter.is_size and parameter.name in self.parameters]
 
 
 @dataclass(frozen=True)
