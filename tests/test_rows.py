@@ -21,7 +21,7 @@ from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.search.orders import Lines, best_orders
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.signals.noise import ArNoise
-from par4_identification.signals.rows import runs_of_log
+from par4_identification.signals.rows import Conditioning, runs_of_log
 from par4_kinematics.robot import Axis
 from robots import REFERENCE, model_with
 
@@ -29,6 +29,20 @@ MOTOR = Axis(schema='par4/axis/1', name='motor', joint='motor', kind='revolute',
 WANDERING = ArNoise(np.array((1.2, -0.3, 0.05)), 0.01)
 RIPPLE = {'relative': (0.05, 0.03, 0.04, 0.02), 'periods': 36.0, 'phase': (0.5, 0.0, 2.0, 1.0)}
 COGGING = {'amplitude': 0.3, 'periods': 31.0, 'phase': (0.0, 1.0, 2.0, 3.0)}
+
+
+def test_a_stretch_of_a_single_row_is_none():
+    """Of one row nobody knows what time it stands for."""
+    motion = excitation('reference', 6.0, 905)
+    log = log_of(REFERENCE, motion.t, motion.q, MODEL.torque(state_of_motion(REFERENCE, motion)), 5)
+    slow = Conditioning(position_cutoff_hz=12.0, torque_cutoff_hz=3.0, row_rate_hz=7.5)
+    counts = set()
+    for samples in range(1000, 1800, 50):
+        torn = replace(log, segments=(slice(0, samples), slice(2000, len(log.t))))
+        for run in runs_of_log(torn, REFERENCE, slow):
+            counts.add(len(run.t))
+            np.testing.assert_allclose(np.diff(run.t), run.row_time)
+    assert min(counts) == 2
 
 
 @pytest.mark.parametrize('missing', [0.0, 0.05, 0.6])

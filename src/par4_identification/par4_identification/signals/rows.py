@@ -134,7 +134,8 @@ class Run:
     @property
     def row_time(self) -> float:
         """Time that a row stands for, s; zero of plateaus, which have times of their own."""
-        return 0.0 if self.conditioning.steady else float(self.t[1] - self.t[0])
+        return 0.0 if self.conditioning.steady else float(
+            self._every * (self.state.t[1] - self.state.t[0]))
 
     def at_rows(self, values: np.ndarray) -> np.ndarray:
         """Return values (n, ...) at the samples as they are at the rows, (m, ...), unfiltered."""
@@ -196,11 +197,12 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
     runs = [_run(fine, segment, machine, conditioning,
                  _white_floor(log.tau[measured], conditioning, log.period), log.period, noise)
             for measured, segment in zip(long, fine.segments)]
-    if not any(len(run.t) for run in runs):
+    runs = [run for run in runs if len(run.t) > 1]
+    if not runs:
         least = max(1.0, 4.0 * conditioning.reach)
         raise InputError(f'{log.name}: no uninterrupted stretch of at least {least:.1f} s, which '
                          f'the filters need; record longer or without gaps')
-    return [run for run in runs if len(run.t)]
+    return runs
 
 
 def are_coarse(counts: int, conditioning: Conditioning, period: float) -> bool:

@@ -98,7 +98,7 @@ def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle
         parts: rows with a nominal torque and the torque that the model leaves of them, (m, J) of
             each run, N m.
     """
-    if any(1.0 / (run.t[1] - run.t[0]) < SLOWEST_ROWS_HZ
+    if any(1.0 / run.row_time < SLOWEST_ROWS_HZ
            for observations, _ in parts for run in observations.runs):
         return None
     slips = [_slips(observations, left) for observations, left in parts]
@@ -134,7 +134,7 @@ def _slips(observations: Observations, left: Sequence[np.ndarray]) -> list[_Slip
     for run, rest in zip(observations.runs, left):
         slip, load = _slip(run, rest), transmitted_torque(run.state)
         counted = run.valid.all(axis=1)
-        path = _positions(slip, float(run.t[1] - run.t[0]))
+        path = _positions(slip, run.row_time)
         for joint in range(observations.joints):
             since, until = _around_changes(run.state.t, load[:, joint], run.t)
             loud = counted & ((since < FRESH) | (until < FRESH))

@@ -129,7 +129,7 @@ def _correlation_time(runs: Sequence[Left]) -> float:
         below = np.flatnonzero(correlation < correlation[0] / np.e)
         times.append(below[0] if len(below) else MEMORY)
     run = runs[0][0]
-    return float(np.median(times) * (run.t[1] - run.t[0]))
+    return float(np.median(times) * run.row_time)
 
 
 def swing_of(parts: Sequence[Sequence[Left]]) -> float | None:
@@ -223,7 +223,7 @@ def _bursts(runs: Sequence[Left], floor: np.ndarray, rules: Rules
     """
     found = []
     for run, left, torque in runs:
-        period = float(run.t[1] - run.t[0])
+        period = run.row_time
         length = max(2, round(BURST / period))
         for joint in range(left.shape[1]):
             valid = run.valid[:, joint]
