@@ -37,14 +37,14 @@ def simulation() -> Simulation:
 class Run:
     """A loop that runs as fast as it can, and what it published."""
 
-    def __init__(self, feedforward_timeout: float = 0.0, following_error_limit: float = 0.0
-                 ) -> None:
+    def __init__(self, feedforward_timeout: float = 0.0, following_error_limit: float = 0.0,
+                 factor: float = 0.0) -> None:
         self.times: list[int] = []
         self.samples: list[Sample] = []
         self.refused: list[Par4Error] = []
-        self.loop = PhysicsLoop(simulation(), self.publish, self.refused.append, 0.0,
+        self.loop = PhysicsLoop(simulation(), self.publish, self.refused.append, factor,
                                 feedforward_timeout, following_error_limit,
-                                Pace(0.0, 'exact', 0.25e-3))
+                                Pace(factor, 'exact', 0.25e-3))
 
     def publish(self, time_ns: int, sample: Sample) -> None:
         self.times.append(time_ns)
@@ -78,6 +78,31 @@ def test_samples_come_every_period():
     run.go_on(50)
     assert run.times == [(index + 1) * PERIOD_NS for index in range(50)]
     assert run.loop.now_ns == run.times[-1]
+
+
+@pytest.mark.parametrize(('factor', 'stall', 'late'), [
+    (1.0, 0.003, 0), (1.0, 0.005, 1), (0.1, 0.035, 0), (0.1, 0.045, 1), (10.0, 0.00035, 0),
+    (10.0, 0.00045, 1)])
+def test_a_sample_is_late_by_more_than_its_period_on_the_clock_of_the_wall(factor, stall, late):
+    """A stall of the wall's clock in one sample, whose period is 2 ms of simulated time."""
+    class Clock:
+        now = 0.0
+
+        def monotonic(self):
+            return self.now
+
+        def sleep(self, seconds):
+            self.now += seconds
+
+    class Stalled(Run):
+        def publish(self, time_ns, sample):
+            super().publish(time_ns, sample)
+            clock.now += stall if len(self.times) == 5 else 0.0
+
+    clock, run = Clock(), Stalled(factor=factor)
+    with mock.patch('par4_sim.ros.physics_loop.time', clock):
+        run.go_on(10)
+    assert run.loop.late_steps == late
 
 
 @pytest.mark.parametrize('other', [None, simulation()])

@@ -302,7 +302,7 @@ class PhysicsLoop:
         ahead = deadline - time.monotonic()
         if ahead > 0.0:
             time.sleep(ahead)
-        elif -ahead > self._simulation.sample_period:
+        elif -ahead * self._factor > self._simulation.sample_period:
             self.late_steps += 1
         return max(deadline, time.monotonic() - BACKLOG)
 
