@@ -66,6 +66,30 @@ def test_an_interrupt_while_modules_load_ends_an_executable_quietly(name, import
     assert not list(tmp_path.iterdir())
 
 
+def test_a_node_that_another_signal_must_interrupt_says_so_by_its_exit_code(bench):
+    """What it was writing may be incomplete, so that this is no proper end."""
+    code = """
+import os, signal, sys, time
+from par4_kinematics.ros import process
+from par4_kinematics.ros.kinematics_node import KinematicsNode
+process.PATIENCE = -1.0
+class Stuck(KinematicsNode):
+    def end(self):
+        pass
+    def work(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        print('asked to end', flush=True)
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(60.0)
+sys.argv = ['par4_kinematics']
+sys.exit(process.run(Stuck))
+"""
+    done = subprocess.run([sys.executable, '-c', code], cwd=bench.folder, env=bench.environment,
+                          capture_output=True, text=True, check=False, timeout=200)
+    assert (done.returncode, done.stdout) == (130, 'asked to end\n')
+    assert 'Traceback' not in done.stderr
+
+
 def test_an_interrupt_while_a_cell_starts_its_nodes_ends_them_all(bench):
     """A terminal sends it to all at once, before the nodes have reached their first lines."""
     code = """

@@ -27,6 +27,10 @@ PATIENCE = 3.0
 """Seconds that a node has to end in before another signal interrupts it."""
 
 
+class Interrupted(KeyboardInterrupt):
+    """A second signal has interrupted a node that did not end."""
+
+
 def _prepare_environment() -> None:
     # other machines' robots are met on purpose only
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
@@ -60,7 +64,7 @@ def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
     def end(_signal: int, _frame: Any) -> None:
         nonlocal asked_at
         if time.monotonic() - asked_at > PATIENCE:
-            raise KeyboardInterrupt
+            raise Interrupted
         if asked_at == math.inf:
             asked_at = time.monotonic()
             if node is not None:
@@ -87,7 +91,8 @@ def run(node_class: type[Par4Node]) -> int:
     """Run a node until it is finished, SIGINT or SIGTERM; return the exit code.
 
     `--help` and `--config` only print. 0 is a proper end, 2 bad input: one line `error: ...` on
-    stderr. A signal that comes later interrupts a node that does not end.
+    stderr. A second signal interrupts a node that does not end; the code is then 130, as what it
+    was writing may be incomplete.
     """
     if answered(node_class.PARAMETERS, sys.argv[1:]):
         return 0
@@ -95,8 +100,10 @@ def run(node_class: type[Par4Node]) -> int:
     try:
         with _running(node_class) as node:
             node.work()
+    except Interrupted:
+        return 130
     except KeyboardInterrupt:
-        pass
+        pass  # before there was a node
     except (Par4Error, NameValidationException) as error:
         print(f'error: {one_line(str(error))}', file=sys.stderr)
         return 2
