@@ -7,11 +7,11 @@ from planned import evidence_of, log_of, state_of_motion
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
+from par4_identification.diagnosis.evidence.dithered import Dithered
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.candidates import Candidates
-from par4_identification.diagnosis.search.law import Dithered
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
 from robots import REFERENCE, model_with

@@ -10,6 +10,7 @@ from searches import EVERY, MODEL
 
 from par4_dynamics.base_terms import base_columns
 from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_identification.diagnosis.evidence.dithered import Dithered, dithered
 from par4_identification.diagnosis.evidence.estimates import effect_parameters
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import solve
@@ -20,7 +21,6 @@ from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.causes import Model, named_of, names_of
 from par4_identification.diagnosis.search.counts import DOUBT, Counts
-from par4_identification.diagnosis.search.law import Dithered, dithered
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_kinematics.motion import Motion

@@ -18,6 +18,7 @@ from par4_dynamics.model_file import read_model_file
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
+from par4_identification.diagnosis.verdict import settled
 from par4_identification.diagnosis.verdict.answer import Unusable
 from par4_identification.signals.rows import runs_of_log
 from par4_sim.machine_effects import machine_of_model
@@ -105,7 +106,7 @@ def test_a_joint_that_weak_causes_may_make_zero_is_not_told(cogged_and_sticky, m
     library = {'cogging': diagnosis.LIBRARY['cogging']}
     both, = diagnose([fit], REFERENCE, holdout_logs=[heldout], library=library).causes
     assert both.joints == (0, 1)
-    monkeypatch.setattr(diagnosis, 'widened', doubted)
+    monkeypatch.setattr(settled, 'widened', doubted)
     one, = diagnose([fit], REFERENCE, holdout_logs=[heldout], library=library).causes
     assert one.joints == (0,)
 
@@ -130,7 +131,7 @@ def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monk
             'std': tuple(2.0 * np.abs(parameter.value)) if name == 'stribeck_torque'
             else parameter.std}) for name, parameter in parameters.items()}
 
-    monkeypatch.setattr(diagnosis, 'with_disagreement', doubted)
+    monkeypatch.setattr(settled, 'with_disagreement', doubted)
     fit, heldout = cogged_and_sticky
     result = diagnose([fit], REFERENCE, holdout_logs=[heldout])
     assert names(result) == ['cogging']
@@ -155,15 +156,15 @@ def test_a_cause_that_may_be_zero_is_told_only_if_nothing_else_explains_as_much(
             'std': tuple(0.7 * np.abs(parameter.value)) if name == 'stribeck_torque'
             else parameter.std}) for name, parameter in parameters.items()}
 
-    judge_of = diagnosis.judge
+    judge_of = settled.judge
 
     def judged(search, item, model):
         found = judge_of(search, item, model)
         return found if item.effect.name != 'stribeck' else replace(
             found, margin=margin, rival=rival, twins=('nonlinear_viscous',))
 
-    monkeypatch.setattr(diagnosis, doubt, doubted)
-    monkeypatch.setattr(diagnosis, 'judge', judged)
+    monkeypatch.setattr(settled, doubt, doubted)
+    monkeypatch.setattr(settled, 'judge', judged)
     fit, heldout = cogged_and_sticky
     result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
         name: diagnosis.LIBRARY[name] for name in ('cogging', 'stribeck')})
@@ -179,7 +180,7 @@ def test_a_joint_whose_size_may_be_zero_is_not_named(cogged_and_sticky, monkeypa
         own, other = amplitude.std[0], 2.0 * amplitude.value[1]
         return {**parameters, 'amplitude': amplitude.model_copy(update={'std': (own, other)})}
 
-    monkeypatch.setattr(diagnosis, 'with_disagreement', doubted)
+    monkeypatch.setattr(settled, 'with_disagreement', doubted)
     fit, heldout = cogged_and_sticky
     result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
         name: diagnosis.LIBRARY[name] for name in ('cogging', 'stribeck')})

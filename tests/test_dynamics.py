@@ -372,7 +372,8 @@ def test_a_unit_may_be_spelled_as_others_do(name, unit):
     known = read_model_file('table1')
     parameters = {**known.parameters, name: known.parameters[name].model_copy(
         update={'unit': unit})}
-    build_model(REFERENCE, known.model_copy(update={'parameters': parameters}))
+    built = build_model(REFERENCE, known.model_copy(update={'parameters': parameters}))
+    np.testing.assert_array_equal(built.values[name], read_model('table1', REFERENCE).values[name])
 
 
 def test_a_slide_has_units_of_its_own():

@@ -15,7 +15,6 @@ from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import (
     Trajectory,
     read_trajectory,
-    write_effort,
     write_trajectory,
 )
 from par4_kinematics.ros.serialised_trajectory import (
@@ -92,7 +91,11 @@ def test_bytes_are_given_their_effort_as_the_message_is(how, count):
         spoilt(built, how).points = built.points[:count]
         effort = np.random.default_rng(seed).normal(size=(count, 4))
         given = SerialisedTrajectory(serialize_message(built)).with_effort(effort)
-        write_effort(built, effort)
+        columns = [list(built.joint_names).index(name) for name in JOINT_NAMES]
+        for point, row in zip(built.points, effort, strict=True):
+            point.effort = [0.0] * len(built.joint_names)
+            for column, value in zip(columns, row, strict=True):
+                point.effort[column] = value
         assert deserialize_message(given, JointTrajectory) == built
         np.testing.assert_array_equal(read_serialised_trajectory(given, FIELDS[3:]).effort, effort)
 

@@ -19,10 +19,10 @@ from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
 from par4_dynamics.effects.transmission import MOTOR_SHARE
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
+from par4_identification.diagnosis.evidence.dithered import dithered
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.search.candidates import Candidates
-from par4_identification.diagnosis.search.law import dithered
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.swing import Swing, _descended, swing_in
 from par4_identification.diagnosis.verdict.swinging_loads import unbiased

@@ -77,6 +77,10 @@ class Model:
     effects: tuple[ActiveEffect, ...] = ()
     torque_limit: float | None = None
 
+    def limit_of_drives(self, robot: Robot) -> float:
+        """Return the largest torque of the drives, N m: the model's, or else the robot's."""
+        return self.torque_limit or robot.drives.torque_limit
+
     def base_torque(self, state: State) -> np.ndarray:
         """Return W chi (n, J), N m: equation (20)."""
         return torque_of_values(state, self.values)

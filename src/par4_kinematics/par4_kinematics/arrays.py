@@ -19,16 +19,16 @@ from numpy.typing import ArrayLike
 from par4_kinematics.errors import InputError
 
 
-def as_rows(values: ArrayLike, name: str, width: int = 4) -> tuple[np.ndarray, tuple[int, ...]]:
-    """Return `values` (..., width) as contiguous rows (n, width) and the leading shape.
+def as_rows(values: ArrayLike, name: str) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Return `values` (..., 4) as contiguous rows (n, 4) and the leading shape.
 
     Raises:
         InputError: another trailing length, or a value that is not finite.
     """
     array = np.asarray(values, dtype=np.float64)
-    if array.ndim == 0 or array.shape[-1] != width:
-        raise InputError(f'{name}: expected an array of shape (..., {width}), found {array.shape}')
-    rows = np.ascontiguousarray(array.reshape(-1, width))
+    if array.ndim == 0 or array.shape[-1] != 4:
+        raise InputError(f'{name}: expected an array of shape (..., 4), found {array.shape}')
+    rows = np.ascontiguousarray(array.reshape(-1, 4))
     finite = np.isfinite(rows)
     if not finite.all():
         row, column = np.argwhere(~finite)[0]

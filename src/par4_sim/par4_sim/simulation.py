@@ -354,7 +354,7 @@ def build_simulation(robot: Robot, model: Model, fidelity: str, sample_period: f
     machine = machine_of_model(robot, model)
     machine = replace(machine, loads=(*machine.loads, *loads))
     plant = build_plant(machine, fidelity, step)
-    limit = model.torque_limit or robot.drives.torque_limit
+    limit = model.limit_of_drives(robot)
     still = np.zeros((1, LEGS))
     pose = home_pose(robot) if pose is None else np.asarray(pose, dtype=float)
     at_rest = state_of_platform(robot.geometry, np.zeros(1), pose[None], still, still)

@@ -31,32 +31,28 @@ SPEED = 6e-3
 """Speed of D during pushes, m/s: acceleration and viscous friction are negligible."""
 
 
-def push_poses(robot: Robot, height: float | None = None) -> np.ndarray:
-    """Return five poses (5, 4) on a plate at `height`, m: the middle, and towards each leg.
+def push_poses(robot: Robot) -> np.ndarray:
+    """Return five poses (5, 4) on a plate: its middle, and towards each leg.
 
-    Without a height, half-way between home and the bottom of the workspace.
+    It lies half-way between home and the bottom of the workspace.
     """
-    home = home_pose(robot)
-    if height is None:
-        height = 0.5 * (home[2] + robot.limits.workspace.z[0])
     azimuth = np.array(robot.geometry.actuator_azimuth)
     poses = np.zeros((5, 4))
     poses[1:, :2] = 0.4 * robot.limits.workspace.radius * np.stack(
         (np.cos(azimuth), np.sin(azimuth)), axis=1)
-    poses[:, 2] = height
+    poses[:, 2] = 0.5 * (home_pose(robot)[2] + robot.limits.workspace.z[0])
     poses[:, 3] = 0.5 * robot.limits.workspace.theta * np.array((0.0, 1.0, -1.0, 1.0, -1.0))
     return poses
 
 
-def push_motion(robot: Robot, poses: np.ndarray, depth: float, pushes: int = 2,
-                speed: float = SPEED) -> Motion:
+def push_motion(robot: Robot, poses: np.ndarray, depth: float, pushes: int = 2) -> Motion:
     """Return `pushes` slow pushes, m deep, on each of the poses (n, 4), which lie on the plate.
 
     Raises:
         InputError: sizes that are not positive, or poses outside the robot's limits.
         UnreachableError: a pose that a leg cannot reach.
     """
-    require_positive({'depth': depth, 'pushes': pushes, 'speed': speed}, 'static push')
+    require_positive({'depth': depth, 'pushes': pushes}, 'static push')
     parts: list[Motion] = []
     up, down = np.array((0.0, 0.0, HOVER, 0.0)), np.array((0.0, 0.0, -depth, 0.0))
     for index, pose in enumerate(poses):
@@ -64,8 +60,8 @@ def push_motion(robot: Robot, poses: np.ndarray, depth: float, pushes: int = 2,
             parts.append(waypoints_motion(robot, (poses[index - 1] + up, pose + up), speed=0.3,
                                           acceleration=2.0, jerk=50.0))
         parts.append(waypoints_motion(
-            robot, [pose + up, *([pose + down, pose + up] * pushes)], speed=speed,
-            acceleration=20.0 * speed, jerk=800.0 * speed))
+            robot, [pose + up, *([pose + down, pose + up] * pushes)], speed=SPEED,
+            acceleration=20.0 * SPEED, jerk=800.0 * SPEED))
     ends = np.cumsum([0.0, *(part.t[-1] + part.period for part in parts)])
     motion = Motion(
         'static push', np.concatenate([part.t + end for part, end in zip(parts, ends)]),

@@ -63,7 +63,7 @@ class FeedforwardNode(Par4Node):
         points = reference.read()
         check_points(self._robot, *points.motion())
         effort = self._torque(points)
-        limit = self._model.torque_limit or self._robot.drives.torque_limit
+        limit = self._model.limit_of_drives(self._robot)
         check_torque(self._robot, effort, self.parameters.torque_factor * limit)
         return reference.with_effort(effort)
 

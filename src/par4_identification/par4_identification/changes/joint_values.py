@@ -24,6 +24,8 @@ from par4_identification.diagnosis.search.rules import Rules
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
+RULES = Rules()
+"""How much of each torque may be wrong, and what a cause must gain."""
 ROUNDS = 2
 """Fits after the first: the noise is measured on what the one before leaves."""
 ROUNDING = 1e-12
@@ -77,8 +79,7 @@ def torque_of_causes(causes: Sequence[tuple[Hypothesis, np.ndarray]], observatio
     return torque
 
 
-def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = (),
-                  rules: Rules | None = None) -> JointValues:
+def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = ()) -> JointValues:
     """Return what rows tell of the base parameters of every joint.
 
     Generalised least squares with the noise of each joint as an autoregression, fitted to what is
@@ -92,22 +93,20 @@ def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = (),
             are left out, for they are values of the joints here, and so are those that gain
             less than `Rules.evidence` beside the values: viscous friction of one joint may have
             been named a power of its speed.
-        rules: how much of each torque may be wrong.
 
     Raises:
         InputError: data that do not tell the parameters joint by joint.
     """
-    rules = rules or Rules()
     causes = [cause for cause in causes
               if isinstance(cause.effect, Kind) or not cause.effect.against_the_others]
     evidence = whitened(observations, causes)
-    causes = _worth(evidence, causes, rules)
+    causes = _worth(evidence, causes)
     design = _design(evidence, causes)
     values, covariance = _solved(design, evidence.target, observations)
     size = observations.joints * len(observations.terms)
     torque = evidence.whitened([run.tau for run in observations.runs])
     by_causes = design[:, size:] @ values[size:]
-    wrong = rules.base_error ** 2 * (torque @ torque) + rules.named_error ** 2 * (
+    wrong = RULES.base_error ** 2 * (torque @ torque) + RULES.named_error ** 2 * (
         by_causes @ by_causes)
     shape = (observations.joints, len(observations.terms))
     own = covariance[:size, :size]
@@ -150,7 +149,7 @@ def _design(evidence: Evidence, causes: Sequence[Hypothesis]) -> np.ndarray:
     return np.hstack([own, *(evidence.columns(cause) for cause in causes)])
 
 
-def _worth(evidence: Evidence, causes: Sequence[Hypothesis], rules: Rules) -> list[Hypothesis]:
+def _worth(evidence: Evidence, causes: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Return the causes without those that gain too little beside values and the others."""
     kept = list(causes)
     while kept:
@@ -158,7 +157,7 @@ def _worth(evidence: Evidence, causes: Sequence[Hypothesis], rules: Rules) -> li
                    for item in (None, *kept)]
         gains = [0.5 * (left - squares[0]) for left in squares[1:]]
         weakest = int(np.argmin(gains))
-        if gains[weakest] > rules.evidence:
+        if gains[weakest] > RULES.evidence:
             break
         kept.pop(weakest)
     return kept

@@ -182,8 +182,8 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
     same = baseline.effects == extended.effects and baseline.parameters == extended.parameters
     part = stretch_of(log, robot, None if same else (before, after), within, length)
     measured, = runs_of_log(part, robot, CONDITIONING)
-    limit = extended.torque_limit or robot.drives.torque_limit
-    path, late, why = path_followed(log.reference, part, measured, robot, limit)
+    path, late, why = path_followed(log.reference, part, measured, robot,
+                                    after.limit_of_drives(robot))
     # the counts of the encoders are in a measured motion already
     followers = with_ideal_encoders(robot) if why else robot
 

@@ -13,13 +13,7 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
-from par4_identification.diagnosis.evidence.doubt import (
-    with_doubt,
-    with_doubt_of_choice,
-    with_doubt_of_size,
-    with_doubt_of_time,
-)
-from par4_identification.diagnosis.evidence.estimates import effect_parameters
+from par4_identification.diagnosis.evidence.dithered import Dithered, dithered
 from par4_identification.diagnosis.evidence.evidence import Evidence, gather
 from par4_identification.diagnosis.evidence.extended import (
     as_told,
@@ -28,15 +22,12 @@ from par4_identification.diagnosis.evidence.extended import (
     extended_model,
 )
 from par4_identification.diagnosis.evidence.fit import (
-    Fit,
-    left_by,
     residuals,
     rms_of,
     solve,
 )
-from par4_identification.diagnosis.evidence.holdout import Blocks, blocks_of_runs
+from par4_identification.diagnosis.evidence.holdout import Blocks
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.side_by_side import plain_linear_algebra
@@ -45,28 +36,21 @@ from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
 from par4_identification.diagnosis.nominal.start import Start, shown, start_beside, start_of
 from par4_identification.diagnosis.progress import Progress, silent
-from par4_identification.diagnosis.search.candidates import Candidates, goes_both_ways
+from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.causes import (
     Model,
     named_of,
     names_of,
-    others_of,
     unnamed_of,
 )
 from par4_identification.diagnosis.search.counts import counted_squares
-from par4_identification.diagnosis.search.joints import without_joints
-from par4_identification.diagnosis.search.law import Dithered, dithered
-from par4_identification.diagnosis.search.polish import polished
-from par4_identification.diagnosis.search.requirement import torque_errors
 from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.simplicity import best_first
 from par4_identification.diagnosis.search.swing import Swing
 from par4_identification.diagnosis.search.whitening import quieter, whitener_of
 from par4_identification.diagnosis.split import manageable, split_runs
-from par4_identification.diagnosis.verdict.agreement import parameters_by, with_disagreement
 from par4_identification.diagnosis.verdict.answer import (
-    Cause,
     Diagnosis,
     Holdout,
     Remaining,
@@ -75,25 +59,14 @@ from par4_identification.diagnosis.verdict.answer import (
 )
 from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.diagnosis.verdict.judgement import (
-    Judgement,
     doubt_of,
-    judge,
     unnamed_cause,
 )
-from par4_identification.diagnosis.verdict.laws import with_doubt_of_law
-from par4_identification.diagnosis.verdict.loose_loads import cause_of, loose_loads
+from par4_identification.diagnosis.verdict.loose_loads import cause_of
 from par4_identification.diagnosis.verdict.pair import Pair
-from par4_identification.diagnosis.verdict.sure import (
-    is_no_noise,
-    without_doubtful_names,
-    without_replaceable_names,
-)
-from par4_identification.diagnosis.verdict.swinging_loads import (
-    with_doubt_of_counts,
-    without_count_bias,
-)
+from par4_identification.diagnosis.verdict.settled import settle
+from par4_identification.diagnosis.verdict.sure import is_no_noise
 from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, unrelated
-from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widened
 from par4_identification.logs.log import Log
 from par4_identification.signals.rows import Conditioning, Run
 from par4_identification.signals.scales import conditioning_for
@@ -104,8 +77,6 @@ CONDITIONING = Conditioning(low_speed=0.02)
 LIBRARY = {name: effect for name, effect in CATALOGUE.items()
            if name not in ('quantization', 'torque_saturation')}
 """Effects that may be named: all but those that add no torque to a motion."""
-EITHER_SIDE = 2.0
-"""Deviations of a 95 % interval."""
 PASSES = 3
 """Searches beside the causes found by the one before."""
 UNEVEN = 3.0
@@ -258,47 +229,13 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
             progress: Progress) -> Diagnosis:
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
-    weak = weak_causes(search, model)
-    model, changed = without_count_bias(search, polished(search, model))
-    loose, model = loose_loads(search, model)
-    model = (without_doubtful_names if isinstance(machine, Axis)
-             else without_replaceable_names)(search, model)
-    named = tuple(sorted(named_of(model), key=lambda item: -search.weighing.gains(
-        item, others_of(model, item))[0]))
-    whole, base_only = (solve(evidence, part) for part in (model, ()))
-    told = search.weighing.corrected(solve(evidence, named))
     progress('comparing each cause with what could stand in its place')
-    blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
-    errors = [torque_errors(part, pool.solution(model), rules)
-              for part in (evidence, pool.heldout)]
-    causes = [_cause(judge(search, item, model), search, named, told, blocks, model, errors)
-              for item in named]
-    # how large a cause is depends on its law and on what else acts, not whether it is one; but
-    # values that no machine can have say nothing if they may as well be zero
-    by_any_law = [replace(cause, parameters=with_doubt_of_law(
-        cause.parameters, search, item, named, errors[0])) for cause, item in zip(causes, named)]
-    for item, cause, doubted in reversed(list(zip(named, causes, by_any_law))):  # weakest first
-        if cause.is_nothing or (doubted.is_zero_within(EITHER_SIDE) and not
-                                search.belief.is_possible(item, others_of(named, item))):
-            search.journal.reject(item, 'all its values are zero within their deviations')
-            return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
-                           rigid_body, effects, fit_runs, progress)
-    for item, cause in reversed(list(zip(named, widened(search, causes, named, weak)))):
-        # a twin that explains as much says nothing against it
-        if (cause.margin <= 0.0 and cause.rival not in cause.twins
-                and cause.is_zero_within(EITHER_SIDE)):
-            search.journal.reject(item, f'all its values may be zero, and on rows held out '
-                                  f'{cause.rival or "no cause at all"} explains as much')
-            return _answer(search, search.with_nameless(others_of(model, item)), machine, baseline,
-                           rigid_body, effects, fit_runs, progress)
-    causes = with_doubt_of_counts(search, widened(search, by_any_law, named, weak), named, changed)
-    for item, cause in zip(named, causes):
-        if cause.idle_joints:
-            acting = without_joints(item, cause.idle_joints)
-            return _answer(search, tuple(acting if other is item else other for other in model),
-                           machine, baseline, rigid_body, effects, fit_runs, progress)
-    unnamed = sorted((unnamed_cause(search, item, model) for item in model
-                      if isinstance(item.effect, Kind)), key=lambda item: -item.margin)
+    settled = settle(search, model, isinstance(machine, Axis))
+    model, named, told, causes = settled.model, settled.named, settled.told, list(settled.causes)
+    whole, base_only = (solve(evidence, part) for part in (model, ()))
+    blocks = settled.blocks
+    unnamed = sorted((unnamed_cause(search, item, model) for item in unnamed_of(model)),
+                     key=lambda item: -item.margin)
     progress('checking what remains')
     before, after, left = (residuals(heldout, part, fit) for part, fit in (
         ((), base_only), (named, told), (model, whole)))
@@ -309,8 +246,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         entry for entry in extended.effects if not effects[entry.effect].needs_nominal)})
     floor = noise_floor(heldout.runs, build_model(machine, simple, effects))
     hypotheses = named
-    if loose is not None:
-        cause, entry = cause_of(search.candidates.library[Backlash.name], loose)
+    if settled.loose is not None:
+        cause, entry = cause_of(search.candidates.library[Backlash.name], settled.loose)
         causes.append(cause)
         hypotheses = (*named, Hypothesis(cause.effect, {}, cause.joints))
         extended = extended.model_copy(update={'effects': (*extended.effects, entry)})
@@ -328,7 +265,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
                           steady and excess > UNEVEN, swing, no_noise)
     doubts = [doubt_of(search, item, model) for item in unnamed_of(model)] or [
         None if near is None else Pair(near, None, (), twins=False)]
-    incomplete = bool(unnamed or loose or alone.lines or alone.bursts or remaining.nearest
+    incomplete = bool(unnamed or settled.loose or alone.lines or alone.bursts or remaining.nearest
                       or remaining.uneven or remaining.no_noise or swing)
     answer = Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
@@ -361,36 +298,6 @@ def _nearest(search: Search) -> Hypothesis | None:
     fit_gain, gain = search.weighing.sound_gains(best.hypothesis, ())
     evident = fit_gain > needed.fit and gain > needed.heldout
     return best.hypothesis if evident else None
-
-
-def _cause(judgement: Judgement, search: Search, named: Sequence[Hypothesis], fit: Fit,
-           blocks: Blocks, model: Model, errors: Sequence[Sequence[np.ndarray]]) -> Cause:
-    evidence, heldout = search.pool.evidence, search.pool.heldout
-    hypothesis, corrected = judgement.hypothesis, search.weighing.corrected
-    index = named.index(hypothesis)
-    parameters = effect_parameters(evidence, hypothesis, fit, index, errors[0])
-    parameters = with_doubt_of_choice(parameters, evidence, hypothesis, named, corrected)
-    parameters = with_doubt_of_size(parameters, evidence, hypothesis, fit)
-    if unnamed_of(model):
-        parameters = with_doubt(parameters, effect_parameters(
-            evidence, hypothesis, corrected(solve(evidence, model)), model.index(hypothesis),
-            errors[0]))
-    # unnamed causes that differ from motion to motion are no disagreement about the named one
-    parameters = with_disagreement(parameters, *(
-        parameters_by(part, model, model.index(hypothesis), wrong)
-        for part, wrong in zip((evidence, heldout), errors)))
-    if not goes_both_ways(evidence.observations):
-        parameters = with_doubt_of_time(parameters, evidence.observations)
-    before, after = (left_by(heldout, part, solve(evidence, part))
-                     for part in (others_of(model, hypothesis), model))
-    return Cause(
-        effect=hypothesis.named, joints=hypothesis.joints,
-        parameters=parameters,
-        twins=judgement.twins,
-        visible_fraction=search.weighing.beside(()).left_share(
-            evidence.columns(hypothesis), hypothesis.stacked(fit.coefficients[index])),
-        p_value=judgement.p_value, margin=judgement.margin, rival=judgement.rival,
-        gain=blocks.whitened_gain(before, after))
 
 
 def _holdout(runs: Sequence[Run], blocks: Blocks, before: Sequence[np.ndarray],

@@ -112,7 +112,7 @@ def limits_of(robot: Robot, model: Model, joint_speed: float | None = None,
         InputError: a value that is not positive, a speed or torque that the machine does not
             have or that do not even hold it, or workspace limits that its legs do not reach.
     """
-    drives = model.torque_limit or robot.drives.torque_limit
+    drives = model.limit_of_drives(robot)
     if joint_speed is None:
         joint_speed = FAST_SPEED_SHARE * robot.limits.joint_speed
     if torque is None:

@@ -10,6 +10,7 @@ import numpy as np
 from par4_identification.logs.accounts import SHORTEST_SEGMENT
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import stretches
+from par4_identification.logs.stretches import SHORTEST
 from par4_identification.setup_check.samples import Held
 
 LONGEST_FILLED = 0.06
@@ -103,7 +104,7 @@ def _doubts(log: Log) -> np.ndarray:
     return np.zeros(log.q.shape, dtype=bool) if log.doubtful is None else log.doubtful.copy()
 
 
-def sound_time(log: Log, shortest: float = 1.0) -> float:
-    """Return the time, s, of the segments that are at least `shortest` long."""
+def sound_time(log: Log) -> float:
+    """Return the time, s, of the segments that are long enough for the filters."""
     lengths = [(segment.stop - segment.start) * log.period for segment in log.segments]
-    return float(sum(length for length in lengths if length >= shortest))
+    return float(sum(length for length in lengths if length >= SHORTEST))

@@ -18,6 +18,7 @@ import scipy
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import near
+from par4_identification.logs.stretches import SHORTEST
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.plateaus import plateaus_of
 from par4_identification.signals.position_noise import position_noise
@@ -189,7 +190,7 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
             torque_cutoff_hz=scale * conditioning.torque_cutoff_hz,
             row_rate_hz=scale * conditioning.row_rate_hz)
     long = [segment for segment in log.segments
-            if (segment.stop - segment.start) * log.period >= 1.0]
+            if (segment.stop - segment.start) * log.period >= SHORTEST]
     fine = finer(replace(log, segments=tuple(long)), machine)
     # white noise of samples between which others are put has its power in fewer frequencies
     noise = np.zeros(log.q.shape[1]) if isinstance(machine, Robot) else np.sqrt(
@@ -199,7 +200,7 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
             for measured, segment in zip(long, fine.segments)]
     runs = [run for run in runs if len(run.t) > 1]
     if not runs:
-        least = max(1.0, 4.0 * conditioning.reach)
+        least = max(SHORTEST, 4.0 * conditioning.reach)
         raise InputError(f'{log.name}: no uninterrupted stretch of at least {least:.1f} s, which '
                          f'the filters need; record longer or without gaps')
     return runs

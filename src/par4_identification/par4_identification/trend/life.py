@@ -76,7 +76,6 @@ class Life:
         courses: of each.
         events: in order of time.
         odd: numbers of bags with a value that does not belong, with the series.
-        chance: expected false alarms a bag.
     """
 
     bags: tuple[BagValues, ...]
@@ -85,23 +84,17 @@ class Life:
     courses: tuple[Course, ...]
     events: tuple[Event, ...]
     odd: tuple[tuple[int, int], ...]
-    chance: float
 
 
-def life_of(bags: Sequence[BagValues], chance: float = FALSE_ALARMS) -> Life:
-    """Return the life that bags tell.
-
-    Args:
-        bags: at least one, of one machine.
-        chance: expected number of false alarms a bag, of all series together.
-    """
+def life_of(bags: Sequence[BagValues]) -> Life:
+    """Return the life that bags, at least one, tell of one machine."""
     bags = tuple(sorted(bags, key=lambda bag: bag.stamp))
     t = np.array([(bag.stamp - bags[0].stamp) / DAY for bag in bags])
     channels = channels_of(bags)
-    courses = tuple(_course(t, channel, chance / len(channels)) for channel in channels)
+    courses = tuple(_course(t, channel, FALSE_ALARMS / len(channels)) for channel in channels)
     odd = tuple((item.index, number) for number, course in enumerate(courses)
                 for item in course.breaks if item.kind == 'odd')
-    return Life(bags, t, channels, courses, _events(bags, t, channels, courses), odd, chance)
+    return Life(bags, t, channels, courses, _events(bags, t, channels, courses), odd)
 
 
 def _course(t: np.ndarray, channel: Channel, chance: float) -> Course:

@@ -94,41 +94,38 @@ def joint_columns(names: Sequence[str], joint_names: Sequence[str] = JOINT_NAMES
     return [names.index(name) for name in joint_names]
 
 
-def is_foreign(message: Any, joint_names: Sequence[str] = JOINT_NAMES) -> bool:
+def is_foreign(message: Any) -> bool:
     """Return whether a JointState tells of other joints only, such as those of a gripper."""
-    return len(message.name) > 0 and not set(joint_names) & set(message.name)
+    return len(message.name) > 0 and not set(JOINT_NAMES) & set(message.name)
 
 
-def joint_values(message: Any, field: str, joint_names: Sequence[str] = JOINT_NAMES
-                 ) -> np.ndarray:
-    """Return `field` (position, velocity or effort) of a JointState in the order of `joint_names`.
+def joint_values(message: Any, field: str) -> np.ndarray:
+    """Return `field` (position, velocity or effort) of a JointState in the order of `JOINT_NAMES`.
 
     Raises:
         InputError: a missing joint, an array shorter than the names, or a value not finite.
     """
-    rows = _joint_rows([getattr(message, field)], field, message.name, joint_names)
+    rows = _joint_rows([getattr(message, field)], field, message.name)
     return rows[0]
 
 
-def _joint_rows(arrays: Sequence[Sequence[float]], field: str, names: Sequence[str],
-                joint_names: Sequence[str]) -> np.ndarray:
-    """Return the values (n, J) of `joint_names` of arrays that follow `names`."""
-    columns = joint_columns(names, joint_names)
+def _joint_rows(arrays: Sequence[Sequence[float]], field: str, names: Sequence[str]) -> np.ndarray:
+    """Return the values (n, 4) of `JOINT_NAMES` of arrays that follow `names`."""
+    columns = joint_columns(names)
     for index, values in enumerate(arrays):
         if len(values) != len(names):
             raise InputError(f'{field}{_point(index, arrays)}: {len(values)} values for '
                              f'{len(names)} joint names; send one for each')
-    return _selected(np.array(arrays, dtype=float), field, columns, joint_names)
+    return _selected(np.array(arrays, dtype=float), field, columns)
 
 
-def _selected(rows: np.ndarray, field: str, columns: Sequence[int], joint_names: Sequence[str]
-              ) -> np.ndarray:
-    """Return the columns (n, J) of rows (n, -), which are those of `joint_names`."""
+def _selected(rows: np.ndarray, field: str, columns: Sequence[int]) -> np.ndarray:
+    """Return the columns (n, 4) of rows (n, -), which are those of `JOINT_NAMES`."""
     rows = rows.take(columns, axis=1)
     finite = np.isfinite(rows)
     if not finite.all():
         index, joint = np.argwhere(~finite)[0]
-        raise InputError(f'{field}{_point(index, rows)}: {joint_names[joint]} has '
+        raise InputError(f'{field}{_point(index, rows)}: {JOINT_NAMES[joint]} has '
                          f'{rows[index, joint]}; send finite numbers')
     return rows
 
@@ -154,26 +151,23 @@ def _doubles(values: ArrayLike) -> array[float]:
     return array('d', np.ascontiguousarray(values, dtype=float).tobytes())
 
 
-def read_trajectory(message: Any, fields: Sequence[str] = REFERENCE_FIELDS,
-                    joint_names: Sequence[str] = JOINT_NAMES) -> Trajectory:
-    """Return the points of a JointTrajectory with `fields` in the order of `joint_names`.
+def read_trajectory(message: Any, fields: Sequence[str] = REFERENCE_FIELDS) -> Trajectory:
+    """Return the points of a JointTrajectory with `fields` in the order of `JOINT_NAMES`.
 
     Raises:
         InputError: no point, times that do not increase, a missing joint, a field shorter than
             the names, or a value not finite.
     """
     rows = {field: _joint_rows([getattr(point, field) for point in message.points], field,
-                               message.joint_names, joint_names) if message.points else np.empty(0)
+                               message.joint_names) if message.points else np.empty(0)
             for field in fields}
     from_start_ns = np.array([time_ns(point.time_from_start) for point in message.points],
                              dtype=np.int64)
-    return trajectory_of_rows(time_ns(message.header.stamp), from_start_ns, joint_names, rows,
-                              joint_names)
+    return trajectory_of_rows(time_ns(message.header.stamp), from_start_ns, JOINT_NAMES, rows)
 
 
 def trajectory_of_rows(stamp_ns: int, from_start_ns: np.ndarray, names: Sequence[str],
-                       rows: Mapping[str, np.ndarray], joint_names: Sequence[str] = JOINT_NAMES
-                       ) -> Trajectory:
+                       rows: Mapping[str, np.ndarray]) -> Trajectory:
     """Return the trajectory of rows (n, -) a field that follow `names`; see `read_trajectory`."""
     if len(from_start_ns) == 0:
         raise InputError('no points; send at least one')
@@ -182,9 +176,9 @@ def trajectory_of_rows(stamp_ns: int, from_start_ns: np.ndarray, names: Sequence
         point = int(np.argmax(not_later)) + 1
         raise InputError(f'time_from_start of point {point} is not later than that of the point '
                          f'before; send points in order of time')
-    columns = joint_columns(names, joint_names)
+    columns = joint_columns(names)
     return Trajectory(stamp_ns, from_start_ns, **{
-        ATTRIBUTE[field]: _selected(values, field, columns, joint_names)
+        ATTRIBUTE[field]: _selected(values, field, columns)
         for field, values in rows.items()})
 
 
@@ -200,15 +194,6 @@ def write_trajectory(message: Any, new_point: Callable[[], Any], trajectory: Tra
             rows = getattr(trajectory, attribute)
             if rows is not None:
                 setattr(point, field, _doubles(rows[index]))
-
-
-def write_effort(message: Any, effort: np.ndarray, joint_names: Sequence[str] = JOINT_NAMES
-                 ) -> None:
-    """Set the effort (n, 4) of the points of a JointTrajectory; other joints get 0."""
-    rows = np.zeros((len(message.points), len(message.joint_names)))
-    rows[:, joint_columns(message.joint_names, joint_names)] = effort
-    for point, row in zip(message.points, rows, strict=True):
-        point.effort = _doubles(row)
 
 
 def write_pose(message: Any, stamp_ns: int, x: Iterable[float], rotation_amplification: float

@@ -20,11 +20,6 @@ class Numbering:
         self._ends: list[int] = []
         self._holes: dict[int, int] = {}
 
-    @property
-    def publishers(self) -> int:
-        """How many publishers the numbers need."""
-        return len(self._ends)
-
     def take(self, number: int) -> None:
         """Take the number of a received message."""
         if number - 1 in self._ends:

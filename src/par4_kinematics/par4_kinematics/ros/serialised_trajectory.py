@@ -195,7 +195,7 @@ class SerialisedTrajectory:
     def with_effort(self, effort: np.ndarray) -> bytes:
         """Return the bytes of the same message with the effort (n, 4) of its points, N m.
 
-        Other joints get 0, as by `convert.write_effort`.
+        Other joints get 0.
 
         Raises:
             InputError: a joint that is missing or named twice.

@@ -38,7 +38,7 @@ def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | No
             fastest_along,
             motion_of,
         )
-        limits = PathLimits(asked.machine.torque_limit or robot.drives.torque_limit,
+        limits = PathLimits(asked.machine.limit_of_drives(robot),
                             joint_acceleration or math.inf, joint_jerk or math.inf)
         bound = fastest_along(robot, asked.machine, played, limits)
         motions = {OWN: played, TIME_OPTIMAL: motion_of(

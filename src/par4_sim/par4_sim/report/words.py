@@ -54,11 +54,11 @@ def listed(parts: Sequence[str]) -> str:
     return ' and '.join(filter(None, (', '.join(parts[:-1]), parts[-1])))
 
 
-def shortened(names: Sequence[str], most: int = 3) -> str:
-    """Return names in words, the first few of many: 'a, b, c and 23 others'."""
-    if len(names) <= most + 1:
+def shortened(names: Sequence[str]) -> str:
+    """Return names in words, the first three of many: 'a, b, c and 23 others'."""
+    if len(names) <= 4:
         return listed(names)
-    return f'{", ".join(names[:most])} and {len(names) - most} others'
+    return f'{", ".join(names[:3])} and {len(names) - 3} others'
 
 
 def capital(text: str) -> str:

@@ -30,10 +30,7 @@ def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter], sh
     """
     result = {}
     for name, parameter in parameters.items():
-        apart = np.asarray(other[name].value) - np.asarray(parameter.value)
-        if name == 'phase':
-            apart = np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi
-        apart = share * apart
+        apart = share * distance(name, other[name], parameter)
         result[name] = parameter.model_copy(update={
             'std': nested(np.hypot(np.asarray(parameter.std, dtype=float), apart).tolist())})
     return result
@@ -127,3 +124,9 @@ def with_doubt_of_size(parameters: dict[str, Parameter], evidence: Evidence,
 def nested(values: Any) -> Any:
     """Return lists of lists as tuples of tuples."""
     return tuple(map(nested, values)) if isinstance(values, list) else values
+
+
+def distance(name: str, one: Parameter, other: Parameter) -> np.ndarray:
+    """Return the difference of two values of a parameter; phases differ by half a turn at most."""
+    apart = np.asarray(one.value, dtype=float) - np.asarray(other.value, dtype=float)
+    return np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi if name == 'phase' else apart

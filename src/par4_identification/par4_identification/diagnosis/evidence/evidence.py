@@ -12,7 +12,7 @@ import numpy as np
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.kind import Kind
+from par4_identification.diagnosis.evidence.kind import Key, Kind, key_of, shape_key
 from par4_identification.diagnosis.evidence.observations import Observations, lasting
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side
 from par4_identification.diagnosis.evidence.whitener import Whitener
@@ -62,8 +62,6 @@ class Stack:
 
 AT_ONCE = 4
 """Torques that are filtered and whitened together."""
-Key = tuple[Any, ...]
-"""Names columns: an effect or a kind and its shape, or several shapes, or `BASE`."""
 BASE: Key = ('base',)
 """The columns of the base terms."""
 
@@ -234,14 +232,9 @@ def _block(columns: Sequence[np.ndarray]) -> Block:
     return Block(tuple(columns), np.stack([part.T @ part for part in columns]))
 
 
-def key_of(effect: Effect | Kind, shape: Shape) -> Key:
-    """Return the key of the columns of an effect or a kind at one shape."""
-    return effect, tuple(sorted(shape.items()))
-
-
 def stack_key(effect: Effect | Kind, shapes: Sequence[Shape]) -> Key:
     """Return the key of the columns at many shapes side by side."""
-    return effect, ('stack', *(tuple(sorted(shape.items())) for shape in shapes))
+    return effect, ('stack', *map(shape_key, shapes))
 
 
 def gather(observations: Observations, whitener: Whitener, before: Evidence | None = None

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from par4_dynamics.effects.effect import Effect, Shape
-from par4_identification.diagnosis.evidence.kind import Kind
+from par4_identification.diagnosis.evidence.kind import Kind, key_of
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Hypothesis:
     @cached_property
     def key(self) -> tuple[object, ...]:
         """A key that no other hypothesis has."""
-        return self.effect, tuple(sorted(self.shape.items())), self.joints, self.sets
+        return *key_of(self.effect, self.shape), self.joints, self.sets
 
 
 def _shown(value: float | tuple[float, ...]) -> str:

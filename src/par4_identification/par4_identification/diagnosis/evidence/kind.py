@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from par4_dynamics.effects.effect import Shape
+from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.kind_functions import Function, Periods, Ranges
+
+Key = tuple[Any, ...]
+"""Names columns: an effect or a kind and its shape, or several shapes, or the base terms."""
 
 PRIOR_ROWS = 3.0
 """Weight of the prior, zero, of a coefficient whose column has the size 1: as that many rows."""
@@ -73,3 +76,13 @@ class Kind:
         if self.ranges is None:
             raise TypeError(f'the kind {self.name} has not been scaled to a motion')
         return np.ascontiguousarray(self.function(state, self.ranges))
+
+
+def shape_key(shape: Shape) -> Key:
+    """Return a key that no other shape has."""
+    return tuple(sorted(shape.items()))
+
+
+def key_of(effect: Effect | Kind, shape: Shape) -> Key:
+    """Return the key of the columns of an effect or a kind at one shape."""
+    return effect, shape_key(shape)

@@ -46,8 +46,7 @@ class PlatformRanges:
 
     def place(self, x: np.ndarray) -> np.ndarray:
         """Return poses (n, 4) in -1 .. 1 of the fitted ones."""
-        low, high = self.x
-        return 2.0 * (x - low) / np.maximum(high - low, 1e-12) - 1.0
+        return _within(x, *self.x)
 
 
 @dataclass(frozen=True)
@@ -61,6 +60,10 @@ class Ranges:
     platform: PlatformRanges | None
     periods: Periods = ()
 
+    def place(self, q: np.ndarray) -> np.ndarray:
+        """Return joint positions (n, J) in -1 .. 1 of the fitted ones."""
+        return _within(q, *self.q)
+
     @property
     def of_platform(self) -> PlatformRanges:
         """The scales of the platform.
@@ -71,6 +74,11 @@ class Ranges:
         if self.platform is None:
             raise TypeError('an axis has no platform')
         return self.platform
+
+
+def _within(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return values in -1 .. 1 of low .. high."""
+    return 2.0 * (values - low) / np.maximum(high - low, 1e-12) - 1.0
 
 
 def splines(values: np.ndarray, low: np.ndarray, high: np.ndarray, count: int) -> np.ndarray:
@@ -140,9 +148,7 @@ def rate(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
 
 
 def reading(state: State, ranges: Ranges) -> np.ndarray:
-    low, high = ranges.q
-    unit = 2.0 * (state.q - low) / np.maximum(high - low, 1e-12) - 1.0
-    errors = legvander(unit, READING_DEGREE)  # (n, J, k) of each joint's own position
+    errors = legvander(ranges.place(state.q), READING_DEGREE)  # (n, J, k), by its own position
     return np.concatenate([shift_columns(state.halfway, errors[..., degree])
                            for degree in range(READING_DEGREE + 1)], axis=-1)
 

@@ -91,8 +91,7 @@ def put_in(evidence: Evidence, error: LawError, named: Sequence[Hypothesis],
 
 
 def _factors(state: State, ranges: Ranges) -> np.ndarray:
-    low, high = ranges.q
-    place = legvander(2.0 * (state.q - low) / np.maximum(high - low, 1e-12) - 1.0, PLACE_DEGREE)
+    place = legvander(ranges.place(state.q), PLACE_DEGREE)
     speed = state.qd / ranges.qd
     others = [speed, np.abs(speed), *(np.exp(-(speed / slow) ** 2) for slow in SLOW),
               np.abs(state.known.delivered)]

@@ -11,7 +11,7 @@ from par4_dynamics.base_terms import BaseTerm, base_columns, base_terms
 from par4_dynamics.effects.effect import Effect, Shape
 from par4_dynamics.model import Model
 from par4_dynamics.model_file import RigidBody
-from par4_identification.diagnosis.evidence.kind import Kind
+from par4_identification.diagnosis.evidence.kind import Kind, key_of
 from par4_identification.fitting.identification import known_torque
 from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
@@ -40,6 +40,11 @@ class Observations:
         return self.target[0].shape[1]
 
     @property
+    def of_axis(self) -> bool:
+        """Whether the machine is a single axis."""
+        return self.runs[0].state.geometry is None
+
+    @property
     def steady(self) -> bool:
         """Whether each row is the mean of a stretch of constant speed."""
         return self.runs[0].conditioning.steady
@@ -62,7 +67,7 @@ class Observations:
         if len(parts) > 1:  # any choice of parts may be asked for: it is not kept
             rows = [self.effect_rows(effect, part) for part in parts]
             return tuple(np.concatenate(part, axis=2) for part in zip(*rows))
-        key = (effect, tuple(sorted(shape.items())))
+        key = key_of(effect, shape)
         if key not in self._kept:
             self._kept[key] = tuple(run.rows(effect.columns(run.state, shape))
                                     for run in self.runs)

@@ -19,7 +19,7 @@ from par4_dynamics.effects.effect import Effect, Shape
 from par4_identification.diagnosis.evidence.evidence import Block, Evidence
 from par4_identification.diagnosis.evidence.fit import Fit, fit_of, prior_weights
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.kind import Kind
+from par4_identification.diagnosis.evidence.kind import Kind, key_of
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side
 from par4_identification.diagnosis.evidence.small_systems import assembled, directions, solved
 
@@ -193,7 +193,7 @@ class Pool:
                      [(part, item) for item in items for part in self._parts])
 
     def _place(self, effect: Effect | Kind, shape: Shape) -> slice:
-        key = (effect, tuple(sorted(shape.items())))
+        key = key_of(effect, shape)
         if key not in self._places:
             blocks: list[Block] = [part.evidence.blocks(effect, shape)[0] for part in self._parts]
             places = side_by_side(lambda own: own[0].add(own[1].columns),

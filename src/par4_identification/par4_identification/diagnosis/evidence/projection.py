@@ -16,13 +16,11 @@ from par4_dynamics.effects.effect import Effect, Shape
 from par4_identification.diagnosis.evidence.evidence import (
     BASE,
     Evidence,
-    Key,
-    key_of,
     stack_key,
 )
 from par4_identification.diagnosis.evidence.fit import prior_weights
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.kind import Kind
+from par4_identification.diagnosis.evidence.kind import Key, Kind, key_of
 from par4_identification.diagnosis.evidence.small_systems import ROUNDING, quadratic
 
 

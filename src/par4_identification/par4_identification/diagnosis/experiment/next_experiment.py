@@ -25,6 +25,7 @@ from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.evidence import Evidence, gather
 from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import shape_key
 from par4_identification.diagnosis.evidence.observations import observe, with_nominal
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.small_systems import quadratic
@@ -284,7 +285,7 @@ class Trial:
 
     def _moments(self, number: int, shape: Shape, motion: Motion | None) -> np.ndarray:
         """Return the moments of the old rows, or of those of a motion; computed once."""
-        key = (number, tuple(sorted(shape.items())), motion and motion.name)
+        key = (number, shape_key(shape), motion and motion.name)
         if key not in self._kept:
             evidence = (self.prospect.evidence if motion is None
                         else self.prospect.of_motion(motion))

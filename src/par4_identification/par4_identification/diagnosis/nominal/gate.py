@@ -68,7 +68,7 @@ def _usual_speed(observations: Observations) -> float:
 
     At speeds that it does not have, Coulomb and viscous friction may stand for each other.
     """
-    if observations.runs[0].state.geometry is not None:
+    if not observations.of_axis:
         return SPEED
     return float(np.median(np.concatenate(
         [np.abs(run.speed[run.valid]) for run in observations.runs]))) if any(
@@ -81,7 +81,7 @@ def too_few(observations: Observations) -> list[str]:
     if observations.steady:
         return [f'{count} steady speeds are fitted, {LEAST_PLATEAUS} are needed; record more '
                 f'speeds, in both directions' for count in rows if count < LEAST_PLATEAUS]
-    least = LEAST_ROWS_OF_AXIS if observations.runs[0].state.geometry is None else LEAST_ROWS
+    least = LEAST_ROWS_OF_AXIS if observations.of_axis else LEAST_ROWS
     return [f'joint {joint} moves in only {rows[joint]} rows, {least} are needed; record a '
             f'longer motion of all joints' for joint in np.flatnonzero(rows < least)]
 

@@ -1,7 +1,7 @@
 """The base parameters that a diagnosis starts from, or the reasons why there are none.
 
-The data of a Par4 must show all its base parameters, the inertia of its actuators at the latest
-beside the causes that are found. An axis may be any machine. If the bodies alone do not explain
+The data of a Par4 must show all its base parameters. Only the inertia of its actuators may stay
+unclear until causes are found. An axis may be any machine. If the bodies alone do not explain
 enough of its torque, they are fitted again beside a torque that depends on the position, periodic
 or not; an inertia that its motion does not show is that of the model that was given, or left out.
 """
@@ -86,7 +86,7 @@ def start_of(observations: Observations, machine: Robot | Axis, rigid_body: Rigi
     if not start.reasons:
         return start
     known = observations.without(INERTIA, 0.0 if inertia is None else inertia)
-    if observations.runs[0].state.geometry is not None:
+    if not observations.of_axis:
         only_vague = (start.identification is not None and _is_vague(start.identification)
                       and len(start.reasons) == 1)  # as beside a strong cause
         if only_vague and inertia is not None:

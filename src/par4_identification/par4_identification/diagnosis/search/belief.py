@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from par4_dynamics.effects.effect import CERTAIN, FAST, Base, Values
+from par4_identification.diagnosis.evidence.dithered import Dithered
 from par4_identification.diagnosis.evidence.estimates import estimated, fixed_sizes
 from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
@@ -16,7 +17,7 @@ from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.projection import Projections
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.causes import Model
-from par4_identification.diagnosis.search.law import Dithered
+from par4_identification.diagnosis.search.lag_or_delay import obeys
 from par4_identification.diagnosis.search.requirement import requirement_of
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import order_name
@@ -73,22 +74,22 @@ class Belief:
     def _follows_its_law(self, hypothesis: Hypothesis, others: Model) -> bool:
         """Return whether a torque at another time follows its law beyond the first order.
 
-        Errors of the other causes count as noise. If no law passes like that, the error of its own
-        torque counts as noise, too, because some law must hold.
+        Errors of the other causes count as noise. If neither this law nor another passes like that,
+        this one is looked at again with the error of its own torque as noise, too.
         """
         projection = self.projections.beside(others)
 
-        def obeys(item: Hypothesis, known: Model) -> bool:
+        def follows(item: Hypothesis, known: Model) -> bool:
             time = float(self.pool.solution([*others, item]).coefficients[-1][0, 0])
-            return self.dithered.obeys(projection, item, time, self._inflation(known))
+            return obeys(self.dithered, projection, item, time, self._inflation(known))
 
-        if obeys(hypothesis, others):
+        if follows(hypothesis, others):
             return True
         laws = [self.candidates.best(effect, projection)
                 for effect in self.candidates.library.values()
                 if effect.retimes and effect is not hypothesis.effect]
-        return obeys(hypothesis, (*others, hypothesis)) and not any(
-            law is not None and obeys(law.hypothesis, others) for law in laws)
+        return follows(hypothesis, (*others, hypothesis)) and not any(
+            law is not None and follows(law.hypothesis, others) for law in laws)
 
     def _implausible(self, hypothesis: Hypothesis, others: Model, fit: Fit) -> str | None:
         """Return why the values of a hypothesis, the last of a fit, are not those of a machine."""
@@ -115,7 +116,7 @@ class Belief:
         level = {name: value[acting] for name, value in state.known.values.items()}
         level.update({term.name: np.full(len(acting), value)
                       for term, value in zip(evidence.observations.terms, fit.base)})
-        if state.geometry is None:
+        if evidence.observations.of_axis:
             level[FAST] = np.full(len(acting), self._fast_speed)
         return *estimated(evidence, hypothesis, fit, len(others),
                           self._inflation((*others, hypothesis))), level
@@ -133,7 +134,7 @@ class Belief:
         may take the place of the other. A periodic torque cannot and is not checked.
         """
         observations = self.pool.evidence.observations
-        if observations.runs[0].state.geometry is not None:
+        if not observations.of_axis:
             return None
         speed = self._fast_speed
         size = len(observations.terms)

@@ -20,12 +20,13 @@ import numpy as np
 from par4_dynamics.base_terms import base_columns
 from par4_dynamics.effects.effect import Shape
 from par4_dynamics.state import State
-from par4_identification.diagnosis.evidence.evidence import BASE, Evidence, Key, key_of
+from par4_identification.diagnosis.evidence.dithered import Dithered, delivered
+from par4_identification.diagnosis.evidence.evidence import BASE, Evidence
 from par4_identification.diagnosis.evidence.fit import Fit, corrected
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Key, key_of
 from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side
-from par4_identification.diagnosis.search.law import Dithered, delivered
 
 DOUBT = 2.0
 """How many times what the counts are computed to do they may do."""

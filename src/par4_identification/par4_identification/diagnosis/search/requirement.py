@@ -12,6 +12,7 @@ from par4_identification.diagnosis.evidence.fit import Fit
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.pool import Pool
+from par4_identification.diagnosis.search.causes import named_of
 from par4_identification.diagnosis.search.rules import Rules
 
 
@@ -27,7 +28,7 @@ class Requirement:
     explains the same share of the squares.
 
     Attributes:
-        fit: on the fitted rows, whatever the error of the named causes looks like.
+        fit: on the fitted rows, if the error of the named causes looks like the cause in question.
         heldout: the same on held-out rows.
         beside_law_error: the same two, if the error of the named causes is fitted beside them.
         by_error: what the errors of the torques alone may gain on all rows.
@@ -54,7 +55,7 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
             share of its gain that the name loses beside them, because that error resembles what
             they have in common with the name.
     """
-    named = [item for item in model if not isinstance(item.effect, Kind)]
+    named = named_of(model)
     base, only_named, whole = (pool.fit(part) for part in ((), named, model))
     common = _common(pool, model, cause)
     parts, causes, by_names = [], [], []
@@ -121,9 +122,8 @@ def _common(pool: Pool, model: Sequence[Hypothesis], cause: Hypothesis | None) -
     """Return the share of what a name explains that it loses beside the unnamed causes."""
     if cause is None or isinstance(cause.effect, Kind):
         return 1.0
-    names = [item for item in model
-             if item is not cause and not isinstance(item.effect, Kind)]
     others = [item for item in model if item is not cause]
+    names = named_of(others)
     alone, beside = (pool.fit(part).fit_squares - pool.fit([*part, cause]).fit_squares
                      for part in (names, others))
     return float(np.clip(1.0 - beside / max(alone, 1e-30), 0.0, 1.0))

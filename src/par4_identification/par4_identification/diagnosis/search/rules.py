@@ -1,4 +1,4 @@
-"""The numbers that decide which cause gets a name; search and verdict have no others."""
+"""What a cause must gain to get a name; tests of another kind have their numbers beside them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ class Rules:
     """What a cause must gain. These numbers were fixed before any study that is scored.
 
     The log-likelihood that a cause gains is half the sum of squares of whitened rows that it
-    removes. No torque is known exactly. So a row has three errors besides its noise, each of which
-    is a share (rms) of a torque that the model already has. `Requirement` says how they add up.
+    removes. No torque is known exactly. So a row has four errors besides its noise, each of which
+    is a share (rms) of a torque: the measured one, that of the named and of the unnamed causes, and
+    what encoder counts make of the model's. `Requirement` says how they add up.
 
     Attributes:
         evidence: log-likelihood that a cause must gain on the fitted rows.
@@ -24,7 +25,8 @@ class Rules:
             wrong.
         noise_error: share of the squares of the noise by which its model may be wrong.
         named_error: share (rms) of the torque of named causes that may be wrong.
-        unnamed_error: share (rms) of the torque of unnamed causes that may be wrong.
+        unnamed_error: share (rms) that may be wrong of the torque of unnamed causes, and of what
+            encoder counts make of the model's torque.
         better: log-likelihood on held-out rows by which an unnamed cause must explain more than
             names, to be told in their place. A law that nearly holds on a machine explains some
             tens less than an unnamed function.

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from par4_identification.diagnosis.evidence.dithered import Dithered
 from par4_identification.diagnosis.evidence.fit import residuals
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
@@ -24,7 +25,6 @@ from par4_identification.diagnosis.search.causes import (
 )
 from par4_identification.diagnosis.search.counts import Counts
 from par4_identification.diagnosis.search.joints import with_acting_joints, with_needed_joints
-from par4_identification.diagnosis.search.law import Dithered
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.simplicity import (
     BY_CHANCE,
@@ -32,6 +32,9 @@ from par4_identification.diagnosis.search.simplicity import (
     simplest_first,
 )
 from par4_identification.diagnosis.search.weighing import Weighing
+
+LEFT_BY_FILTERS = 0.25
+"""Share of what is left that a kind must explain if filters leave some of it in every record."""
 
 
 @dataclass(frozen=True)
@@ -218,7 +221,7 @@ class Search:
             hypothesis = Hypothesis(kind, {}, self._joints)
             trial = (*model, with_acting_joints(self.pool, self.rules, hypothesis, model))
             gain = 0.5 * (here.heldout_squares - self.pool.fit(trial).heldout_squares)
-            if kind.left_by_filters and gain < 0.25 * here.heldout_squares:
+            if kind.left_by_filters and gain < LEFT_BY_FILTERS * here.heldout_squares:
                 continue
             found.append((self._loss(trial), trial[-1]))
         if not found:

@@ -15,7 +15,8 @@ from par4_dynamics.effects.elastic_transmission import (
 )
 from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
 from par4_dynamics.state import State
-from par4_identification.diagnosis.evidence.evidence import Evidence, Key
+from par4_identification.diagnosis.evidence.evidence import Evidence
+from par4_identification.diagnosis.evidence.kind import Key
 from par4_identification.diagnosis.evidence.projection import Projection
 
 TRIED = 19

@@ -44,7 +44,7 @@ class Weighing:
     @property
     def _knows_the_machine(self) -> bool:
         """Whether it is a Par4; the laws of an axis, which may be any machine, may err anyhow."""
-        return self._pool.evidence.observations.runs[0].state.geometry is not None
+        return not self._pool.evidence.observations.of_axis
 
     @cached_property
     def _factors(self) -> list[tuple[Evidence, list[np.ndarray]]]:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from par4_dynamics.parameters import Parameter
-from par4_identification.diagnosis.evidence.doubt import nested
+from par4_identification.diagnosis.evidence.doubt import distance, nested
 from par4_identification.diagnosis.evidence.estimates import effect_parameters, shape_knobs
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import solve
@@ -35,9 +35,7 @@ def with_disagreement(parameters: dict[str, Parameter], fitted: dict[str, Parame
     """
     squares = []
     for name, one in fitted.items():
-        apart = np.asarray(one.value, dtype=float) - np.asarray(other[name].value, dtype=float)
-        if name == 'phase':
-            apart = np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi
+        apart = distance(name, one, other[name])
         variance = (np.asarray(one.std, dtype=float) ** 2
                     + np.asarray(other[name].std, dtype=float) ** 2)
         told = np.ravel(variance > 0.0) & np.ravel(apart != 0.0)  # not what both share

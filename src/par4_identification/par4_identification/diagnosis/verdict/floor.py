@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from par4_dynamics.model import Model
-from par4_identification.diagnosis.search.law import dithered_state, is_noisy
+from par4_identification.diagnosis.evidence.dithered import dithered_state, is_noisy
 from par4_identification.signals.rows import Run
 
 WINDOW = 30

@@ -22,6 +22,8 @@ SMOOTH = 0.5
 RINGING = 0.3
 """Share of it that twisting transmissions explain, though they are no cause, beyond which they are
 nearer than a load that rattles in a gap."""
+CHANCE = 1e-3
+"""Largest probability that chance makes such bounces."""
 
 
 def loose_loads(search: Search, model: Model) -> tuple[Rattle | None, Model]:
@@ -57,7 +59,7 @@ def _rattle(search: Search, model: Model) -> Rattle | None:
     fit = solve(pool.evidence, named)
     found = rattle([(part.observations, residuals(part.observations, named, fit))
                     for part in (pool.evidence, pool.heldout)])
-    return found if found is not None and found.p_value < 1e-3 else None
+    return found if found is not None and found.p_value < CHANCE else None
 
 
 def _beside_bounces(search: Search, model: Model) -> Model:

@@ -23,13 +23,13 @@ from par4_dynamics.effects.elastic_transmission import (
 )
 from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
 from par4_dynamics.state import State
+from par4_identification.diagnosis.evidence.dithered import Dithered, delivered
 from par4_identification.diagnosis.evidence.doubt import with_doubt
 from par4_identification.diagnosis.evidence.estimates import told_values
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.diagnosis.search.causes import Model, others_of
-from par4_identification.diagnosis.search.law import Dithered, delivered
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.swing import stiffnesses_of
 from par4_identification.diagnosis.verdict.answer import Cause

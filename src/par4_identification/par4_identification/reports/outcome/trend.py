@@ -10,7 +10,7 @@ from par4_dynamics.base_terms import PLATFORM_MASSES
 from par4_identification.reports.outcome.changes import phrase_of_reading
 from par4_identification.trend.channels import Channel
 from par4_identification.trend.course import FEWEST
-from par4_identification.trend.life import Event, Happening, Life
+from par4_identification.trend.life import FALSE_ALARMS, Event, Happening, Life
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
@@ -147,7 +147,7 @@ def outcome_of_life(life: Life, refused: Mapping[str, str], machine: Robot | Axi
         sentence = (f'{len(clauses)} changes over {span}; the last ones: '
                     f'{"; ".join(clauses[-2:])}.')
     remarks = [Remark(True, f'Read from {span}. Where nothing changes, one false alarm in '
-                            f'{1.0 / life.chance:.0f} bags is to be expected at most.')]
+                            f'{1.0 / FALSE_ALARMS:.0f} bags is to be expected at most.')]
     for index in sorted({index for index, _ in life.odd}):
         names = listed([name_of_channel(life.channels[channel], machine)
                         for own, channel in life.odd if own == index][:3])
@@ -184,7 +184,7 @@ def trend_json(life: Life, refused: Mapping[str, str], machine: Robot | Axis,
         'odd': [{'bag': life.bags[index].bag, 'series': life.channels[number].name}
                 for index, number in life.odd],
         'refused': [{'bag': bag, 'reason': reason} for bag, reason in refused.items()],
-        'false_alarms_per_bag': life.chance})
+        'false_alarms_per_bag': FALSE_ALARMS})
 
 
 def _happening_json(life: Life, part: Happening) -> dict[str, Any]:

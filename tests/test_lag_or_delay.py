@@ -14,12 +14,13 @@ from short_scenarios import short_scenario
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_platform
+from par4_identification.diagnosis.evidence.dithered import DRAWS, Dithered, dithered
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.candidates import Candidates
-from par4_identification.diagnosis.search.law import DRAWS, Dithered, dithered
+from par4_identification.diagnosis.search.lag_or_delay import obeys
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.verdict.judgement import judge
@@ -94,7 +95,7 @@ class Case:
 
     def obeys(self, name, against=None):
         """Return whether the record has the second order of that effect."""
-        return (against or self.dithered).obeys(self.projection, *self.hypothesis(name))
+        return obeys(against or self.dithered, self.projection, *self.hypothesis(name))
 
 
 OTHER_LAW = {'actuator_lag': 'time_offset', 'time_offset': 'actuator_lag'}

@@ -1,0 +1,168 @@
+"""Names that hold once their values are told: a name that may be nothing is taken back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from par4_identification.diagnosis.evidence.doubt import (
+    with_doubt,
+    with_doubt_of_choice,
+    with_doubt_of_size,
+    with_doubt_of_time,
+)
+from par4_identification.diagnosis.evidence.estimates import effect_parameters
+from par4_identification.diagnosis.evidence.fit import Fit, left_by, solve
+from par4_identification.diagnosis.evidence.holdout import Blocks, blocks_of_runs
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.search.candidates import goes_both_ways
+from par4_identification.diagnosis.search.causes import Model, named_of, others_of, unnamed_of
+from par4_identification.diagnosis.search.joints import without_joints
+from par4_identification.diagnosis.search.polish import polished
+from par4_identification.diagnosis.search.requirement import torque_errors
+from par4_identification.diagnosis.search.search import Search
+from par4_identification.diagnosis.verdict.agreement import parameters_by, with_disagreement
+from par4_identification.diagnosis.verdict.answer import Cause
+from par4_identification.diagnosis.verdict.choice_of_law import with_doubt_of_law
+from par4_identification.diagnosis.verdict.judgement import judge
+from par4_identification.diagnosis.verdict.loose_loads import loose_loads
+from par4_identification.diagnosis.verdict.rattle import Rattle
+from par4_identification.diagnosis.verdict.sure import (
+    without_doubtful_names,
+    without_replaceable_names,
+)
+from par4_identification.diagnosis.verdict.swinging_loads import (
+    with_doubt_of_counts,
+    without_count_bias,
+)
+from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widened
+
+EITHER_SIDE = 2.0
+"""Deviations of a 95 % interval."""
+Errors = Sequence[Sequence[np.ndarray]]
+"""What torques may be wrong by, on the rows to fit and on the rows held out, see `torque_errors`.
+"""
+
+
+@dataclass(frozen=True)
+class Settled:
+    """Causes that hold, with the values that are told.
+
+    Attributes:
+        model: all causes, polished.
+        named: those with a name, the strongest first.
+        told: fit of the named ones.
+        causes: these, with values, rivals and twins.
+        loose: loads that rattle in a gap, None if none do.
+        blocks: of the rows held out.
+    """
+
+    model: Model
+    named: tuple[Hypothesis, ...]
+    told: Fit
+    causes: tuple[Cause, ...]
+    loose: Rattle | None
+    blocks: Blocks
+
+
+def settle(search: Search, model: Model, of_axis: bool) -> Settled:
+    """Return the causes of a search that hold.
+
+    Names and joints that may as well be nothing are taken back one at a time, the weakest first,
+    and what is left is looked at anew.
+    """
+    heldout = search.pool.heldout.observations
+    blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
+    doubtful = without_doubtful_names if of_axis else without_replaceable_names
+    while True:
+        weak = weak_causes(search, model)
+        model, changed = without_count_bias(search, polished(search, model))
+        loose, model = loose_loads(search, model)
+        model = doubtful(search, model)
+        named = _strongest_first(search, model)
+        told = search.weighing.corrected(solve(search.pool.evidence, named))
+        errors = [torque_errors(part, search.pool.solution(model), search.rules)
+                  for part in (search.pool.evidence, search.pool.heldout)]
+        causes = [_cause(item, search, named, told, blocks, model, errors) for item in named]
+        by_any_law = [replace(cause, parameters=with_doubt_of_law(
+            cause.parameters, search, item, named, errors[0]))
+            for cause, item in zip(causes, named)]
+        less = _without_nothing(search, model, named, causes, by_any_law, weak)
+        if less is None:
+            causes = with_doubt_of_counts(search, widened(search, by_any_law, named, weak), named,
+                                          changed)
+            less = _without_idle_joints(model, named, causes)
+        if less is None:
+            return Settled(model, named, told, tuple(causes), loose, blocks)
+        model = less
+
+
+def _strongest_first(search: Search, model: Model) -> tuple[Hypothesis, ...]:
+    return tuple(sorted(named_of(model), key=lambda item: -search.weighing.gains(
+        item, others_of(model, item))[0]))
+
+
+def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...],
+                     causes: Sequence[Cause], by_any_law: Sequence[Cause],
+                     weak: Sequence[Hypothesis]) -> Model | None:
+    """Return the model without the weakest name that may as well be nothing; None if none may.
+
+    How large a cause is depends on its law and on what else acts, not whether it is one. But values
+    that no machine can have say nothing if they may as well be zero; neither does a name that may
+    be zero where something that is no twin explains rows held out as well.
+    """
+    for item, cause, doubted in reversed(list(zip(named, causes, by_any_law))):
+        if cause.is_nothing or (doubted.is_zero_within(EITHER_SIDE) and not
+                                search.belief.is_possible(item, others_of(named, item))):
+            search.journal.reject(item, 'all its values are zero within their deviations')
+            return search.with_nameless(others_of(model, item))
+    for item, cause in reversed(list(zip(named, widened(search, causes, named, weak)))):
+        if (cause.margin <= 0.0 and cause.rival not in cause.twins
+                and cause.is_zero_within(EITHER_SIDE)):
+            search.journal.reject(item, f'all its values may be zero, and on rows held out '
+                                  f'{cause.rival or "no cause at all"} explains as much')
+            return search.with_nameless(others_of(model, item))
+    return None
+
+
+def _without_idle_joints(model: Model, named: Sequence[Hypothesis], causes: Sequence[Cause]
+                         ) -> Model | None:
+    """Return the model in which a name lost the joints where it is nothing; None if none has any.
+    """
+    for item, cause in zip(named, causes):
+        if cause.idle_joints:
+            acting = without_joints(item, cause.idle_joints)
+            return tuple(acting if other is item else other for other in model)
+    return None
+
+
+def _cause(hypothesis: Hypothesis, search: Search, named: Sequence[Hypothesis], fit: Fit,
+           blocks: Blocks, model: Model, errors: Errors) -> Cause:
+    evidence, heldout = search.pool.evidence, search.pool.heldout
+    judgement, corrected = judge(search, hypothesis, model), search.weighing.corrected
+    index = named.index(hypothesis)
+    parameters = effect_parameters(evidence, hypothesis, fit, index, errors[0])
+    parameters = with_doubt_of_choice(parameters, evidence, hypothesis, named, corrected)
+    parameters = with_doubt_of_size(parameters, evidence, hypothesis, fit)
+    if unnamed_of(model):
+        parameters = with_doubt(parameters, effect_parameters(
+            evidence, hypothesis, corrected(solve(evidence, model)), model.index(hypothesis),
+            errors[0]))
+    # unnamed causes that differ from motion to motion are no disagreement about the named one
+    parameters = with_disagreement(parameters, *(
+        parameters_by(part, model, model.index(hypothesis), wrong)
+        for part, wrong in zip((evidence, heldout), errors)))
+    if not goes_both_ways(evidence.observations):
+        parameters = with_doubt_of_time(parameters, evidence.observations)
+    before, after = (left_by(heldout, part, solve(evidence, part))
+                     for part in (others_of(model, hypothesis), model))
+    return Cause(
+        effect=hypothesis.named, joints=hypothesis.joints,
+        parameters=parameters,
+        twins=judgement.twins,
+        visible_fraction=search.weighing.beside(()).left_share(
+            evidence.columns(hypothesis), hypothesis.stacked(fit.coefficients[index])),
+        p_value=judgement.p_value, margin=judgement.margin, rival=judgement.rival,
+        gain=blocks.whitened_gain(before, after))
