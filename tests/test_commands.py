@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import os
+import shutil
 import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
@@ -552,6 +553,8 @@ BAD_INPUT = {
     'wrong namespace': (validate, '{plain} --model table1 --namespace /left', '/left'),
     'wrong model': (validate, '{plain} --model {folder}/wrong.yaml', 'schema'),
     'held out and fitted': (diagnose, '{plain} --holdout {plain}', 'given twice'),
+    'a copy held out': (diagnose, '{plain} --holdout {folder}/copy', 'same readings as'),
+    'a copy fitted': (identify, '{plain} {folder}/copy', 'same readings as'),
     'model of an axis': (diagnose, '{plain} --model {folder}/axis_model.yaml',
                          'missing parameters'),
 }
@@ -567,6 +570,7 @@ def test_bad_input_is_one_line_and_leaves_good_results_alone(case, bags, tmp_pat
     for name, text in {**inputs, **results}.items():
         (tmp_path / name).write_text(text)
     module, words, expected = BAD_INPUT[case]
+    shutil.copytree(bags.plain, tmp_path / 'copy')
     defaults = ['--robot', 'reference', '--output', str(tmp_path)]
     done = run(module, *defaults, *words.format(folder=tmp_path, **vars(bags)).split())
     lines = done.err.splitlines()
@@ -575,7 +579,8 @@ def test_bad_input_is_one_line_and_leaves_good_results_alone(case, bags, tmp_pat
     assert lines[0].startswith('error: ')
     assert expected in lines[0]
     assert done.out == ''
-    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {**inputs, **results}
+    assert {file.name: file.read_text() for file in tmp_path.iterdir() if file.is_file()} == {
+        **inputs, **results}
 
 
 @pytest.mark.parametrize('name', ['identify', 'validate', 'diagnose'])

@@ -96,6 +96,16 @@ def test_commas_among_points_are_no_decimal_commas(tmp_path):
         read_columns(path, ('2',))
 
 
+@pytest.mark.parametrize('encoding', ['utf-8', 'utf-8-sig', 'cp1252', 'utf-16'])
+def test_a_csv_has_the_encoding_in_which_programs_write_it(encoding, tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text('Zeit;Winkel [°];Moment [N·m]\n' + ''.join(
+        f'{t};{q};{tau}\n'.replace('.', ',') for t, q, tau in zip(T, Q, TAU)), encoding=encoding)
+    columns = read_columns(path, ('Winkel [°]', 'Moment [N·m]'))
+    np.testing.assert_array_equal(columns['Winkel [°]'], Q)
+    np.testing.assert_array_equal(columns['Moment [N·m]'], TAU)
+
+
 @pytest.mark.parametrize('turned', [False, True])
 def test_an_archive_is_read_by_its_arrays_or_by_a_table(turned, tmp_path):
     path, table = tmp_path / 'log.npz', np.stack((T, Q, TAU, T)[:3])
@@ -119,9 +129,10 @@ def files(folder):
     (folder / 'log.csv').write_text(CSV['commas'], encoding='utf-8')
     (folder / 'twice.csv').write_text('q,q\n1,2\n', encoding='utf-8')
     (folder / 'words.csv').write_text('t,q\n1,2\n2,high\n', encoding='utf-8')
-    (folder / 'short.csv').write_text('t,q\n1,2\n2\n', encoding='utf-8')
+    (folder / 'short.csv').write_text('t,q\n1,2\n\n# gap\n2\n', encoding='utf-8')
     (folder / 'prose.csv').write_text('nothing to see here\n', encoding='utf-8')
-    (folder / 'bytes.csv').write_bytes(b'\xff\xfe\x00\x01' * 9)
+    (folder / 'bytes.csv').write_bytes(b'\x89PNG\r\n\x1a\n\x00\x00' * 9)
+    (folder / 'marked.csv').write_bytes(b'\xff\xfe\x00\x01' * 9)
     (folder / 'fake.npz').write_text('t,q\n1,2\n', encoding='utf-8')
     (folder / 'fake.mat').write_text('t,q\n1,2\n', encoding='utf-8')
     np.savez(folder / 'log.npz', t=T, q=Q[:2], one=np.eye(4), two=np.eye(4))
@@ -135,10 +146,12 @@ def files(folder):
     ('log.csv', ('4',), None, "no column '4'"),
     ('log.csv', ('1',), 'run', '--array run is for .npz and .mat files'),
     ('twice.csv', ('q',), None, "2 columns are named 'q'; give the number of one, 1 or 2"),
-    ('words.csv', ('q',), None, 'high.*counted from line 2; mend the file'),
-    ('short.csv', ('q',), None, 'counted from line 2; mend the file'),
+    ('words.csv', ('q',), None, "words.csv: line 3, column q: 'high' is no number; mend the file"),
+    ('words.csv', ('2', 't'), None, "line 3, column 2: 'high' is no number"),
+    ('short.csv', ('q',), None, 'short.csv: line 5 has 1 of 2 columns; mend the file'),
     ('prose.csv', ('q',), None, 'no line of it holds numbers'),
     ('bytes.csv', ('q',), None, 'cannot be read as text'),
+    ('marked.csv', ('q',), None, 'no line of it holds numbers'),
     ('fake.npz', ('q',), None, 'cannot be read'),
     ('fake.mat', ('q',), None, 'cannot be read'),
     ('objects.npz', ('t',), None, 'cannot be read'),

@@ -20,8 +20,10 @@ from par4_identification.diagnosis.evidence.side_by_side import side_by_side, th
 from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.search.orders import Lines, best_orders
 from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.logs.log import Log
 from par4_identification.signals.noise import ArNoise
 from par4_identification.signals.rows import Conditioning, runs_of_log
+from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis
 from robots import REFERENCE, model_with
 
@@ -43,6 +45,18 @@ def test_a_stretch_of_a_single_row_is_none():
             counts.add(len(run.t))
             np.testing.assert_allclose(np.diff(run.t), run.row_time)
     assert min(counts) == 2
+
+
+@pytest.mark.parametrize(('rate', 'words'), [
+    (0.5, 'recorded at 0.5 Hz by its stamps; at least 4 Hz are needed'),
+    (5e5, 'its stamps say 5e.05 Hz: are they in seconds')])
+def test_stamps_that_count_another_unit_are_named_as_the_reason(rate, words):
+    """Samples put between those of such an axis would take all memory."""
+    t = np.arange(400) / rate
+    log = Log('strange', ('motor',), 0, 1.0 / rate, t, np.sin(t)[:, None], np.cos(t)[:, None],
+              (slice(0, 400),), None, None)
+    with pytest.raises(InputError, match=words):
+        runs_of_log(log, MOTOR)
 
 
 @pytest.mark.parametrize('missing', [0.0, 0.05, 0.6])

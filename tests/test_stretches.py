@@ -22,6 +22,7 @@ from par4_identification.logs.stretches import (
     spread_over,
 )
 from par4_identification.signals.rows import Conditioning
+from par4_kinematics.robot import Axis
 from robots import REFERENCE
 
 
@@ -76,21 +77,31 @@ def test_the_parts_of_a_log_are_the_log(gap, share):
 
 def test_of_long_logs_stretches_are_diagnosed_and_of_others_everything():
     short, long = log_of(100.0), log_of(5000.0)
-    assert manageable([short], [], Conditioning()) == ([short], [], 1.0)
-    fit, held, share = manageable([long], [], Conditioning())
+    assert manageable([short], [], REFERENCE, Conditioning()) == ([short], [], 1.0)
+    fit, held, share = manageable([long], [], REFERENCE, Conditioning())
     assert sum(log.tau.size for log in fit) == pytest.approx(MOST, rel=0.02)
     assert sum(log.tau.size for log in held) <= MOST // 2 + 10
     assert share == pytest.approx((sum(log.tau.size for log in (*fit, *held))) / long.tau.size)
     # of one log the last third is held out; of several the last
     assert fit[0].t[-1] < held[0].t[0]
-    assert manageable([short, long], [], Conditioning())[1][0].t[0] == 0.0
-    assert len(manageable([short], [long], Conditioning())[0]) == 1
+    assert manageable([short, long], [], REFERENCE, Conditioning())[1][0].t[0] == 0.0
+    assert len(manageable([short], [long], REFERENCE, Conditioning())[0]) == 1
 
 
 def test_steady_speeds_are_not_thinned_before_every_third_is_held_out():
     long = log_of(5000.0)
     steady = Conditioning(steady=True)
-    assert manageable([long], [], steady) == ([long], [], 1.0)
+    assert manageable([long], [], REFERENCE, steady) == ([long], [], 1.0)
+
+
+def test_of_a_slow_axis_the_samples_count_that_are_put_between_its_own():
+    """At 100 Hz ten stand for one, and an hour is more than time and memory allow."""
+    axis = Axis(schema='par4/axis/1', name='valve', joint='a', kind='revolute', gain=1.0)
+    long = log_of(3600.0)
+    long = replace(long, q=long.q[:, :1], tau=long.tau[:, :1])
+    fit, held, _ = manageable([long], [], axis, Conditioning())
+    assert seconds_of(fit) == pytest.approx(480.0, rel=0.02)
+    assert seconds_of(held) == pytest.approx(240.0, rel=0.02)
 
 
 def test_no_stretch_is_too_short_for_the_filters_in_a_log_of_many_gaps():

@@ -221,6 +221,42 @@ def test_what_is_no_reading_is_said_and_nothing_else(unwrap, name, rows, value, 
     assert all('cells' in one or 'right column' in one for one in found), found
 
 
+@pytest.mark.parametrize(('columns', 'kind', 'words'), [
+    ({'t': 1e3 * T}, 'q:rad torque=tau:Nm', 'time: 2 s from row to row; is its unit right?'),
+    ({'t': 1e-3 * T}, 'q:rad torque=tau:Nm', 'time: 2e-06 s from row to row'),
+    ({'q': 1e5 * Q}, 'q:rad torque=tau:Nm', 'are the units of positions and times right?'),
+    ({'q': 1e3 * Q}, 'q:m torque=tau:N', 'are the units of positions and times right?'),
+    ({}, 'q:rad torque=tau:Nm', None), ({}, 'q:m torque=tau:N', None)])
+def test_times_and_ways_that_no_machine_has_are_told(columns, kind, words, tmp_path):
+    path = csv(tmp_path / 'log.csv', **{'t': T, 'q': Q, 'tau': TAU} | columns)
+    found = measured_of_files([path], chosen_columns(f'time=t:s position={kind}')).findings()
+    odd = [line for line in found if 'right?' in line]
+    assert len(odd) == (words is not None)
+    assert words is None or words in odd[0]
+
+
+@pytest.mark.parametrize(('given', 'words'), [
+    ((), None), ((8.0,), None), ((8.05,), None),
+    ((0.08,), '--motor-gain 0.08: the robot file says 8 N m/A at the joint, behind its gear'),
+    ((4.0,), 'the robot file says 8 N m/A at the joint, 2 times as much')])
+def test_a_current_is_torque_by_the_gain_of_the_robot_file(given, words, tool, tmp_path):
+    """The nameplate's is that of the motor, before the gear."""
+    (tmp_path / 'robot.yaml').write_text(
+        'schema: par4/axis/1\nname: elbow\njoint: elbow\nkind: revolute\ngain: 1.0\n'
+        'gear_ratio: 100\nmotor_gain: 8.0\n')
+    path = csv(tmp_path / 'log.csv', t=T, q=Q, current=TAU)
+    options = ('--motor-gain', *given) if given else ()
+    told = tool(path, '--columns', 'time=t:s position=q:rad torque=current:A', *options,
+                '--robot', tmp_path / 'robot.yaml', '--output', tmp_path / 'bag')
+    if words is not None:
+        assert told.code == 2
+        assert words in told.err
+        return
+    assert told.code == 0, told.err
+    factor = given[0] if given else 8.0
+    assert f'torque: {factor * TAU.min():.4g} to {factor * TAU.max():.4g} N m' in told.out
+
+
 def test_a_number_that_its_unit_makes_infinite_is_none(tmp_path):
     turns = Q / (2.0 * np.pi)
     turns[100] = 1e308

@@ -252,6 +252,11 @@ class Effect(ABC):
             base: base parameters (J,) that were fitted together with the values.
         """
 
+    def reach(self, values: Values) -> tuple[float, float] | None:
+        """Return the least and the greatest torque, N m; None where the parameters tell the size.
+        """
+        return None
+
     @abstractmethod
     def signature(self, state: State) -> Signature:
         """Return the quantity over which the effect shows best in a plot, and its label."""

@@ -83,6 +83,13 @@ class PositionTorque(Effect):
         torque = np.einsum('njk,kj->nj', columns, coefficients)
         return np.where(np.isin(np.arange(torque.shape[1]), joints), torque, 0.0)
 
+    def reach(self, values: Values) -> tuple[float, float]:
+        low, high = (float(end) for end in values['range'])
+        coefficients = self.coefficients(values)
+        torque = polynomials(np.linspace(low, high, 1001), low, high,
+                             len(coefficients) - 1) @ coefficients
+        return float(torque.min()), float(torque.max())
+
     def senseless(self, values: Values) -> str | None:
         low, high = (float(end) for end in values['range'])
         return None if low < high else (

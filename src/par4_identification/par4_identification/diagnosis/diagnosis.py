@@ -125,7 +125,7 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
     rigid_body = baseline.rigid_body if baseline else 'paper'
     known = build_model(machine, baseline) if baseline else None
     progress('filtering the logs')
-    fit_logs, holdout_logs, share = manageable(fit_logs, holdout_logs, conditioning)
+    fit_logs, holdout_logs, share = manageable(fit_logs, holdout_logs, machine, conditioning)
     fit_runs, holdout_runs = split_runs(fit_logs, holdout_logs, machine, conditioning)
     observations = observe(fit_runs, machine, rigid_body, known)
     heldout = observe(holdout_runs, machine, rigid_body, known)

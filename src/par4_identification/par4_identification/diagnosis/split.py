@@ -9,31 +9,33 @@ import numpy as np
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import parted, seconds_of, spread_over
 from par4_identification.signals.plateaus import every_third_between
-from par4_identification.signals.rows import Conditioning, Run, runs_of_logs
+from par4_identification.signals.rows import Conditioning, Run, parts_of_sample, runs_of_logs
 from par4_kinematics.robot import Axis, Robot
 
 MOST = 480_000
-"""Readings of torque that are fitted: two minutes of four joints at 1 kHz. Of more, stretches are
+"""Samples of torque that are fitted: two minutes of four joints at 1 kHz. Of more, stretches are
 looked at, so that time and memory end; what the model gets wrong limits a long log anyway."""
 
 
-def manageable(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], conditioning: Conditioning
-               ) -> tuple[Sequence[Log], Sequence[Log], float]:
+def manageable(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Robot | Axis,
+               conditioning: Conditioning) -> tuple[Sequence[Log], Sequence[Log], float]:
     """Return the logs to fit and those held out, and the share of all readings that these have.
 
-    Each of the two has some `MOST` readings at the most: of longer logs only stretches are taken,
-    spread over them. Of steady speeds all is taken, as it gives few rows.
+    Each of the two has some `MOST` samples at the most, those among them that are put between the
+    samples of a slow axis: of longer logs only stretches are taken, spread over them. Of steady
+    speeds all is taken, as it gives few rows.
     """
+    def samples(part: Sequence[Log]) -> int:
+        return sum(log.tau.size * parts_of_sample(log, machine) for log in part)
+
     logs = [*fit_logs, *holdout_logs]
-    if conditioning.steady:
-        return fit_logs, holdout_logs, 1.0
-    if sum(log.tau.size for log in fit_logs) <= MOST >= sum(log.tau.size for log in holdout_logs):
+    if conditioning.steady or samples(fit_logs) <= MOST >= samples(holdout_logs):
         return fit_logs, holdout_logs, 1.0
     if not holdout_logs:
         fit_logs, holdout_logs = ((fit_logs[:-1], fit_logs[-1:]) if len(fit_logs) > 1 else
                                   ([part] for part in parted(fit_logs[0], 2.0 / 3.0)))
     fitted, held = (
-        spread_over(part, seconds_of(part) * MOST * share / sum(log.tau.size for log in part))
+        spread_over(part, seconds_of(part) * MOST * share / samples(part))
         for part, share in ((fit_logs, 1.0), (holdout_logs, 0.5)))
     used = sum(log.tau.size for log in (*fitted, *held))
     return fitted, held, used / sum(log.tau.size for log in logs)

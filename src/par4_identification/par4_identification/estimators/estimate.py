@@ -61,7 +61,7 @@ def fields_of_estimate(problem: Problem, values: np.ndarray, covariance: np.ndar
     return {
         'labels': problem.labels, 'values': values, 'covariance': covariance,
         'textbook_std': textbook_std, 'residuals': residuals, 'rms': np.sqrt(square),
-        'relative_error': float(np.linalg.norm(left) / np.linalg.norm(target)),
+        'relative_error': float(np.linalg.norm(left)) / max(float(np.linalg.norm(target)), 1e-30),
         'condition_number': condition_number(problem.series), 'rows': problem.rows}
 
 

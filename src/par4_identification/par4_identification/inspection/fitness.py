@@ -10,17 +10,20 @@ import numpy as np
 
 from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.observations import observe
-from par4_identification.diagnosis.nominal.gate import LEAST_PLATEAUS, unusable
-from par4_identification.fitting.identification import Identification, identify, identify_runs
+from par4_identification.diagnosis.nominal.gate import LEAST_PLATEAUS
+from par4_identification.diagnosis.nominal.start import start_of
+from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
+from par4_identification.fitting.identification import Identification, identify
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.identification import (
     LARGEST_CONDITION,
     LARGEST_STD,
     WORST_CONDITION,
+    relative_deviations,
 )
 from par4_identification.setup_check.finding import SetupCheck
 from par4_identification.setup_check.unusable import SINGULAR
-from par4_identification.signals.rows import Run, runs_of_log
+from par4_identification.signals.rows import Conditioning, Run, runs_of_log
 from par4_identification.signals.scales import conditioning_for
 from par4_identification.trend.bag_values import EARLIEST
 from par4_identification.trend.drift import MOVING
@@ -90,11 +93,10 @@ def fitness_of(check: SetupCheck) -> tuple[tuple[Fitness, ...], tuple[Run, ...]]
     except Par4Error as error:
         return unfit(str(error)), ()
     if runs[0].conditioning.steady:
-        return unfit(f'it holds {len(runs[0].t)} steady speeds; par4_identify and par4_diagnose '
-                     f'read such bags together: give them all, {LEAST_PLATEAUS} speeds or more in '
-                     f'both directions'), runs
+        return _of_steady_speeds(runs[0]), runs
     try:
-        identified = _identified(identify([log], machine))
+        identified = _identified(identify([log], machine, conditioning=conditioning_for(
+            [log], machine, Conditioning())))
     except Par4Error as error:
         identified = Fitness('identify', 'no', str(error))
     except np.linalg.LinAlgError:
@@ -103,13 +105,24 @@ def fitness_of(check: SetupCheck) -> tuple[tuple[Fitness, ...], tuple[Run, ...]]
             _trended(log, identified), _monitored(check, runs)), runs
 
 
+def _of_steady_speeds(run: Run) -> tuple[Fitness, ...]:
+    """Return what the tools could do with a bag in which one speed after the other is held."""
+    held = f'it holds {len(run.t)} steady speeds'
+    enough = len(run.t) >= LEAST_PLATEAUS and len(set(np.sign(run.speed[:, 0]))) > 1
+    use: Use = 'yes' if enough else 'no'
+    reason = held if enough else (
+        f'{held}, {LEAST_PLATEAUS} in both directions are needed; give all such bags together')
+    return tuple(Fitness(tool, use, reason) if tool in ('identify', 'diagnose') else
+                 Fitness(tool, 'no', f'{held}, which par4_identify and par4_diagnose read')
+                 for tool in TOOLS)
+
+
 def _identified(identification: Identification) -> Fitness:
     condition = identification.excitation
-    estimate = identification.estimate
-    relative = estimate.std / np.maximum(np.abs(estimate.values), 1e-300)
-    worst = int(np.argmax(relative))
-    excited = (f'condition number {condition:.3g}; the least certain is '
-               f'{in_words(estimate.labels[worst].name)}, to {percent(float(relative[worst]))}')
+    relative = relative_deviations(identification.parameters)
+    worst = max(relative, key=lambda name: relative[name])
+    excited = (f'condition number {condition:.3g}; the least certain is {in_words(worst)}, to '
+               f'{percent(relative[worst])}')
     if condition > WORST_CONDITION:
         return Fitness('identify', 'no', f'the motion excites the parameters too weakly: {excited}')
     if condition > LARGEST_CONDITION or relative[worst] > LARGEST_STD:
@@ -129,8 +142,9 @@ def _validated(runs: Sequence[Run]) -> Fitness:
 def _diagnosed(check: SetupCheck, runs: Sequence[Run]) -> Fitness:
     observations = observe(list(runs), check.machine, 'paper', None)
     try:
-        start = identify_runs(runs, observations.target, observations.base, 'paper')
-        reasons = unusable(observations, start, check.machine)
+        start = start_of(observations, check.machine, 'paper',
+                         OF_AXIS if isinstance(check.machine, Axis) else Rules())
+        reasons = list(start.reasons)
     except Par4Error as error:
         reasons = [str(error)]
     except np.linalg.LinAlgError:

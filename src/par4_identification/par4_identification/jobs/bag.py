@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 
-from par4_identification.logs.column_choice import Scales, chosen_columns
+from par4_identification.logs.column_choice import Choice, Scales, chosen_columns
 from par4_identification.logs.table_bag import Part, measured_of_files, write_measured
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import JOINT_NAMES, Axis, Robot, read_machine
+
+ALIKE = 0.01
+"""Share by which two statements of one gain may differ."""
 
 
 def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | None,
@@ -27,8 +31,9 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
     if output.exists():
         raise InputError(f'{output}: exists already; give another path or remove it')
     start, end = between or (-float('inf'), float('inf'))
+    scales = Scales(counts_per_turn, gain_of_motor(motor_gain, choices, machine))
     with Console(stderr=True).status('reading the files') as status:
-        measured = measured_of_files(files, choices, Scales(counts_per_turn, motor_gain),
+        measured = measured_of_files(files, choices, scales,
                                      Part(array, rate, start, end, unwrap))
         kind = machine.kind if isinstance(machine, Axis) else 'revolute'
         if machine is not None and measured.kind != kind:
@@ -43,6 +48,26 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
         console.print(f'look at this: {finding}', soft_wrap=True, markup=False)
     console.print(f'{output}: ' + ', '.join(f'{topic} {count}' for topic, count in counts.items())
                   + f' of {", ".join(names)}', soft_wrap=True, markup=False)
+
+
+def gain_of_motor(given: tuple[float, ...], choices: dict[str, Choice],
+                  machine: Robot | Axis | None) -> tuple[float, ...]:
+    """Return the torque at the joint per ampere: as given, or else that of the robot file.
+
+    Raises:
+        InputError: the two differ.
+    """
+    known = machine.motor_gain if isinstance(machine, Axis) else None
+    if known is None or all(choice.meaning.scale != 'motor_gain' for choice in choices.values()):
+        return given
+    if given and not np.allclose(given, known, rtol=ALIKE):
+        ratio, gears = known / given[0], machine.gear_ratio if isinstance(machine, Axis) else None
+        behind = gears is not None and np.isclose(ratio, gears, rtol=ALIKE)
+        raise InputError(
+            f'--motor-gain {given[0]:g}: the robot file says {known:g} N m/A at the joint'
+            + (', behind its gear' if behind else f', {ratio:.3g} times as much')
+            + '; leave the option out, or mend the file')
+    return given or (known,)
 
 
 def joint_names(machine: Robot | Axis | None, joints: str | None, count: int) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.experiment.next_experiment import next_experiment
 from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_identification.fitting.axis_gravity import with_gravity_told
-from par4_identification.jobs.identify import distinct_bags
+from par4_identification.jobs.identify import distinct_bags, distinct_readings
 from par4_identification.logs.log import Log
 from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.changes import (
@@ -114,6 +114,7 @@ def diagnose_bags(asked: Asked) -> None:
         for bag in distinct_bags(asked.every_bag):
             status.update(f'reading {bag}')
             logs = (*logs, read_log(bag, machine, asked.namespace))
+        distinct_readings(logs, asked.every_bag)
         status.update('looking for mistakes of the setup')
         own = len(asked.bags) + len(asked.holdout)
         conditioning = conditioning_for(logs, machine, CONDITIONING, asked.chosen)

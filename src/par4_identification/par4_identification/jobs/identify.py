@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -97,6 +98,7 @@ def identify_bags(asked: Asked) -> None:
         for bag in distinct_bags(asked.bags):
             status.update(f'reading {bag}')
             logs = (*logs, read_log(bag, machine, asked.namespace))
+        distinct_readings(logs, asked.bags)
         status.update('looking for mistakes of the setup')
         check = check_setup(logs, machine)
         logs = check.logs
@@ -168,6 +170,21 @@ def distinct_bags(bags: Sequence[str]) -> Sequence[str]:
         if path in found[:index]:
             raise InputError(f'{bags[index]}: given twice; give every bag once')
     return bags
+
+
+def distinct_readings(logs: Sequence[Log], bags: Sequence[str]) -> None:
+    """Refuse a bag that holds the readings of another one: rows that were fitted confirm nothing.
+
+    Raises:
+        InputError: names both.
+    """
+    seen: dict[bytes, str] = {}
+    for log, bag in zip(logs, bags, strict=True):
+        readings = sha256(log.q.tobytes() + log.tau.tobytes()).digest()
+        if readings in seen:
+            raise InputError(f'{bag}: holds the same readings as {seen[readings]}; give another '
+                             f'recording, or leave it out')
+        seen[readings] = bag
 
 
 def payload_masses(payloads: Sequence[str], bags: Sequence[str]) -> dict[str, float]:

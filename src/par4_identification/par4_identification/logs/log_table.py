@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import multiprocessing
 import re
@@ -27,6 +28,8 @@ MOST_NAMED = 12
 """Names that an error lists."""
 MOST_ABOVE = 10_000
 """Lines above the data that may hold its header."""
+CHUNK, LONGEST_SHOWN = 1 << 20, 40
+"""Characters that are read at a time, and of a cell that an error shows."""
 EMPTY = {'', 'nan', 'na', 'n/a', 'null', 'none'}
 """Cells that hold no number, in lower case."""
 
@@ -41,6 +44,7 @@ class Layout:
         first: lines before the data.
         delimiter: None for spaces.
         decimal_comma: whether `1,5` is a number.
+        encoding: of its text.
     """
 
     headers: tuple[tuple[str, ...], ...]
@@ -48,6 +52,17 @@ class Layout:
     first: int
     delimiter: str | None
     decimal_comma: bool
+    encoding: str
+
+    def number(self, cell: str) -> float:
+        """Return the number in a cell, NaN in an empty one.
+
+        Raises:
+            ValueError: it holds something else.
+        """
+        if _is_empty(cell):
+            return np.nan
+        return float(cell.replace(',', '.') if self.decimal_comma else cell)
 
 
 def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = None
@@ -168,27 +183,67 @@ def _of_csv(path: Path, wanted: Sequence[str]) -> dict[str, np.ndarray]:
     layout = _layout(path)
     places = [_place(path, name, layout.headers, layout.columns) for name in wanted]
 
-    def number(cell: str) -> float:
-        if _is_empty(cell):
-            return np.nan
-        return float(cell.replace(',', '.') if layout.decimal_comma else cell)
-
     try:
         values = np.loadtxt(path, delimiter=layout.delimiter, skiprows=layout.first, ndmin=2,
-                            usecols=places, converters=number, comments='#', quotechar='"',
-                            encoding='utf-8-sig')
+                            usecols=places, converters=layout.number, comments='#', quotechar='"',
+                            encoding=layout.encoding)
     except (ValueError, UnicodeDecodeError, OSError) as error:
-        said = ' '.join(str(error).split()).rstrip('.')
-        raise InputError(f'{path}: {said}, counted from line {layout.first + 1}; mend the file'
-                         ) from error
+        said = _fault(path, layout, dict(zip(wanted, places))) or ' '.join(
+            str(error).split()).rstrip('.')
+        raise InputError(f'{path}: {said}; mend the file') from error
     return dict(zip(wanted, values.T, strict=True))
+
+
+def _fault(path: Path, layout: Layout, places: Mapping[str, int]) -> str | None:
+    """Return what is wrong with the first line that cannot be read, None if all can."""
+    with path.open(encoding=layout.encoding, errors='replace', newline='') as stream:
+        for index, line in enumerate(stream):
+            text = line.split('#')[0].strip('\r\n')
+            if index < layout.first or not text.strip():
+                continue
+            fields = _fields(text, layout.delimiter)
+            if len(fields) <= max(places.values()):
+                return f'line {index + 1} has {len(fields)} of {layout.columns} columns'
+            for name, place in places.items():
+                try:
+                    layout.number(fields[place])
+                except ValueError:
+                    return f'line {index + 1}, column {name}: {_shown(fields[place])} is no number'
+    return None
+
+
+def _shown(cell: str) -> str:
+    return repr(cell if len(cell) <= LONGEST_SHOWN else f'{cell[:LONGEST_SHOWN]}...')
+
+
+def _encoding(path: Path) -> str:
+    """Return the encoding of a text: UTF-16 by its mark, UTF-8 if it can be, or else Windows-1252.
+
+    Raises:
+        OSError: it cannot be read.
+        UnicodeDecodeError: it is no text.
+    """
+    with path.open('rb') as stream:
+        if stream.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+            return 'utf-16'
+    for encoding in ('utf-8-sig', 'cp1252'):
+        try:
+            with path.open(encoding=encoding, newline='') as stream:
+                while text := stream.read(CHUNK):
+                    if '\0' in text:
+                        raise UnicodeDecodeError(encoding, b'\0', 0, 1, 'holds zero bytes')
+            return encoding
+        except UnicodeDecodeError as error:
+            found = error
+    raise found
 
 
 def _layout(path: Path) -> Layout:
     """Return how a CSV is written, judged by the lines up to the first that holds numbers."""
     above: deque[tuple[int, str]] = deque(maxlen=MOST_ABOVE)
     try:
-        with path.open(encoding='utf-8-sig', newline='') as stream:
+        encoding = _encoding(path)
+        with path.open(encoding=encoding, newline='') as stream:
             for index, line in enumerate(stream):
                 text = line.strip('\r\n')
                 delimiter = next((mark for mark in DELIMITERS if mark in text), None)
@@ -197,7 +252,8 @@ def _layout(path: Path) -> Layout:
                         fields, delimiter):
                     headers, first = _headers(above, delimiter, fields, index)
                     return Layout(headers, len(fields), first, delimiter,
-                                  _has_decimal_comma(chain([text], stream), delimiter))
+                                  _has_decimal_comma(chain([text], stream), delimiter),
+                                  encoding)
                 if text.strip():
                     above.append((index, text))
     except (OSError, UnicodeDecodeError, csv.Error) as error:

@@ -22,6 +22,10 @@ LARGEST = 1e12
 """SI units; what is beyond is no reading of a machine, and its square may be infinite."""
 PLAIN_TURNS = 1e3
 """Turns beyond which whole numbers are counts rather than angles."""
+SLOWEST, FASTEST = 0.5, 5e-6
+"""s from row to row beyond which times are likely to count another unit."""
+FASTEST_JOINT = {'revolute': 1e4, 'linear': 50.0}
+"""rad/s and m/s; a motor turns at a tenth of the former, a slide moves at a tenth of the latter."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,8 @@ class Measured:
                 if not low < high:
                     what = 'the same in all rows' if low == high else 'no numbers'
                     found.append(f'{quantity} of joint {joint}: {what}; is it the right column?')
-        return (*found, *self._twins(), *self._odd_positions(), *self._odd_speeds())
+        return (*found, *self._twins(), *self._odd_times(), *self._odd_positions(),
+                *self._odd_speeds())
 
     def _twins(self) -> list[str]:
         """Return which columns hold the numbers of another one that does not stand still."""
@@ -101,6 +106,22 @@ class Measured:
                          if np.array_equal(column, earlier, equal_nan=True)), None)
             if twin is not None and len(np.unique(column[np.isfinite(column)])) > 1:
                 found.append(f'{name}: the same numbers as {twin}; is it the right column?')
+        return found
+
+    def _odd_times(self) -> list[str]:
+        """Return what the rate says of the unit of times, and speeds of those of times and ways."""
+        if self.period >= SLOWEST or self.period <= FASTEST:
+            return [f'time: {self.period:.3g} s from row to row; is its unit right?']
+        found, fastest = [], FASTEST_JOINT[self.kind]
+        for joint, column in enumerate(self.values['position'].T):
+            known = are_readings(column)
+            spacing = 1e-9 * np.diff(self.stamp[known])
+            steps = np.abs(np.diff(column[known]))[spacing > 0.0] / spacing[spacing > 0.0]
+            speed = float(np.quantile(steps, 0.9)) if len(steps) else 0.0
+            if speed > fastest:
+                found.append(f'position of joint {joint}: moves at {speed:.3g} '
+                             f'{si_unit("velocity", self.kind)}; are the units of positions and '
+                             f'times right?')
         return found
 
     def _odd_positions(self) -> list[str]:

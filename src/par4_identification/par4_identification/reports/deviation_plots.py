@@ -36,7 +36,7 @@ def deviation_bars(bars: Sequence[Bar], kinds: Sequence[str], label: str) -> str
                 axis.errorbar(100.0 * value, height, xerr=196.0 * std or None, fmt='od'[std == 0.0],
                               markersize=4.5, color=colours[index], elinewidth=1.6, capsize=3.0)
         axis.set_yticks(range(len(bars)), [bar.label for bar in bars])
-        axis.set_ylim(len(bars) - 0.5, -0.5)
+        axis.set_ylim(max(len(bars), 1) - 0.5, -0.5)
         axis.grid(axis='y', visible=False)
         axis.tick_params(axis='y', length=0)
         axis.set_xlabel(label)

@@ -23,6 +23,8 @@ from par4_sim.report.drawing import (
     legend,
 )
 
+SMALLEST = 1e-12
+"""N m: half of the width of a histogram of nothing."""
 ENOUGH = 120
 """Rows without which no part of an abscissa is enlarged."""
 
@@ -145,7 +147,7 @@ def residual_statistics(residuals: Sequence[np.ndarray], floor: np.ndarray,
             if not len(values):
                 _at_rest(upper, lower)
                 continue
-            limit = max(4.0 * floor[joint], np.percentile(np.abs(values), 99.5))
+            limit = max(4.0 * floor[joint], np.percentile(np.abs(values), 99.5), SMALLEST)
             edges = np.linspace(-limit, limit, 61)
             density, _ = np.histogram(values, edges)
             middle = 0.5 * (edges[1:] + edges[:-1])

@@ -26,10 +26,14 @@ from par4_identification.signals.smoothing import UNCHANGED, Smoother, smoother_
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
+SLOWEST_AXIS_HZ = 4.0
+"""Rate of a log below which splines between the samples of an axis tell nothing."""
 SLOWEST_HZ = 50.0
 """Rate below which a motion that goes faster and slower cannot be filtered."""
 
 
+FASTEST_HZ = 2e5
+"""Rate beyond which no logger records."""
 FINE_HZ = 1000.0
 """Rate of the samples of an axis from which columns are computed, at the least."""
 
@@ -179,6 +183,10 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
     if conditioning.steady:
         return [_run_of_plateaus([log], machine, conditioning)]
     rate = 1.0 / log.period
+    if isinstance(machine, Axis) and rate < SLOWEST_AXIS_HZ:
+        raise InputError(f'{log.name}: recorded at {rate:.3g} Hz by its stamps; at least '
+                         f'{SLOWEST_AXIS_HZ:g} Hz are needed, 1000 Hz are better; where stamps '
+                         f'count milliseconds, write seconds')
     if rate < 2.5 * conditioning.position_cutoff_hz:
         scale = rate / (2.5 * conditioning.position_cutoff_hz)
         if rate < SLOWEST_HZ:
@@ -202,7 +210,9 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
     if not runs:
         least = max(SHORTEST, 4.0 * conditioning.reach)
         raise InputError(f'{log.name}: no uninterrupted stretch of at least {least:.1f} s, which '
-                         f'the filters need; record longer or without gaps')
+                         f'the filters need; record longer or without gaps'
+                         + ('' if rate < FASTEST_HZ else
+                            f' (its stamps say {rate:.3g} Hz: are they in seconds?)'))
     return runs
 
 
@@ -239,6 +249,11 @@ def _run_of_plateaus(logs: Sequence[Log], machine: Robot | Axis, conditioning: C
         _first=0, _every=1)
 
 
+def parts_of_sample(log: Log, machine: Robot | Axis) -> int:
+    """Return how many samples `finer` makes of one of a log."""
+    return 1 if isinstance(machine, Robot) else max(1, int(np.ceil(FINE_HZ * log.period - 1e-6)))
+
+
 def finer(log: Log, machine: Robot | Axis) -> Log:
     """Return the log of an axis with samples between those of a slow one, by cubic splines.
 
@@ -246,7 +261,7 @@ def finer(log: Log, machine: Robot | Axis) -> Log:
     changes its sign between two samples, and a column that changes it at a sample is wrong by half
     a sample at every reversal, which looks like a delay or like presliding.
     """
-    parts = 1 if isinstance(machine, Robot) else int(np.ceil(FINE_HZ * log.period - 1e-6))
+    parts = parts_of_sample(log, machine)
     if parts <= 1:
         return log
     period, pieces, end = log.period / parts, [], 0

@@ -180,7 +180,8 @@ def _twin_remarks(changes: Changes, machine: Robot | Axis) -> list[Remark]:
             remarks.append(Remark(
                 False, f'{capital(phrase_of_reading(item.reading, item.size, machine))}: on this '
                 f'motion {others} would explain it as well.',
-                'Record a longer and faster motion that turns theta to tell them apart.'))
+                'Record a longer and faster motion'
+                f'{" that turns theta" if isinstance(machine, Robot) else ""} to tell them apart.'))
     return remarks
 
 

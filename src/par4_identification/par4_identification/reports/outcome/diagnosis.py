@@ -127,6 +127,10 @@ def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
     if any(item.per_order and isinstance(cause.parameters[item.name].value, tuple)
            and item.is_shape for item in effect.parameters):
         return _phrase_of_orders(cause, machine)
+    reach = _reach(cause)
+    if reach is not None:
+        return (f'{number(reach[0], 2)} to {number(reach[1], 2)} {unit_on(machine, first.unit)} of '
+                f'{effect.phrase}')
     sizes = {item.name: _size(cause.parameters[item.name], machine) for item in effect.parameters}
     if any(item.unit == first.unit for item in others):  # parts of one whole, as x, y, z
         told = [name for name in sizes if _stands_out(cause.parameters[name])] or list(sizes)
@@ -146,6 +150,18 @@ def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
              for item in others if item.name != 'phase' and item.name in shown]
     whole = f'{amount} of {effect.phrase}' if first.name in shown else effect.phrase
     return f'{whole} with {listed(shape)}' if shape else whole
+
+
+def _reach(cause: Cause) -> tuple[float, float] | None:
+    """Return the least and the greatest torque of a series, N m, whose terms say little; or None.
+    """
+    if not any(item.per_order and not item.is_shape for item in cause.effect.parameters):
+        return None
+    values = {name: np.asarray(own.value, dtype=float) for name, own in cause.parameters.items()}
+    for item in cause.effect.parameters:
+        if item.per_order and values[item.name].size % len(cause.joints) == 0:
+            values[item.name] = np.reshape(values[item.name], (-1, len(cause.joints))).T
+    return cause.effect.reach(values)
 
 
 def _phrase_of_orders(cause: Cause, machine: Robot | Axis) -> str:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from par4_dynamics.base_terms import values_of_bodies
+from par4_dynamics.base_terms import HANGING_TERMS, values_of_bodies
 from par4_dynamics.model import Model
 from par4_dynamics.model_file import read_model_file
 from par4_dynamics.parameters import Parameter
@@ -43,6 +43,8 @@ WORST_CONDITION = 1000.0
 """Condition number of W above which a model is of no use."""
 LARGEST_STD = 0.1
 """Relative standard deviation above which a parameter is not determined."""
+GRAVITY = tuple(term.name for term in HANGING_TERMS['turning'])
+"""Base parameters of a load that hangs on an axis."""
 MEMORY = 0.15
 """Autocorrelation of a residual, behind the filters' own, above which it is not noise."""
 UNEQUAL = 1.5
@@ -148,7 +150,7 @@ def outcome_of_identification(identification: Identification, floor: np.ndarray,
         useless: whether a finding about the setup forbids to use them.
     """
     estimate, unit = identification.estimate, unit_on(machine, 'N m')
-    relative = {name: _relative(parameter) for name, parameter in identification.parameters.items()}
+    relative = relative_deviations(identification.parameters)
     unsure = [name for name, value in relative.items() if value > LARGEST_STD]
     rms, noise = over_joints(estimate.rms), over_joints(floor)
     condition = identification.excitation
@@ -342,6 +344,21 @@ def identification_json(identification: Identification, machine: Robot | Axis,
         'offsets': {} if offsets is None else {OFFSET: {
             'value': offsets.value, 'std': offsets.std, 'unit': unit_on(machine, offsets.unit)}},
         'causes': [entry.effect for entry in identification.causes]})
+
+
+def relative_deviations(parameters: Mapping[str, Parameter]) -> dict[str, float]:
+    """Return the relative deviation of each parameter.
+
+    Those of gravity on a turning axis are the parts of one vector: either may be zero, which is
+    then known as well as the other.
+    """
+    relative = {name: _relative(parameter) for name, parameter in parameters.items()}
+    parts = [name for name in GRAVITY if name in parameters]
+    size = math.hypot(*(parameters[name].number for name in parts))
+    if size > 0.0:
+        relative |= {name: float(np.max(np.asarray(parameters[name].std, dtype=float))) / size
+                     for name in parts}
+    return relative
 
 
 def _relative(parameter: Parameter) -> float:
