@@ -36,6 +36,7 @@ class PassiveJointFriction(Effect):
     parameters = (EffectParameter('coulomb', 'N m', 'machine', default=0.0),
                   EffectParameter('viscous', 'N m s/rad', 'machine', default=0.0))
     shared = True
+    separable = ((0,), (1,))
     needs_platform = True
     variables = 9
 

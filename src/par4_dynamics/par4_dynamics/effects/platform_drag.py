@@ -29,6 +29,7 @@ class PlatformDrag(Effect):
     parameters = (EffectParameter('viscous', 'N s/m', 'machine', default=0.0),
                   EffectParameter('quadratic', 'N s2/m2', 'machine', default=0.0))
     shared = True
+    separable = ((0,), (1,))
     needs_platform = True
     variables = 3
 

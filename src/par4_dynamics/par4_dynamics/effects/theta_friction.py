@@ -30,6 +30,7 @@ class ThetaFriction(Effect):
     parameters = (EffectParameter('coulomb', 'N m', 'machine', default=0.0),
                   EffectParameter('viscous', 'N m s/rad', 'machine', default=0.0))
     shared = True
+    separable = ((0,), (1,))
     needs_platform = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
