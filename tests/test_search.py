@@ -605,3 +605,27 @@ def test_joints_in_another_order_are(plain, order):
 def test_so_is_torque_that_has_nothing_to_do_with_the_motion(plain, seed):
     noise = np.random.default_rng(seed).normal(0.0, 5.0, plain.tau.shape)
     assert any('explain only' in reason for reason in reasons_of(replace(plain, tau=noise))[0])
+
+
+@pytest.mark.parametrize(('name', 'values', 'set_number'), [
+    ('theta_friction', {'coulomb': 0.3, 'viscous': 0.0}, 0),
+    ('theta_friction', {'coulomb': 0.0, 'viscous': 0.1}, 1),
+    ('passive_joint_friction', {'coulomb': 0.05, 'viscous': 0.0}, 0),
+    ('platform_drag', {'viscous': 0.0, 'quadratic': 2.0}, 1)])
+def test_a_law_of_two_terms_has_only_those_that_the_machine_has(name, values, set_number):
+    """The other one would be any number within its deviation, below zero as often as above."""
+    found, = search_of((name, values), library=(name,)).run()
+    assert (found.effect.name, found.sets) == (name, (set_number,))
+
+
+def test_both_terms_of_a_law_are_found_where_both_act():
+    values = {'coulomb': 0.3, 'viscous': 0.1}
+    found, = search_of(('theta_friction', values), library=('theta_friction',)).run()
+    assert found.sets in {None, (0, 1)}
+
+
+def test_a_ripple_of_few_periods_is_found_on_a_joint_that_hardly_makes_one():
+    """It goes with the load, so that it is neither gravity nor a spring."""
+    found, = search_of(('torque_ripple', {'relative': 0.05, 'periods': 7.0, 'phase': 0.3}),
+                       library=('torque_ripple',)).run()
+    assert found.shape == {'periods': 7.0}

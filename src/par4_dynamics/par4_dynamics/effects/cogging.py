@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numba
 import numpy as np
 
@@ -47,15 +49,16 @@ def _waves(state: State, periods: float) -> np.ndarray:
     return columns
 
 
-def lowest_order(state: State, span: float) -> int:
+def lowest_order(state: State, span: float, least_turns: float = LEAST_TURNS) -> int:
     """Return the lowest order worth trying of a joint that moves over a range of `span` rad.
 
-    It is `LOWEST_PERIODS`, or 1 on an axis that makes `LEAST_TURNS` turns: a weight off its axis
-    pulls once in a turn. The weight of an axis that is known to hang is a base term, though.
+    It has `least_turns` periods in that range and is at least `LOWEST_PERIODS`, or 1 on an axis
+    that makes `LEAST_TURNS` turns: a weight off its axis pulls once in a turn. The weight of an
+    axis that is known to hang is a base term, though.
     """
     turns = state.geometry is None and span >= LEAST_TURNS * 2.0 * np.pi
     usual = (2 if state.hanging == 'turning' else 1) if turns else LOWEST_PERIODS
-    return max(usual, int(np.ceil(LEAST_TURNS * 2.0 * np.pi / max(span, 1e-3))))
+    return max(usual, int(np.ceil(least_turns * 2.0 * np.pi / max(span, 1e-3))))
 
 
 def _highest(state: State) -> int:
@@ -80,10 +83,14 @@ class Cogging(Effect):
 
     Args:
         whole_orders: whether orders are sought among whole numbers only.
+
+    Attributes:
+        least_turns: periods in the range of a joint below which an order is not sought.
     """
 
     name = 'cogging'
     phrase = 'cogging torque'
+    least_turns: ClassVar[float] = LEAST_TURNS
     parameters = (
         EffectParameter('amplitude', 'N m', 'joint', per_order=True),
         EffectParameter('periods', '1/turn', 'machine', is_shape=True, per_order=True),
@@ -105,7 +112,8 @@ class Cogging(Effect):
         # periods a turn are whole: the torque returns after one turn
         span = float(np.max(np.ptp(state.q, axis=0)))  # of the joint that moves most
         return tuple({'periods': float(periods)}
-                     for periods in range(lowest_order(state, span), _highest(state) + 1))
+                     for periods in range(lowest_order(
+                         state, span, self.least_turns), _highest(state) + 1))
 
     def parts(self, shape: Shape) -> tuple[Shape, ...]:
         periods = shape['periods']

@@ -18,6 +18,7 @@ class TorqueRipple(Cogging):
     phrase = 'torque ripple'
     parameters = (EffectParameter('relative', '1', 'joint', per_order=True),
                   *Cogging.parameters[1:])
+    least_turns = 1.0  # it goes with the load, which gravity and springs do not
     needs_nominal = True
     variables = 2
 
