@@ -20,6 +20,7 @@ from par4_identification.diagnosis.evidence.side_by_side import side_by_side, th
 from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.search.orders import Lines, best_orders
 from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.verdict.floor import encoder_noise, noise_floor
 from par4_identification.logs.log import Log
 from par4_identification.signals.noise import ArNoise
 from par4_identification.signals.rows import Conditioning, runs_of_log
@@ -152,3 +153,13 @@ def test_where_all_orders_are_found_the_search_for_more_ends(evidence):
                               Rules())
     assert shape == {'periods': 31.0}
     assert gain > 1000.0
+
+
+def test_a_soft_transmission_is_no_reason_for_a_large_error():
+    """What counts make of a load that swings with them is no floor of the rows."""
+    motion = excitation('reference', 6.0, 905)
+    log = log_of(REFERENCE, motion.t, motion.q, MODEL.torque(state_of_motion(REFERENCE, motion)), 5)
+    runs = runs_of_log(log, REFERENCE)
+    soft = model_with(MODEL, 'elastic_transmission', stiffness=3e3)
+    np.testing.assert_array_equal(noise_floor(runs, soft), noise_floor(runs, MODEL))
+    assert np.all(encoder_noise(runs, soft) > 2.0 * encoder_noise(runs, MODEL))

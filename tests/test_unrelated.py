@@ -93,3 +93,19 @@ def test_what_is_below_the_noise_floor_is_no_burst(parts, floor, is_burst):
             found[-1].append((run, rows, np.zeros_like(rows)))
     told = unrelated(*found, np.full(4, floor), Rules())
     assert bool(told.bursts) == is_burst
+
+
+@pytest.mark.parametrize(('named', 'floor', 'is_burst'), [
+    (True, 0.01, True), (False, 0.01, True), (True, 0.003, True), (False, 0.003, False)])
+def test_what_a_cause_without_a_name_leaves_is_no_burst_of_noise(parts, named, floor, is_burst):
+    """It is larger in places than elsewhere, too, but most of the time it is more than noise."""
+    random = np.random.default_rng(1)
+    found = []
+    for part in parts:
+        found.append([])
+        for run in part:
+            rows = random.normal(0.0, 0.01, run.tau.shape)
+            rows[300:350] *= 4.0
+            found[-1].append((run, rows, np.zeros_like(rows)))
+    told = unrelated(*found, np.full(4, floor), Rules(), named)
+    assert bool(told.bursts) == is_burst

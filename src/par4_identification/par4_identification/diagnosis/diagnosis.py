@@ -241,19 +241,16 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         ((), base_only), (named, told), (model, whole)))
     extended = as_told(extended_model(baseline, rigid_body, evidence, named, told),
                        [cause.parameters for cause in causes])
-    # of effects with a nominal torque the noise of counts is left out of the floor
-    simple = extended.model_copy(update={'effects': tuple(
-        entry for entry in extended.effects if not effects[entry.effect].needs_nominal)})
-    floor = noise_floor(heldout.runs, build_model(machine, simple, effects))
+    floor = noise_floor(heldout.runs, build_model(machine, extended, effects))
     hypotheses = named
     if settled.loose is not None:
         cause, entry = cause_of(search.candidates.library[Backlash.name], settled.loose)
         causes.append(cause)
         hypotheses = (*named, Hypothesis(cause.effect, {}, cause.joints))
         extended = extended.model_copy(update={'effects': (*extended.effects, entry)})
-    rest = tuple(left_of(part.observations, model, base_only, whole)
+    rest = tuple(left_of(part.observations, model, base_only, whole, rules)
                  for part in (evidence, pool.heldout))
-    alone = unrelated(rest[0], rest[1], floor, rules)
+    alone = unrelated(rest[0], rest[1], floor, rules, named=not unnamed)
     near = None if causes else _nearest(search)
     excess = float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30)))
     steady = evidence.observations.steady

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -67,5 +68,11 @@ def encoder_noise(runs: Sequence[Run], model: Model) -> np.ndarray:
 
 
 def noise_floor(runs: Sequence[Run], model: Model) -> np.ndarray:
-    """Return the standard deviation (J,), N m, of the rows' residual under a perfect model."""
-    return np.hypot(torque_noise(runs), encoder_noise(runs, model))
+    """Return the standard deviation (J,), N m, of the rows' residual under a perfect model.
+
+    What counts make of effects with a nominal torque is left out: a soft transmission that swings
+    with them would make any error a floor.
+    """
+    simple = replace(model, effects=tuple(
+        active for active in model.effects if not active.effect.needs_nominal))
+    return np.hypot(torque_noise(runs), encoder_noise(runs, simple))

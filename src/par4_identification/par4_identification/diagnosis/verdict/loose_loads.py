@@ -84,7 +84,7 @@ def _hums(search: Search, model: Model) -> bool:
     """Return whether what a model leaves has frequencies of its own, which bounces have not."""
     evidence = search.pool.evidence
     base_only, fit = solve(evidence, ()), solve(evidence, model)
-    left = [left_of(part.observations, model, base_only, fit)
+    left = [left_of(part.observations, model, base_only, fit, search.rules)
             for part in (evidence, search.pool.heldout)]
     return bool(lines_of(*left)) or swing_of(left) is not None
 

@@ -15,6 +15,7 @@ import scipy
 
 from par4_identification.diagnosis.evidence.fit import Fit, residuals
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.signals.noise import fit_noise
@@ -83,26 +84,37 @@ class Unrelated:
 
 
 Left = tuple[Run, np.ndarray, np.ndarray]
-"""A run, what the model leaves of its rows (m, J), N m, and the torque of the causes (m, J)."""
+"""A run, what the model leaves of its rows (m, J), and by what its causes may be wrong, N m."""
 
 
-def left_of(observations: Observations, model: Sequence[Hypothesis], base_only: Fit, whole: Fit
-            ) -> list[Left]:
-    """Return of each run what a model leaves, and how far it differs from the base terms."""
+def left_of(observations: Observations, model: Sequence[Hypothesis], base_only: Fit, whole: Fit,
+            rules: Rules) -> list[Left]:
+    """Return of each run what a model leaves, and by what the torque of its causes may be wrong.
+
+    That is a share of the difference that they make to the base terms (`Rules.named_error`) and one
+    of the torque of those without a name (`Rules.unnamed_error`).
+    """
     before, after = (residuals(observations, part, fit)
                      for part, fit in (((), base_only), (model, whole)))
-    return [(run, left, old - left) for run, old, left in zip(observations.runs, before, after)]
+    unnamed = [np.zeros_like(part) for part in after]
+    for item, coefficients in zip(model, whole.coefficients):
+        if isinstance(item.effect, Kind):
+            unnamed = [total + np.einsum('mjk,kj->mj', rows, coefficients) for total, rows in zip(
+                unnamed, observations.effect_rows(item.effect, item.shape))]
+    return [(run, left, np.hypot(rules.named_error * (old - left), rules.unnamed_error * own))
+            for run, old, left, own in zip(observations.runs, before, after, unnamed)]
 
 
-def unrelated(fit: Sequence[Left], heldout: Sequence[Left], floor: np.ndarray, rules: Rules
-              ) -> Unrelated:
+def unrelated(fit: Sequence[Left], heldout: Sequence[Left], floor: np.ndarray, rules: Rules,
+              named: bool = True) -> Unrelated:
     """Return what residuals contain that follows nothing in the motion.
 
     Args:
         fit, heldout: what the model leaves of fitted and held-out rows, see `left_of`.
         floor: rms that a perfect model would leave, (J,), N m.
-        rules: `Rules.floor_excess` tells how much more than that is more than noise, and
-            `Rules.named_error` how much of it may be an error of the causes' torque.
+        rules: `Rules.floor_excess` tells how much more than that is more than noise.
+        named: whether every cause of the model has a name. What others leave is often no noise, so
+            that nothing in it is told as a burst unless most of the time only noise is left.
     """
     runs = [*fit, *heldout]
     if runs[0][0].conditioning.steady:  # plateaus do not follow each other in time
@@ -116,7 +128,8 @@ def unrelated(fit: Sequence[Left], heldout: Sequence[Left], floor: np.ndarray, r
     wanders = np.hypot(floor, more) > rules.floor_excess * floor
     memory = _correlation_time(runs) if wanders.any() else 0.0
     return Unrelated(np.where(wanders, more, 0.0), memory, lines,
-                     _bursts(heldout, floor, rules))
+                     _bursts(
+                         heldout, floor, np.inf if named else rules.floor_excess))
 
 
 def _correlation_time(runs: Sequence[Left]) -> float:
@@ -213,16 +226,16 @@ def _peaks(time: np.ndarray, left: np.ndarray, torque: np.ndarray, valid: np.nda
     return sorted(found, key=lambda item: -item[1])
 
 
-def _bursts(runs: Sequence[Left], floor: np.ndarray, rules: Rules
+def _bursts(runs: Sequence[Left], floor: np.ndarray, most: float
             ) -> tuple[tuple[float, float], ...]:
     """Return when residuals are larger than noise of one size is by chance.
 
     That size is what they have most of the time, and no less than the floor: noise that follows the
     motion, as that of encoder counts does, is smaller in places. Where the causes' torque is large,
-    so may be their error.
+    so may be their error. Joints on which that size is more than `most` floors have none.
     """
     found = []
-    for run, left, torque in runs:
+    for run, left, wrong in runs:
         period = run.row_time
         length = max(2, round(BURST / period))
         for joint in range(left.shape[1]):
@@ -230,9 +243,8 @@ def _bursts(runs: Sequence[Left], floor: np.ndarray, rules: Rules
             noise = fit_noise([left[:, joint]], [valid])
             white = noise.whiten(left[:, [joint]], valid)[:, 0]
             firsts = range(0, len(left) - length + 1, length)
-            error = rules.named_error * np.abs(torque[:, joint])
             own = np.sqrt(np.mean(left[valid, joint] ** 2)) if valid.any() else 1.0
-            white /= np.sqrt(1.0 + (error / max(own, 1e-30)) ** 2)
+            white /= np.sqrt(1.0 + (wrong[:, joint] / max(own, 1e-30)) ** 2)
             count = np.array([valid[first:first + length].sum() for first in firsts])
             squares = np.array([np.sum(white[first:first + length] ** 2) for first in firsts])
             enough = count > length // 2
@@ -240,6 +252,8 @@ def _bursts(runs: Sequence[Left], floor: np.ndarray, rules: Rules
                 continue
             level = max(np.median(squares[enough] / count[enough]),
                         np.mean(white[valid] ** 2) * (floor[joint] / max(own, 1e-30)) ** 2)
+            if level > (most * floor[joint] / max(own, 1e-30)) ** 2 * np.mean(white[valid] ** 2):
+                continue
             limit = scipy.stats.f.isf(CHANCE / len(firsts), length, enough.sum() * length // 4)
             for first, size, rows in zip(firsts, squares, count):
                 if rows > length // 2 and size > 2.0 * limit * level * rows:
