@@ -78,8 +78,9 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
             f'{before} on data the model has not seen, the noise floor being {noise}, '
             f'which no function of the recorded motion gives.', 'fair', remarks)
     them = 'it' if len(diagnosis.causes) == 1 else 'them'
+    falls = (f'falls from {before} to {after}' if before != after else f'stays at {after}')
     sentence = (f"The machine has {names}; with {them} the model's error on data it has not seen "
-                f'falls from {before} to {after}, the noise floor being {noise}')
+                f'{falls}, the noise floor being {noise}')
     if rattling:
         return Outcome(f'{sentence}; loads that rattle remain, which no function of the recorded '
                        f'motion gives.', 'fair', remarks)
@@ -245,9 +246,15 @@ def _phrase_of_joints(cause: Cause, machine: Robot | Axis) -> str:
 
 
 def _size(parameter: Parameter, machine: Robot | Axis, factor: float = 1.0) -> str:
-    """Return a value, or the range of the joints' values, with its unit if it has one."""
+    """Return a value, or the range of those of the joints that are not zero by chance, with its
+    unit if it has one.
+    """
     unit = unit_on(machine, parameter.unit)
     values = factor * np.atleast_1d(np.asarray(parameter.value, dtype=float))
+    if parameter.std is not None:
+        told = told_from_zero(values, factor * np.atleast_1d(
+            np.asarray(parameter.std, dtype=float)))
+        values = values[told] if told.any() else values
     low, high = float(values.min()), float(values.max())
     text = number(float(values.mean()), 2)
     if high - low > 0.1 * max(abs(low), abs(high)):
