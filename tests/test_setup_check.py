@@ -129,6 +129,18 @@ def test_a_mistake_is_told_and_mended(case, name, request):
     assert error_of(check.logs[0]) < 1.3 * error_of(log)
 
 
+def test_many_slips_of_an_encoder_are_one_finding(clean):
+    times = np.arange(2.0, 8.0)
+    slipped = clean
+    for at in times:
+        slipped = mistakes.slipped(slipped, 1, at, 0.02)
+    kinds, check = found(slipped)
+    assert kinds == [('encoder_slip', (1,))]
+    assert f'jumps {len(times)} times' in check.findings[0].evidence
+    assert '1.15 to 1.15' in check.findings[0].evidence
+    assert error_of(check.logs[0]) < 1.3 * error_of(clean)
+
+
 def test_exchanged_legs_are_put_right_up_to_the_mirror_image_of_the_machine(clean):
     kinds, check = found(mistakes.exchanged(clean, 0, 1, 'q', 'tau'))
     assert kinds in ([('joints_exchanged', (0, 1))], [('joints_exchanged', (2, 3))])

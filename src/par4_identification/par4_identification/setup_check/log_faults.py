@@ -26,11 +26,14 @@ from par4_identification.setup_check.samples import (
     slips,
     spikes,
 )
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.words import listed, number, percent
 
 LEAST_SOUND, LEAST_SHARE = 3.0, 0.2
 """s in stretches of at least a second, and share of the log, that must be left."""
+MOST_TOLD = 3
+"""Slips of a joint that are told one by one."""
 AT_LIMIT = 0.98
 """Share of the torque limit from which a flat torque is that of an amplifier at its limit."""
 
@@ -60,9 +63,11 @@ def joints_in_words(joints: Sequence[int]) -> str:
     return f'joint{"s" if len(joints) > 1 else ""} {listed([str(joint) for joint in joints])}'
 
 
-def _despiked(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
+def _despiked(log: Log, machine: Robot | Axis) -> tuple[list[Finding], Log]:
     found = []
-    for column, name, unit in (('q', 'positions', 'rad'), ('tau', 'torques', 'N m')):
+    for column, name, unit in (
+            ('q', 'positions', unit_on(machine, 'rad')),
+            ('tau', 'torques', unit_on(machine, 'N m'))):
         wrong = spikes(log, column)
         if not wrong.any():
             continue
@@ -144,15 +149,23 @@ def _unslipped(log: Log, machine: Robot | Axis) -> tuple[list[Finding], Log]:
     found = []
     slides = isinstance(machine, Axis) and machine.kind == 'linear'
     unit, scale = ('mm', 1e3) if slides else ('degrees', math.degrees(1.0))
-    for row, joint, step in steps:
-        count = resolution(log.q[:, joint])
-        found.append(Finding(
+    for joint in dict.fromkeys(joint for _, joint, _ in steps):
+        own = [(row, scale * step) for row, other, step in steps if other == joint]
+        known = f'+- {number(scale * 2.0 * resolution(log.q[:, joint]), 1)} {unit}'
+        told = [(row, f'jumps by {number(step, 3)} {known} within a sample at '
+                      f'{number(float(log.t[row]), 4)} s and stays there; from then on the step '
+                      f'is taken off') for row, step in own]
+        if len(own) > MOST_TOLD:
+            sizes = [abs(step) for _, step in own]
+            told = [(own[0][0], f'jumps {len(own)} times within a sample and stays there, by '
+                                f'{number(min(sizes), 3)} to {number(max(sizes), 3)} {known}, '
+                                f'first at {number(float(log.t[own[0][0]]), 4)} s; each step is '
+                                f'taken off')]
+        found += [Finding(
             'encoder_slip', (joint,), _span(log, row, len(log.t) - 1),
-            f'the position of joint {joint} in {log.name} jumps by '
-            f'{number(scale * step, 3)} +- {number(scale * 2.0 * count, 1)} {unit} '
-            f'within a sample at {number(float(log.t[row]), 4)} s and stays there; from then on '
-            'the step is taken off',
-            f'Tighten the coupling of the encoder of joint {joint} and set its zero anew.', True))
+            f'the position of joint {joint} in {log.name} {words}',
+            f'Tighten the coupling of the encoder of joint {joint} and set its zero anew.', True)
+            for row, words in told]
     return found, unslipped(log, steps)
 
 
