@@ -7,6 +7,7 @@ model only.
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from searches import MODEL, cause, log_with
 from par4_dynamics.base_terms import BASE_TERMS, FRICTION
 from par4_dynamics.model import build_model
 from par4_identification.changes.changes import explained_change
-from par4_identification.changes.explanation import CHANCE, explained
+from par4_identification.changes.explanation import CHANCE, Read, explained
 from par4_identification.changes.joint_values import (
     JointValues,
     fitted_values,
@@ -45,11 +46,16 @@ from par4_identification.changes.swallowed import swallowed_values
 from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.fitting.identification import identify
-from par4_identification.reports.outcome.changes import name_of_reading, phrase_of_reading
+from par4_identification.reports.outcome.changes import (
+    name_of_reading,
+    phrase_of_reading,
+    with_changes,
+)
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.robot import Axis
 from par4_sim.noise import Noise
+from par4_sim.report.outcome import Outcome
 from robots import REFERENCE
 
 NAMES = tuple(term.name for term in BASE_TERMS)
@@ -245,6 +251,21 @@ def test_words_of_an_axis():
     assert phrase_of_reading(Added(None, 'actuator_inertia'), 8.0, axis) == (
         'moving mass of slide up by 8.0 kg')
     assert len(readings_of(BASE_TERMS[:1] + BASE_TERMS[-2:], 1)) == 5  # none twice
+
+
+@pytest.mark.parametrize(('after', 'is_told'), [(1.1, False), (40.0, False), (190.0, True)])
+def test_a_change_that_leaves_most_of_the_error_is_told_as_that(after, is_told):
+    """A load that was hung on half way is an average of both halves otherwise."""
+    slide = Axis(schema='par4/axis/1', name='lift', joint='lift', kind='linear', gain=1.0)
+    changes = SimpleNamespace(
+        read=(Read(Added(None, 'actuator_inertia'), 8.7, 1.3, 0.0, ()),), beyond_readings=False,
+        given_rms=np.array([250.0]), since='h2')
+    diagnosis = SimpleNamespace(verdict='clean', causes=(), holdout=SimpleNamespace(
+        baseline_rms=np.array([after]), extended_rms=np.array([after]),
+        noise_floor_rms=np.array([1.0])))
+    told = with_changes(Outcome('It is clean.', 'good', ()), changes, diagnosis, slide)
+    assert any('of the error stay' in remark.text for remark in told.remarks) == is_told
+    assert told.standing == ('fair' if is_told else 'good')
 
 
 def test_every_reading_has_a_name_of_its_own():

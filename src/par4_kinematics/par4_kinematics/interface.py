@@ -114,7 +114,8 @@ EXECUTABLES = (
 
 SCHEMAS = (
     ('robot.yaml', 'par4/robot/1', 'a robot with the Par4 topology'),
-    ('robot.yaml', 'par4/axis/1', 'a single motor-driven axis; its keys: [measured.md](measured.md)'),
+    ('robot.yaml', 'par4/axis/1', 'a single motor-driven axis; its keys: '
+                                  '[measured.md](measured.md)'),
     ('model.yaml', 'par4/model/1', 'parameters and effects: identification, feedforward and '
                                    'simulation share it'),
     ('motion.yaml', 'par4/motion/1', 'a recipe, or samples in a CSV beside it'),

@@ -24,17 +24,20 @@ from par4_identification.changes.readings import (
     applied,
     mass_on_lever,
 )
-from par4_identification.diagnosis.verdict.answer import Diagnosis, Verdict
+from par4_identification.diagnosis.verdict.answer import Diagnosis, Holdout, Verdict
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import capital, in_words, joint_labels, listed, number
+from par4_sim.report.words import capital, in_words, joint_labels, listed, number, percent
 
 FRACTIONS = ((1 / 2, 'half'), (1 / 3, 'a third'), (1 / 4, 'a quarter'))
 NEAR = 0.02
 """Share within which a fraction is said in words."""
+HALF, FAR = 0.5, 3.0
+"""Share of the error, and ratio to the noise floor, of which what was found mends little if as much
+is left."""
 SEVERAL = 'friction'
 
 
@@ -167,7 +170,8 @@ def with_changes(outcome: Outcome, changes: Changes, diagnosis: Diagnosis,
                 f'anew, {after} with what was found, the noise floor being {floor}.')
     if not told_by_readings:
         sentence += f' {outcome.sentence}'
-    remarks = [*_twin_remarks(changes, machine), *_left_remarks(changes)]
+    remarks = [*_twin_remarks(changes, machine), *_left_remarks(changes),
+               *_mends_little(changes, holdout)]
     return replace(outcome, sentence=sentence, standing='fair' if remarks or (
         outcome.standing != 'good') else 'good', remarks=(*remarks, *outcome.remarks))
 
@@ -191,6 +195,19 @@ def _left_remarks(changes: Changes) -> list[Remark]:
     return [Remark(False, f'Base parameters differ beyond that, most in '
                           f'{listed(_left_labels(changes)[:3])}, as no known reading explains.',
                    'Look at those joints for what else has been done to the machine.')]
+
+
+def _mends_little(changes: Changes, holdout: Holdout) -> list[Remark]:
+    """Return that what has changed leaves most of the error, if it does."""
+    given, after, floor = (over_joints(rms) for rms in (
+        changes.given_rms, holdout.extended_rms, holdout.noise_floor_rms))
+    if after < max(HALF * given, FAR * floor):
+        return []
+    return [Remark(False, f'With what was found {percent(after / given)} of the error stay, '
+                          f'{number(after / floor, 2)} times the noise floor: its size may be that '
+                          f'of something else, or of a part of the recordings.',
+                   'If the machine changed within a recording, cut it there with par4_bag '
+                   '--between; look at the residuals over time in the report.')]
 
 
 def name_of_reading(reading: Reading, machine: Robot | Axis) -> str:
