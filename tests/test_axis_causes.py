@@ -85,6 +85,18 @@ def test_an_encoder_beside_its_shaft_is_no_torque():
     assert cause.parameters['phase'].value == pytest.approx((1.0,), abs=0.1)
 
 
+@pytest.mark.parametrize('amplitude', [0.02, 0.05])
+def test_the_encoder_of_any_axis_may_be_mounted_badly(amplitude):
+    """The arms of a Par4 have none that is off by more than a degree; this was ripple then."""
+    log = recorded(SPINDLE, turns, 14.0, 400.0, noise=0.002)
+    read = log.q + amplitude * np.sin(log.q + 1.0)
+    library = (*ONCE_IN_A_TURN, 'torque_ripple')
+    cause, = diagnosed(replace(log, q=read), axis(), library).causes
+    assert cause.effect.name == 'encoder_eccentricity'
+    assert cause.parameters['amplitude'].value == pytest.approx((amplitude,), rel=0.02)
+    assert cause.parameters['phase'].value == pytest.approx((1.0,), abs=0.05)
+
+
 # ------------------------------------------------------------------------- springs
 
 

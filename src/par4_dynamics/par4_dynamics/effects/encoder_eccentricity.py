@@ -8,6 +8,7 @@ import numpy as np
 
 from par4_dynamics.effects.cogging import LEAST_TURNS
 from par4_dynamics.effects.effect import (
+    FAST,
     Base,
     Effect,
     EffectParameter,
@@ -21,6 +22,8 @@ from par4_dynamics.state import State, state_of_joints
 
 LARGEST = math.radians(1.0)
 """A disc of 20 mm radius that sits 0.35 mm beside its shaft, which is to be seen as it turns."""
+LARGEST_OF_AXIS = math.radians(5.0)
+"""Of any machine: a small disc, a magnet beside its chip, or a bent coupling."""
 
 
 class EncoderEccentricity(Effect):
@@ -79,7 +82,8 @@ class EncoderEccentricity(Effect):
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         amplitude = values['amplitude']
-        worst = beyond(amplitude, std['amplitude'], -LARGEST, LARGEST)
+        largest = LARGEST_OF_AXIS if FAST in base else LARGEST
+        worst = beyond(amplitude, std['amplitude'], -largest, largest)
         if worst is not None:
             return (f'an eccentricity of {math.degrees(amplitude[worst]):.3g} degrees is more than '
                     f'a badly mounted encoder has')
