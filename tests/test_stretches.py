@@ -123,6 +123,12 @@ def test_of_many_short_logs_some_are_taken_whole():
     assert (taken[0].name, taken[-1].name) == ('log 0', 'log 99')
 
 
+def test_a_log_of_two_samples_a_minute_is_cut_between_them():
+    log = replace(log_of(60.0), period=30.0, t=30.0 * np.arange(6000))
+    thin, = spread_over([log], 6000.0)
+    assert seconds_of([thin]) == pytest.approx(6000.0)
+
+
 def test_of_logs_without_a_stretch_for_the_filters_something_is_returned():
     log = log_of(60.0)
     torn = replace(log, segments=tuple(slice(start, start + 20) for start in range(0, 6000, 50)))

@@ -55,7 +55,7 @@ def in_pieces(log: Log) -> Log:
 
 def _cut(log: Log, longest: float) -> list[slice]:
     """Return the sound stretches of a log, each in equal parts of `longest` s at the most."""
-    samples = round(longest / log.period)
+    samples = max(1, round(longest / log.period))
     parts = []
     for segment in log.segments:
         count = -(-(segment.stop - segment.start) // samples)
