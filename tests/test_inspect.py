@@ -14,9 +14,13 @@ from test_commands import run
 from par4_dynamics.model import read_model
 from par4_identification.commands import bag as bag_command
 from par4_identification.fitting.identification import identify
+from par4_identification.inspection.fitness import fitness_of
+from par4_identification.logs.log import Log
 from par4_identification.logs.read_log import read_log
+from par4_identification.setup_check.check import check_setup
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion_file import named_motion
+from par4_kinematics.robot import Axis
 from par4_sim.bag_writer import BagWriter
 from par4_sim.offline import simulate_to_bag
 from par4_sim.simulation import build_simulation
@@ -134,3 +138,33 @@ def test_what_is_no_bag_is_refused_in_one_line(tmp_path, content):
     assert (told.code, told.out) == (2, '')
     assert told.err.startswith('error: ')
     assert told.err.count('\n') == 1
+
+
+def uses_of_axis(q, tau, period):
+    """Return tool -> use of the log of an axis."""
+    log = Log('axis', ('motor',), 10 ** 18, period, period * np.arange(len(q)), q[:, None],
+              tau[:, None], (slice(0, len(q)),), None, None)
+    axis = Axis(schema='par4/axis/1', name='axis', joint='motor', kind='revolute', gain=1.0)
+    return {item.tool: item.use for item in fitness_of(check_setup([log], axis))[0]}
+
+
+def test_a_slow_axis_is_judged_by_the_filters_that_suit_it():
+    """At 20 Hz, of which par4_identify and par4_diagnose make good use."""
+    t, random = 0.05 * np.arange(2400), np.random.default_rng(1)
+    rates = 2.0 * np.pi * np.array((0.021, 0.047, 0.083))
+    q = 2.0 * np.sin(rates * t[:, None]).sum(axis=1)
+    qd = 2.0 * (rates * np.cos(rates * t[:, None])).sum(axis=1)
+    qdd = -2.0 * (rates ** 2 * np.sin(rates * t[:, None])).sum(axis=1)
+    uses = uses_of_axis(q, 0.8 * qdd + 2.0 * np.sign(qd) + 1.5 * qd + random.normal(
+        0.0, 0.01, len(t)), 0.05)
+    assert (uses['identify'], uses['diagnose']) == ('yes', 'yes')
+
+
+@pytest.mark.parametrize(('speeds', 'use'), [(12, 'yes'), (4, 'no')])
+def test_steady_speeds_are_of_use_if_there_are_enough(speeds, use):
+    random = np.random.default_rng(1)
+    levels = np.concatenate([side * np.geomspace(0.5, 8.0, speeds // 2) for side in (1.0, -1.0)])
+    speed = np.repeat(levels, 100)
+    uses = uses_of_axis(0.1 * np.cumsum(speed), 2.0 * np.sign(speed) + 0.1 * speed + random.normal(
+        0.0, 0.01, len(speed)), 0.1)
+    assert (uses['identify'], uses['diagnose'], uses['validate']) == (use, use, 'no')

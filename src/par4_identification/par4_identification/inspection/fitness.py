@@ -144,7 +144,7 @@ def _diagnosed(check: SetupCheck, runs: Sequence[Run]) -> Fitness:
     try:
         start = start_of(observations, check.machine, 'paper',
                          OF_AXIS if isinstance(check.machine, Axis) else Rules())
-        reasons = list(start.reasons)
+        reasons = list(start.reasons or start.unless_shown)
     except Par4Error as error:
         reasons = [str(error)]
     except np.linalg.LinAlgError:
