@@ -80,9 +80,8 @@ def test_a_line_where_the_model_has_far_more_torque_is_its_error(parts, torque, 
     assert bool(lines_of(*found)) == is_line
 
 
-@pytest.mark.parametrize(('floor', 'is_burst'), [(0.01, True), (0.05, False)])
-def test_what_is_below_the_noise_floor_is_no_burst(parts, floor, is_burst):
-    """Noise that follows the motion is less than its mean in most places, and more in some."""
+def with_a_burst(parts):
+    """Return noise of 0.01 N m that is four times as large for half a second."""
     random = np.random.default_rng(1)
     found = []
     for part in parts:
@@ -91,7 +90,13 @@ def test_what_is_below_the_noise_floor_is_no_burst(parts, floor, is_burst):
             rows = random.normal(0.0, 0.01, run.tau.shape)
             rows[300:350] *= 4.0
             found[-1].append((run, rows, np.zeros_like(rows)))
-    told = unrelated(*found, np.full(4, floor), Rules())
+    return found
+
+
+@pytest.mark.parametrize(('floor', 'is_burst'), [(0.01, True), (0.05, False)])
+def test_what_is_below_the_noise_floor_is_no_burst(parts, floor, is_burst):
+    """Noise that follows the motion is less than its mean in most places, and more in some."""
+    told = unrelated(*with_a_burst(parts), np.full(4, floor), Rules())
     assert bool(told.bursts) == is_burst
 
 
@@ -99,13 +104,5 @@ def test_what_is_below_the_noise_floor_is_no_burst(parts, floor, is_burst):
     (True, 0.01, True), (False, 0.01, True), (True, 0.003, True), (False, 0.003, False)])
 def test_what_a_cause_without_a_name_leaves_is_no_burst_of_noise(parts, named, floor, is_burst):
     """It is larger in places than elsewhere, too, but most of the time it is more than noise."""
-    random = np.random.default_rng(1)
-    found = []
-    for part in parts:
-        found.append([])
-        for run in part:
-            rows = random.normal(0.0, 0.01, run.tau.shape)
-            rows[300:350] *= 4.0
-            found[-1].append((run, rows, np.zeros_like(rows)))
-    told = unrelated(*found, np.full(4, floor), Rules(), named)
+    told = unrelated(*with_a_burst(parts), np.full(4, floor), Rules(), named)
     assert bool(told.bursts) == is_burst
