@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_identification.logs.stamps import GAP
+from par4_identification.logs.stamps import FASTEST, GAP
 from par4_identification.logs.units import Kind, si_unit
 
 JUMP = 0.4
@@ -22,8 +22,8 @@ LARGEST = 1e12
 """SI units; what is beyond is no reading of a machine, and its square may be infinite."""
 PLAIN_TURNS = 1e3
 """Turns beyond which whole numbers are counts rather than angles."""
-SLOWEST, FASTEST = 0.5, 5e-6
-"""s from row to row beyond which times are likely to count another unit."""
+SLOWEST = 0.5
+"""s from row to row above which times are likely to count another unit."""
 FASTEST_JOINT = {'revolute': 1e4, 'linear': 50.0}
 """rad/s and m/s; a motor turns at a tenth of the former, a slide moves at a tenth of the latter."""
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+FASTEST = 5e-6
+"""s between samples; no logger records faster, so that times count another unit."""
 GAP = 1.5
 """Spacing in periods above which samples are missing."""
 CROWDED = 0.25

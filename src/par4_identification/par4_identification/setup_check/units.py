@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from par4_identification.logs.log import Log
+from par4_identification.logs.stamps import FASTEST
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_identification.setup_check.repair import slowed
 from par4_kinematics.position import closes
@@ -20,8 +21,8 @@ TURN = 3.5
 LEAST_CLOSED = 0.95
 """Share of samples with which the mechanism closes once they are in radians."""
 PROBES = 200
-SLOWEST, FASTEST = 0.05, 5e-6
-"""s; periods beyond which stamps count another unit."""
+SLOWEST = 0.05
+"""s; period above which stamps of a Par4 count another unit."""
 THOUSAND = 1e3
 QUICKER = 3.0
 """Most by which a joint may exceed the speed limit of the robot file."""

@@ -18,6 +18,7 @@ import scipy
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import near
+from par4_identification.logs.stamps import FASTEST
 from par4_identification.logs.stretches import SHORTEST
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
 from par4_identification.signals.plateaus import plateaus_of
@@ -32,8 +33,6 @@ SLOWEST_HZ = 50.0
 """Rate below which a motion that goes faster and slower cannot be filtered."""
 
 
-FASTEST_HZ = 2e5
-"""Rate beyond which no logger records."""
 FINE_HZ = 1000.0
 """Rate of the samples of an axis from which columns are computed, at the least."""
 
@@ -211,7 +210,7 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
         least = max(SHORTEST, 4.0 * conditioning.reach)
         raise InputError(f'{log.name}: no uninterrupted stretch of at least {least:.1f} s, which '
                          f'the filters need; record longer or without gaps'
-                         + ('' if rate < FASTEST_HZ else
+                         + ('' if log.period > FASTEST else
                             f' (its stamps say {rate:.3g} Hz: are they in seconds?)'))
     return runs
 
