@@ -11,6 +11,7 @@ from par4_identification.logs.column_choice import Choice, Scales, chosen_column
 from par4_identification.logs.table_bag import Part, measured_of_files, write_measured
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import JOINT_NAMES, Axis, Robot, read_machine
 
 ALIKE = 0.01
@@ -57,15 +58,17 @@ def gain_of_motor(given: tuple[float, ...], choices: dict[str, Choice],
     Raises:
         InputError: the two differ.
     """
-    known = machine.motor_gain if isinstance(machine, Axis) else None
-    if known is None or all(choice.meaning.scale != 'motor_gain' for choice in choices.values()):
+    if (not isinstance(machine, Axis) or machine.motor_gain is None
+            or all(choice.meaning.scale != 'motor_gain' for choice in choices.values())):
         return given
+    known, gears = machine.motor_gain, machine.gear_ratio
     if given and not np.allclose(given, known, rtol=ALIKE):
-        ratio, gears = known / given[0], machine.gear_ratio if isinstance(machine, Axis) else None
+        ratio = known / given[0]
         behind = gears is not None and np.isclose(ratio, gears, rtol=ALIKE)
         raise InputError(
-            f'--motor-gain {given[0]:g}: the robot file says {known:g} N m/A at the joint'
-            + (', behind its gear' if behind else f', {ratio:.3g} times as much')
+            f'--motor-gain {given[0]:g}: the robot file says {known:g} {unit_on(machine, "N m")}/A '
+            + ('at the joint, behind its gear' if behind else
+               f'at the joint, {ratio:.3g} times as much')
             + '; leave the option out, or mend the file')
     return given or (known,)
 
