@@ -53,6 +53,7 @@ from par4_identification.reports.outcome.identification import (
     autocorrelation,
     memory,
     outcome_of_identification,
+    relative_deviations,
 )
 from par4_identification.reports.residual_plots import (
     residual_over_motion,
@@ -814,6 +815,21 @@ def test_sizes_that_differ_or_are_parts_of_a_whole_or_shares():
     assert phrase_of_cause(SimpleNamespace(effect=gain, joints=(2,), parameters={
         'relative': Parameter(value=(0.03,), unit='1')}), REFERENCE) == (
             '3.0 % of drive gain error on joint 2')
+
+
+def test_a_series_is_told_by_the_torque_that_it_reaches():
+    """Its terms are no torques: 2 u - 1.5 P_2(u) goes from -3.5 to 1.19 in -1 to 1."""
+    spring = cause('position_torque', (0,), coefficients=(0.0, 2.0, -1.5), range=(0.0, 1.57))
+    assert phrase_of_cause(spring, AXIS) == '-3.5 to 1.2 N of torque that follows the position'
+
+
+def test_gravity_along_one_axis_is_known_along_both():
+    """A part of zero is as certain as the other."""
+    found = relative_deviations({
+        'gravity_sine': Parameter(value=25.0, std=0.05), 'viscous_friction': Parameter(
+            value=2.0, std=0.1), 'gravity_cosine': Parameter(value=-0.02, std=0.03)})
+    assert found == pytest.approx({'gravity_sine': 0.002, 'viscous_friction': 0.05,
+                                   'gravity_cosine': 0.0012}, rel=1e-3)
 
 
 def test_numbers_keep_their_digits():

@@ -53,8 +53,7 @@ def obeys(dithered: Dithered, projection: Projection, hypothesis: Hypothesis, ti
         return True
     evidence = projection.evidence
     orders = _orders(hypothesis, evidence.observations.runs[0].conditioning.torque_cutoff_hz)
-    whole = stacked(evidence, [run.rows(orders(run.state))
-                                for run in evidence.observations.runs])
+    whole = stacked(evidence, [run.rows(orders(run.state)) for run in evidence.observations.runs])
     columns = projection.rest(whole)
     told = columns.T @ columns, columns.T @ projection.residual
     (gram, moment), blurred = told, np.zeros_like(told[0])

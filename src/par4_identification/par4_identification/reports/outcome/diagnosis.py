@@ -156,12 +156,12 @@ def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
 def _reach(cause: Cause) -> tuple[float, float] | None:
     """Return the least and the greatest torque of a series, N m, whose terms say little; or None.
     """
-    if not any(item.per_order and not item.is_shape for item in cause.effect.parameters):
+    terms = [item for item in cause.effect.parameters if item.per_order]
+    if not terms or any(item.is_shape for item in terms):  # of a periodic torque, orders
         return None
     values = {name: np.asarray(own.value, dtype=float) for name, own in cause.parameters.items()}
-    for item in cause.effect.parameters:
-        if item.per_order and values[item.name].size % len(cause.joints) == 0:
-            values[item.name] = np.reshape(values[item.name], (-1, len(cause.joints))).T
+    for item in terms:  # as effects take them, (J, terms)
+        values[item.name] = np.reshape(values[item.name], (-1, len(cause.joints))).T
     return cause.effect.reach(values)
 
 
