@@ -18,7 +18,7 @@ from par4_identification.diagnosis.evidence.observations import with_nominal
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side, threads_of_process
 from par4_identification.diagnosis.evidence.whitener import Whitener
-from par4_identification.diagnosis.search.orders import Lines, best_orders
+from par4_identification.diagnosis.search.orders import Lines, _strongest, best_orders
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.verdict.floor import encoder_noise, noise_floor
 from par4_identification.logs.log import Log
@@ -153,6 +153,39 @@ def test_where_all_orders_are_found_the_search_for_more_ends(evidence):
                               Rules())
     assert shape == {'periods': 31.0}
     assert gain > 1000.0
+
+
+@pytest.fixture
+def looks(monkeypatch):
+    """How often the strongest line is looked for."""
+    counted = []
+    monkeypatch.setattr('par4_identification.diagnosis.search.orders._strongest',
+                        lambda *asked: counted.append(asked) or _strongest(*asked))
+    return counted
+
+
+def test_orders_that_are_known_are_the_answer_after_two_looks(evidence, looks):
+    ripple, projection = CATALOGUE['torque_ripple'], project(evidence, ())
+    tried = [{'periods': order} for order in np.arange(6.0, 60.0)]
+    anew, gain = best_orders(ripple, tried, projection, Rules())
+    assert len(anew['periods']) == len(looks) - 1 > 1
+    looks.clear()
+    again, same = best_orders(ripple, tried, projection, Rules(), anew)
+    assert again == anew
+    assert len(looks) == 2
+    assert same == pytest.approx(gain, rel=1e-6)
+
+
+@pytest.mark.parametrize('change', [
+    lambda orders: orders[1:], lambda orders: orders[:-1], lambda orders: (*orders, 50.0),
+    lambda _: (7.0, 8.0)])
+def test_orders_that_are_known_wrongly_are_found_anew(evidence, change):
+    ripple, projection = CATALOGUE['torque_ripple'], project(evidence, ())
+    tried = [{'periods': order} for order in np.arange(6.0, 60.0)]
+    anew, _ = best_orders(ripple, tried, projection, Rules())
+    known = {'periods': change(anew['periods'])}
+    assert known != anew
+    assert best_orders(ripple, tried, projection, Rules(), known)[0] == anew
 
 
 def test_a_soft_transmission_is_no_reason_for_a_large_error():

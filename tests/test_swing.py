@@ -147,12 +147,27 @@ def test_a_search_that_goes_on_from_another_one_ends_where_it_would():
     true = 1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2)
     projection = project(evidence_of_axis(true, damping_ratio=0.15), [])
     anew = swing_in(projection, LEAST, PRICE)
-    near = Swing(1.2 * anew.compliance, 0.1, 0.0)
-    far = Swing(np.array([30.0 * true]), 0.1, 0.0)  # in another basin: it is begun anew
+    near = Swing(1.2 * anew.compliance, 0.1, 0.0, (None,))
+    far = Swing(np.array([30.0 * true]), 0.1, 0.0, (None,))  # in another basin: it is begun anew
     for known in (near, far):
         found = swing_in(projection, LEAST, PRICE, known)
         np.testing.assert_allclose(found.compliance, anew.compliance, rtol=0.01)
         assert found.damping_ratio == pytest.approx(anew.damping_ratio, rel=0.05)
+
+
+def test_a_search_whose_first_look_is_the_same_is_not_begun_anew(monkeypatch):
+    """Not even where the first look promises more than the descent can keep."""
+    projection = project(evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2),
+                                          damping_ratio=0.15), [])
+    anew = swing_in(projection, LEAST, PRICE)
+    monkeypatch.setattr('par4_identification.diagnosis.search.swing._first_look',
+                        lambda *_: (anew.first_look, 2.0 * anew.squares))
+    descents = []
+    monkeypatch.setattr('par4_identification.diagnosis.search.swing._descended',
+                        lambda *asked: descents.append(asked) or _descended(*asked))
+    found = swing_in(projection, LEAST, PRICE, anew)
+    assert len(descents) == 1
+    np.testing.assert_allclose(found.compliance, anew.compliance, rtol=1e-3)
 
 
 @pytest.mark.parametrize('beside', [0.0, 1e-9])
@@ -175,7 +190,7 @@ def test_a_later_search_begins_where_an_earlier_one_ended(monkeypatch):
     monkeypatch.setattr('par4_identification.diagnosis.search.candidates.swing_in',
                         lambda *asked: begun.append(asked[-1]))
     evidence = evidence_of_axis(1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2))
-    effect, known = CATALOGUE['elastic_transmission'], Swing(np.array([1e-4]), 0.1, 0.0)
+    effect, known = CATALOGUE['elastic_transmission'], Swing(np.array([1e-4]), 0.1, 0.0, (0,))
     candidates = Candidates({effect.name: effect}, evidence, Rules(), known)
     candidates.best(effect, project(evidence, []))
     assert begun == [known]

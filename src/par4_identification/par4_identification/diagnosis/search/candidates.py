@@ -68,6 +68,7 @@ class Candidates:
                         for name, effect in library.items()
                         if not effect.needs_both_ways or goes_both_ways(evidence.observations)}
         self._searched: dict[Any, Candidate | None] = {}
+        self._orders: dict[Effect, Shape] = {}
         self.swing = swing
         self.family = sum(len(shapes) for shapes in self._shapes.values())
 
@@ -119,7 +120,9 @@ class Candidates:
             return None
 
         if order_name(effect) is not None:
-            shape, best = best_orders(effect, shapes, projection, self._rules)
+            shape, best = best_orders(effect, shapes, projection, self._rules,
+                                      self._orders.get(effect))
+            self._orders[effect] = shape
         else:
             shape, best = self._best_of_laws(effect, shapes, projection)
         if effect.expanded:

@@ -43,8 +43,8 @@ WIDEST_APART = 0.5
 """Distance of orders that can be told apart up to which those between whole ones are looked for."""
 
 
-def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection, rules: Rules
-                ) -> tuple[Shape, float]:
+def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection, rules: Rules,
+                known: Shape | None = None) -> tuple[Shape, float]:
     """Return the orders of an effect beside a projection, and twice what they gain.
 
     An order after the first must gain the sum of three things: what every cause must gain, what
@@ -52,11 +52,16 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
     Orders are waves on any machine, so that error is the one of a Par4, also on an axis. The range
     of positions must also be wide enough to tell the order from those before it.
 
+    Orders that are known from a search beside other causes are the answer if that search would end
+    with them here: the strongest line is one of them, each is worth it beside the others, and no
+    further one is. That takes two looks at the lines in place of one for each order.
+
     Args:
         effect: with a shape parameter that may be a tuple of orders.
         shapes: one order each, evenly spaced.
         projection: of the causes beside it.
         rules: what a cause must gain.
+        known: orders that were found beside other causes.
     """
     name = order_name(effect)
     if name is None:
@@ -64,18 +69,36 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
     evidence, joints = projection.evidence, range(projection.evidence.observations.joints)
     orders = np.array([single(shape[name]) for shape in shapes])
     apart = 0.999 * _resolution(projection)
-    first, gain = _strongest(effect, name, orders, projection, (), apart, rules)
-    found = [first]
     before = project(evidence, ()).squares
-    while len(found) < MOST:
-        hypothesis = Hypothesis(effect, _shape(name, found), tuple(joints))
-        beside = project(evidence, (*projection.hypotheses, hypothesis))
-        order, more = _strongest(effect, name, orders, beside, found, apart, rules)
+
+    def beside_of(some: Sequence[float]) -> Projection:
+        hypothesis = Hypothesis(effect, _shape(name, some), tuple(joints))
+        return project(evidence, (*projection.hypotheses, hypothesis))
+
+    def is_worth(more: float, beside: Projection) -> bool:
         coefficients = 2 * (1 if effect.shared else len(joints))
         named = max(before - beside.squares, 0.0)
-        needed = (rules.evidence + 0.5 * coefficients * np.log(max(evidence.rows, 2))
-                  + np.log(len(orders)) + 0.5 * Rules.named_error ** 2 * named)
-        if 0.5 * more < needed:
+        return 0.5 * more >= (rules.evidence + 0.5 * coefficients * np.log(max(evidence.rows, 2))
+                              + np.log(len(orders)) + 0.5 * Rules.named_error ** 2 * named)
+
+    def is_whole(some: Sequence[float]) -> bool:
+        for order in some:
+            beside = beside_of([other for other in some if other != order])
+            if not is_worth(beside.gain(effect, {name: order}), beside):
+                return False
+        beside = beside_of(some)
+        return len(some) == MOST or not is_worth(
+            _strongest(effect, name, orders, beside, some, apart, rules)[1], beside)
+
+    first, gain = _strongest(effect, name, orders, projection, (), apart, rules)
+    found = [first]
+    earlier = None if known is None else known[name]
+    if known is not None and isinstance(earlier, tuple) and first in earlier and is_whole(earlier):
+        return known, projection.squares - beside_of(earlier).squares
+    while len(found) < MOST:
+        beside = beside_of(found)
+        order, more = _strongest(effect, name, orders, beside, found, apart, rules)
+        if not is_worth(more, beside):
             break
         found.append(order)
         gain += more

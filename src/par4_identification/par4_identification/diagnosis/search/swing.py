@@ -53,11 +53,14 @@ class Swing:
         damping_ratio: None where the data do not tell it from the usual one.
         squares: twice the gain in log-likelihood with the torque as large as these make it, so
             that noise in the columns cannot pass as a twist of another size or sign.
+        first_look: number of the compliance that a first look chose for each joint, None where it
+            is rigid. Where the descent began.
     """
 
     compliance: np.ndarray
     damping_ratio: float | None
     squares: float
+    first_look: tuple[int | None, ...]
 
 
 def swing_in(projection: Projection, least: float, price: float, known: Swing | None = None
@@ -71,8 +74,9 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
         least: twice the gain in log-likelihood that the first look must promise.
         price: twice the gain that a damping ratio other than the usual one must be worth.
         known: result beside other causes, or with another nominal torque. The descent begins
-            there, and if it leaves less than the first look promises, its end is the answer, which
-            is much quicker. If not, the better of two descents is.
+            there. Its end is the answer if it leaves less than the first look promises, or if that
+            look chooses as it did then, which is much quicker. If not, the better of two descents
+            is.
     """
     evidence, target = projection.evidence, projection.residual
     springs = {id(run.state): Springs(run.state) for run in evidence.observations.runs}
@@ -107,21 +111,21 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
     def damped_as_usual(start: np.ndarray, damping: float) -> tuple[np.ndarray, Swing]:
         found, squares = _descended(lambda trial: left(trial, damping),
                                     lambda trial: slopes(trial, damping)[:, :-1], start, believed)
-        return found, Swing(_of_logarithms(found), None, _square(target) - squares)
+        return found, Swing(_of_logarithms(found), None, _square(target) - squares, chosen)
 
     def damped(start: np.ndarray, damping: float) -> Swing:
         found, squares = _descended(lambda trial: left(trial[:-1], float(trial[-1])),
                                     lambda trial: slopes(trial[:-1], float(trial[-1])),
                                     np.append(start, np.log(damping)), with_damping)
         told = _of_logarithms(found)
-        return Swing(told[:-1], float(told[-1]), _square(target) - squares)
+        return Swing(told[:-1], float(told[-1]), _square(target) - squares, chosen)
 
     again = None
     if known is not None:
         start = np.clip(np.log(known.compliance), *believed)
         again = (damped_as_usual(start, DAMPING_RATIO)[1] if known.damping_ratio is None
                  else damped(start, known.damping_ratio))
-        if again.squares > worth:
+        if again.squares > worth or known.first_look == chosen:
             return again
     found = np.clip([np.log(3.0 / stiff if index is None else grid[index]) for index in chosen],
                     *believed)
@@ -155,7 +159,7 @@ def _ring_in_band(springs: Sequence[Springs], compliance: np.ndarray, evidence: 
 
 
 def _first_look(alone: np.ndarray, target: np.ndarray, joints: int
-                ) -> tuple[list[int | None], float]:
+                ) -> tuple[tuple[int | None, ...], float]:
     """Return which compliances explain most, and how much, if no joint moves another.
 
     They are the numbers of those tried, a joint each, None where it is rigid.
@@ -180,7 +184,7 @@ def _first_look(alone: np.ndarray, target: np.ndarray, joints: int
             best = int(np.argmax(worth))
             chosen[joint], squares = ((own[best], float(worth[best])) if worth[best] > rest
                                       else (-1, float(rest)))
-    return [None if index < 0 else int(index) % TRIED for index in chosen], squares
+    return tuple(None if index < 0 else int(index) % TRIED for index in chosen), squares
 
 
 def _descended(left: Callable[[np.ndarray], np.ndarray], slopes: Callable[[np.ndarray], np.ndarray],
