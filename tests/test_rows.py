@@ -130,6 +130,18 @@ def test_the_noise_floor_of_white_torque_is_what_rows_have_of_it(period):
     assert run.noise_floor[0] == pytest.approx(np.std(run.tau[:, 0]), rel=0.04)
 
 
+def test_the_chatter_of_a_drive_is_no_noise_floor():
+    """It is loud in one band above that of the torque, noise is as loud in all."""
+    t = np.arange(0.0, 60.0, 0.001)
+    random = np.random.default_rng(8)
+    chatter = 3.0 * np.sin(2.0 * np.pi * np.cumsum(440.0 + 20.0 * random.normal(size=len(t)))
+                            * 0.001)
+    log = log_of(MOTOR, t, np.sin(t)[:, None], np.zeros((len(t), 1)), 4, noise=0.7)
+    quiet, = runs_of_log(log, MOTOR)
+    loud, = runs_of_log(replace(log, tau=log.tau + chatter[:, None]), MOTOR)
+    assert loud.noise_floor[0] < 1.2 * quiet.noise_floor[0]
+
+
 @pytest.mark.parametrize(('asked', 'threads'), [('1', 1), ('3', 3)])
 def test_as_many_threads_compute_as_other_libraries_are_told(monkeypatch, asked, threads):
     monkeypatch.setenv('OMP_NUM_THREADS', asked)

@@ -55,6 +55,17 @@ def low_pass(values: np.ndarray, cutoff_hz: float, period: float, order: int = 4
     return filtered.reshape(-1, *values.shape[1:])
 
 
+def passed(frequency: np.ndarray, cutoff_hz: float, period: float, order: int = 4) -> np.ndarray:
+    """Return the share of a wave's amplitude that `low_pass` lets through, up to Nyquist's.
+
+    Args:
+        frequency: Hz, up to half the sample rate.
+        cutoff_hz, period, order: of `low_pass`.
+    """
+    ratio = np.tan(np.pi * frequency * period) / np.tan(np.pi * cutoff_hz * period)
+    return np.asarray(1.0 / (1.0 + ratio ** (2 * order)))
+
+
 def _butterworth(cutoff: float, order: int) -> np.ndarray:
     """Return the second-order sections b0, a1, a2 (order / 2, 3) of a digital low-pass.
 

@@ -20,7 +20,12 @@ from par4_identification.logs.log import Log
 from par4_identification.logs.masks import near
 from par4_identification.logs.stamps import FASTEST
 from par4_identification.logs.stretches import SHORTEST
-from par4_identification.signals.filtering import central_difference, low_pass, second_difference
+from par4_identification.signals.filtering import (
+    central_difference,
+    low_pass,
+    passed,
+    second_difference,
+)
 from par4_identification.signals.plateaus import plateaus_of
 from par4_identification.signals.position_noise import position_noise
 from par4_identification.signals.smoothing import UNCHANGED, Smoother, smoother_of, speed_noise
@@ -31,8 +36,8 @@ SLOWEST_AXIS_HZ = 4.0
 """Rate of a log below which splines between the samples of an axis tell nothing."""
 SLOWEST_HZ = 50.0
 """Rate below which a motion that goes faster and slower cannot be filtered."""
-
-
+QUIET_BANDS = 4
+"""In which the noise of an axis's torque is looked at."""
 FINE_HZ = 1000.0
 """Rate of the samples of an axis from which columns are computed, at the least."""
 
@@ -203,7 +208,8 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
     noise = np.zeros(log.q.shape[1]) if isinstance(machine, Robot) else np.sqrt(
         log.period / fine.period) * position_noise([log.q[part] for part in long], log.period)
     runs = [_run(fine, segment, machine, conditioning,
-                 _white_floor(log.tau[measured], conditioning, log.period), log.period, noise)
+                 _white_floor(log.tau[measured], conditioning, log.period, machine),
+                 log.period, noise)
             for measured, segment in zip(long, fine.segments)]
     runs = [run for run in runs if len(run.t) > 1]
     if not runs:
@@ -321,18 +327,26 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
         coarse=coarse, counts=counts, position_noise=noise)
 
 
-def _white_floor(torque: np.ndarray, conditioning: Conditioning, period: float) -> np.ndarray:
+def _white_floor(torque: np.ndarray, conditioning: Conditioning, period: float,
+                 machine: Robot | Axis) -> np.ndarray:
     """Return the in-band standard deviation (J,) that the level above the pass band implies.
 
-    The median size of the torque above four times the cut-off is taken as that of white noise.
-    The median over time leaves out the bursts with which the drives answer reversals. Noise that
-    is stronger below the pass band is underrated; torque with which the drives follow encoder
-    counts is counted though it moves the arms, so that a residual may lie some 10 % below.
+    The median size of the torque in a band above the cut-off is taken as that of white noise. The
+    median over time leaves out the bursts with which the drives answer reversals. Noise that is
+    stronger below the pass band is underrated; torque with which the drives follow encoder counts
+    is counted though it moves the arms, so that a residual may lie some 10 % below. White noise is
+    as loud in any band, the chatter of a drive or the ripple of a gear in some. So the quietest of
+    several bands counts on an axis, which may be any machine.
     """
-    frequency = np.fft.rfftfreq(len(torque), period)
-    band = frequency > 4.0 * conditioning.torque_cutoff_hz
-    if band.mean() < 0.1:
+    nyquist, frequency = 0.5 / period, np.fft.rfftfreq(len(torque), period)
+    above, bands = (2.0, QUIET_BANDS) if isinstance(machine, Axis) else (4.0, 1)
+    edges = np.linspace(above * conditioning.torque_cutoff_hz, nyquist, bands + 1)
+    if edges[0] > 0.9 * nyquist:
         return np.zeros(torque.shape[1])
-    high = torque - low_pass(torque, 4.0 * conditioning.torque_cutoff_hz, period, order=8)
-    level = np.median(np.abs(high), axis=0) / 0.6745
-    return level * np.sqrt(np.mean(conditioning.passed(frequency) ** 2) / np.mean(band))
+    below = [*(low_pass(torque, edge, period, order=8) for edge in edges[:-1]), torque]
+    shares = [*(passed(frequency, edge, period, order=8) for edge in edges[:-1]),
+              np.ones_like(frequency)]
+    levels = [np.median(np.abs(below[band + 1] - below[band]), axis=0) / np.sqrt(np.mean(
+        (shares[band + 1] - shares[band]) ** 2)) for band in range(bands)]
+    in_band = np.sqrt(np.mean(conditioning.passed(frequency) ** 2))
+    return np.asarray(np.min(levels, axis=0) / 0.6745 * in_band)
