@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from measured import log_of_model
 
 from par4_dynamics.model import read_model
+from par4_identification.diagnosis.nominal.gate import too_few
 from par4_identification.diagnosis.split import MOST, manageable, split_runs
 from par4_identification.fitting.identification import identify
 from par4_identification.logs import stretches
@@ -149,6 +151,26 @@ def test_the_last_third_of_a_log_is_held_out_wherever_its_gaps_are(gap, share):
     assert fitted / (fitted + kept) == pytest.approx(share, abs=0.04)
     times = [np.concatenate([run.t[run.valid.any(axis=1)] for run in runs]) for runs in (fit, held)]
     assert times[0].max() < times[1].min()
+
+
+def test_what_is_held_out_of_a_log_that_ends_at_rest_moves():
+    """It is the last third of the motion, not of the time."""
+    log = log_of_model(REFERENCE, read_model('table1', REFERENCE), duration=12.0)
+    rest = np.full((2 * len(log.t), 4), log.q[-1])
+    q = np.concatenate((log.q, rest))
+    resting = replace(log, t=log.period * np.arange(len(q)), q=q, tau=np.concatenate(
+        (log.tau, np.zeros_like(rest))), segments=(slice(0, len(q)),), reference=None)
+    fitted, kept = (sum(int(run.valid.any(axis=1).sum()) for run in runs)
+                    for runs in split_runs([resting], [], REFERENCE, Conditioning()))
+    assert fitted / (fitted + kept) == pytest.approx(2 / 3, abs=0.04)
+
+
+@pytest.mark.parametrize(('stretches', 'told'), [(2, False), (40, True)])
+def test_gaps_that_leave_too_few_rows_are_named(stretches, told):
+    run = SimpleNamespace(valid=np.ones((1, 1), dtype=bool))
+    reason, = too_few(SimpleNamespace(runs=[run] * stretches, steady=False, of_axis=True))
+    assert f'moves in only {stretches} rows' in reason
+    assert ('without the gaps' in reason) == told
 
 
 @pytest.mark.parametrize('gap', [False, True])

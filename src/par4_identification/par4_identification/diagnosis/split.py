@@ -45,9 +45,9 @@ def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Ro
                conditioning: Conditioning) -> tuple[list[Run], list[Run]]:
     """Return the rows to fit and those held out.
 
-    Without held-out logs the last log is held out, of a single log its last third. That is cut at
-    the gap or standstill within a sixth of the rows that comes nearest, if there is one. Of steady
-    speeds every third is held out.
+    Without held-out logs the last log is held out, of a single log the last third of the rows in
+    which it moves. That is cut at the gap or standstill within a sixth of them that comes nearest,
+    if there is one. Of steady speeds every third is held out.
     """
     fit_runs = runs_of_logs(fit_logs, machine, conditioning)
     if holdout_logs:
@@ -61,13 +61,16 @@ def split_runs(fit_logs: Sequence[Log], holdout_logs: Sequence[Log], machine: Ro
         return ([run for run in fit_runs if run.name != last],
                 [run for run in fit_runs if run.name == last])
     ends = np.cumsum([len(run.t) for run in fit_runs])
-    rows = int(ends[-1])
+    moving = np.concatenate([run.valid.any(axis=1) for run in fit_runs])
+    moved = np.concatenate(((0,), np.cumsum(moving if moving.any() else ~moving)))
     resting = np.flatnonzero(np.concatenate([run.standstill.all(axis=1) for run in fit_runs]))
     places = np.concatenate((ends[:-1], resting))
-    places = places[(places > rows // 2) & (places < 5 * rows // 6)]
-    cut = 2 * rows // 3
+    share = moved[places] / moved[-1]
+    places = places[(share > 1 / 2) & (share < 5 / 6)]
+    wanted = 2 * moved[-1] // 3
+    cut = int(np.searchsorted(moved, wanted))
     if len(places):
-        cut = int(places[np.argmin(np.abs(places - cut))])
+        cut = int(places[np.argmin(np.abs(moved[places] - wanted))])
     cuts = [min(max(cut - int(end) + len(run.t), 0), len(run.t))
             for end, run in zip(ends, fit_runs)]
     return ([run.part(slice(0, at)) for run, at in zip(fit_runs, cuts) if at],

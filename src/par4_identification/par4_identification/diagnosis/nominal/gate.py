@@ -20,6 +20,8 @@ LEAST_ROWS_OF_AXIS = 60
 LEAST_PLATEAUS = 10
 SPEED = 0.5
 """rad/s at which the friction of a Par4 must brake."""
+TORN = 10
+"""Stretches of the logs from which on gaps are named as a reason for too few rows."""
 WORST_ERROR = 0.6
 WORST_STD = 0.3
 
@@ -82,8 +84,10 @@ def too_few(observations: Observations) -> list[str]:
         return [f'{count} steady speeds are fitted, {LEAST_PLATEAUS} are needed; record more '
                 f'speeds, in both directions' for count in rows if count < LEAST_PLATEAUS]
     least = LEAST_ROWS_OF_AXIS if observations.of_axis else LEAST_ROWS
+    stretches = len(observations.runs)
+    torn = f', without the gaps that part it into {stretches} stretches' if stretches > TORN else ''
     return [f'joint {joint} moves in only {rows[joint]} rows, {least} are needed; record a '
-            f'longer motion of all joints' for joint in np.flatnonzero(rows < least)]
+            f'longer motion of all joints{torn}' for joint in np.flatnonzero(rows < least)]
 
 
 def _error_beside(observations: Observations, identification: Identification) -> float:
