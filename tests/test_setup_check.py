@@ -515,6 +515,22 @@ def test_a_torque_that_is_told_of_two_joints_is_left_out(clean):
     assert check.logs[0].t[0] == pytest.approx(clean.t[6000])
 
 
+@pytest.mark.parametrize(('slows', 'told'), [(0.0, [(1000, 5000)]), (0.6, [])])
+def test_a_joint_that_something_else_drives_has_no_torque_of_its_own(slows, told):
+    """Another motor turns the axis for some time; left alone it would slow down."""
+    t = 0.002 * np.arange(10_000)
+    turning = 0.5 * np.sin(2.0 * t) + 0.3 * np.sin(0.7 * t)
+    past = np.clip(t - t[1000], 0.0, t[5000] - t[1000])
+    q = turning + 3.0 * (past - 0.5 * slows * past ** 2 / (t[5000] - t[1000]))
+    carried = (np.arange(len(t)) >= 1000) & (np.arange(len(t)) < 5000)
+    tau = np.where(carried, 0.0, 2.0 * np.cos(3.0 * t))
+    q[1000:5000] -= turning[1000:5000] - turning[1000]
+    q[5000:] += q[4999] - q[5000]
+    log = Log('driven', ('motor',), 0, 0.002, t, q[:, None], tau[:, None], (slice(0, len(t)),),
+              None, None)
+    assert [(item.start, item.end) for item in mute_torques(log)] == told
+
+
 def test_drives_without_power_and_drives_at_their_limit_may_turn_joints_round(clean):
     top = np.abs(clean.tau).max(axis=0)
     for tau in (np.where(clean.t[:, None] < 4.0, 0.0, clean.tau),

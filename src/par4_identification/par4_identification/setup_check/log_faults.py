@@ -134,11 +134,11 @@ def _with_own_torques(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], 
         found.append(Finding(
             'held_samples', joints, _span(log, own[0].start, max(item.end for item in own)),
             f'the torque of {joints_in_words(joints)} in {log.name} ' + (
-                'stands still to the last bit in motion there and back' if other is None else
+                'stands still to the last bit in motion' if other is None else
                 f'is that of joint {other} to the last bit')
             + f', for {number(float(mute.sum()) * log.period, 2)} s; this is left out',
-            f'Check what measures torque or current of {joints_in_words(joints)}, and which '
-            'channel it is read from.', True))
+            f'Check what measures torque or current of {joints_in_words(joints)}, which channel it '
+            'is read from, and whether something else moves the joint.', True))
     return found, without(log, cut)
 
 

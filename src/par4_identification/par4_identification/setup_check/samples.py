@@ -58,6 +58,8 @@ all, and so often."""
 MUTE, OUT_AND_BACK = 0.1, 0.2
 """A torque that stays exactly the same for so many seconds is not measured if its joint meanwhile
 goes out and back by so much of its range: turning round takes torque, for friction and inertia."""
+LASTING = 0.9
+"""Least speed at the end over that at the beginning, of a joint that something drives."""
 COPIED, APART = 1.0, 0.2
 """Of two torques that are equal to the last bit for so many seconds one is a copy, if the two
 joints meanwhile move apart by so much of the range of one."""
@@ -143,7 +145,8 @@ def mute_torques(log: Log) -> list[Mute]:
     """Return where a torque stands still while its joint turns round, or is that of another.
 
     A drive at its limit may turn a joint round, and one without power lets it swing. So a torque
-    that moves elsewhere must stand below its largest, and beside torques that move.
+    that moves elsewhere must stand below its largest, and beside torques that move. Without power a
+    joint slows down, so that a torque of nothing at a lasting speed is none that moves the joint.
     """
     way, top = np.ptp(log.q, axis=0), np.abs(log.tau).max(axis=0)
     dead = np.ptp(log.tau, axis=0) == 0.0
@@ -158,7 +161,10 @@ def mute_torques(log: Log) -> list[Mute]:
                 own, beside = q[start:end, joint], np.delete(tau[start:end], joint, axis=1)
                 silent = dead[joint] or (abs(tau[start, joint]) < top[joint]
                                          and bool(np.ptp(beside, axis=0).any()))
-                if silent and np.ptp(own) - abs(own[-1] - own[0]) > OUT_AND_BACK * way[joint] > 0.0:
+                turns = np.ptp(own) - abs(own[-1] - own[0]) > OUT_AND_BACK * way[joint] > 0.0
+                carried = (tau[start, joint] == 0.0 and (end - start) * log.period >= COPIED
+                           and np.ptp(own) > OUT_AND_BACK * way[joint] > 0.0 and _lasts(own))
+                if (silent and turns) or carried:
                     found.append(Mute(segment.start + start, segment.start + end, joint, None))
             for other in range(joint):
                 for start, end in stretches(tau[:, joint] == tau[:, other]):
@@ -167,6 +173,13 @@ def mute_torques(log: Log) -> list[Mute]:
                             np.ptp(tau[start:end, joint]) > 0.0):
                         found.append(Mute(segment.start + start, segment.start + end, joint, other))
     return found
+
+
+def _lasts(q: np.ndarray) -> bool:
+    """Return whether a joint whose positions are (n,) ends no slower than it begins."""
+    quarter = len(q) // 4
+    before, after = q[quarter] - q[0], q[-1] - q[-1 - quarter]
+    return bool(before * after > LASTING * before ** 2)
 
 
 def _distinct(found: list[Held]) -> list[Held]:
