@@ -117,6 +117,16 @@ def test_an_archive_is_read_by_its_arrays_or_by_a_table(turned, tmp_path):
     np.testing.assert_array_equal(read_columns(alone, ('2',))['2'], Q)
 
 
+def test_arrays_with_several_numbers_a_sample_are_read_side_by_side(tmp_path):
+    """So do most programs write the joints of a robot."""
+    path = tmp_path / 'log.npz'
+    np.savez(path, t=T, q=np.stack((TAU, Q), axis=1), effort=np.stack((Q, TAU)))
+    columns = read_columns(path, ('t', 'q[2]', 'effort[2]'))
+    np.testing.assert_array_equal(columns['t'], T)
+    np.testing.assert_array_equal(columns['q[2]'], Q)
+    np.testing.assert_array_equal(columns['effort[2]'], TAU)
+
+
 def test_a_matlab_file_is_an_archive(tmp_path):
     path = tmp_path / 'log.mat'
     savemat(path, {'t': T, 'q': Q[:, None], 'runs': np.stack((T, Q, TAU), axis=1)})
@@ -156,7 +166,10 @@ def files(folder):
     ('fake.mat', ('q',), None, 'cannot be read'),
     ('objects.npz', ('t',), None, 'cannot be read'),
     ('log.npz', ('t', 'q'), None, 'differ in length: t 4, q 2'),
-    ('log.npz', ('speed',), None, "no array 'speed'.*there are t, q; of a table .one, two."),
+    ('log.npz', ('speed',), None, "no array 'speed'.*there are t, q; of those with several "
+                                   r'.one, two. give one, such as one\[1\]'),
+    ('log.npz', ('one[5]',), None, "no column '5'; there are 4 without names"),
+    ('log.npz', ('t[1]',), None, r"no array 't\[1\]' with one number a sample"),
     ('log.npz', ('1',), 'three', "no table 'three'; there are one, two"),
     ('log.npz', ('5',), 'one', "no column '5'; there are 4 without names"),
 ])

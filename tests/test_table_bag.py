@@ -308,6 +308,12 @@ def test_a_speed_is_the_slope_across_gaps_and_empty_cells(empty, tmp_path):
             assert wrong in line
 
 
+def test_a_span_of_an_array_is_its_columns():
+    chosen = chosen_columns('position=q[2-4]:rad torque=tau[1],tau[3],5:Nm')
+    assert chosen['position'].columns == ('q[2]', 'q[3]', 'q[4]')
+    assert chosen['torque'].columns == ('tau[1]', 'tau[3]', '5')
+
+
 # ---------------------------------------------------------------------------- what is refused
 
 
@@ -322,6 +328,9 @@ def test_a_speed_is_the_slope_across_gaps_and_empty_cells(empty, tmp_path):
     ('time=1-2:s position=3:rad torque=4:Nm', 'time has 2 columns, expected 1'),
     ('position=1:m torque=2:Nm', 'position in m, torque in Nm; a joint turns or slides'),
     ("position='q:rad", 'close the quotes'),
+    ('position=joint angle:rad torque=3:Nm', "write for example 'time=1:ms position=angle:deg "
+     "torque=current:A', a name with spaces as torque='motor current':A"),
+    ('position=q[3-1]:rad torque=tau[1-3]:Nm', "'q[3-1]' is no span"),
     ('position=1-4:rad torque=1-4:Nm', '1 is position and torque; a column is one of them'),
     ('time=t:s position=q:rad torque=t:Nm', 't is time and torque; a column is one of them'),
 ])

@@ -12,6 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
+from par4_identification.logs.log_table import of_table
 from par4_identification.logs.units import UNITS, Unit, unit_named
 from par4_kinematics.errors import InputError
 
@@ -58,8 +59,8 @@ class Scales:
 def chosen_columns(text: str) -> dict[str, Choice]:
     """Return what `QUANTITY=COLUMN[,COLUMN...]:UNIT ...` says, by quantity.
 
-    A column is a name or a number counted from 1, `2-5` the numbers 2 to 5; names with spaces are
-    quoted.
+    A column is a name or a number counted from 1, `2-5` the numbers 2 to 5, `q[2-5]` those of the
+    array q of an archive; names with spaces are quoted.
 
     Raises:
         InputError: another form, an unknown quantity or unit, no position, neither torque nor
@@ -75,7 +76,7 @@ def chosen_columns(text: str) -> dict[str, Choice]:
         columns, colon, unit = rest.rpartition(':')
         if not equals or not colon or not columns or not unit:
             raise InputError(f'--columns: {word!r} is not QUANTITY=COLUMN:UNIT; write for example '
-                             f"'{EXAMPLE}'")
+                             f"'{EXAMPLE}', a name with spaces as torque='motor current':A")
         unit_named(quantity, unit)
         if quantity in choices:
             raise InputError(f'--columns: {quantity} is given twice; part the columns of several '
@@ -106,7 +107,8 @@ def chosen_columns(text: str) -> dict[str, Choice]:
 def _expanded(columns: str) -> tuple[str, ...]:
     names: list[str] = []
     for part in columns.split(','):
-        span = re.fullmatch(r'(\d+)-(\d+)', part.strip())
+        table, number = of_table(part.strip())
+        span = re.fullmatch(r'(\d+)-(\d+)', number or part.strip())
         if span is None:
             names.append(part.strip())
             continue
@@ -114,7 +116,8 @@ def _expanded(columns: str) -> tuple[str, ...]:
         if not 0 <= last - first < MOST_COLUMNS or max(map(len, span.groups())) > LONGEST_NUMBER:
             raise InputError(f'--columns: {part.strip()!r} is no span of 1 to {MOST_COLUMNS} '
                              f'columns; write it as FIRST-LAST')
-        names += [str(number) for number in range(first, last + 1)]
+        names += [f'{table}[{number}]' if table else str(number)
+                  for number in range(first, last + 1)]
     return tuple(names)
 
 

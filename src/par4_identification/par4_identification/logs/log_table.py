@@ -71,8 +71,9 @@ def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = No
 
     A CSV may be parted by commas, semicolons, tabs or spaces, begin with comments, a header and a
     row of units, and have decimal commas; empty cells are NaN. A column of a numpy archive (.npz)
-    or a MATLAB file (.mat, up to version 7.2) is one of its arrays by name, or a row or column of
-    the array that `array` names: the longer side of it is time.
+    or a MATLAB file (.mat, up to version 7.2) is one of its arrays by name; of one with several
+    numbers a sample `NAME[2]` is the second. Or it is a row or column of the array that `array`
+    names. The longer side of an array is time.
 
     Args:
         path: of the file; what it is follows from the end of its name.
@@ -158,18 +159,34 @@ def _of_archive(path: Path, archive: Mapping[str, np.ndarray], wanted: Sequence[
         if array not in tables:
             raise InputError(f'{path}: no table {array!r}; there are '
                              f'{_listed(tables) or "none"}')
-        table = numeric[array]
-        rows = table if table.shape[0] < table.shape[1] else table.T
-        return {name: rows[_place(path, name, (), len(rows))].astype(float) for name in wanted}
+        return {name: _column(path, numeric[array], name) for name in wanted}
     plain = [name for name, values in numeric.items() if values.ndim == 1]
+    columns = {}
     for name in wanted:
-        if name not in plain:
+        table, number = of_table(name)
+        if name in plain:
+            columns[name] = numeric[name].astype(float)
+        elif table in tables:
+            columns[name] = _column(path, numeric[table], number)
+        else:
             raise InputError(
                 f'{path}: no array {name!r} with one number a sample; there are '
-                f'{_listed(plain) or "none"}' + (f'; of a table ({_listed(tables)}) give its name '
-                                                 f'by --array and numbers of columns'
+                f'{_listed(plain) or "none"}' + (f'; of those with several ({_listed(tables)}) '
+                                                 f'give one, such as {tables[0]}[1]'
                                                  if tables else ''))
-    return {name: numeric[name].astype(float) for name in wanted}
+    return columns
+
+
+def of_table(column: str) -> tuple[str, str]:
+    """Return the name of an array and the number of its column in `NAME[NUMBER]`, '' if none."""
+    found = re.fullmatch(r'(.+)\[(\d+(?:-\d+)?)\]', column)
+    return (found[1], found[2]) if found else ('', '')
+
+
+def _column(path: Path, table: np.ndarray, number: str) -> np.ndarray:
+    """Return a column (n,) of a table, counted from 1; the longer side of it is time."""
+    rows = table if table.shape[0] < table.shape[1] else table.T
+    return np.asarray(rows[_place(path, number, (), len(rows))].astype(float))
 
 
 def _listed(names: Sequence[str]) -> str:
