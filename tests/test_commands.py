@@ -446,7 +446,7 @@ def test_validation_on_the_bag_of_the_identification_is_called_by_its_name(ident
                                                                           tmp_path):
     done = run(validate, bags.plain, '--model', identified.folder / 'model.yaml', '--robot',
                'reference', '--output', tmp_path)
-    assert 'identified from this bag' in done.out
+    assert 'this bag took part in making the model' in done.out
     assert 'this is no cross-validation' in Page(tmp_path / 'report.html').text
 
 
@@ -755,6 +755,16 @@ def test_each_verdict_has_its_sentence(given, standing, parts):
     assert all(part in outcome.sentence for part in parts), outcome.sentence
     assert outcome.sentence.endswith('.')
     json.dumps(diagnosis_json(given, REFERENCE), allow_nan=False)
+
+
+@pytest.mark.parametrize(('torque', 'standing'), [(52.0, 'good'), (1.3, 'fair')])
+def test_a_clean_model_beside_loud_noise_is_told_to_hide_what_is_smaller(torque, standing):
+    given = diagnosis('clean')
+    run = SimpleNamespace(tau=np.full((10, 4), torque), valid=np.ones((10, 4), dtype=bool))
+    loud = replace(given, holdout=replace(given.holdout, runs=(run,)))
+    outcome = outcome_of_diagnosis(loud, REFERENCE)
+    assert outcome.standing == standing
+    assert ('that is 40 % of the torque' in outcome.sentence) == (standing == 'fair')
 
 
 def test_fitted_recordings_that_leave_far_more_than_those_held_out_are_told():

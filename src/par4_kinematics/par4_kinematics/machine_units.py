@@ -9,6 +9,8 @@ from par4_kinematics.robot import Axis, Robot
 _LINEAR_UNITS = {
     'kg m2': 'kg', 'kg m': 'kg', 'N m': 'N', 'N m s/rad': 'N s/m', 'N m s2/rad2': 'N s2/m2',
     'N m/rad': 'N/m', 'N m/V': 'N/V', 'rad': 'm', 'rad/s': 'm/s', '1/turn': 'rad/m'}
+_BEHIND_NUMBER = re.compile(r'(?<=\d )(?:' + '|'.join(
+    re.escape(unit) for unit in sorted(_LINEAR_UNITS, key=len, reverse=True)) + r')(?![\w/])')
 
 
 def unit_on(machine: Robot | Axis, unit: str) -> str:
@@ -16,6 +18,11 @@ def unit_on(machine: Robot | Axis, unit: str) -> str:
     if isinstance(machine, Axis) and machine.kind == 'linear':
         return _LINEAR_UNITS.get(unit, unit)
     return unit
+
+
+def words_on(machine: Robot | Axis, words: str) -> str:
+    """Return a text with the units behind its numbers as they are on the machine."""
+    return _BEHIND_NUMBER.sub(lambda found: unit_on(machine, found[0]), words)
 
 
 def parameter_unit(machine: Robot | Axis, name: str, unit: str) -> str:

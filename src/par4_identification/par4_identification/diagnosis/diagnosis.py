@@ -267,7 +267,9 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     answer = Diagnosis(
         verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
         rejected=search.journal.beside(item.label for item in named),
-        holdout=_holdout(heldout.runs, blocks, before, after, floor), remaining=remaining,
+        # noise that is louder than what is left is none of these rows
+        holdout=_holdout(heldout.runs, blocks, before, after, np.minimum(
+            floor, np.sqrt(blocks.mean_square(left)))), remaining=remaining,
         base_before=base_parameters(evidence, base_only),
         base_after=base_parameters(evidence, told), extended_model=extended,
         fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses,

@@ -35,7 +35,7 @@ from par4_identification.reports.time_plots import (
     residual_over_time,
 )
 from par4_identification.signals.rows import Run
-from par4_kinematics.machine_units import unit_on
+from par4_kinematics.machine_units import unit_on, words_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome
 from par4_sim.report.traces import Traces
@@ -116,7 +116,8 @@ def _what_was_found(diagnosis: Diagnosis, machine: Robot | Axis, names: Names) -
         'statistics': statistics_of_runs(runs, extended, holdout.noise_floor_rms, names),
         'swallowed': [_swallowed_cells(name, diagnosis, machine)
                       for name in diagnosis.base_before],
-        'bars': _bars_of_swallowed(diagnosis), 'rejected': diagnosis.rejected,
+        'bars': _bars_of_swallowed(diagnosis), 'rejected': [
+            replace(item, reason=words_on(machine, item.reason)) for item in diagnosis.rejected],
         'unnamed': [_unnamed_cells(item, machine) for item in diagnosis.unnamed],
         'over_motion': _residual_over_motion(diagnosis, machine, names)}
 

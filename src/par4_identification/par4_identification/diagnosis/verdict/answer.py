@@ -115,6 +115,13 @@ class Holdout:
     explained_fraction: float
     interval: tuple[float, float]
 
+    @property
+    def loudness(self) -> float:
+        """Error without causes over the measured torque (rms) of these rows."""
+        torque = [run.tau[run.valid] for run in self.runs if run.valid.any()]
+        whole = float(np.sqrt(np.mean(np.concatenate(torque) ** 2))) if torque else np.inf
+        return float(np.sqrt(np.mean(self.baseline_rms ** 2))) / max(whole, 1e-30)
+
 
 @dataclass(frozen=True)
 class Remaining:

@@ -12,12 +12,20 @@ from par4_identification.diagnosis.experiment.next_experiment import NextExperim
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis, Unusable
 from par4_identification.diagnosis.verdict.unrelated import Unrelated
 from par4_identification.reports.outcome.next_experiment import advice, next_experiment_json
-from par4_identification.reports.outcome.outcome import FLOOR_EXCESS, over_joints
+from par4_identification.reports.outcome.outcome import FLOOR_EXCESS, LOUD, over_joints
 from par4_kinematics.machine_units import parameter_unit, unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import capital, in_words, joint_labels, listed, number, percent
+from par4_sim.report.words import (
+    capital,
+    in_words,
+    joint_labels,
+    listed,
+    number,
+    percent,
+    torque_name,
+)
 
 TOLD = 6
 """Orders of a periodic torque that a sentence names one by one."""
@@ -40,7 +48,7 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
         # a reason says what was found and, behind a semicolon, what to do
         parts = [reason.partition('; ') for reason in diagnosis.reasons]
         return Outcome(
-            f'These data cannot carry a diagnosis: {parts[0][0]}.', 'bad',
+            f'These data cannot carry a diagnosis: {diagnosis.reasons[0]}.', 'bad',
             tuple(Remark(False, f'{capital(found)}.', f'{capital(do)}.' if do else '')
                   for found, _, do in parts))
     holdout, unit = diagnosis.holdout, unit_on(machine, 'N m')
@@ -61,10 +69,14 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
     if diagnosis.verdict == 'clean':
         wandering = ('' if not diagnosis.remaining.unrelated.wanders else
                      ', most of it noise that wanders and follows nothing in the motion')
-        return Outcome(
-            f'The model describes this machine down to its noise: on data it has not seen it '
-            f'leaves {before}, the noise floor being {noise}{wandering}, and no known cause '
-            f'explains any of that.', 'good', remarks)
+        sentence = (f'The model describes this machine down to its noise: on data it has not seen '
+                    f'it leaves {before}, the noise floor being {noise}{wandering}, and no known '
+                    f'cause explains any of that')
+        share = holdout.loudness
+        if share < LOUD:
+            return Outcome(f'{sentence}.', 'good', remarks)
+        return Outcome(f'{sentence}; that is {percent(share)} of the {torque_name(machine)}, so '
+                       f'that whatever is smaller stays hidden.', 'fair', remarks)
     if diagnosis.verdict == 'unknown':
         return Outcome(
             f'The model is wrong by {before} on data it has not seen, the noise floor being '
@@ -341,15 +353,16 @@ def _is_relative(cause: Cause, machine: Robot | Axis) -> bool:
 
 def _unnamed_remark(diagnosis: Diagnosis, machine: Robot | Axis, index: int,
                     experiment: NextExperiment | None) -> Remark:
-    item = diagnosis.unnamed[index]
+    item, unit = diagnosis.unnamed[index], unit_on(machine, 'N m')
+    wrong = number(over_joints(diagnosis.holdout.baseline_rms), 2)
     joints = len(joint_labels(machine))
     where = '' if len(item.joints) == joints else (
         f' on joint{"s" if len(item.joints) > 1 else ""} '
         f'{listed([str(joint) for joint in item.joints])}')
     return Remark(
         False, f'{capital(item.phrase)}{where}, without a name, has '
-        f'{number(item.torque_rms, 2)} {unit_on(machine, "N m")} rms and explains '
-        f'{percent(item.share)} of the squared error that all causes explain.',
+        f'{number(item.torque_rms, 2)} {unit} rms where the model is wrong by {wrong} {unit}; it '
+        f'explains {percent(item.share)} of what all causes explain of the squared error.',
         f'Look at the machine for something that acts as {item.phrase}. '
         f'{advice(item.phrase, experiment)}'.strip())
 

@@ -13,6 +13,9 @@ from par4_sim.report.outcome import Remark
 FLOOR_EXCESS = Rules().floor_excess
 """Residual over noise floor above which a model misses something."""
 
+LOUD = 0.2
+"""Share of the torque that a model without a fault may leave without a word."""
+
 
 def data_remark(logs: Sequence[Log]) -> Remark:
     """Return whether the data needed repair."""

@@ -11,6 +11,7 @@ from par4_identification.fitting.validation import LARGEST_ERROR, Errors, Valida
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.outcome import (
     FLOOR_EXCESS,
+    LOUD,
     data_remark,
     duration,
     over_joints,
@@ -43,7 +44,7 @@ def outcome_of_validation(validation: Validation, floor: np.ndarray, machine: Ro
     moving = validation.moving.any(axis=0)
     rms, noise = over_joints(validation.without_standstill.rms[moving]), over_joints(floor[moving])
     remarks = (
-        Remark(False, 'The model was identified from this very bag: this is no cross-validation.',
+        Remark(False, 'This very bag took part in making the model: this is no cross-validation.',
                'Give a bag of another motion.') if seen else
         Remark(True, 'The model does not name this bag among those it was identified from.'),
         _floor_remark(rms / max(noise, 1e-12)),
@@ -55,9 +56,12 @@ def outcome_of_validation(validation: Validation, floor: np.ndarray, machine: Ro
         f'{percent(total["relative_error"])} while the joints move: it leaves {number(rms, 2)} '
         f'{unit} rms, the noise floor being {number(noise, 2)} {unit}')
     if seen:
-        return Outcome(f'{sentence}; but it was identified from this bag.', 'fair', remarks)
+        return Outcome(f'{sentence}; but this bag took part in making the model.', 'fair', remarks)
     if rms <= FLOOR_EXCESS * noise:
-        return Outcome(f'{sentence}. The model holds.', 'good', remarks)
+        if total['relative_error'] < LOUD:
+            return Outcome(f'{sentence}. The model holds.', 'good', remarks)
+        return Outcome(f'{sentence}. The model holds, but whatever is smaller than so much noise '
+                       f'stays hidden.', 'fair', remarks)
     if total['relative_error'] <= LARGEST_ERROR:
         return Outcome(f'{sentence}. It describes the machine, but not all that it does.', 'fair',
                        remarks)
