@@ -220,6 +220,10 @@ def test_behind_a_gear_the_orders_of_a_motor_are_no_whole_numbers(lines, told):
                                rtol=0.03)
     sentence = outcome_of_diagnosis(found, machine).sentence
     assert all(words in sentence for words in told)
+    for gears, unseen in ((19.2, False), (5000.0, True)):
+        remarks = outcome_of_diagnosis(found, axis(gear_ratio=gears)).remarks
+        assert any('5000 and 10000 periods a turn of the joint is too quick' in remark.text
+                   for remark in remarks) == unseen
 
 
 # --------------------------------------------------------------------------- scales of the data
@@ -592,6 +596,41 @@ def test_deviations_hold_the_law_of_a_rise_that_the_data_do_not_tell(seed):
     velocity = next(cause for cause in told.causes
                     if cause.effect.name == 'stribeck').parameters['stribeck_velocity']
     assert velocity.std[0] < 0.15 * velocity.value[0]
+
+
+def whirring(speed, power, seed):
+    """Return a log of an axis with friction that is a power of the speed, at speeds of any size."""
+    random = np.random.default_rng(seed)
+    t = np.arange(0.0, 24.0, 0.002)
+    size = speed * np.array((0.6, 0.3, 0.1))[:, None]
+    rate = (np.array((0.9, 1.7, 3.1)) * random.uniform(0.8, 1.2, 3))[:, None]
+    angle = rate * t + 6.0 * random.random((3, 1))
+    q, qd, qdd = ((size * wave).sum(axis=0) for wave in (
+        np.sin(angle) / rate, np.cos(angle), -rate * np.sin(angle)))
+    friction = np.sign(qd) * (0.02 + 0.1 * np.abs(qd / speed) ** power)
+    return log_of(axis(), t, q[:, None], (0.03 / speed * qdd + friction)[:, None], seed, 1e-3)
+
+
+@pytest.mark.parametrize('speed', [0.5, 100.0])
+@pytest.mark.parametrize('power', [0.5, 0.8, 2.0])
+def test_friction_may_be_a_power_of_the_speed_and_little_else(power, speed):
+    """It is several times the linear friction, and at 1 rad/s it may be anything."""
+    found = diagnosed([whirring(speed, power, 1)], [whirring(speed, power, 2)], axis())
+    cause, = found.causes
+    assert cause.effect.name == 'nonlinear_viscous'
+    assert cause.parameters['exponent'].value[0] == pytest.approx(power, abs=0.05)
+    assert found.holdout.extended_rms[0] < 1.2 * (
+        found.holdout.noise_floor_rms[0])
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_friction_as_the_root_of_the_speed_shows_at_steady_speeds(seed):
+    speeds = [sign * speed for speed in np.linspace(8.0, 120.0, 12) for sign in (1.0, -1.0)]
+    logs = held_speeds(lambda speed: math.copysign(0.0127 * math.sqrt(abs(speed)), speed), speeds,
+                       1e-3, seed)
+    cause, = diagnosed(logs, [], axis()).causes
+    assert cause.effect.name == 'nonlinear_viscous'
+    assert cause.parameters['exponent'].value[0] == pytest.approx(0.5, abs=0.1)
 
 
 @pytest.mark.parametrize('seed', range(3))

@@ -44,6 +44,8 @@ class EffectParameter:
             of a series. The one of these parameters that is a shape lists the orders.
         qualifies: whether it says of another parameter where, from what point or with which power
             it acts, such as a phase or an exponent.
+        at_unit_speed: whether it is what a power of the speed is at 1 rad/s. How large that is goes
+            with the exponent where the machine moves at other speeds, whether it is zero does not.
     """
 
     name: str
@@ -56,6 +58,7 @@ class EffectParameter:
     is_shape: bool = False
     per_order: bool = False
     qualifies: bool = False
+    at_unit_speed: bool = False
 
     @property
     def is_size(self) -> bool:

@@ -37,6 +37,22 @@ def effect_parameters(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, inde
             for item in hypothesis.named.parameters}
 
 
+def variance_of_shape(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
+                      errors: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the variance that sizes at unit speed have by that of the shape alone.
+
+    They are as long as the parameters are. See `estimated` for the arguments.
+    """
+    told = [item for item in hypothesis.named.parameters if item.at_unit_speed]
+    if not told:
+        return {}
+    _, whole = estimated(evidence, hypothesis, fit, index, errors=errors)
+    _, known = estimated(evidence, hypothesis, fit, index, errors=errors, knows_shape=True)
+    return {item.name: np.maximum(
+        np.square(_told(hypothesis, item, whole)) - np.square(_told(hypothesis, item, known)), 0.0)
+        for item in told}
+
+
 def told_values(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
                 ) -> dict[str, Parameter]:
     """Return the same parameters without standard deviations, which take far longer to compute."""
@@ -47,7 +63,8 @@ def told_values(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int
 
 
 def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
-              inflation: float = 1.0, errors: Sequence[np.ndarray] = ()) -> tuple[Values, Values]:
+              inflation: float = 1.0, errors: Sequence[np.ndarray] = (), knows_shape: bool = False
+              ) -> tuple[Values, Values]:
     """Return the values of the parameters of hypothesis number `index` and their deviations.
 
     The standard deviations follow from the covariance of coefficients and shape together, because
@@ -63,6 +80,7 @@ def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
             bound that needs no rows.
         errors: torques by which the model may be wrong, see `torque_errors`; their part of the
             covariance is computed from the rows.
+        knows_shape: whether the shape counts as exact.
 
     Returns:
         values and standard deviations, as `Effect.values` gives them, for the joints of the
@@ -70,7 +88,7 @@ def estimated(evidence: Evidence, hypothesis: Hypothesis, fit: Fit, index: int,
     """
     effect, shape = hypothesis.named, hypothesis.shape
     coefficients = fit.coefficients[index][:, _acting(evidence, hypothesis)]
-    knobs = shape_knobs(hypothesis)
+    knobs = [] if knows_shape else shape_knobs(hypothesis)
     rows = np.arange(len(coefficients))[hypothesis.columns]
     covariance = inflation * _covariance(evidence, hypothesis, fit, index, knobs, errors)
     values = effect.values(coefficients, shape)

@@ -9,6 +9,7 @@ import numpy as np
 from par4_dynamics.effects.effect import Effect, Shape, single
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.projection import Projection
+from par4_identification.signals.rows import Run
 
 EXPANSIONS = 4
 """Times that a series is expanded around what came of it."""
@@ -25,9 +26,16 @@ def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
     name = order_name(effect)
     if name is None or run.state.geometry is not None or not run.valid.any():
         return shapes
+    return tuple(shape for shape in shapes if single(shape[name]) <= highest_order(run))
+
+
+def highest_order(run: Run) -> float:
+    """Return the order up to which a periodic torque shows in the slower quarter of a motion.
+
+    The filter of the torque lets it pass there.
+    """
     slower = float(np.quantile(np.abs(run.speed[run.valid]), 0.25))
-    highest = 2.0 * np.pi * run.conditioning.torque_cutoff_hz / slower
-    return tuple(shape for shape in shapes if single(shape[name]) <= highest)
+    return 2.0 * np.pi * run.conditioning.torque_cutoff_hz / slower
 
 
 def order_name(effect: Effect) -> str | None:

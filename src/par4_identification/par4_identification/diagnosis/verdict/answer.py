@@ -45,6 +45,7 @@ class Cause:
             causes.
         predictable: whether the model can compute its torque at each instant; false for backlash
             that was told by its bounces.
+        by_shape: variance of a size that is told at unit speed by that of the exponent alone.
     """
 
     effect: Effect
@@ -57,6 +58,7 @@ class Cause:
     rival: str | None
     gain: Gain
     predictable: bool = True
+    by_shape: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def is_nothing(self) -> bool:
@@ -76,22 +78,26 @@ class Cause:
         if not told or any(parameter.scope != 'joint' for parameter in told):
             return ()
         zero = np.ones(len(self.joints), dtype=bool)
-        for size in self._sizes:
-            small = np.abs(np.asarray(size.value, dtype=float)) <= np.asarray(size.std, dtype=float)
+        for size, std in self._sizes:
+            small = np.abs(size) <= std
             zero &= np.all(np.reshape(small, (-1, len(self.joints))), axis=0)
         return () if zero.all() else tuple(
             joint for joint, idle in zip(self.joints, zero) if idle)
 
     def is_zero_within(self, deviations: float) -> bool:
         """Return whether all its sizes are zero within so many standard deviations."""
-        return bool(self._sizes) and all(np.all(
-            np.abs(np.asarray(size.value, dtype=float))
-            <= deviations * np.asarray(size.std, dtype=float)) for size in self._sizes)
+        return bool(self._sizes) and all(
+            np.all(np.abs(size) <= deviations * std) for size, std in self._sizes)
 
     @property
-    def _sizes(self) -> list[Parameter]:
-        return [self.parameters[parameter.name] for parameter in self.effect.parameters
-                if parameter.is_size and parameter.name in self.parameters]
+    def _sizes(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """The values of sizes, and deviations that tell whether they are zero."""
+        told = [(name, self.parameters[name]) for name in (
+            parameter.name for parameter in self.effect.parameters if parameter.is_size)
+            if name in self.parameters]
+        return [(np.asarray(size.value, dtype=float), np.sqrt(np.maximum(
+            np.square(np.asarray(size.std, dtype=float)) - self.by_shape.get(name, 0.0), 0.0)))
+            for name, size in told]
 
 
 @dataclass(frozen=True)

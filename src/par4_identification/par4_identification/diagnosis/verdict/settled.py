@@ -13,7 +13,10 @@ from par4_identification.diagnosis.evidence.doubt import (
     with_doubt_of_size,
     with_doubt_of_time,
 )
-from par4_identification.diagnosis.evidence.estimates import effect_parameters
+from par4_identification.diagnosis.evidence.estimates import (
+    effect_parameters,
+    variance_of_shape,
+)
 from par4_identification.diagnosis.evidence.fit import Fit, left_by, solve
 from par4_identification.diagnosis.evidence.holdout import Blocks, blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
@@ -165,4 +168,5 @@ def _cause(hypothesis: Hypothesis, search: Search, named: Sequence[Hypothesis], 
         visible_fraction=search.weighing.beside(()).left_share(
             evidence.columns(hypothesis), hypothesis.stacked(fit.coefficients[index])),
         p_value=judgement.p_value, margin=judgement.margin, rival=judgement.rival,
-        gain=blocks.whitened_gain(before, after))
+        gain=blocks.whitened_gain(before, after),
+        by_shape=variance_of_shape(evidence, hypothesis, fit, index, errors[0]))

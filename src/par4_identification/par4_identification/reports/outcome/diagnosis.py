@@ -9,10 +9,12 @@ import numpy as np
 
 from par4_dynamics.parameters import Parameter, parts_of_orders
 from par4_identification.diagnosis.experiment.next_experiment import NextExperiment
+from par4_identification.diagnosis.search.shapes import highest_order
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis, Unusable
 from par4_identification.diagnosis.verdict.unrelated import Unrelated
 from par4_identification.reports.outcome.next_experiment import advice, next_experiment_json
 from par4_identification.reports.outcome.outcome import FLOOR_EXCESS, LOUD, over_joints
+from par4_identification.signals.rows import Run
 from par4_kinematics.machine_units import parameter_unit, unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
@@ -153,7 +155,9 @@ def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
             if np.any(np.asarray(cause.parameters[item.name].value) != 0.0)
             and not (item.is_shape and np.all(np.asarray(
                 cause.parameters[item.name].value) == item.default))]
-    shown = {name for name in told if _stands_out(cause.parameters[name])} or set(told)
+    # a power of the speed is its size and its exponent, however uncertain each alone is
+    power = any(item.at_unit_speed for item in effect.parameters)
+    shown = {name for name in told if power or _stands_out(cause.parameters[name])} or set(told)
     amount = sizes[first.name]
     if first.unit in ('', '1'):
         amount = _size(cause.parameters[first.name], machine, 100.0) + ' %'
@@ -340,10 +344,30 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
             f'{number(used.row_rate_hz, 3)} rows a second, friction above '
             f'{number(used.low_speed, 2)} {unit_on(machine, "rad/s")}; --cutoff, --rows and '
             f'--low-speed set them.'))
+        remarks += _unseen_orders(diagnosis.fit_runs, machine)
     if diagnosis.verdict == 'clean':
         remarks.append(Remark(True, 'Effects below the noise floor of these data, and those that '
                                     'the base parameters swallow, are not excluded.'))
     return tuple(remarks)
+
+
+def _unseen_orders(runs: Sequence[Run], machine: Axis) -> list[Remark]:
+    """Return which periodic torques of the motor are too quick for the filter, if any are."""
+    longest = max(runs, key=lambda run: len(run.t))
+    if machine.gear_ratio is None or longest.conditioning.steady or not longest.valid.any():
+        return []
+    highest = highest_order(longest)
+    unseen = [machine.gear_ratio * turns for turns in (1, 2, machine.pole_pairs)
+              if turns is not None and machine.gear_ratio * turns > highest]
+    if not unseen:
+        return []
+    orders = listed([f'{order:.0f}' for order in sorted(set(unseen))])
+    cutoff = longest.conditioning.torque_cutoff_hz
+    slow = 2.0 * np.pi * cutoff / max(unseen)
+    return [Remark(
+        True, f'What the motor does with {orders} periods a turn of the joint is too quick for '
+        f'the filter of {number(cutoff, 3)} Hz at the speeds of this motion and was not looked '
+        f'for.', f'To see it, move at {number(slow, 2)} rad/s and slower.')]
 
 
 def _is_relative(cause: Cause, machine: Robot | Axis) -> bool:
