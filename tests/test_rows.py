@@ -18,7 +18,7 @@ from par4_identification.diagnosis.evidence.observations import with_nominal
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side, threads_of_process
 from par4_identification.diagnosis.evidence.whitener import Whitener
-from par4_identification.diagnosis.search.orders import Lines, _strongest, best_orders
+from par4_identification.diagnosis.search.orders import Lines, _Orders, best_orders
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.verdict.floor import encoder_noise, noise_floor
 from par4_identification.logs.log import Log
@@ -171,8 +171,8 @@ def test_where_all_orders_are_found_the_search_for_more_ends(evidence):
 def looks(monkeypatch):
     """How often the strongest line is looked for."""
     counted = []
-    monkeypatch.setattr('par4_identification.diagnosis.search.orders._strongest',
-                        lambda *asked: counted.append(asked) or _strongest(*asked))
+    look = _Orders.strongest
+    monkeypatch.setattr(_Orders, 'strongest', lambda *asked: counted.append(asked) or look(*asked))
     return counted
 
 

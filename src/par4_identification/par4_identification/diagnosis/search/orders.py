@@ -66,122 +66,143 @@ def best_orders(effect: Effect, shapes: Sequence[Shape], projection: Projection,
     name = order_name(effect)
     if name is None:
         raise TypeError(f'{effect.name} has no orders')
-    evidence, joints = projection.evidence, range(projection.evidence.observations.joints)
-    orders = np.array([single(shape[name]) for shape in shapes])
-    apart = 0.999 * _resolution(projection)
-    before = project(evidence, ()).squares
-
-    def beside_of(some: Sequence[float]) -> Projection:
-        hypothesis = Hypothesis(effect, _shape(name, some), tuple(joints))
-        return project(evidence, (*projection.hypotheses, hypothesis))
-
-    def is_worth(more: float, beside: Projection) -> bool:
-        coefficients = 2 * (1 if effect.shared else len(joints))
-        named = max(before - beside.squares, 0.0)
-        return 0.5 * more >= (rules.evidence + 0.5 * coefficients * np.log(max(evidence.rows, 2))
-                              + np.log(len(orders)) + 0.5 * Rules.named_error ** 2 * named)
-
-    def is_whole(some: Sequence[float]) -> bool:
-        for order in some:
-            beside = beside_of([other for other in some if other != order])
-            if not is_worth(beside.gain(effect, {name: order}), beside):
-                return False
-        beside = beside_of(some)
-        return len(some) == MOST or not is_worth(
-            _strongest(effect, name, orders, beside, some, apart, rules)[1], beside)
-
-    first, gain = _strongest(effect, name, orders, projection, (), apart, rules)
-    found = [first]
+    search = _Orders(effect, name, np.array([single(shape[name]) for shape in shapes]), projection,
+                     rules)
+    first, gain = search.strongest(projection, ())
     earlier = None if known is None else known[name]
-    if known is not None and isinstance(earlier, tuple) and first in earlier and is_whole(earlier):
-        return known, projection.squares - beside_of(earlier).squares
+    if known is not None and isinstance(earlier, tuple) and first in earlier and (
+            search.is_whole(earlier)):
+        return known, projection.squares - search.beside(earlier).squares
+    found = [first]
     while len(found) < MOST:
-        beside = beside_of(found)
-        order, more = _strongest(effect, name, orders, beside, found, apart, rules)
-        if not is_worth(more, beside):
+        beside = search.beside(found)
+        order, more = search.strongest(beside, found)
+        if not search.is_worth(more, beside):
             break
         found.append(order)
         gain += more
-    for _ in range(ROUNDS if len(found) > 1 and not set(found) <= set(orders) else 0):
+    for _ in range(ROUNDS if len(found) > 1 and not set(found) <= set(search.tried) else 0):
         for place, order in enumerate(found):
-            if order not in orders:
-                others = found[:place] + found[place + 1:]
-                found[place] = _beside(others, effect, name, order, orders, projection, apart,
-                                       rules)
-    return _shape(name, sorted(found)), gain
+            if order not in search.tried:
+                found[place] = search.settled(order, found[:place] + found[place + 1:])
+    return search.shape(sorted(found)), gain
 
 
-def _shape(name: str, orders: Sequence[float]) -> Shape:
-    return {name: orders[0] if len(orders) == 1 else tuple(orders)}
+@dataclass(frozen=True)
+class _Orders:
+    """A search for the orders of an effect.
 
-
-def _resolution(projection: Projection) -> float:
-    """Return the distance of two orders that the range of positions tells apart."""
-    runs = projection.evidence.observations.runs
-    span = max(float(np.max(np.ptp(run.q, axis=0))) for run in runs)
-    return 2.0 * np.pi / max(span, 1e-9)
-
-
-def _beside(others: Sequence[float], effect: Effect, name: str, order: float, orders: np.ndarray,
-            projection: Projection, apart: float, rules: Rules) -> float:
-    """Return an order between those of the grid where it gains most beside all others.
-
-    Lines that are hardly apart push each other away, so that one of them may be of the grid.
+    Attributes:
+        effect: whose they are.
+        name: of its shape parameter that has them.
+        tried: orders of the grid, evenly spaced, (k,).
+        projection: of the causes beside the effect.
+        rules: what a cause must gain.
     """
-    joints = tuple(range(projection.evidence.observations.joints))
-    known = Hypothesis(effect, _shape(name, sorted(others)), joints)
-    beside = project(projection.evidence, (*projection.hypotheses, known))
 
-    def worth(some: np.ndarray) -> np.ndarray:
-        return beside.gains(effect, [{name: float(trial)} for trial in some])
+    effect: Effect
+    name: str
+    tried: np.ndarray
+    projection: Projection
+    rules: Rules
 
-    settled, gain = _settled(order, float(worth(np.array([order]))[0]), apart, worth)
-    nearest = float(orders[np.argmin(np.abs(orders - settled))])
-    is_near = abs(nearest - settled) < 0.5 * apart and nearest not in others
-    if is_near and not _is_decided(gain, float(worth(np.array([nearest]))[0]), rules):
-        return nearest
-    return settled
+    @cached_property
+    def _apart(self) -> float:
+        """Distance of two orders that the range of positions tells apart."""
+        runs = self.projection.evidence.observations.runs
+        span = max(float(np.max(np.ptp(run.q, axis=0))) for run in runs)
+        return 0.999 * 2.0 * np.pi / max(span, 1e-9)
+
+    @cached_property
+    def _before(self) -> float:
+        """Squares that the base terms leave."""
+        return project(self.projection.evidence, ()).squares
+
+    def shape(self, some: Sequence[float]) -> Shape:
+        """Return the shape of some orders."""
+        return {self.name: some[0] if len(some) == 1 else tuple(some)}
+
+    def beside(self, some: Sequence[float]) -> Projection:
+        """Return the projection of the causes and of the effect with some orders."""
+        joints = tuple(range(self.projection.evidence.observations.joints))
+        known = Hypothesis(self.effect, self.shape(some), joints)
+        return project(self.projection.evidence, (*self.projection.hypotheses, known))
+
+    def is_worth(self, more: float, beside: Projection) -> bool:
+        """Return whether an order gains (twice) enough beside others."""
+        evidence = beside.evidence
+        coefficients = 2 * (1 if self.effect.shared else evidence.observations.joints)
+        named = max(self._before - beside.squares, 0.0)
+        return 0.5 * more >= (
+            self.rules.evidence + 0.5 * coefficients * np.log(max(evidence.rows, 2))
+            + np.log(len(self.tried)) + 0.5 * Rules.named_error ** 2 * named)
+
+    def is_whole(self, some: Sequence[float]) -> bool:
+        """Return whether each of some orders is worth it beside the others, and no further one."""
+        for order in some:
+            beside = self.beside([other for other in some if other != order])
+            if not self.is_worth(beside.gain(self.effect, {self.name: order}), beside):
+                return False
+        beside = self.beside(some)
+        return len(some) == MOST or not self.is_worth(self.strongest(beside, some)[1], beside)
+
+    def settled(self, order: float, others: Sequence[float]) -> float:
+        """Return an order between those of the grid where it gains most beside all others.
+
+        Lines that are hardly apart push each other away, so that one of them may be of the grid.
+        """
+        beside = self.beside(sorted(others))
+
+        def worth(some: np.ndarray) -> np.ndarray:
+            return beside.gains(self.effect, self._shapes(some))
+
+        settled, gain = _settled(order, float(worth(np.array([order]))[0]), self._apart, worth)
+        nearest = float(self.tried[np.argmin(np.abs(self.tried - settled))])
+        is_near = abs(nearest - settled) < 0.5 * self._apart and nearest not in others
+        if is_near and not _is_decided(gain, float(worth(np.array([nearest]))[0]), self.rules):
+            return nearest
+        return settled
+
+    def strongest(self, beside: Projection, found: Sequence[float]) -> tuple[float, float]:
+        """Return the order that gains most and twice its gain, -inf where none is left.
+
+        Orders that are not apart from those that were found before gain nothing. Where the joint
+        makes several turns one may lie between those of the grid, if it explains decidedly more.
+        """
+        def is_new(some: np.ndarray) -> np.ndarray:
+            return np.min(np.abs(some[:, None] - [*found, np.inf]), axis=1) >= self._apart
+
+        def worth(some: Sequence[Shape]) -> np.ndarray:
+            beside.evidence.keep(self.effect, some)
+            return np.array([beside.gain(self.effect, shape) if new else -np.inf
+                             for shape, new in zip(some, is_new(np.array(
+                                 [single(shape[self.name]) for shape in some])))])
+
+        lines = Lines(self.effect, beside, float(self.tried[-1]))
+        by_lines = np.where(is_new(self.tried), lines.gains(self.tried), -1.0)
+        ranks = np.argsort(np.argsort(-by_lines))
+        strong = (ranks == 0) | ((ranks < STRONGEST) & (by_lines >= CLOSE * np.max(by_lines)))
+        shape, gain = best_shape(self.effect, self._shapes(
+            self.tried[strong | (self.tried < LOW * self._apart)]), worth)
+        order = single(shape[self.name])
+        if self._apart > WIDEST_APART:
+            return order, gain
+        found_at, most = order, gain
+        between = lines.between(self.tried, self._apart)
+        if len(between):
+            worths = worth(self._shapes(between))
+            if _is_decided(float(np.max(worths)), gain, self.rules):
+                found_at, most = float(between[np.argmax(worths)]), float(np.max(worths))
+        moved = _settled(found_at, most, self._apart, lambda some: worth(self._shapes(some)))
+        return moved if _is_decided(moved[1], gain, self.rules) else (order, gain)
+
+    def _shapes(self, some: np.ndarray) -> list[Shape]:
+        return [{self.name: float(order)} for order in some]
 
 
 def _is_decided(gain: float, whole: float, rules: Rules) -> bool:
     """Return whether an order gains (twice, each) decidedly more than one of the grid."""
     return gain > whole + 2.0 * rules.evidence + rules.named_error ** 2 * max(whole, 0.0)
-
-
-def _strongest(effect: Effect, name: str, orders: np.ndarray, projection: Projection,
-               found: Sequence[float], apart: float, rules: Rules) -> tuple[float, float]:
-    """Return the order that gains most and twice its gain, -inf where none is left.
-
-    Orders that are not `apart` from those that were found before gain nothing. Where the joint
-    makes several turns one may lie between those of the grid, if it explains decidedly more.
-    """
-    def is_new(some: np.ndarray) -> np.ndarray:
-        return np.min(np.abs(some[:, None] - [*found, np.inf]), axis=1) >= apart
-
-    def shapes(some: np.ndarray) -> list[Shape]:
-        return [{name: float(order)} for order in some]
-
-    def worth(some: Sequence[Shape]) -> np.ndarray:
-        projection.evidence.keep(effect, some)
-        return np.array([projection.gain(effect, shape) if new else -np.inf for shape, new in zip(
-            some, is_new(np.array([single(shape[name]) for shape in some])))])
-
-    lines = Lines(effect, projection, float(orders[-1]))
-    by_lines = np.where(is_new(orders), lines.gains(orders), -1.0)
-    ranks = np.argsort(np.argsort(-by_lines))
-    strong = (ranks == 0) | ((ranks < STRONGEST) & (by_lines >= CLOSE * np.max(by_lines)))
-    shape, gain = best_shape(effect, shapes(orders[strong | (orders < LOW * apart)]), worth)
-    order = single(shape[name])
-    if apart > WIDEST_APART:
-        return order, gain
-    found_at, most = order, gain
-    between = lines.between(orders, apart)
-    if len(between):
-        worths = worth(shapes(between))
-        if _is_decided(float(np.max(worths)), gain, rules):
-            found_at, most = float(between[np.argmax(worths)]), float(np.max(worths))
-    moved = _settled(found_at, most, apart, lambda some: worth(shapes(some)))
-    return moved if _is_decided(moved[1], gain, rules) else (order, gain)
 
 
 def _settled(order: float, gain: float, apart: float,
