@@ -767,6 +767,14 @@ def test_a_clean_model_beside_loud_noise_is_told_to_hide_what_is_smaller(torque,
     assert ('that is 40 % of the torque' in outcome.sentence) == (standing == 'fair')
 
 
+@pytest.mark.parametrize(('kind', 'taken_off'), [(None, ''), (
+    'time', ', with what has no name taken off,')])
+def test_what_is_left_is_told_with_what_was_taken_off(kind, taken_off):
+    outcome = outcome_of_diagnosis(diagnosis('unknown', kind=kind), REFERENCE)
+    left = f'What is left{taken_off} is 1.1 times the noise floor.'
+    assert left in [remark.text for remark in outcome.remarks]
+
+
 def test_fitted_recordings_that_leave_far_more_than_those_held_out_are_told():
     alike = outcome_of_diagnosis(replace(diagnosis('explained', [COGS]), fitted_rms=0.3),
                                  REFERENCE)

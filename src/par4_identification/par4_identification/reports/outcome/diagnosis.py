@@ -419,7 +419,8 @@ def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis,
             False, f'The noise is larger for some time ({spans} of the data held out'
             f'{", and more" if len(found.bursts) > 5 else ""}).',
             'Look at what happened then; leave the stretch out or record again.'))
-    size = f'What is left is {number(remaining.floor_excess, 2)} times the noise floor'
+    beside = ', with what has no name taken off,' if diagnosis.unnamed else ''
+    size = f'What is left{beside} is {number(remaining.floor_excess, 2)} times the noise floor'
     if remaining.no_noise:
         remarks.append(Remark(
             False, f'{size}, too much for noise.',
