@@ -611,16 +611,14 @@ def whirring(speed, power, seed):
     return log_of(axis(), t, q[:, None], (0.03 / speed * qdd + friction)[:, None], seed, 1e-3)
 
 
-@pytest.mark.parametrize('speed', [0.5, 100.0])
-@pytest.mark.parametrize('power', [0.5, 0.8, 2.0])
+@pytest.mark.parametrize(('power', 'speed'), [(0.5, 100.0), (0.8, 0.5), (2.0, 0.5), (2.0, 100.0)])
 def test_friction_may_be_a_power_of_the_speed_and_little_else(power, speed):
     """It is several times the linear friction, and at 1 rad/s it may be anything."""
     found = diagnosed([whirring(speed, power, 1)], [whirring(speed, power, 2)], axis())
     cause, = found.causes
     assert cause.effect.name == 'nonlinear_viscous'
     assert cause.parameters['exponent'].value[0] == pytest.approx(power, abs=0.05)
-    assert found.holdout.extended_rms[0] < 1.2 * (
-        found.holdout.noise_floor_rms[0])
+    assert found.holdout.extended_rms[0] < 1.2 * found.holdout.noise_floor_rms[0]
 
 
 @pytest.mark.parametrize('seed', range(3))
