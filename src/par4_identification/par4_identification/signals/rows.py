@@ -348,5 +348,5 @@ def _white_floor(torque: np.ndarray, conditioning: Conditioning, period: float,
               np.ones_like(frequency)]
     levels = [np.median(np.abs(below[band + 1] - below[band]), axis=0) / np.sqrt(np.mean(
         (shares[band + 1] - shares[band]) ** 2)) for band in range(bands)]
-    in_band = np.sqrt(np.mean(conditioning.passed(frequency) ** 2))
+    in_band = np.sqrt(np.mean(passed(frequency, conditioning.torque_cutoff_hz, period) ** 2))
     return np.asarray(np.min(levels, axis=0) / 0.6745 * in_band)
