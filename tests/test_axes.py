@@ -26,6 +26,7 @@ from par4_identification.changes.changes import changes_between, model_of_bags
 from par4_identification.commands.bag import make_bag
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.experiment.next_experiment import next_experiment
+from par4_identification.diagnosis.search.search import Rejected
 from par4_identification.diagnosis.verdict.sure import CHANCE
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import identify
@@ -38,6 +39,7 @@ from par4_identification.reports.outcome.diagnosis import (
 )
 from par4_identification.reports.outcome.identification import table_of_parameters
 from par4_identification.setup_check.check import check_setup
+from par4_identification.signals.filtering import low_pass
 from par4_identification.signals.plateaus import plateaus_of
 from par4_identification.signals.rows import Conditioning, finer, runs_of_log
 from par4_identification.signals.scales import Chosen, conditioning_for
@@ -619,6 +621,31 @@ def test_friction_may_be_a_power_of_the_speed_and_little_else(power, speed):
     assert cause.effect.name == 'nonlinear_viscous'
     assert cause.parameters['exponent'].value[0] == pytest.approx(power, abs=0.05)
     assert found.holdout.extended_rms[0] < 1.2 * found.holdout.noise_floor_rms[0]
+
+
+def test_a_noise_floor_is_no_louder_than_what_is_left():
+    """Of a log whose torque is loud above the filter everywhere, and quiet below it."""
+    random = np.random.default_rng(5)
+    logs = []
+    for seed in (1, 2):
+        log = whirring(10.0, 1.0, seed)
+        white = random.normal(scale=0.05, size=log.tau.shape)
+        logs.append(replace(log, tau=log.tau + white - low_pass(white, 85.0, log.period, order=8)))
+    found = diagnosed(logs[:1], logs[1:], axis())
+    floor = runs_of_log(logs[1], axis(), found.fit_runs[0].conditioning)[0].noise_floor[0]
+    left = found.holdout.extended_rms[0]
+    assert floor > 3.0 * left
+    assert found.holdout.noise_floor_rms[0] <= left * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize('kind', ['revolute', 'linear'])
+def test_reasons_of_rejected_names_have_the_units_of_the_machine(kind):
+    found = diagnosed([whirring(0.5, 0.8, 1)], [whirring(0.5, 0.8, 2)], axis())
+    told = replace(found, rejected=(Rejected('stribeck', 'found -0.3 N m at 2 rad/s'),))
+    machine = axis(kind=kind)
+    page = report_of_diagnosis(told, outcome_of_diagnosis(told, machine), machine, [], {})
+    assert ('0.3 N at 2 m/s' in page) == (kind == 'linear')
+    assert ('0.3 N m at 2 rad/s' in page) == (kind == 'revolute')
 
 
 @pytest.mark.parametrize('seed', range(3))
