@@ -122,11 +122,16 @@ def test_a_study_is_the_same_list_of_distinct_tasks():
     assert len(counts) == 30
     assert max(counts) - min(counts) <= 1
     assert min(task.seed for task in tasks) >= 1_000_000
-    assert len({task.outside for task in tasks if task.kind == 'company'}) >= 10
+    company = [task for task in tasks if task.kind == 'company']
+    assert len({task.effect for task in company}) == 28
+    assert len({task.outside for task in company}) == 15
+    assert len({(task.effect, task.outside) for task in company}) > 100
     assert all((task.outside is None) == (task.kind not in (
         'company', 'outside', 'lines', 'bursts')) for task in tasks)
     some = tasks_of_study(1.0, 1_000_000, ('single',), 10)
     assert some == [task for task in tasks if task.kind == 'single'][:10]
+    others = tasks_of_study(1.0, 1_000_100, ('single',), 10)
+    assert {task.effect for task in others} != {task.effect for task in some}
 
 
 def drawn(kind, seed, effect=None, outside=None):

@@ -48,8 +48,10 @@ RECORDED = {'lines': 'hum', 'bursts': 'bursts'}
 
 def tasks_of_study(scale: float, first_seed: int, kinds: Sequence[str] = KINDS,
                    number: int | None = None) -> list[Task]:
-    """Return the tasks of a study, effects in turn; the same for the same arguments.
+    """Return the tasks of a study; the same for the same arguments.
 
+    Effects of the library, and causes outside it, come in turn, each turn in an order of its own
+    that the first seed draws: a small study is a sample of all of them, and another one of others.
     The kinds are mixed, so that what is done of a study is a sample of the whole.
 
     Args:
@@ -61,31 +63,45 @@ def tasks_of_study(scale: float, first_seed: int, kinds: Sequence[str] = KINDS,
     tasks = []
     for row, kind in enumerate(KINDS):
         wanted = number or max(1, round(scale * COUNTS[kind]))
+        effects = _in_turn(_effects(kind), wanted, (first_seed, row, 0))
+        outside = _in_turn(_outside(kind), wanted, (first_seed, row, 1))
         for index in range(wanted if kind in kinds else 0):
             tasks.append((index / wanted, Task(
-                kind, first_seed + STRIDE * row + index, _effect(kind, index, row),
+                kind, first_seed + STRIDE * row + index, effects[index],
                 coloured=kind == 'realistic' or index % 2 == 1,
                 fidelity='fast' if kind == 'single' and index % EVERY_BULLET == 3 else 'exact',
                 through_bag=kind == 'single' and index % EVERY_BAG == 13,
-                outside=_outside(kind, index))))
+                outside=outside[index])))
     return [task for _, task in sorted(tasks, key=lambda item: item[0])]
 
 
-def _effect(kind: str, index: int, row: int) -> str | None:
+def _effects(kind: str) -> list[str]:
+    """Return the effects that tasks of a kind hide first; none: nothing is given."""
     if kind in NOTHING:
-        return None
-    names = [name for name in HIDERS if kind in RATTLES or name not in CHAOTIC]
+        return []
+    if kind in ALWAYS:
+        return [ALWAYS[kind]]
     if kind == 'large':
-        names = list(LARGE)
-    elif kind == 'company':
-        names = [name for name in names if name not in UNREAL]
-    return ALWAYS.get(kind, names[(index * 7 + row) % len(names)])
+        return list(LARGE)
+    left_out = () if kind in RATTLES else UNREAL if kind == 'company' else CHAOTIC
+    return [name for name in HIDERS if name not in left_out]
 
 
-def _outside(kind: str, index: int) -> str | None:
+def _outside(kind: str) -> list[str]:
+    """Return the causes outside the library that tasks of a kind hide."""
     if kind in ('company', 'outside'):
-        return list(OUTSIDE)[index % len(OUTSIDE)]
-    return RECORDED.get(kind)
+        return list(OUTSIDE)
+    return [RECORDED[kind]] if kind in RECORDED else []
+
+
+def _in_turn(names: Sequence[str], number: int, seed: tuple[int, ...]) -> list[str | None]:
+    """Return so many of the names, each as often as another to within one, in a drawn order."""
+    if not names:
+        return [None] * number
+    random, drawn = np.random.default_rng(seed), list[str | None]()
+    while len(drawn) < number:
+        drawn += map(str, random.permutation(list(names)))
+    return drawn[:number]
 
 
 def made(task: Task) -> Kept:
