@@ -11,8 +11,8 @@ from par4_sim.bag_writer import BagWriter
 
 RUN = """
 import sys
-from par4_identification.commands.{command} import {command}_bags
-{command}_bags.main(sys.argv[1:], standalone_mode=False)
+from par4_identification.commands import {command}
+{command}.{function}.main(sys.argv[1:], standalone_mode=False)
 print('loaded:', *sorted({{'matplotlib', 'jinja2', 'scipy.signal'}} & set(sys.modules)))
 """
 
@@ -31,20 +31,24 @@ def test_without_report_the_numbers_are_the_same_and_nothing_draws(tmp_path):
         for row in range(len(t)):
             bag.write_joint_state('/joint_states', (1000 + row) * 1_000_000, ['slide'], [q[row]],
                                   effort=[force[row]])
-    def run(command: str, option: str) -> str:
+
+    def run(command: str, function: str, *options: str) -> str:
         return subprocess.run(
-            [sys.executable, '-c', RUN.format(command=command), tmp_path / 'bag', '--robot',
-             tmp_path / 'axis.yaml', '--output', tmp_path / command, option],
-            capture_output=True, text=True, check=True).stdout
+            [sys.executable, '-c', RUN.format(command=command, function=function),
+             tmp_path / 'bag', '--robot', tmp_path / 'axis.yaml', '--output', tmp_path / command,
+             *options], capture_output=True, text=True, check=True).stdout
 
     found = []
     for option, words in (('--report', 'results and report:'), ('--no-report', 'results:')):
-        said = run('identify', option)
+        said = run('identify', 'identify_bags', option)
         assert words in said
         found.append((tmp_path / 'identify' / 'identification.json').read_text())
     assert found[0] == found[1]
-    files = {'identify': {'identification.json', 'model.yaml'}, 'diagnose': {
-        'diagnosis.json', 'extended_model.yaml'}}
-    for command, lines in (('identify', said), ('diagnose', run('diagnose', '--no-report'))):
+    for command, lines, files in (
+            ('identify', said, {'identification.json', 'model.yaml'}),
+            ('diagnose', run('diagnose', 'diagnose_bags', '--no-report'),
+             {'diagnosis.json', 'extended_model.yaml'}),
+            ('validate', run('validate', 'validate_bag', '--no-report', '--model',
+                             str(tmp_path / 'identify' / 'model.yaml')), {'validation.json'})):
         assert lines.splitlines()[-1] == 'loaded:'
-        assert {path.name for path in (tmp_path / command).iterdir()} == files[command]
+        assert {path.name for path in (tmp_path / command).iterdir()} == files

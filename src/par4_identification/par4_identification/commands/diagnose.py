@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from par4_identification.commands.conditioning import conditioning_options
+from par4_identification.commands.report_option import report_option
 from par4_sim.commands.entry import loading, run
 
 GREEDY = ('--holdout', '--before')
@@ -51,8 +52,7 @@ class GreedyBags(click.Command):
 @conditioning_options
 @click.option('--simulate/--no-simulate', default=True, show_default=True,
               help='run the motion held out through the pybullet plant, the model before and after')
-@click.option('--report/--no-report', default=True, show_default=True,
-              help='draw report.html')
+@report_option
 def diagnose_bags(**options: Any) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
     with loading():

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from par4_identification.commands.conditioning import conditioning_options
+from par4_identification.commands.report_option import report_option
 from par4_identification.estimators.names import ESTIMATORS
 from par4_sim.commands.entry import loading, run
 
@@ -37,8 +38,7 @@ from par4_sim.commands.entry import loading, run
 @conditioning_options
 @click.option('--compare-true', default=None, metavar='MODEL',
               help='model of a simulated machine, shown beside what was identified')
-@click.option('--report/--no-report', default=True, show_default=True,
-              help='draw report.html')
+@report_option
 def identify_bags(**options: Any) -> None:
     """Identify the parameters of equation (20) from measured bags."""
     with loading():

@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from par4_identification.commands.conditioning import conditioning_options
+from par4_identification.commands.report_option import report_option
 from par4_sim.commands.entry import loading, run
 
 
@@ -21,6 +22,7 @@ from par4_sim.commands.entry import loading, run
               help='folder for validation.json and report.html')
 @click.option('--namespace', default=None, help='that the topics sit under')
 @conditioning_options
+@report_option
 def validate_bag(**options: Any) -> None:
     """Cross-validate a model on a bag that it was not identified from."""
     with loading():

@@ -24,8 +24,13 @@ from par4_sim.report.results import refuse_unwritable, write_results
 
 
 def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str | None,
-                 cutoff: float | None, rows: float | None, low_speed: float | None) -> None:
-    """Cross-validate a model on a bag that it was not identified from."""
+                 cutoff: float | None, rows: float | None, low_speed: float | None,
+                 report: bool) -> None:
+    """Cross-validate a model on a bag that it was not identified from.
+
+    Args:
+        report: whether the page is drawn; the rest as the options of the command.
+    """
     machine = read_machine(robot)
     model_file, built = read_file_and_model(model, machine)
     refuse_unwritable(output)
@@ -44,15 +49,18 @@ def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str 
         seen = bag_sha256(bag) in bags_of(model_file)
         outcome = with_setup(outcome_of_validation(validation, floor, machine, log, seen), check,
                              'validation')
-        status.update('drawing the report')
-        # the plot library is slow to load, and some homes make it talk on stderr
-        from par4_identification.reports.validation_report import report_of_validation
+        page = None
+        if report:
+            status.update('drawing the report')
+            # the plot library is slow to load, and some homes make it talk on stderr
+            from par4_identification.reports.validation_report import report_of_validation
+            page = report_of_validation(validation, outcome, runs, floor, machine, log, model_file)
         write_results(output, {
             'validation.json': {**validation_json(validation, log), 'setup': setup_json(check)},
-            'report.html': report_of_validation(validation, outcome, runs, floor, machine, log,
-                                                model_file)})
+            'report.html': page})
     console = Console(highlight=False)
     for line in outcome.first:
         console.print(line, soft_wrap=not console.is_terminal, markup=False)
     console.print(outcome.sentence, soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results and report: {output}', soft_wrap=True, markup=False)
+    console.print(f'results{" and report" if report else ""}: {output}', soft_wrap=True,
+                  markup=False)
