@@ -140,8 +140,24 @@ def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monk
                for item in result.rejected)
 
 
+def test_a_cause_of_which_the_joints_are_in_doubt_keeps_its_name(cogged_and_sticky, monkeypatch):
+    """Without its joints told it may have any size on each; that it acts is no less certain."""
+    def doubted(parameters, *_):
+        return {name: parameter.model_copy(update={
+            'std': tuple(2.0 * np.abs(parameter.value)) if name == 'stribeck_torque'
+            else parameter.std}) for name, parameter in parameters.items()}
+
+    monkeypatch.setattr(settled, 'with_doubt_of_choice', doubted)
+    fit, heldout = cogged_and_sticky
+    result = diagnose([fit], REFERENCE, holdout_logs=[heldout])
+    told, = (cause for cause in result.causes if cause.effect.name == 'stribeck')
+    size = told.parameters['stribeck_torque']
+    assert np.all(np.asarray(size.std) >= 2.0 * np.abs(size.value))
+
+
 @pytest.mark.parametrize(('margin', 'rival', 'doubt', 'is_told'), [
     (-5.0, 'a function of joint speed', 'with_disagreement', False),
+    (-5.0, 'a function of joint speed', 'with_doubt_of_choice', False),
     (5.0, 'a function of joint speed', 'with_disagreement', True),
     (-5.0, 'nonlinear_viscous', 'with_disagreement', True),
     (-5.0, 'a function of joint speed', 'with_doubt_of_law', True)])

@@ -89,10 +89,13 @@ def settle(search: Search, model: Model, of_axis: bool) -> Settled:
         errors = [torque_errors(part, search.pool.solution(model), search.rules)
                   for part in (search.pool.evidence, search.pool.heldout)]
         causes = [_cause(item, search, named, told, blocks, model, errors) for item in named]
+        on_any_joints = [replace(cause, parameters=with_doubt_of_choice(
+            cause.parameters, search.pool.evidence, item, named, search.weighing.corrected))
+            for cause, item in zip(causes, named)]
         by_any_law = [replace(cause, parameters=with_doubt_of_law(
             cause.parameters, search, item, named, errors[0]))
-            for cause, item in zip(causes, named)]
-        less = _without_nothing(search, model, named, causes, by_any_law, weak)
+            for cause, item in zip(on_any_joints, named)]
+        less = _without_nothing(search, model, named, causes, on_any_joints, by_any_law, weak)
         if less is None:
             causes = with_doubt_of_counts(search, widened(search, by_any_law, named, weak), named,
                                           changed)
@@ -108,20 +111,27 @@ def _strongest_first(search: Search, model: Model) -> tuple[Hypothesis, ...]:
 
 
 def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...],
-                     causes: Sequence[Cause], by_any_law: Sequence[Cause],
-                     weak: Sequence[Hypothesis]) -> Model | None:
+                     causes: Sequence[Cause], on_any_joints: Sequence[Cause],
+                     by_any_law: Sequence[Cause], weak: Sequence[Hypothesis]) -> Model | None:
     """Return the model without the weakest name that may as well be nothing; None if none may.
 
-    How large a cause is depends on its law and on what else acts, not whether it is one. But values
-    that no machine can have say nothing if they may as well be zero; neither does a name that may
-    be zero where something that is no twin explains rows held out as well.
+    How large a cause is depends on its law, on its joints and on what else acts, not whether it is
+    one. But values that no machine can have say nothing if they may as well be zero; neither does a
+    name that may be zero where something that is no twin explains rows held out as well.
+
+    Args:
+        causes: with deviations that take their joints and laws for right.
+        on_any_joints: the same, as they may act on other joints and with other parts.
+        by_any_law: these, as their laws may be others.
+        weak: see `weak_causes`.
     """
     for item, cause, doubted in reversed(list(zip(named, causes, by_any_law))):
         if cause.is_nothing or (doubted.is_zero_within(EITHER_SIDE) and not
                                 search.belief.is_possible(item, others_of(named, item))):
             search.journal.reject(item, 'all its values are zero within their deviations')
             return search.with_nameless(others_of(model, item))
-    for item, cause in reversed(list(zip(named, widened(search, causes, named, weak)))):
+    for item, cause in reversed(list(zip(named, widened(search, on_any_joints, named,
+                                                          weak)))):
         if (cause.margin <= 0.0 and cause.rival not in cause.twins
                 and cause.is_zero_within(EITHER_SIDE)):
             search.journal.reject(item, f'all its values may be zero, and on rows held out '
@@ -147,7 +157,6 @@ def _cause(hypothesis: Hypothesis, search: Search, named: Sequence[Hypothesis], 
     judgement, corrected = judge(search, hypothesis, model), search.weighing.corrected
     index = named.index(hypothesis)
     parameters = effect_parameters(evidence, hypothesis, fit, index, errors[0])
-    parameters = with_doubt_of_choice(parameters, evidence, hypothesis, named, corrected)
     parameters = with_doubt_of_size(parameters, evidence, hypothesis, fit)
     if unnamed_of(model):
         parameters = with_doubt(parameters, effect_parameters(
