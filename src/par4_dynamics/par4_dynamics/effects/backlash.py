@@ -35,7 +35,7 @@ class Backlash(Effect):
 
     name = 'backlash'
     phrase = 'backlash of the transmission'
-    parameters = (EffectParameter('gap', 'rad', 'joint'),)
+    parameters = (EffectParameter('gap', 'rad', 'joint', nonnegative=True),)
     shared = True
     needs_nominal = True
     variables = 2

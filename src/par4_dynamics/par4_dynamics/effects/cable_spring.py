@@ -32,7 +32,8 @@ class CableSpring(Effect):
 
     name = 'cable_spring'
     phrase = 'a cable that pulls like a spring'
-    parameters = (EffectParameter('stiffness', 'N/m', 'machine', size=3, uniform=True),
+    parameters = (EffectParameter('stiffness', 'N/m', 'machine', size=3, uniform=True,
+                                  nonnegative=True),
                   EffectParameter('anchor', 'm', 'machine', size=3, qualifies=True))
     shared = True
     needs_platform = True

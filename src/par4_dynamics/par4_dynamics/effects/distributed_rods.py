@@ -27,7 +27,7 @@ class DistributedRods(Effect):
     name = 'distributed_rods'
     phrase = 'mass distributed along rods and bars'
     parameters = (EffectParameter('rod_mass', 'kg', 'machine'),
-                  EffectParameter('bar_mass', 'kg', 'machine', default=0.0))
+                  EffectParameter('bar_mass', 'kg', 'machine', default=0.0, nonnegative=True))
     shared = True
     separable = ((0,), (0, 1))
     needs_platform = True

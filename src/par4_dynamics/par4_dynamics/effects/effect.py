@@ -46,6 +46,7 @@ class EffectParameter:
             it acts, such as a phase or an exponent.
         at_unit_speed: whether it is what a power of the speed is at 1 rad/s. How large that is goes
             with the exponent where the machine moves at other speeds, whether it is zero does not.
+        nonnegative: whether no plant takes it below zero. An estimate may come out there by chance.
     """
 
     name: str
@@ -59,6 +60,7 @@ class EffectParameter:
     per_order: bool = False
     qualifies: bool = False
     at_unit_speed: bool = False
+    nonnegative: bool = False
 
     @property
     def is_size(self) -> bool:

@@ -62,7 +62,7 @@ class ElasticTransmission(Effect):
     name = 'elastic_transmission'
     phrase = 'elasticity of the transmission'
     parameters = (
-        EffectParameter('stiffness', 'N m/rad', 'joint'),
+        EffectParameter('stiffness', 'N m/rad', 'joint', nonnegative=True),  # 0 is a rigid joint
         EffectParameter('damping_ratio', '1', 'machine', default=DAMPING_RATIO, is_shape=True))
     shared = True
     separable = ((0,), (1,), (2,), (3,))

@@ -33,8 +33,9 @@ class PassiveJointFriction(Effect):
 
     name = 'passive_joint_friction'
     phrase = 'friction in the passive joints'
-    parameters = (EffectParameter('coulomb', 'N m', 'machine', default=0.0),
-                  EffectParameter('viscous', 'N m s/rad', 'machine', default=0.0))
+    parameters = (EffectParameter('coulomb', 'N m', 'machine', default=0.0, nonnegative=True),
+                  EffectParameter('viscous', 'N m s/rad', 'machine', default=0.0,
+                                  nonnegative=True))
     shared = True
     separable = ((0,), (1,))
     needs_platform = True

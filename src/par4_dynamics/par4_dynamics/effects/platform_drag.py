@@ -26,8 +26,9 @@ class PlatformDrag(Effect):
 
     name = 'platform_drag'
     phrase = 'drag on the platform'
-    parameters = (EffectParameter('viscous', 'N s/m', 'machine', default=0.0),
-                  EffectParameter('quadratic', 'N s2/m2', 'machine', default=0.0))
+    parameters = (EffectParameter('viscous', 'N s/m', 'machine', default=0.0, nonnegative=True),
+                  EffectParameter('quadratic', 'N s2/m2', 'machine', default=0.0,
+                                  nonnegative=True))
     shared = True
     separable = ((0,), (1,))
     needs_platform = True

@@ -27,8 +27,9 @@ class ThetaFriction(Effect):
 
     name = 'theta_friction'
     phrase = 'friction of the rotation theta'
-    parameters = (EffectParameter('coulomb', 'N m', 'machine', default=0.0),
-                  EffectParameter('viscous', 'N m s/rad', 'machine', default=0.0))
+    parameters = (EffectParameter('coulomb', 'N m', 'machine', default=0.0, nonnegative=True),
+                  EffectParameter('viscous', 'N m s/rad', 'machine', default=0.0,
+                                  nonnegative=True))
     shared = True
     separable = ((0,), (1,))
     needs_platform = True

@@ -141,7 +141,7 @@ def confront_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequen
 
 def model_after(diagnosis: Diagnosis) -> ModelFile:
     """Return the extended model as a machine can have it."""
-    return realisable(diagnosis.extended_model)
+    return realisable(diagnosis.extended_model, diagnosis.effects)
 
 
 def model_before(diagnosis: Diagnosis) -> ModelFile:

@@ -6,33 +6,31 @@ gap, friction or drag below zero.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+from par4_dynamics.effects.catalogue import CATALOGUE, effect_named
+from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model_file import EffectEntry, ModelFile
 from par4_dynamics.parameters import Parameter
 
-NONNEGATIVE: dict[str, tuple[str, ...]] = {
-    'distributed_rods': ('bar_mass',),
-    'elastic_transmission': ('stiffness',),  # 0 stands for a rigid joint
-    'backlash': ('gap',),
-    'cable_spring': ('stiffness',),
-    'theta_friction': ('coulomb', 'viscous'),
-    'passive_joint_friction': ('coulomb', 'viscous'),
-    'platform_drag': ('viscous', 'quadratic')}
-"""Parameters whose sign an effect tolerates and a plant does not."""
+
+def realisable(model_file: ModelFile, library: Mapping[str, Effect] = CATALOGUE) -> ModelFile:
+    """Return the model with the negative values of nonnegative parameters at zero.
+
+    Its effects are those of `library`.
+    """
+    return model_file.model_copy(update={'effects': tuple(
+        _raised(entry, effect_named(entry.effect, library)) for entry in model_file.effects)})
 
 
-def realisable(model_file: ModelFile) -> ModelFile:
-    """Return the model with the negative values of `NONNEGATIVE` parameters at zero."""
-    return model_file.model_copy(update={'effects': tuple(map(_entry, model_file.effects))})
-
-
-def _entry(entry: EffectEntry) -> EffectEntry:
-    names = NONNEGATIVE.get(entry.effect, ())
+def _raised(entry: EffectEntry, effect: Effect) -> EffectEntry:
+    names = {parameter.name for parameter in effect.parameters if parameter.nonnegative}
     return entry.model_copy(update={'parameters': {
-        name: _raised(parameter) if name in names else parameter
+        name: _at_least_zero(parameter) if name in names else parameter
         for name, parameter in entry.parameters.items()}})
 
 
-def _raised(parameter: Parameter) -> Parameter:
+def _at_least_zero(parameter: Parameter) -> Parameter:
     value = parameter.value
     return parameter.model_copy(update={'value': tuple(max(part, 0.0) for part in value) if (
         isinstance(value, tuple)) else max(value, 0.0)})
