@@ -124,6 +124,22 @@ def test_a_collision_in_the_fitted_data_alone_is_not_explained(cogged_and_sticky
     assert struck.fitted_unlike
 
 
+@pytest.mark.parametrize('is_told', [True, False])
+def test_causes_beside_which_the_motion_shows_the_inertia_are_told(
+        cogged_and_sticky, monkeypatch, is_told):
+    """The torque of a soft load, computed once more from its values, may hide what the fit shows.
+    """
+    started = diagnosis.start_of
+    monkeypatch.setattr(diagnosis, 'start_of', lambda *given: replace(
+        started(*given), unless_shown=('the motion does not show the inertia',)))
+    monkeypatch.setattr(diagnosis, 'start_beside', lambda *_: None)
+    monkeypatch.setattr(diagnosis, 'tells_inertia', lambda _: is_told)
+    fit, heldout = cogged_and_sticky
+    result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
+        'cogging': diagnosis.LIBRARY['cogging']})
+    assert isinstance(result, Unusable) != is_told
+
+
 def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monkeypatch):
     """What two motions say of it may contradict each other; what it explains stays to be told."""
     def doubted(parameters, *_):

@@ -14,6 +14,7 @@ from par4_dynamics.state import state_of_platform
 from par4_identification.changes.changes import changes_since_model
 from par4_identification.changes.readings import FrictionFactor
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
+from par4_identification.diagnosis.nominal.start import tells_inertia
 from par4_identification.diagnosis.verdict.answer import Unusable
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
 from par4_identification.signals.scales import conditioning_for
@@ -108,3 +109,10 @@ def test_a_par4_that_crawls_is_diagnosed_with_a_model_that_tells_its_inertia():
     assert [(cause.effect.name, cause.joints) for cause in found.causes] == [('cogging', (2,))]
     assert np.all(build_model(REFERENCE, found.extended_model).values['actuator_inertia']
                   == read_model('table1', REFERENCE).values['actuator_inertia'])
+
+
+@pytest.mark.parametrize(('value', 'std', 'tells'), [
+    (0.11, 0.01, True), (0.11, 0.05, False), (-0.11, 0.01, False), (0.11, None, False)])
+def test_an_inertia_is_told_by_a_positive_value_of_some_accuracy(value, std, tells):
+    assert tells_inertia({'actuator_inertia': Parameter(
+        value=value, std=std, unit='kg m2')}) == tells

@@ -243,6 +243,21 @@ def test_a_joint_that_no_machine_could_have_goes_if_it_is_worth_little():
     assert needed(0) == (0, 2)  # nothing else does nearly as well: that it is refused is said
 
 
+def test_a_joint_that_no_machine_could_have_goes_if_the_error_of_the_cause_makes_it():
+    """It is worth more than chance, and no more than what a strong cause may get wrong."""
+    search = search_of(('torque_offset', {'offset': (0.5, 0.0, 0.009, 0.0)}),
+                       library=('torque_offset',))
+    item = Hypothesis(CATALOGUE['torque_offset'], {}, EVERY)
+
+    def needed(rules):
+        belief = SimpleNamespace(rules=rules, objection=lambda item, _others: (
+            'impossible' if 2 in item.joints else None))
+        return with_needed_joints(search.pool, belief, item, ()).joints
+
+    assert needed(search.rules) == (0,)
+    assert needed(replace(search.rules, named_error=0.0)) == (0, 2)
+
+
 @pytest.mark.parametrize(('apart', 'told_as'), [(0.009, 'quadratic'), (0.011, 'torque')])
 def test_an_exponent_that_is_nearly_two_is_told_as_two(apart, told_as):
     search = search_of(('nonlinear_viscous', {

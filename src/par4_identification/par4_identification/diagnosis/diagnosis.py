@@ -34,7 +34,13 @@ from par4_identification.diagnosis.evidence.side_by_side import plain_linear_alg
 from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
-from par4_identification.diagnosis.nominal.start import Start, shown, start_beside, start_of
+from par4_identification.diagnosis.nominal.start import (
+    Start,
+    shown,
+    start_beside,
+    start_of,
+    tells_inertia,
+)
 from par4_identification.diagnosis.progress import Progress, silent
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.causes import (
@@ -150,7 +156,7 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
         progress('diagnosing again, as the causes found let the motion show the inertia')
         answer = _diagnosed(again, heldout, machine, baseline, searched, rules, tuple(fit_runs),
                             progress)
-    elif start.unless_shown:
+    elif start.unless_shown and not (answer.causes and tells_inertia(answer.base_after)):
         return Unusable(start.unless_shown, tuple(fit_runs))
     return replace(answer, share=share)
 

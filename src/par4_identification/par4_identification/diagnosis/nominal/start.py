@@ -8,7 +8,7 @@ or not; an inertia that its motion does not show is that of the model that was g
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from par4_dynamics.effects.cogging import Cogging
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.position_torque import PositionTorque
 from par4_dynamics.model_file import RigidBody
+from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.fit import residuals, solve
 from par4_identification.diagnosis.evidence.observations import Observations
@@ -122,6 +123,14 @@ def start_beside(start: Start, observations: Observations, target: Sequence[np.n
     """
     again = _start(observations, target, machine, rigid_body)
     return None if again.reasons or _hides_inertia(again) else replace(again, bound=start.bound)
+
+
+def tells_inertia(parameters: Mapping[str, Parameter]) -> bool:
+    """Return whether base parameters beside causes have an inertia that the motion shows."""
+    found = parameters[INERTIA]
+    value, std = (float(np.max(np.asarray(part, dtype=float))) for part in (
+        found.value, np.inf if found.std is None else found.std))
+    return value > 0.0 and std <= WORST_STD * value
 
 
 def shown(heldout: Observations, start: Start) -> Observations:

@@ -26,8 +26,8 @@ def with_needed_joints(pool: Pool, belief: Belief, hypothesis: Hypothesis, other
     have in common belongs to the base. Therefore every set of joints is tried. For a shared effect
     every choice of its separable sets is tried, because one wrong dimension looks like several. A
     set without which held-out rows fit much worse is kept, whatever its price. A joint that is
-    worth little more than its price is dropped if no machine could have its value: small errors of
-    a strong cause look like that.
+    worth little more than its price is dropped if no machine could have its value: errors of a
+    strong cause look like that.
 
     Args:
         pool: fits.
@@ -40,21 +40,25 @@ def with_needed_joints(pool: Pool, belief: Belief, hypothesis: Hypothesis, other
     rules = belief.rules
     hypothesis = _with_confirmed_terms(pool, rules, _with_confirmed_orders(
         pool, rules, hypothesis, others), others)
-    # what the causes get wrong may look like one more joint, though not all of it
-    doubt = np.sqrt(requirement_of(pool, (*others, hypothesis), rules).inflation)
-    price = rules.price * doubt
+    inflation = requirement_of(pool, (*others, hypothesis), rules).inflation
     everywhere = tuple(range(pool.evidence.observations.joints))
     trials = list(choices(hypothesis, everywhere)) or [hypothesis]
     fits = [pool.fit((*others, trial)) for trial in trials]
-    most = min(fit.heldout_squares for fit in fits) + 2.0 * rules.margin * doubt
-    losses = np.array([0.5 * fit.fit_squares + price * pool.width(trial)
-                       if fit.heldout_squares <= most else np.inf
-                       for trial, fit in zip(trials, fits)]).round(6)
-    ranks = np.argsort(losses, kind='stable')  # of equals the first
-    near = ranks[losses[ranks] <= losses[ranks[0]] + rules.twin]
-    found = (_by_itself(trials[rank]) for rank in near)
-    return next((item for item in found if belief.objection(item, others) is None),
-                _by_itself(trials[ranks[0]]))
+    least = min(fit.heldout_squares for fit in fits)
+
+    def ranked(doubt: float) -> list[Hypothesis]:
+        """Return the best sets, if what the causes get wrong enlarges a joint's price so much."""
+        losses = np.array([0.5 * fit.fit_squares + doubt * rules.price * pool.width(trial)
+                           if fit.heldout_squares <= least + 2.0 * doubt * rules.margin
+                           else np.inf for trial, fit in zip(trials, fits)]).round(6)
+        ranks = np.argsort(losses, kind='stable')  # of equals the first
+        return [_by_itself(trials[rank]) for rank in ranks
+                if losses[rank] <= losses[ranks[0]] + rules.twin]
+
+    # that may look like one more joint, though not all of it unless no machine has such a joint
+    usual = ranked(np.sqrt(inflation))
+    return next((item for item in (*usual, *ranked(inflation))
+                 if belief.objection(item, others) is None), usual[0])
 
 
 def _by_itself(hypothesis: Hypothesis) -> Hypothesis:
