@@ -44,6 +44,7 @@ from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import requirement_of
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Rival
+from par4_identification.diagnosis.search.shapes import shapes_of
 from par4_identification.diagnosis.verdict.judgement import judge, unnamed_cause
 from par4_identification.diagnosis.verdict.sure import without_replaceable_names
 from par4_identification.fitting.identification import identify_runs
@@ -526,6 +527,33 @@ def two_runs():
     evidence = evidence_of(logs, REFERENCE, MODEL)
     causes = [cause('torque_offset')]
     return evidence, [(part, solve(evidence, part)) for part in ([], causes)]
+
+
+def test_shapes_are_those_of_the_run_that_moves_longest():
+    """A log may begin with a longer rest, of which no law of the speed has a shape."""
+    moving = log_with(('torque_offset', {'offset': OFFSET}), duration=6.0)
+    resting = replace(moving, t=1e-3 * np.arange(14_000), q=np.repeat(moving.q[:1], 14_000, axis=0),
+                      tau=np.repeat(moving.tau[:1], 14_000, axis=0), segments=(slice(0, 14_000),))
+    runs = [runs_of_log(log, REFERENCE)[0] for log in (resting, moving)]
+    assert len(runs[0].t) > len(runs[1].t)
+    both, alone = (observe(part, REFERENCE, 'paper', None) for part in (runs, runs[1:]))
+    for name in ('stribeck', 'cogging', 'presliding'):
+        found = shapes_of(both, CATALOGUE[name])
+        assert found
+        assert found == shapes_of(alone, CATALOGUE[name])
+
+
+@pytest.mark.parametrize(('name', 'shape', 'numbers'), [
+    ('actuator_lag', {}, 1), ('time_offset', {'expanded_at': 0.002}, 1),
+    ('cogging', {'periods': 7.0}, 9), ('cogging', {'periods': (7.0, 14.0, 84.0)}, 27),
+    ('elastic_transmission', {f'expanded_at_{joint}': 1e-4 for joint in EVERY}, 4),
+    ('elastic_transmission', {'expanded_at_1': 1e-4, 'damping_ratio': 0.1}, 5),
+    ('stribeck', {'stribeck_velocity': 0.2}, 5)])
+def test_numbers_are_what_a_fit_chooses(two_runs, name, shape, numbers):
+    """What coefficients tell already, such as where a series is expanded, is none of them."""
+    evidence, _ = two_runs
+    pool = Pool(evidence, evidence)
+    assert pool.numbers(Hypothesis(CATALOGUE[name], shape, EVERY)) == numbers
 
 
 def test_what_a_fit_leaves_of_whitened_rows_is_what_it_leaves_whitened(two_runs):

@@ -190,6 +190,13 @@ class Effect(ABC):
         """
         return None
 
+    def free_numbers(self, shape: Shape) -> int:
+        """Return how many numbers of a shape a fit chooses besides the coefficients.
+
+        Where a series is expanded is none of them, because its coefficients tell that.
+        """
+        return sum(np.size(value) for value in shape.values())
+
     def terms(self, shape: Shape) -> int:
         """Return how many coefficients a shape has beyond those of the simplest shape."""
         return 0

@@ -93,6 +93,9 @@ class ElasticTransmission(Effect):
         return {'stiffness': stiffness,
                 'damping_ratio': np.full_like(stiffness, _damping_ratio(shape))}
 
+    def free_numbers(self, shape: Shape) -> int:
+        return int('damping_ratio' in shape)
+
     def expansion(self, coefficients: np.ndarray, shape: Shape | None = None) -> Shape:
         """Return the shape that is exact at the coefficients (J,), with the damping of `shape`."""
         known = {name: value for name, value in (shape or {}).items() if name == 'damping_ratio'}

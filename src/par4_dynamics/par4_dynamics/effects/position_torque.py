@@ -50,6 +50,9 @@ class PositionTorque(Effect):
         return tuple({'degree': float(degree), 'low': low, 'high': high}
                      for degree in range(1, HIGHEST_DEGREE + 1))
 
+    def free_numbers(self, shape: Shape) -> int:
+        return 1  # the degree: the range is that of the motion
+
     def terms(self, shape: Shape) -> int:
         return int(single(shape['degree']))
 

@@ -40,6 +40,9 @@ class TimeOffset(Effect):
     def shapes(self, state: State) -> tuple[Shape, ...]:
         return ({'expanded_at': 0.0},)
 
+    def free_numbers(self, shape: Shape) -> int:
+        return 0
+
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         torque, delay = state.known.delivered, single(shape['expanded_at'])
         if delay == 0.0 or len(state.t) < 2:

@@ -163,6 +163,14 @@ class Run:
                        standstill=self.standstill & inside[:, None])
 
 
+def longest_motion(runs: Sequence[Run]) -> Run:
+    """Return the run with the most rows at which a joint says something; of equals the first.
+
+    The run that lasts longest may be one in which the machine rests.
+    """
+    return max(runs, key=lambda run: int(run.valid.any(axis=1).sum()))
+
+
 def runs_of_logs(logs: Sequence[Log], machine: Robot | Axis,
                  conditioning: Conditioning | None = None) -> list[Run]:
     """Return the rows of logs; the plateaus of steady speeds are one run.

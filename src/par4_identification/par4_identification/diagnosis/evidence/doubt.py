@@ -14,6 +14,7 @@ from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import Fit, solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.signals.rows import longest_motion
 
 
 def with_doubt(parameters: dict[str, Parameter], other: dict[str, Parameter], share: float = 1.0
@@ -46,7 +47,7 @@ def with_doubt_of_time(parameters: dict[str, Parameter], observations: Observati
     """
     if not {'phase', 'periods'} <= set(parameters):
         return parameters
-    run = max(observations.runs, key=lambda run: len(run.t))
+    run = longest_motion(observations.runs)
     late = run.period / np.sqrt(3.0)
     speed = float(np.median(np.abs(run.speed[run.valid])))
     phase = parameters['phase']

@@ -56,6 +56,7 @@ class Ranges:
     q: tuple[np.ndarray, np.ndarray]
     qd: np.ndarray
     qdd: np.ndarray
+    torque: np.ndarray
     end: float
     platform: PlatformRanges | None
     periods: Periods = ()
@@ -210,7 +211,7 @@ def creep(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
     """A spring at rest anywhere, and others whose forces die away with `RELAXATIONS`."""
     start = state.q[0]
     period = (state.t[-1] - state.t[0]) / max(len(state.t) - 1, 1)
-    columns = [np.ones_like(state.q), state.q - start]
+    columns = [np.ones_like(state.q), state.q]
     for time in RELAXATIONS:
         moved = state.q - start
         columns.append(moved - _crept(moved, np.exp(-period / time)))
@@ -233,10 +234,9 @@ def _crept(moved, kept):
 
 def gain(state: State, ranges: Ranges) -> np.ndarray:
     torque = state.known.delivered
-    level = np.sqrt(np.mean(torque ** 2, axis=0)) + 1e-9
     drifts = time(state, ranges) * torque[..., None]
-    bent = [np.tanh(torque / (share * level)) for share in (0.03, 0.1, 0.3)]
-    bent += [torque * np.abs(torque) / level, torque * np.abs(state.qd) / ranges.qd]
+    bent = [np.tanh(torque / (share * ranges.torque)) for share in (0.03, 0.1, 0.3)]
+    bent += [torque * np.abs(torque) / ranges.torque, torque * np.abs(state.qd) / ranges.qd]
     return np.concatenate((drifts, np.stack(bent, axis=-1)), axis=-1)
 
 

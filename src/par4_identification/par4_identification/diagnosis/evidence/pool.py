@@ -206,5 +206,6 @@ class Pool:
         return len(self.columns_of(item)) * (1 if item.effect.shared else len(item.joints))
 
     def numbers(self, item: Hypothesis) -> int:
-        """Return the number of coefficients and shape parameters of a hypothesis."""
-        return self.width(item) + len(item.shape)
+        """Return how many numbers of a hypothesis a fit chooses: coefficients and those of shapes.
+        """
+        return self.width(item) + (item.named.free_numbers(item.shape) if item.shape else 0)

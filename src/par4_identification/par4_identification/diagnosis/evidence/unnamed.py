@@ -118,8 +118,10 @@ def ranges_of(observations: Observations) -> Ranges:
                 np.max([getattr(state, name).max(axis=0) for state in states], axis=0))
 
     platform = states[0].x is not None
+    squares = np.concatenate([state.known.delivered ** 2 for state in states])
     return Ranges(
-        span('q'), largest('qd'), largest('qdd'), float(max(state.t[-1] for state in states)),
+        span('q'), largest('qd'), largest('qdd'), np.sqrt(squares.mean(axis=0)) + 1e-9,
+        float(max(state.t[-1] for state in states)),
         PlatformRanges(span('x'), largest('xd'), largest('xdd'), _equal_forces(states))
         if platform else None)
 

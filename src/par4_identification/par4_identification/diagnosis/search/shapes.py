@@ -9,19 +9,19 @@ import numpy as np
 from par4_dynamics.effects.effect import Effect, Shape, single
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.projection import Projection
-from par4_identification.signals.rows import Run
+from par4_identification.signals.rows import Run, longest_motion
 
 EXPANSIONS = 4
 """Times that a series is expanded around what came of it."""
 
 
 def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
-    """Return the shapes of an effect worth trying on the longest run of the data.
+    """Return the shapes of an effect worth trying on the run that moves longest.
 
     For an axis, which may have any speed, an order of a periodic torque is worth trying if the
     torque's filter passes it at the speeds of the slower quarter of the motion.
     """
-    run = max(observations.runs, key=lambda run: len(run.t))
+    run = longest_motion(observations.runs)
     shapes = effect.shapes(run.state)
     name = order_name(effect)
     if name is None or run.state.geometry is not None or not run.valid.any():

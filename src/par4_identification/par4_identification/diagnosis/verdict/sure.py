@@ -108,7 +108,7 @@ def _continued(search: Search, item: Hypothesis, model: Model) -> Model | None:
     must do worse than the name by what any cause must gain.
     """
     others = others_of(model, item)
-    numbers = search.pool.width(item) + sum(np.size(number) for number in item.shape.values())
+    numbers = search.pool.numbers(item)
     for series in named_of(others):
         shape = series.named.with_more_terms(series.shape, numbers)
         if shape is None:

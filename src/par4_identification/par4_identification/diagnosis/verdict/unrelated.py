@@ -195,8 +195,8 @@ def lines_of(fit: Sequence[Left], heldout: Sequence[Left]) -> tuple[Line, ...]:
 
 def _longest(runs: Sequence[Left], joint: int
              ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return time, residual, torque of the model and validity of a joint in the longest run."""
-    run, left, _ = max(runs, key=lambda part: len(part[0].t))
+    """Return time, residual, torque of the model and validity of a joint where it moves longest."""
+    run, left, _ = max(runs, key=lambda part: int(part[0].valid[:, joint].sum()))
     return run.t, left[:, joint], run.tau[:, joint] - left[:, joint], run.valid[:, joint]
 
 

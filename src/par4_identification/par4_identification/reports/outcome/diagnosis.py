@@ -14,7 +14,7 @@ from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis, Unusa
 from par4_identification.diagnosis.verdict.unrelated import Unrelated
 from par4_identification.reports.outcome.next_experiment import advice, next_experiment_json
 from par4_identification.reports.outcome.outcome import FLOOR_EXCESS, LOUD, over_joints
-from par4_identification.signals.rows import Run
+from par4_identification.signals.rows import Run, longest_motion
 from par4_kinematics.machine_units import parameter_unit, unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
@@ -353,7 +353,7 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
 
 def _unseen_orders(runs: Sequence[Run], machine: Axis) -> list[Remark]:
     """Return which periodic torques of the motor are too quick for the filter, if any are."""
-    longest = max(runs, key=lambda run: len(run.t))
+    longest = longest_motion(runs)
     if machine.gear_ratio is None or longest.conditioning.steady or not longest.valid.any():
         return []
     highest = highest_order(longest)

@@ -1,0 +1,38 @@
+"""A kind of unnamed cause is the same function on every run: what one run tells holds on another.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from par4_dynamics.state import Nominal, State
+from par4_identification.diagnosis.evidence.kind_functions import Ranges, creep, gain
+
+T = np.arange(0.0, 6.0, 0.01)
+RANGES = Ranges(q=(np.array([-1.0]), np.array([1.0])), qd=np.array([1.0]), qdd=np.array([1.0]),
+                torque=np.array([8.0]), end=6.0, platform=None)
+BENT = slice(-5, None)
+"""Columns of a gain that do not drift with time."""
+
+
+def run_of(q, torque):
+    """Return a run of one joint at these positions, with the nominal torque."""
+    zeros = np.zeros((len(T), 1))
+    return State(T, q[:, None], zeros, zeros, nominal=Nominal(
+        torque[:, None], zeros, {}, lambda _state: zeros))
+
+
+def test_a_spring_has_its_rest_in_one_place_wherever_a_run_begins():
+    near, far = (shift + 0.3 * np.sin(1.7 * T) for shift in (0.0, 0.6))
+    columns = [creep(run_of(q, 0.0 * T), RANGES)[:, 0] for q in (near, far)]
+    values = np.linalg.lstsq(columns[0], 50.0 * (near - 0.1), rcond=None)[0]
+    np.testing.assert_allclose(columns[1] @ values, 50.0 * (far - 0.1), atol=1e-9)
+
+
+def test_an_amplifier_bends_at_the_same_torque_however_lively_a_run_is():
+    lively = np.linspace(-20.0, 20.0, len(T))
+    calm = np.clip(lively, -2.0, 2.0)
+    here, there = (gain(run_of(0.0 * T, torque), RANGES)[:, 0, BENT] for torque in (lively, calm))
+    same = lively == calm
+    assert np.ptp(here[same], axis=0)[:4].min() > 0.1
+    np.testing.assert_array_equal(here[same], there[same])
