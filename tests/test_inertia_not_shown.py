@@ -13,11 +13,14 @@ from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import state_of_platform
 from par4_identification.changes.changes import changes_since_model
 from par4_identification.changes.readings import FrictionFactor
+from par4_identification.confrontation.confrontation import model_before
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
+from par4_identification.diagnosis.experiment.next_experiment import Prospect
 from par4_identification.diagnosis.nominal.start import tells_inertia
 from par4_identification.diagnosis.verdict.answer import Unusable
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
 from par4_identification.signals.scales import conditioning_for
+from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import Axis
 from robots import REFERENCE
 
@@ -107,8 +110,13 @@ def test_a_par4_that_crawls_is_diagnosed_with_a_model_that_tells_its_inertia():
     found = diagnose([fit], REFERENCE, table1, [heldout])
     assert found.left_out == ('actuator_inertia',)
     assert [(cause.effect.name, cause.joints) for cause in found.causes] == [('cogging', (2,))]
-    assert np.all(build_model(REFERENCE, found.extended_model).values['actuator_inertia']
-                  == read_model('table1', REFERENCE).values['actuator_inertia'])
+    given = read_model('table1', REFERENCE).values['actuator_inertia']
+    for model_file in (found.extended_model, model_before(found)):
+        assert np.all(build_model(REFERENCE, model_file).values['actuator_inertia'] == given)
+    # a quicker motion would show the inertia; what it is is known
+    planned = Prospect(found.evidence, REFERENCE, found.extended_model, found.effects).of_motion(
+        named_motion('excitation', REFERENCE, 6.0))
+    assert planned.base.shape[1] == found.evidence.base.shape[1]
 
 
 @pytest.mark.parametrize(('value', 'std', 'tells'), [

@@ -107,8 +107,8 @@ def changes_since_model(diagnosis: Diagnosis, machine: Robot | Axis, model_file:
     model = build_model(machine, model_file)
     seen = diagnosis.evidence.observations
     after = fitted_values(seen, diagnosis.hypotheses)
-    heldout = _with_terms(observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model),
-                          seen)
+    heldout = observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model
+                      ).with_terms_of(seen)
     shared = not any(isinstance(parameter.value, tuple)
                      for parameter in model_file.parameters.values())
     after = replace(after, bias=swallowed_values(after, (seen, heldout), shared))
@@ -150,7 +150,7 @@ def changes_between(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequence[
     model = build_model(machine, model_file)
     seen = with_nominal(_observed(logs, machine, model_file.rigid_body, model_file, conditioning),
                         model)
-    seen = _with_terms(seen, diagnosis.evidence.observations)
+    seen = seen.with_terms_of(diagnosis.evidence.observations)
     before, after = (fitted_values(rows, diagnosis.hypotheses)
                      for rows in (seen, diagnosis.evidence.observations))
     return _changes(diagnosis, machine, model, before, after, swallowed=False, since=name)
@@ -163,19 +163,11 @@ def _observed(logs: Sequence[Log], machine: Robot | Axis, rigid_body: RigidBody,
     return seen.without(INERTIA) if conditioning.steady else seen
 
 
-def _with_terms(observations: Observations, of: Observations) -> Observations:
-    """Return observations without base parameters that others do not show."""
-    for term in observations.terms:
-        if term not in of.terms:
-            observations = observations.without(term.name)
-    return observations
-
-
 def _changes(diagnosis: Diagnosis, machine: Robot | Axis, model: Model, before: JointValues,
              after: JointValues, swallowed: bool, since: str) -> Changes:
     parameters, explanation = explained_change(before, after, swallowed)
-    heldout = _with_terms(observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model),
-                          diagnosis.evidence.observations)
+    heldout = observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model
+                      ).with_terms_of(diagnosis.evidence.observations)
     margins = _margins(explanation.read, parameters, after, heldout, diagnosis)
     return Changes(before.terms, before, after, explanation, margins, parameters,
                    given_rms(diagnosis.holdout.runs, model), since)

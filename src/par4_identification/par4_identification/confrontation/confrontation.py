@@ -149,9 +149,10 @@ def model_before(diagnosis: Diagnosis) -> ModelFile:
     extended = model_after(diagnosis)
     lowest = {term.name: 0.0 if term.nonnegative else -np.inf for term in BASE_TERMS}
     return extended.model_copy(update={
-        'parameters': {name: parameter.model_copy(update={
+        # a parameter that the motion does not show is as it was given
+        'parameters': {**extended.parameters, **{name: parameter.model_copy(update={
             'value': max(parameter.value, lowest[name])})
-            for name, parameter in diagnosis.base_before.items()},
+            for name, parameter in diagnosis.base_before.items()}},
         'effects': extended.effects[:len(extended.effects) - len(diagnosis.causes)]})
 
 

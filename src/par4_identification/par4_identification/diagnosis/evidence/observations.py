@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -57,6 +58,18 @@ class Observations:
                        target=tuple(target - values * part[..., own]
                                     for target, part in zip(self.target, self.base)),
                        terms=tuple(self.terms[index] for index in kept))
+
+    def with_terms_of(self, others: Observations, known: Mapping[str, np.ndarray] | None = None
+                      ) -> Observations:
+        """Return the observations without base parameters that others do not have.
+
+        `known` has their values (J,); without it they count as zero.
+        """
+        kept = self
+        for term in self.terms:
+            if term not in others.terms:
+                kept = kept.without(term.name, 0.0 if known is None else known[term.name])
+        return kept
 
     def effect_rows(self, effect: Effect | Kind, shape: Shape) -> tuple[np.ndarray, ...]:
         """Return the filtered columns (m, J, K) of an effect in each run.

@@ -209,10 +209,12 @@ class Prospect:
     def of_motion(self, motion: Motion) -> Evidence:
         """Return the whitened rows of a motion; computed once."""
         if motion.name not in self._kept:
-            runs = runs_of_log(self._record(motion), self.robot,
-                               self.evidence.observations.runs[0].conditioning)
+            old = self.evidence.observations
+            runs = runs_of_log(self._record(motion), self.robot, old.runs[0].conditioning)
             whitener = Whitener(self.evidence.whitener.noise, tuple(run.valid for run in runs))
-            observations = observe(runs, self.robot, self.model_file.rigid_body, None)
+            # what the old rows do not show is known of the new ones
+            observations = observe(runs, self.robot, self.model_file.rigid_body, None
+                                   ).with_terms_of(old, self.model.values)
             self._kept[motion.name] = gather(with_nominal(observations, self.model), whitener)
         return self._kept[motion.name]
 
