@@ -296,6 +296,22 @@ def test_the_end_of_a_goal_is_judged_by_what_the_robot_tells_of_it(following):
     assert ended.result().end == 'succeed'
 
 
+@pytest.mark.parametrize(('asked', 'missed', 'end'), [
+    (None, 0.11, 'abort'), (None, 0.09, 'succeed'), (0.0, 0.11, 'abort'), (0.0, 0.09, 'succeed'),
+    (-1.0, 1.0, 'succeed'), (0.5, 0.4, 'succeed'), (0.5, 0.6, 'abort')])
+def test_a_goal_without_a_tolerance_has_the_one_of_every_motion(following, asked, missed, end):
+    message = goal(AWAY_Q, last=asked or 0.0)
+    if asked is None:
+        message.goal_tolerance = []
+    following._goals._motion = None
+    assert following._goals._judge(message) == GoalResponse.ACCEPT
+    following._robot_at = AWAY_Q - (0.0, 0.0, missed, 0.0)
+    assert following._goals.over(SECOND, stopped=False)
+    outcome = following._goals._ended.result()
+    assert outcome.end == end
+    assert outcome.code == (goal_server.SUCCESSFUL if end == 'succeed' else goal_server.GOAL_MISSED)
+
+
 def test_a_goal_that_still_waits_for_listeners_can_be_stopped(following):
     following._played, following._motion = None, following._goals._motion
     following._stop_asked, following._missing = False, lambda _: 'subscribers of reference'

@@ -26,6 +26,8 @@ ACTION = 'action'
 """Value of the parameter `motion` with which the node plays the goals of the action."""
 SUCCESSFUL, INVALID_GOAL, PATH_BROKEN, GOAL_MISSED = 0, -1, -4, -5
 """Error codes of control_msgs/action/FollowJointTrajectory."""
+ARRIVED = 0.1
+"""How far a joint may stand from the end of a motion that counts as followed, rad."""
 
 
 def action_type() -> Any:
@@ -52,21 +54,24 @@ class Outcome:
     words: str
 
 
-def tolerances(asked: Any) -> np.ndarray:
-    """Return the bound of the position of each joint, (4,) rad; infinite where none is asked.
+def tolerances(asked: Any, default: float) -> np.ndarray:
+    """Return the bound of the position of each joint, (4,) rad.
+
+    It is `default` where none is asked, or zero; a negative one means that there is none: infinite.
 
     Raises:
         InputError: a joint that the robot does not have, or NaN.
     """
-    bounds = np.full(len(JOINT_NAMES), np.inf)
+    bounds = np.full(len(JOINT_NAMES), default)
     for tolerance in asked:
         if tolerance.name not in JOINT_NAMES:
             raise InputError(f'tolerance of {tolerance.name}: unknown joint; known are '
                              f'{", ".join(JOINT_NAMES)}')
         if np.isnan(tolerance.position):
             raise InputError(f'tolerance of {tolerance.name}: {tolerance.position}; give a number')
-        if tolerance.position > 0.0:  # zero leaves it to the server, negative means none
-            bounds[JOINT_NAMES.index(tolerance.name)] = tolerance.position
+        if tolerance.position != 0.0:
+            bounds[JOINT_NAMES.index(tolerance.name)] = (
+                tolerance.position if tolerance.position > 0.0 else np.inf)
     return bounds
 
 
@@ -125,8 +130,8 @@ class GoalServer:
             if q_now is None:
                 raise InputError('no joint_states yet, so that it is not known where the robot '
                                  'stands')
-            self._path, self._goal = (tolerances(part) for part in (goal.path_tolerance,
-                                                                   goal.goal_tolerance))
+            self._path = tolerances(goal.path_tolerance, np.inf)
+            self._goal = tolerances(goal.goal_tolerance, ARRIVED)
             self._patience_ns = max(0, time_ns(goal.goal_time_tolerance))
             self._motion = goal_motion(goal, self._robot, q_now)
         except Par4Error as error:

@@ -28,7 +28,7 @@ from par4_kinematics.ros.convert import (
     time_ns,
     write_trajectory,
 )
-from par4_kinematics.ros.goal_server import ACTION, GoalServer
+from par4_kinematics.ros.goal_server import ACTION, ARRIVED, GoalServer
 from par4_kinematics.ros.motion_parameters import MotionParameters
 from par4_kinematics.ros.node import Par4Node, State
 from par4_kinematics.ros.process import run
@@ -65,8 +65,6 @@ STANDSTILL = 3.0
 """Seconds of wall time to wait while the clock stands, or for the robot to say where it ended."""
 FEEDBACK = 0.05
 """Seconds of wall time between two feedbacks of a goal."""
-ARRIVED = 0.1
-"""How far a joint may stand from the end of a motion that counts as followed, rad."""
 DISCOVERY = 3.5
 """Seconds of wall time in which listeners are found: a lost packet is repeated after 3 s."""
 
