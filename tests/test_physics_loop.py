@@ -249,6 +249,42 @@ def wave(seconds: float) -> Trajectory:
     return Trajectory(0, t, HOME_Q + q, qd, qdd)
 
 
+def test_a_motion_from_before_a_restart_is_refused_until_one_begins_where_the_machine_stands():
+    """Its sender does not know of the restart and would move the machine all by itself."""
+    whole, run = wave(2.0), Run()
+
+    def send(start_ns: int, part: slice) -> None:
+        run.loop.queue_reference(start_ns, Trajectory(
+            0, whole.from_start_ns[part], whole.q[part], whole.qd[part], whole.qdd[part]))
+
+    start_ns = 20 * PERIOD_NS
+    send(start_ns, slice(0, 100))
+    run.go_on(100)
+    assert not run.refused
+    restart = Thread(target=run.loop.restart)
+    restart.start()
+    while restart.is_alive():
+        run.go_on(1)
+    since = len(run.samples)
+    start_ns = run.loop.now_ns - 120 * PERIOD_NS
+    run.loop.queue_reference(start_ns - SECOND, rest_at_home(0.0))  # over: it is not looked at
+    for first in range(150, 400, 50):  # both where it moves and where it turns, 0.2 rad from home
+        send(start_ns, slice(first, first + 50))
+    run.go_on(500)
+    assert len(run.refused) == 5
+    assert all('begin at rest where the machine stands' in str(error) for error in run.refused)
+    assert 'rad/s' in str(run.refused[0])
+    assert 'rad from where it stands' in str(run.refused[2])
+    np.testing.assert_allclose([sample.q for sample in run.samples[since:]],
+                               np.tile(HOME_Q, (len(run.samples) - since, 1)), atol=1e-3)
+    start_ns = run.loop.now_ns + 20 * PERIOD_NS
+    for first in range(0, 1000, 50):
+        send(start_ns, slice(first, first + 50))
+    run.go_on(500)
+    assert len(run.refused) == 5
+    assert np.ptp([sample.q for sample in run.samples[-500:]], axis=0).min() > 0.15
+
+
 def braked_at_the_end(run: Run) -> None:
     speeds = np.abs([sample.qd for sample in run.samples]).max(axis=1)
     assert speeds.max() > 0.3

@@ -7,7 +7,9 @@ import math
 import numba
 import numpy as np
 
-from par4_sim.reference_curve import COLUMNS, NO_TORQUE, ReferenceLimits, between
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import JOINT_NAMES
+from par4_sim.reference_curve import COLUMNS, NO_TORQUE, STILL, ReferenceLimits, between
 from par4_sim.reference_points import ReferencePoints
 from par4_sim.waiting_torque import WaitingTorque
 
@@ -15,6 +17,8 @@ MEMORY = 1.0
 """Seconds for which a torque waits that came after its time."""
 SPENT = 2000
 """Passed points that are kept before they are forgotten."""
+NEAR = 0.1
+"""How far from where it stands a motion of a machine may begin that was put there, rad."""
 TARGET = 20
 """What a drive follows at one time: q_ref, qd_ref, feedforward torque and qdd_ref of four joints at
 that time, and the feedforward torque at the time at which the command acts."""
@@ -106,6 +110,7 @@ class ReferenceQueue:
         missing_effort: points used without a feedforward torque.
         interrupted: how many times a moving reference was not gone on with and the ramp began.
         starved: whether the ramp of an interrupted reference is being followed, or was the last.
+        begun: whether points were queued since the last restart.
     """
 
     def __init__(self, q: np.ndarray, limits: ReferenceLimits | None = None) -> None:
@@ -121,6 +126,7 @@ class ReferenceQueue:
         self._follow(ReferencePoints(np.zeros(1), _standing(q)))
         self._waiting = WaitingTorque()
         self._used = 1
+        self.begun = False
 
     def _follow(self, points: ReferencePoints) -> None:
         """Follow these points, without a ramp so far."""
@@ -136,6 +142,26 @@ class ReferenceQueue:
     def points(self) -> np.ndarray:
         """The points (n, COLUMNS)."""
         return self._points.rows
+
+    def check_start(self, now: float, added: ReferencePoints) -> None:
+        """Refuse points that do not begin at rest near where the drives hold; late ones count not.
+
+        Raises:
+            InputError: names the joint that would move or jump.
+        """
+        late = int(np.searchsorted(added.times, now))
+        if late == len(added):
+            return
+        first = added.rows[late]
+        away = np.abs(first[:4] - self.target(now)[:4])
+        for found, bound, words in ((np.abs(first[4:8]), STILL, 'moves at {:.3g} rad/s'),
+                                    (away, NEAR, 'is {:.3g} rad from where it stands')):
+            joint = int(found.argmax())
+            if found[joint] > bound:
+                raise InputError(
+                    f'not followed: it goes on with a motion from before the restart: at its first '
+                    f'point {JOINT_NAMES[joint]} {words.format(found[joint])}; begin at rest where '
+                    f'the machine stands')
 
     def queue(self, now: float, times: np.ndarray, q: np.ndarray, qd: np.ndarray,
               qdd: np.ndarray) -> None:
@@ -174,6 +200,7 @@ class ReferenceQueue:
             else:
                 self._limits.check_join(now, here[0], first, added.rows[0], late > 0)
         self.late_points += late
+        self.begun = True
         self._waiting.serve(added.times, added.rows)
         if here is None:
             self._used = min(self._used, keep)

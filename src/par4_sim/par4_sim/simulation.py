@@ -204,6 +204,19 @@ class Simulation:
         """
         self._reference.queue_points(self._reached(self._steps), points, looked_at)
 
+    def check_start(self, points: ReferencePoints) -> None:
+        """Refuse points that do not begin at rest near where the machine stands.
+
+        Raises:
+            InputError: names the joint that would move or jump.
+        """
+        self._reference.check_start(self._reached(self._steps), points)
+
+    @property
+    def begun(self) -> bool:
+        """Whether reference points were queued since the machine was put at rest."""
+        return self._reference.begun
+
     def queue_effort(self, times: np.ndarray, tau: np.ndarray) -> None:
         """Queue feedforward torques (n, 4), N m, for the reference points at `times`."""
         self._reference.queue_effort(times, tau)

@@ -71,6 +71,7 @@ class PhysicsLoop:
         self._end_asked_ns = 0
         self._runs = False
         self._braked = False
+        self._restarted = False
         self._rests_since_ns: int | None = None
         self._simulation = simulation
         self._publish = publish
@@ -129,6 +130,8 @@ class PhysicsLoop:
     def restart(self, simulation: Simulation | None = None) -> None:
         """Put the machine, or another one, at rest at home; return when it is done.
 
+        A motion that is still being sent is refused until one begins where the machine stands.
+
         Raises:
             InputError: the loop has ended, or is too busy.
         """
@@ -139,6 +142,7 @@ class PhysicsLoop:
                 self._simulation = simulation
             self._simulation.reset()
             self.fault = ''
+            self._restarted = True
             self._started_ns = next_ns - round(self._simulation.time * SECOND)
 
         try:
@@ -243,7 +247,10 @@ class PhysicsLoop:
             try:
                 if self.fault or self._braked:
                     raise InputError(f'not followed: {self.fault or "the simulation is ending"}')
+                if self._restarted:
+                    self._simulation.check_start(points)
                 self._simulation.queue_points(points, looked_at)
+                self._restarted = self._restarted and not self._simulation.begun
             except Par4Error as error:
                 kept = False
                 if looked_at:  # a group is tried again one by one

@@ -19,8 +19,9 @@ class SimulationParameters(NodeParameters):
     """Simulates Par4 with its drives: reference and feedforward_torque -> joint_states and clock.
 
     The physics runs in the main thread, callbacks in another. ~/reset puts the machine at rest at
-    home, ~/reload_model too; the clock goes on. A reference beyond the limits of robot.yaml is
-    refused; one that ends in motion is braked.
+    home, ~/reload_model too; the clock goes on, and references are refused until one begins at rest
+    where the machine stands. A reference beyond the limits of robot.yaml is refused; one that ends
+    in motion is braked.
     """
 
     NAME: ClassVar[str] = 'par4_simulation'
