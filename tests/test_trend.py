@@ -21,6 +21,7 @@ from par4_dynamics.state import GRAVITY, State
 from par4_identification.commands import trend
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR
+from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.trend import outcome_of_life, sentence_of_event
 from par4_identification.trend import tasks
 from par4_identification.trend.bag_values import (
@@ -51,7 +52,7 @@ SECONDS = 1_772_000_000
 
 
 def noisy(values, seed, std=1.0):
-    return values + std * np.random.default_rng(seed).normal(size=len(values))
+    return values + std * np.random.default_rng(seed).normal(size=np.shape(values))
 
 
 # ---------------------------------------------------------------------------------- courses
@@ -113,6 +114,13 @@ def test_seasons_are_no_change():
 
 def test_few_values_say_nothing():
     assert course_of(np.arange(4.0), np.array([0.0, 0.0, 9.0, 9.0]), np.ones(4), 1e-3).breaks == ()
+
+
+def test_values_in_no_doubt_are_a_constant():
+    course = course_of(np.arange(8.0), np.full(8, 2.0), np.zeros(8), 1e-4)
+    assert course.breaks == ()
+    assert course.fitted.tolist() == [2.0] * 8
+    assert course.scatter == 0.0
 
 
 # -------------------------------------------------------------------------------------- life
@@ -323,6 +331,48 @@ def test_each_order_of_a_cogging_is_followed_on_each_joint():
     assert len(found) == 8
     assert found['cogging.amplitude.order_7[3]'] == 0.2
     assert found['cogging.phase.order_84[0]'] == 0.05
+
+
+def test_each_term_of_a_series_is_followed():
+    item = Hypothesis(CATALOGUE['position_torque'], {'degree': 2.0, 'low': -1.0, 'high': 1.0},
+                      (0,))
+    told = {'coefficients': Parameter(value=(0.1, 0.4, 0.2), std=(0.01, 0.02, 0.03), unit='N m'),
+            'range': Parameter(value=(-1.0, 1.0), std=(0.0, 0.0), unit='rad')}
+    assert [(size.label, size.value, size.std) for size in sizes_of_effect(item, told, 1)] == [
+        ('position_torque.coefficients.term_0', 0.1, 0.01),
+        ('position_torque.coefficients.term_1', 0.4, 0.02),
+        ('position_torque.coefficients.term_2', 0.2, 0.03)]
+
+
+def log_of_model(model, number, noise=0.1, seconds=5.0):
+    """Return a log whose torques are those of a model, with noise; of week `number`."""
+    motion = excitation_motion(REFERENCE, seconds, number)
+    torque = model.torque(State(motion.t, motion.q, motion.qd, motion.qdd, REFERENCE.geometry,
+                                motion.x, motion.xd, motion.xdd))
+    return Log(f'bag {number}', REFERENCE.joint_names, (SECONDS + 604_800 * number) * SECOND, 1e-3,
+               motion.t, motion.q, noisy(torque, number, noise),
+               (slice(0, len(motion.t)),), None, None)
+
+
+@pytest.mark.parametrize(('name', 'parameters', 'followed'), [
+    ('stribeck', {'stribeck_torque': (1.0, 'N m'), 'stribeck_velocity': (0.2, 'rad/s')},
+     'stribeck_torque'),
+    ('nonlinear_viscous', {'torque': (1.0, 'N m'), 'exponent': (0.5, '1')}, 'torque')])
+def test_what_the_model_leaves_out_of_a_friction_is_no_series(name, parameters, followed,
+                                                              monkeypatch):
+    # the exponent of Stribeck friction and the quadratic form have no deviation
+    model_file = with_effects(read_model_file('table1'), **{name: (None, parameters)})
+    model = build_model(REFERENCE, model_file)
+    logs = {str(number): log_of_model(model, number) for number in range(6)}
+    monkeypatch.setattr('par4_identification.trend.bag_values.read_log',
+                        lambda bag, *_: logs[bag])
+    found = [values_of_bag(bag, REFERENCE, model_file) for bag in logs]
+    for bag in found:
+        assert [size.label for size in bag.effects] == [
+            f'{name}.{followed}[{joint}]' for joint in range(4)]
+        for size in bag.effects:
+            assert size.value == pytest.approx(1.0, abs=5.0 * size.std)
+    assert life_of(found).events == ()
 
 
 def test_no_bag_that_can_be_used(tmp_path):

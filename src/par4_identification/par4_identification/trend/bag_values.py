@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from par4_dynamics.effects.backlash import Backlash
-from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.parameters import Parameter
 from par4_identification.changes.joint_values import (
     JointValues,
     fitted_values,
@@ -24,6 +24,7 @@ from par4_identification.diagnosis.evidence.estimates import effect_parameters
 from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.search.shapes import order_name
 from par4_identification.diagnosis.verdict.rattle import gaps
 from par4_identification.fitting.validation import LARGEST_ERROR
 from par4_identification.logs.read_log import read_log
@@ -35,7 +36,7 @@ from par4_sim.report.words import percent
 
 EARLIEST = 946_684_800_000_000_000
 """Stamp (ns) of the year 2000: earlier ones count from the start of a machine or simulation."""
-FORMAT = 2
+FORMAT = 3
 """Of what is kept of a bag; another one when the calculation changes."""
 
 
@@ -205,21 +206,31 @@ def _gaps(loose: Sequence[int], observations: Observations, found: JointValues
 
 def sizes_of_effect(item: Hypothesis, parameters: Mapping[str, Any], joints: int
                     ) -> list[EffectSize]:
-    """Return the sizes of an effect on a machine of so many joints, those that are fitted."""
-    assert isinstance(item.effect, Effect)
+    """Return the sizes of an effect on a machine of so many joints, those that are fitted.
+
+    What has no deviation is not fitted: a shape that the model leaves out, the range of a series.
+    """
     found = []
-    for parameter in item.effect.parameters:
+    for parameter in item.named.parameters:
         told = parameters[parameter.name]
-        if parameter.name in item.shape or told.std is None:
+        if parameter.name in item.shape or told.std is None or not np.any(told.std):
             continue
-        orders = np.ravel(item.shape['periods']) if parameter.per_order else np.zeros(1)
+        orders = _orders(item, told) if parameter.per_order else ('',)
         values, stds = (np.reshape(part, (len(orders), -1)) for part in (told.value, told.std))
         for order, own, own_std in zip(orders, values, stds):
-            name = f'{item.effect.name}.{parameter.name}'
-            name += f'.order_{order:g}' if len(orders) > 1 else ''
+            name = f'{item.effect.name}.{parameter.name}{order}'
             each = parameter.scope == 'joint' and joints > 1
             for place, (value, std) in enumerate(zip(own, own_std)):
                 where = (f'[{item.joints[place]}]' if each else
                          f'.{"xyz"[place]}' if len(own) > 1 else '')
                 found.append(EffectSize(name + where, float(value), float(std), told.unit))
     return found
+
+
+def _orders(item: Hypothesis, told: Parameter) -> tuple[str, ...]:
+    """Return what labels say of each order of a periodic torque or term of a series."""
+    name = order_name(item.named)
+    if name is None:
+        return tuple(f'.term_{number}' for number in range(np.shape(told.value)[0]))
+    orders = np.ravel(item.shape[name])
+    return tuple(f'.order_{order:g}' for order in orders) if len(orders) > 1 else ('',)

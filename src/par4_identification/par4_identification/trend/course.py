@@ -105,7 +105,7 @@ class _Series:
 
 def course_of(t: np.ndarray, values: np.ndarray, std: np.ndarray, chance: float,
               yearly: bool = False) -> Course:
-    """Return where a series steps and drifts.
+    """Return where a series steps and drifts; a constant where no value is in any doubt.
 
     Args:
         t: days, increasing, (n,).
@@ -120,7 +120,10 @@ def course_of(t: np.ndarray, values: np.ndarray, std: np.ndarray, chance: float,
         phase = 2.0 * np.pi * t / YEAR
         fixed = np.stack((np.ones(count), np.sin(phase), np.cos(phase)), axis=1)
     scatter = _first_scatter(values, std)
-    series = _Series(t, values, np.hypot(std, scatter), fixed)
+    sigma = np.hypot(std, scatter)
+    if count and not sigma.any():
+        return Course((), np.full(count, np.median(values)), np.zeros(count), 0.0)
+    series = _Series(t, values, sigma, fixed)
     breaks: list[Break] = []
     if count >= FEWEST:
         for _ in range(2):  # the scatter is known once the breaks are
