@@ -375,6 +375,21 @@ def test_what_the_model_leaves_out_of_a_friction_is_no_series(name, parameters, 
     assert life_of(found).events == ()
 
 
+@pytest.mark.parametrize('joints', [(0, 1, 2, 3), (2,)])
+def test_a_stiffness_is_told_as_it_is(joints, monkeypatch):
+    # a series about rigid joints told 17,300 and 17,600 N m/rad, off by thirty deviations
+    model_file = with_effects(read_model_file('table1'), elastic_transmission=(joints, {
+        'stiffness': (2e4, 'N m/rad')}))
+    log = log_of_model(build_model(REFERENCE, model_file), 3, noise=0.02, seconds=8.0)
+    monkeypatch.setattr('par4_identification.trend.bag_values.read_log', lambda *_: log)
+    sizes = values_of_bag('a bag', REFERENCE, model_file).effects
+    assert [size.label for size in sizes] == [
+        f'elastic_transmission.stiffness[{joint}]' for joint in joints]
+    for size in sizes:
+        assert size.std < 0.02 * size.value
+        assert size.value == pytest.approx(2e4, abs=3.0 * size.std)
+
+
 def test_no_bag_that_can_be_used(tmp_path):
     done = run(trend, tmp_path / 'a', '--robot', 'reference', '--output', tmp_path / 'life')
     assert done.code == 2

@@ -282,6 +282,19 @@ class Effect(ABC):
                 shape[parameter.name] = tuple(value) if isinstance(value, list) else value
         return shape
 
+    def shape_of_joints(self, values: Values, joints: tuple[int, ...]) -> Shape:
+        """Return the one shape with which an effect with values is fitted on `joints`.
+
+        It is that of the first of them, where each has its own.
+
+        Args:
+            values: of all parameters, for all joints of the machine.
+            joints: where the effect acts.
+        """
+        vectors = [parameter.name for parameter in self.parameters if parameter.size > 1]
+        return self.shape_of({name: value if name in vectors else value[joints[0]]
+                              for name, value in values.items()})
+
     def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
         """Return the torque (n, J), N m; zero on joints not in `joints`.
 

@@ -101,6 +101,11 @@ class ElasticTransmission(Effect):
         known = {name: value for name, value in (shape or {}).items() if name == 'damping_ratio'}
         return {**dict(zip(_names(len(coefficients)), map(float, coefficients))), **known}
 
+    def shape_of_joints(self, values: Values, joints: tuple[int, ...]) -> Shape:
+        # about zero, where the shape of a single joint is, the series misses most of a soft one
+        return self.expansion(self.coefficients(values)[:, 0],
+                              super().shape_of_joints(values, joints))
+
     def exact_at(self, shape: Shape, joints: int) -> np.ndarray:
         return np.array([single(shape.get(name, 0.0)) for name in _names(joints)])
 

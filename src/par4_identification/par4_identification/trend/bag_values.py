@@ -187,10 +187,8 @@ def _known(model: Model) -> tuple[list[Hypothesis], Model]:
     followed = [active for active in model.effects if not active.effect.fixed_coefficients
                 and not active.effect.against_the_others]
     kept = tuple(active for active in model.effects if active not in followed)
-    joints = len(next(iter(model.values.values())))
-    hypotheses = [Hypothesis(active.effect, active.effect.shape_of({
-        name: values[active.joints[0]] if np.ndim(values) and len(values) == joints else values
-        for name, values in active.values.items()}), active.joints) for active in followed]
+    hypotheses = [Hypothesis(active.effect, active.effect.shape_of_joints(
+        active.values, active.joints), active.joints) for active in followed]
     return hypotheses, replace(model, effects=kept)
 
 
