@@ -14,7 +14,7 @@ from par4_dynamics.effects.transmission import load_inertia, transmitted_torque
 from par4_dynamics.mechanism import joint_mass_matrix
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.diagnosis.evidence.fit import residuals, solve
-from par4_identification.diagnosis.verdict.rattle import rattle
+from par4_identification.diagnosis.verdict.rattle import gaps, rattle
 from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
 from robots import REFERENCE
 
@@ -61,9 +61,11 @@ def test_without_it_in_the_library_the_machine_stays_unknown(case):
 def test_rows_that_are_slower_than_bounces_tell_of_none(loose):
     observations, left = loose
     slow = replace(observations, runs=tuple(
-        replace(run, t=2.0 * run.t) for run in observations.runs))
+        replace(run, _every=2 * run._every) for run in observations.runs))
     assert rattle([(observations, left)]) is not None
     assert rattle([(slow, left)]) is None
+    assert any(gaps(observations, left))
+    assert not any(gaps(slow, left))
 
 
 def test_every_part_of_the_data_must_rattle(loose):

@@ -15,7 +15,7 @@ from year import NAMES, YEAR, drawn_year
 from par4_dynamics.base_terms import base_terms
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import build_model
-from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
+from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file, write_model_file
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import GRAVITY, State
 from par4_identification.commands import trend
@@ -37,6 +37,7 @@ from par4_identification.trend.kept import FOLDER, Kept
 from par4_identification.trend.life import FALSE_ALARMS, life_of
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
+from par4_kinematics.files import write_yaml
 from par4_kinematics.robot import Axis
 from par4_kinematics.stamps import SECOND
 from par4_sim.offline import simulate_to_bag
@@ -46,6 +47,7 @@ from robots import REFERENCE
 STD = np.array([2e-4, 8e-4, 8e-4, 3e-3, 3e-3, 2e-3])
 """Of the parameters of a joint, about those of a bag of 20 s."""
 COVARIANCE = np.diag(np.tile(STD ** 2, 4))
+SLIDE = Axis(schema='par4/axis/1', name='slide', joint='the joint', kind='linear', gain=1.0)
 DAY_NS = 86_400 * SECOND
 SECONDS = 1_772_000_000
 """25 February 2026."""
@@ -388,6 +390,74 @@ def test_a_stiffness_is_told_as_it_is(joints, monkeypatch):
     for size in sizes:
         assert size.std < 0.02 * size.value
         assert size.value == pytest.approx(2e4, abs=3.0 * size.std)
+
+
+def slide_bag(number, size=0.002, offset=0.0):
+    """Return the log of week `number` of a slide that goes 2 mm to and fro, 95 kg, 20 N."""
+    random = np.random.default_rng(number)
+    t = 1e-3 * np.arange(10_000)
+    waves = size * random.uniform(0.2, 0.6, 4), random.uniform(1.0, 9.0, 4), random.uniform(0, 6, 4)
+    q, qd, qdd = (sum(a * w ** order * np.sin(w * t + p + order * np.pi / 2.0)
+                      for a, w, p in zip(*waves)) for order in range(3))
+    torque = 95.0 * qdd + 20.0 * np.sign(qd) + 200.0 * qd + offset * q / size
+    return Log(f'bag {number}', SLIDE.joint_names, (SECONDS + 604_800 * number) * SECOND, 1e-3, t,
+               q[:, None], noisy(torque, number, 0.5)[:, None], (slice(0, len(t)),), None, None)
+
+
+def plateau_bag(number):
+    """Return the log of week `number` of the same slide that holds one speed after the other."""
+    speeds = np.array([side * speed for speed in (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2)
+                       for side in (1.0, -1.0)])
+    speed = np.repeat(speeds, 400)
+    torque = noisy(20.0 * np.sign(speed) + 200.0 * speed, number, 0.5)
+    return Log(f'bag {number}', SLIDE.joint_names, (SECONDS + 604_800 * number) * SECOND, 1e-2,
+               1e-2 * np.arange(len(speed)), 1e-2 * np.cumsum(speed)[:, None], torque[:, None],
+               (slice(0, len(speed)),), None, None)
+
+
+def test_an_axis_is_read_with_the_filters_that_suit_it(monkeypatch):
+    # it is slower than an arm of a Par4 ever counts as moving
+    monkeypatch.setattr('par4_identification.trend.bag_values.read_log', lambda *_: slide_bag(1))
+    found = values_of_bag('a bag', SLIDE)
+    std = np.sqrt(np.diag(found.covariance))
+    assert np.all(std < 0.1 * found.values[0])
+    assert np.all(np.abs(found.values[0] - (95.0, 20.0, 200.0)) < 4.0 * std)
+
+
+def test_terms_of_a_torque_that_follows_the_position_are_followed(monkeypatch):
+    model_file = with_effects(ModelFile(schema='par4/model/1', parameters={
+        'actuator_inertia': Parameter(value=95.0, unit='kg'),
+        'coulomb_friction': Parameter(value=20.0, unit='N'),
+        'viscous_friction': Parameter(value=200.0, unit='N s/m')}), position_torque=(None, {
+            'coefficients': ((0.0, 5.0), 'N'), 'range': ((-0.002, 0.002), 'm')}))
+    monkeypatch.setattr('par4_identification.trend.bag_values.read_log',
+                        lambda *_: slide_bag(1, offset=5.0))
+    constant, slope = values_of_bag('a bag', SLIDE, model_file).effects
+    assert constant.label == 'position_torque.coefficients.term_0'
+    assert slope.label == 'position_torque.coefficients.term_1'
+    assert constant.value == pytest.approx(0.0, abs=4.0 * constant.std)
+    assert slope.value == pytest.approx(5.0, abs=4.0 * slope.std)
+
+
+@pytest.mark.usefixtures('unrendered')
+def test_steady_speeds_of_an_axis_are_followed_and_other_motions_left_out(tmp_path, monkeypatch):
+    logs = {str(tmp_path / f'{number}'): slide_bag(3) if number == 3 else plateau_bag(number)
+            for number in range(7)}
+    monkeypatch.setattr('par4_identification.trend.bag_values.read_log',
+                        lambda bag, *_: logs[bag])
+    monkeypatch.setattr(Kept, 'key', lambda _, bag: bag[-1])
+    monkeypatch.setattr(tasks, 'FEW', 100)  # in this process
+    write_yaml(tmp_path / 'slide.yaml', SLIDE.model_dump(mode='json', by_alias=True))
+    done = run(trend, *logs, '--robot', tmp_path / 'slide.yaml', '--output', tmp_path / 'life')
+    assert done.code == 0, done.err
+    result = json.loads((tmp_path / 'life' / 'trend.json').read_text(encoding='utf-8'))
+    assert {series['name'] for series in result['series']} == {
+        'coulomb_friction', 'viscous_friction'}
+    assert len(result['bags']) == 6
+    refused, = result['refused']
+    assert refused['reason'] == (
+        f'{tmp_path / "3"}: tells actuator_inertia, coulomb_friction, viscous_friction, most bags '
+        f'tell coulomb_friction, viscous_friction; give bags of one kind of motion')
 
 
 def test_no_bag_that_can_be_used(tmp_path):

@@ -125,7 +125,8 @@ def model_of_bags(logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFil
         InputError: data that do not excite the parameters.
     """
     rigid_body = baseline.rigid_body if baseline else 'paper'
-    seen = _observed(logs, machine, rigid_body, baseline, conditioning)
+    known = None if baseline is None else build_model(machine, baseline)
+    seen = observed(logs, machine, rigid_body, known, conditioning)
     fit = identify_runs(seen.runs, seen.target, seen.base, rigid_body, terms=seen.terms)
     return fit.model_file({}).model_copy(
         update={'effects': baseline.effects if baseline else ()})
@@ -148,18 +149,23 @@ def changes_between(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequence[
         InputError: data that do not tell the parameters joint by joint.
     """
     model = build_model(machine, model_file)
-    seen = with_nominal(_observed(logs, machine, model_file.rigid_body, model_file, conditioning),
-                        model)
-    seen = seen.with_terms_of(diagnosis.evidence.observations)
+    seen = with_nominal(observed(logs, machine, model_file.rigid_body, model, conditioning),
+                        model).with_terms_of(diagnosis.evidence.observations)
     before, after = (fitted_values(rows, diagnosis.hypotheses)
                      for rows in (seen, diagnosis.evidence.observations))
     return _changes(diagnosis, machine, model, before, after, swallowed=False, since=name)
 
 
-def _observed(logs: Sequence[Log], machine: Robot | Axis, rigid_body: RigidBody,
-              baseline: ModelFile | None, conditioning: Conditioning) -> Observations:
-    seen = observe(runs_of_logs(logs, machine, conditioning), machine, rigid_body,
-                   None if baseline is None else build_model(machine, baseline))
+def observed(logs: Sequence[Log], machine: Robot | Axis, rigid_body: RigidBody,
+             baseline: Model | None, conditioning: Conditioning) -> Observations:
+    """Return the observations of logs; without the inertia, which steady speeds do not show.
+
+    See `observe` for the other arguments.
+
+    Raises:
+        InputError, UnreachableError: as `runs_of_logs`.
+    """
+    seen = observe(runs_of_logs(logs, machine, conditioning), machine, rigid_body, baseline)
     return seen.without(INERTIA) if conditioning.steady else seen
 
 

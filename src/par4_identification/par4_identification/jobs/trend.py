@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -39,6 +40,8 @@ def trend_of_bags(bags: tuple[str, ...], robot: str, output: Path, scheduler: st
     refused = {named[bag]: result['error'].replace(bag, named[bag])
                for bag, result in results.items() if 'error' in result}
     refused |= _same_dates(told)
+    told = [item for item in told if item.bag not in refused]
+    refused |= _other_parameters(told)
     told = [item for item in told if item.bag not in refused]
     refused |= twice
     if not told:
@@ -113,6 +116,14 @@ def _same_dates(bags: Sequence[BagValues]) -> dict[str, str]:
                                f'every recording once')
         first.setdefault(item.stamp, item.bag)
     return again
+
+
+def _other_parameters(bags: Sequence[BagValues]) -> dict[str, str]:
+    """Return bags that tell other base parameters than most: steady speeds show no inertia."""
+    found = Counter(item.terms for item in bags).most_common(1)
+    return {item.bag: f'{item.bag}: tells {", ".join(item.terms)}, most bags tell '
+                      f'{", ".join(found[0][0])}; give bags of one kind of motion'
+            for item in bags if item.terms != found[0][0]}
 
 
 def _setup_remarks(bags: Sequence[BagValues]) -> list[Remark]:

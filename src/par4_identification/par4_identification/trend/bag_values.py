@@ -13,6 +13,7 @@ from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.parameters import Parameter
+from par4_identification.changes.changes import observed
 from par4_identification.changes.joint_values import (
     JointValues,
     fitted_values,
@@ -23,13 +24,13 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.estimates import effect_parameters
 from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.evidence.observations import Observations, with_nominal
 from par4_identification.diagnosis.search.shapes import order_name
 from par4_identification.diagnosis.verdict.rattle import gaps
 from par4_identification.fitting.validation import LARGEST_ERROR
 from par4_identification.logs.read_log import read_log
 from par4_identification.setup_check.check import check_setup
-from par4_identification.signals.rows import runs_of_log
+from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.words import percent
@@ -127,8 +128,8 @@ def values_of_bag(bag: str, machine: Robot | Axis, model_file: ModelFile | None 
     model, loose = (None, ()) if model is None else _without_gaps(model)
     followed, known = ([], None) if model is None else _known(model)
     try:
-        observations = observe(runs_of_log(check.logs[0], machine, CONDITIONING), machine,
-                               rigid_body, known)
+        observations = observed(check.logs, machine, rigid_body, known, conditioning_for(
+            check.logs, machine, CONDITIONING))
         if model is not None:
             observations = with_nominal(observations, model)
         found = fitted_values(observations, followed)

@@ -98,8 +98,7 @@ def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle
         parts: rows with a nominal torque and the torque that the model leaves of them, (m, J) of
             each run, N m.
     """
-    if any(1.0 / run.row_time < SLOWEST_ROWS_HZ
-           for observations, _ in parts for run in observations.runs):
+    if not all(_carries_bounces(observations) for observations, _ in parts):
         return None
     slips = [_slips(observations, left) for observations, left in parts]
     joints = tuple(joint for joint, same in enumerate(zip(*slips))
@@ -118,14 +117,22 @@ def gaps(observations: Observations, left: Sequence[np.ndarray]
     """Return the gap of each joint and its standard deviation by noise, rad.
 
     For a joint without a gap the value is what the noise makes. It is None for a joint whose load
-    changes sides too rarely, or too often to come to rest in between.
+    changes sides too rarely, or too often to come to rest in between, and where rows are too slow
+    for bounces.
 
     Args:
         observations: rows with a nominal torque.
         left: torque that the model leaves of them, (m, J) of each run, N m.
     """
+    if not _carries_bounces(observations):
+        return [None] * observations.joints
     return [None if min(len(slip.path), len(slip.still)) < LEAST_ROWS else
             (slip.gap, slip.gap_std) for slip in _slips(observations, left)]
+
+
+def _carries_bounces(observations: Observations) -> bool:
+    """Return whether rows follow one another fast enough for bounces."""
+    return all(0.0 < run.row_time <= 1.0 / SLOWEST_ROWS_HZ for run in observations.runs)
 
 
 def _slips(observations: Observations, left: Sequence[np.ndarray]) -> list[_Slip]:
