@@ -20,12 +20,10 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.whitener import flat_whitener, whitener_of_residuals
-from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.rules import rules_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
-RULES = Rules()
-"""How much of each torque may be wrong, and what a cause must gain."""
 ROUNDS = 2
 """Fits after the first: the noise is measured on what the one before leaves."""
 ROUNDING = 1e-12
@@ -85,7 +83,7 @@ def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = ())
     Generalised least squares with the noise of each joint as an autoregression, fitted to what is
     left. No torque is known exactly: an error of the share `Rules.base_error` of the measured
     torque and `Rules.named_error` of that of the causes, spread evenly over the parameters, widens
-    the covariance.
+    the covariance. An axis, which may be any machine, has larger errors than a Par4.
 
     Args:
         observations: the rows.
@@ -106,7 +104,8 @@ def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = ())
     size = observations.joints * len(observations.terms)
     torque = evidence.whitened([run.tau for run in observations.runs])
     by_causes = design[:, size:] @ values[size:]
-    wrong = RULES.base_error ** 2 * (torque @ torque) + RULES.named_error ** 2 * (
+    rules = rules_for(observations.of_axis)
+    wrong = rules.base_error ** 2 * (torque @ torque) + rules.named_error ** 2 * (
         by_causes @ by_causes)
     shape = (observations.joints, len(observations.terms))
     own = covariance[:size, :size]
@@ -157,7 +156,7 @@ def _worth(evidence: Evidence, causes: Sequence[Hypothesis]) -> list[Hypothesis]
                    for item in (None, *kept)]
         gains = [0.5 * (left - squares[0]) for left in squares[1:]]
         weakest = int(np.argmin(gains))
-        if gains[weakest] > RULES.evidence:
+        if gains[weakest] > rules_for(evidence.observations.of_axis).evidence:
             break
         kept.pop(weakest)
     return kept

@@ -50,7 +50,7 @@ from par4_identification.diagnosis.search.causes import (
     unnamed_of,
 )
 from par4_identification.diagnosis.search.counts import counted_squares
-from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
+from par4_identification.diagnosis.search.rules import Rules, rules_for
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.simplicity import best_first
 from par4_identification.diagnosis.search.swing import Swing
@@ -115,7 +115,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         InputError: data that cannot be filtered.
         UnreachableError: joint positions with which the mechanism does not close.
     """
-    rules = rules or (OF_AXIS if isinstance(machine, Axis) else Rules())
+    rules = rules or rules_for(isinstance(machine, Axis))
     if conditioning is None:
         conditioning = CONDITIONING if isinstance(machine, Axis) else conditioning_for(
             [*fit_logs, *holdout_logs], machine, CONDITIONING)

@@ -12,7 +12,7 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.diagnosis.nominal.gate import LEAST_PLATEAUS
 from par4_identification.diagnosis.nominal.start import start_of
-from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
+from par4_identification.diagnosis.search.rules import rules_for
 from par4_identification.fitting.identification import Identification, identify
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.identification import (
@@ -143,7 +143,7 @@ def _diagnosed(check: SetupCheck, runs: Sequence[Run]) -> Fitness:
     observations = observe(list(runs), check.machine, 'paper', None)
     try:
         start = start_of(observations, check.machine, 'paper',
-                         OF_AXIS if isinstance(check.machine, Axis) else Rules())
+                         rules_for(isinstance(check.machine, Axis)))
         reasons = list(start.reasons or start.unless_shown)
     except Par4Error as error:
         reasons = [str(error)]
