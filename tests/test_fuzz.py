@@ -321,7 +321,7 @@ tolerance_lists = st.lists(st.builds(
 def test_goals_of_an_action(names, items, header, bounds):
     goal = SimpleNamespace(trajectory=SimpleNamespace(header=header, joint_names=names,
                                                       points=items))
-    refused_in_a_line(lambda: tolerances(bounds))
+    refused_in_a_line(lambda: tolerances(bounds, 0.1))
     # a long way is sampled in full, which takes seconds: keep it short
     with mock.patch('par4_kinematics.motion.MAX_SAMPLES', 20_000):
         refused_in_a_line(lambda: goal_motion(goal, ROBOT, np.asarray(HOME_Q)))
