@@ -34,7 +34,7 @@ from par4_identification.trend.bag_values import (
 from par4_identification.trend.channels import channels_of
 from par4_identification.trend.course import course_of
 from par4_identification.trend.kept import FOLDER, Kept
-from par4_identification.trend.life import FALSE_ALARMS, life_of
+from par4_identification.trend.life import FALSE_ALARMS, life_of, mean_of
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.files import write_yaml
@@ -202,6 +202,65 @@ def test_a_phase_near_half_a_turn_does_not_jump():
     channel, = (item for item in channels_of(bags) if item.name == 'cogging.phase[1]')
     turns = (channel.values - phase) / (2.0 * np.pi)
     assert turns == pytest.approx(np.round(turns[0]), abs=1e-9)
+
+
+def bags_of(values, covariance):
+    """Return bags that tell values (n, J, p) with one covariance."""
+    return [BagValues(str(number), number, 20.0, NAMES, own, covariance)
+            for number, own in enumerate(values)]
+
+
+@pytest.mark.parametrize('weather', [0.0, 3.0])
+def test_the_mean_of_bags_is_as_certain_as_it_says(weather):
+    # alone the covariance of the bags counts; what they scatter beyond it comes to that
+    random = np.random.default_rng(11)
+    moved = weather * np.tile(STD * [0.0, 0.0, 0.0, 0.0, 1.0, 1.0], 4)  # friction of all joints
+    noise = noisy(np.zeros((1000, 5, 24)), 12) * np.tile(STD, 4)
+    values = noise + random.normal(size=(1000, 5, 1)) * moved
+    found = [mean_of(bags_of(part.reshape(5, 4, 6), COVARIANCE)) for part in values]
+    means = np.array([mean.ravel() for mean, _ in found])
+    told = np.mean([covariance for _, covariance in found], axis=0)
+    ratio = np.diag(told) / means.var(axis=0)
+    assert np.all((ratio > 0.85) & (ratio < 1.5))  # 2 if the covariance counts twice
+    least = min(np.linalg.eigvalsh(covariance / np.outer(*[np.tile(STD, 4)] * 2))[0]
+                for _, covariance in found[:50])
+    assert least > 0.19  # a fifth of the covariance of a bag, whatever the scatter is
+    if weather:
+        shared = told[4::6, 4::6] / told[4, 4]
+        assert np.all(shared > 0.7)  # of one temperature
+
+
+def test_a_bag_alone_is_as_certain_as_it_says():
+    mean, covariance = mean_of(bags_of(np.ones((1, 4, 6)), COVARIANCE))
+    np.testing.assert_array_equal(mean, np.ones((4, 6)))
+    np.testing.assert_array_equal(covariance, COVARIANCE)
+
+
+@pytest.mark.parametrize('worn', [0.0, 1.5])
+def test_series_of_friction_scatter_as_they_say(worn):
+    # a joint is part of the common factor, against which it is told
+    values = np.tile(np.array([1.0, 1.0, 2.0, 3.0, 3.0, 2.0]), (2000, 4, 1))
+    values = noisy(values / STD, 13) * STD
+    values[1000:, 2, NAMES.index('coulomb_friction')] += worn
+    for channel in channels_of(bags_of(values, COVARIANCE)):
+        if channel.name.startswith('coulomb_friction'):
+            for half in (slice(0, 1000), slice(1000, 2000)):
+                assert np.mean(channel.std[half]) == pytest.approx(
+                    np.std(channel.values[half]), rel=0.1)
+
+
+def test_no_joint_alone_is_what_is_common():
+    # of two in the middle the first alone was near enough, and then in no doubt against itself
+    values = np.ones((9, 4, 6))
+    values[4, :, NAMES.index('coulomb_friction')] = (0.95, 1.05, 0.5, 1.5)
+    covariance = COVARIANCE.copy()
+    covariance[4, 4] = (2.0 * STD[4]) ** 2
+    found = {channel.name: channel for channel in channels_of(bags_of(values, covariance))}
+    assert found['coulomb_friction'].values == pytest.approx(1.0)
+    for joint in range(4):
+        channel = found[f'coulomb_friction[{joint}]']
+        assert channel.values[4] == pytest.approx(values[4, joint, 4], rel=1e-6)
+        assert np.all(channel.std > 1e-3)
 
 
 # ---------------------------------------------------------------------------------- command

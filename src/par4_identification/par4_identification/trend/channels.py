@@ -96,13 +96,20 @@ def _friction(name: str, values: np.ndarray, std: np.ndarray) -> list[Channel]:
     # joints may differ from bag to bag by more than the deviations say
     usual_distance = np.maximum(error, np.median(apart, axis=0) / 0.6745)
     alike = apart <= APART * np.minimum(usual_distance, np.median(usual_distance, axis=1)[:, None])
-    weight = alike / np.maximum(alike.sum(axis=1), 1)[:, None]
-    common = np.where(alike.any(axis=1), np.sum(weight * factor, axis=1), middle)
+    # what is common takes two: against itself alone a joint would be in no doubt
+    nearest = apart <= np.partition(apart, 1, axis=1)[:, 1:2]
+    alike = np.where(alike.sum(axis=1, keepdims=True) > 1, alike, nearest)
+    weight = alike / alike.sum(axis=1, keepdims=True)
+    common = np.sum(weight * factor, axis=1)
     spread = np.sqrt(np.sum((weight * error) ** 2, axis=1))
     joints = values.shape[1]
     found = [Channel(name, common, spread, '1', yearly=True)]
-    found += [Channel(_label(name, joint, joints), factor[:, joint] / common,
-                      np.hypot(error[:, joint], spread), '1') for joint in range(joints)]
+    beyond = factor / common[:, None]
+    # a joint that has a part in what is common errs less against it: the two err together
+    together = 2.0 * beyond * weight * error ** 2
+    std = np.sqrt(error ** 2 + (beyond * spread[:, None]) ** 2 - together) / common[:, None]
+    found += [Channel(_label(name, joint, joints), beyond[:, joint], std[:, joint], '1')
+              for joint in range(joints)]
     return found
 
 

@@ -189,7 +189,8 @@ def _read(bags: Sequence[BagValues], before: range, after: range, stepped: Seque
     """
     if not before or not after:
         return ()
-    means, covariances = zip(*(_mean([bags[index] for index in part]) for part in (before, after)))
+    means, covariances = zip(*(mean_of([bags[index] for index in part])
+                               for part in (before, after)))
     terms = tuple(TERMS[name] for name in bags[0].terms)
     parameters = Parameters(bags[0].terms, means[0], np.zeros_like(means[0]))
     explanation = explained(readings_of(terms, len(means[0])), parameters, means[1],
@@ -201,11 +202,19 @@ def _read(bags: Sequence[BagValues], before: range, after: range, stepped: Seque
         for moved in item.reading.moved(parameters, terms) for name in stepped))
 
 
-def _mean(bags: Sequence[BagValues]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the mean values (J, p) of bags and its covariance, their scatter included."""
+def mean_of(bags: Sequence[BagValues]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean values (J, p) of bags and its covariance (J p, J p).
+
+    To the covariance of the bags comes what they scatter beyond it, temperature above all: of each
+    value the variance that is more, with the correlations of the scatter. Few bags tell more of
+    neither, and the sum has no negative eigenvalue.
+    """
     values = np.array([bag.values.ravel() for bag in bags])
     mean = values.mean(axis=0)
     covariance = np.mean([bag.covariance for bag in bags], axis=0)
     scatter = (values - mean).T @ (values - mean) / max(len(bags) - 1, 1)
-    # what of the scatter is more than the covariance says, temperature above all
-    return mean.reshape(bags[0].values.shape), (covariance + scatter) / len(bags)
+    variance = np.diag(scatter)
+    beyond = np.maximum(variance - np.diag(covariance), 0.0)
+    share = np.sqrt(np.divide(beyond, variance, out=np.zeros_like(variance), where=variance > 0.0))
+    covariance += scatter * np.outer(share, share)
+    return mean.reshape(bags[0].values.shape), covariance / len(bags)
