@@ -19,6 +19,7 @@ from par4_identification.gains import known_payload
 from par4_identification.gains.force_timing import late_readings
 from par4_identification.gains.known_payload import DriveGains, gains_of_payloads
 from par4_identification.gains.static_push import (
+    FEWEST,
     ForceReadings,
     Push,
     gains_of_pushes,
@@ -360,3 +361,27 @@ def test_gains_need_a_known_difference():
     axis = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=35.0)
     with pytest.raises(InputError, match='single axis'):
         gains_of_payloads(runs, {'loaded': 0.5}, axis)
+
+
+def short_push(number, rows):
+    """Return a push of so many rows, a third of them sure to slide either way; 2 % too large."""
+    side = np.where(np.arange(rows) < rows / 2, 1.0, -1.0)
+    carried = np.repeat(np.linspace(5.0, 20.0, rows)[:, None], 4, axis=1)
+    direction = np.repeat(side[:, None], 4, axis=1)
+    sliding = np.repeat((np.arange(rows) % (rows // 2) < rows / 3)[:, None], 4, axis=1)
+    noise = np.random.default_rng(number).normal(0.0, 0.01, (rows, 4))
+    return Push('a bag', carried, 1.02 * carried + 2.0 * direction + noise, direction, sliding)
+
+
+def test_pushes_in_which_a_joint_hardly_slides_are_too_few_however_many_they_are():
+    short = [short_push(number, 12) for number in range(4)]
+    assert all(push.sliding[:, 0].sum() < FEWEST for push in short)
+    with pytest.raises(InputError, match=r'joint 0: 0 and 0 rows in which .* of pushes in which it '
+                                         r'slides for 10 rows; let pushes grow and fade slowly'):
+        gains_of_pushes(short, REFERENCE)
+    bounded = gains_of_pushes(short, REFERENCE, coulomb_friction=2.0)
+    assert np.all(bounded.bound > 0.0)
+    long = [short_push(number, 48) for number in range(4)]
+    found = gains_of_pushes([*short, *long], REFERENCE)
+    assert np.all(found.bound == 0.0)
+    np.testing.assert_allclose(np.asarray(REFERENCE.drives.gain) / found.values, 1.02, rtol=1e-3)

@@ -220,28 +220,28 @@ def gains_of_pushes(pushes: Sequence[Push], robot: Robot,
 def _slope_of_joint(pushes: Sequence[Push], joint: int, coulomb_friction: float | None
                     ) -> tuple[float, float, float]:
     """Return e_i of a joint, its standard deviation and its bound."""
+    long = [push for push in pushes if push.sliding[:, joint].sum() >= FEWEST]
     growing, fading = (sum(int((push.sliding[:, joint] & (side * push.direction[:, joint] > 0)
-                                ).sum()) for push in pushes) for side in (1.0, -1.0))
+                                ).sum()) for push in long) for side in (1.0, -1.0))
     slides = min(growing, fading) >= FEWEST
     if not slides and coulomb_friction is None:
         raise InputError(
             f'joint {joint}: {growing} and {fading} rows in which it slides forward and back while '
-            f'it pushes, {FEWEST} are needed for friction to cancel; let pushes grow and fade '
-            f'slowly, or give --coulomb-friction for a bound')
+            f'it pushes, {FEWEST} are needed for friction to cancel, of pushes in which it slides '
+            f'for {FEWEST} rows; let pushes grow and fade slowly, or give --coulomb-friction for a '
+            f'bound')
     series, names = [], ['carried', *(['friction', 'friction of load'] if slides else [])]
-    valid = [push.sliding[:, joint] if slides else np.ones(len(push.torque), dtype=bool)
-             for push in pushes]
-    used = [index for index, rows in enumerate(valid) if rows.sum() >= FEWEST]
-    for column, index in enumerate(used):
-        push = pushes[index]
+    used = long if slides else pushes
+    for column, push in enumerate(used):
+        valid = push.sliding[:, joint] if slides else np.ones(len(push.torque), dtype=bool)
         carried, direction = push.carried[:, joint], push.direction[:, joint]
         level = np.zeros((len(carried), len(used)))
         level[:, column] = 1.0
         friction = [direction, direction * np.abs(carried)] if slides else []
         series.append(Series(push.torque[:, [joint]],
                              np.column_stack((carried, *friction, level))[:, None],
-                             valid[index][:, None]))
-    names += [f'level of push {index}' for index in used]
+                             valid[:, None]))
+    names += [f'level of push {index}' for index in range(len(used))]
     estimate = weighted(problem_of(series, names, ['1'] * len(names)))
     slope, std = float(estimate.values[0]), float(estimate.std[0])
     if slides or coulomb_friction is None:
