@@ -20,6 +20,7 @@ from par4_identification.estimators.instrumental import instrumental
 from par4_identification.estimators.names import ESTIMATORS
 from par4_identification.estimators.ordinary import ordinary
 from par4_identification.estimators.problem import (
+    Label,
     Series,
     per_output,
     problem_of,
@@ -352,6 +353,33 @@ def test_full_mechanism_keeps_its_bodies_positive():
         'motor_and_arm_inertia': pytest.approx(rod * REFERENCE.geometry.arm_length ** 2),
         'half_plate_1_mass': bar + 2.0 * rod, 'half_plate_2_mass': bar + 2.0 * rod,
         'coulomb_friction': 0.0, 'viscous_friction': 0.0}
+
+
+def test_full_mechanism_counts_the_arm_of_each_leg():
+    geometry = REFERENCE.geometry.model_copy(update={'arm_length_errors': (0.0, 0.02, 0.0, -0.01)})
+    robot = REFERENCE.model_copy(update={'geometry': geometry})
+    labels = [Label('actuator_inertia', 'kg m2'),
+              *(Label('actuator_inertia', 'kg m2', leg) for leg in range(4))]
+    shared, *own = (item.lower for item in physical_constraints(labels, robot, 'full'))
+    needed = REFERENCE.bodies.rod_mass * np.array(geometry.arm_lengths) ** 2
+    assert own == pytest.approx(needed.tolist())
+    assert shared == max(needed)
+
+
+@pytest.mark.parametrize('per_joint', [False, True])
+def test_what_is_held_at_its_bounds_can_be_built(per_joint):
+    """Rods that weigh more than the data say: all bounds of the bodies hold the values."""
+    robot = REFERENCE.model_copy(update={
+        'geometry': REFERENCE.geometry.model_copy(
+            update={'arm_length_errors': (0.0, 0.02, 0.0, -0.01)}),
+        'bodies': REFERENCE.bodies.model_copy(update={'rod_mass': 0.95})})
+    found = identify([log_of_model(REFERENCE, TABLE_1, seed=4)], robot, 'full',
+                     fitting=Fitting('consistent', per_joint=per_joint))
+    needed = 0.95 * np.array(robot.geometry.arm_lengths) ** 2
+    assert np.array_equal(found.parameters['actuator_inertia'].value,
+                          needed if per_joint else max(needed))
+    model = build_model(robot, found.model_file({}))
+    assert model.lumped_bodies().platform_mass_1 == robot.bodies.bar_mass + 2.0 * 0.95
 
 
 def test_constraints_that_contradict_each_other_are_refused():

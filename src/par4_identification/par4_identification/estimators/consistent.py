@@ -86,8 +86,11 @@ def consistent(problem: Problem, constraints: Sequence[Constraint]) -> Consisten
         gain = inverse @ fixed.T @ np.linalg.pinv(fixed @ inverse @ fixed.T)
         values = values - gain @ (fixed @ values - bound)
         inverse = inverse - gain @ fixed @ inverse
-        # what an equation fixes is fixed to the last digit
-        values[np.abs(values) * scale < 1e-12 * np.linalg.norm(values * scale)] = 0.0
+        # what an equation fixes is fixed to the last digit: below the bound it would be refused
+        for item in (item for item, is_active in zip(constraints, active) if is_active):
+            own = np.flatnonzero(item.coefficients)
+            if len(own) == 1:
+                values[own] = item.lower / item.coefficients[own]
     residuals = residuals_of(problem, values)
     weighted_residuals = [part * weight for part, weight in zip(residuals, weights)]
     scores = scores_of([part.columns for part in problem.series], weighted_residuals)
