@@ -24,6 +24,7 @@ from par4_identification.diagnosis.verdict.floor import encoder_noise, noise_flo
 from par4_identification.logs.log import Log
 from par4_identification.signals.noise import ArNoise
 from par4_identification.signals.rows import Conditioning, runs_of_log
+from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis
 from robots import REFERENCE, model_with
@@ -46,6 +47,28 @@ def test_a_stretch_of_a_single_row_is_none():
             counts.add(len(run.t))
             np.testing.assert_allclose(np.diff(run.t), run.row_time)
     assert min(counts) == 2
+
+
+def slow_log(*lengths):
+    """Return a log of an axis at 10 Hz in stretches of so many samples, 5 s between them."""
+    ends = np.cumsum([0, *lengths])
+    t = 0.1 * np.arange(ends[-1])
+    q = (np.sin(0.4 * t) + 0.3 * np.sin(0.92 * t))[:, None]
+    speed = np.gradient(q, 0.1, axis=0)
+    noise = np.random.default_rng(1).normal(0.0, 0.01, q.shape)
+    gaps = 5.0 * np.repeat(np.arange(len(lengths)), lengths)
+    return Log('bag', MOTOR.joint_names, 0, 0.1, t + gaps, q, np.sign(speed) + 0.5 * speed + noise,
+               tuple(map(slice, ends[:-1].tolist(), ends[1:].tolist())), None, None)
+
+
+def test_a_stretch_with_too_few_samples_does_not_refuse_a_slow_log():
+    log = slow_log(1179, 21)
+    conditioning = conditioning_for([log], MOTOR, Conditioning())
+    run, = runs_of_log(log, MOTOR, conditioning)
+    alone, = runs_of_log(slow_log(1179), MOTOR, conditioning)
+    assert np.array_equal(run.t, alone.t)
+    with pytest.raises(InputError, match=r'no uninterrupted stretch of at least \d+\.\d s'):
+        runs_of_log(slow_log(21, 21), MOTOR, conditioning)
 
 
 @pytest.mark.parametrize(('rate', 'words'), [

@@ -14,6 +14,11 @@ NO_DENORMAL = 1e-200
 numbers below 1e-308, with which processors take many times as long."""
 
 
+def fewest_samples(order: int = 4) -> int:
+    """Return how many samples `low_pass` of an order needs."""
+    return 3 * order
+
+
 def low_pass(values: np.ndarray, cutoff_hz: float, period: float, order: int = 4,
              rows: slice = slice(None)) -> np.ndarray:
     """Return `values` (n, ...) after a Butterworth filter run forward and backward (no phase).
@@ -35,8 +40,9 @@ def low_pass(values: np.ndarray, cutoff_hz: float, period: float, order: int = 4
     if not 0.0 < cutoff_hz < nyquist:
         raise InputError(f'low-pass at {cutoff_hz:g} Hz asked of samples with a Nyquist frequency '
                          f'of {nyquist:g} Hz; lower the cut-off or record faster')
-    if len(values) < 3 * order:
-        raise InputError(f'low-pass: {len(values)} samples are too few, {3 * order} needed')
+    if len(values) < fewest_samples(order):
+        raise InputError(f'low-pass: {len(values)} samples are too few, {fewest_samples(order)} '
+                         f'needed')
     padding = int(min(3 * len(values) // 4, 3.0 / (cutoff_hz * period)))
     columns = np.asarray(values, dtype=float).reshape(len(values), -1)
     sections = _butterworth(cutoff_hz * period, order)

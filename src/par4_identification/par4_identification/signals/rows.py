@@ -22,6 +22,7 @@ from par4_identification.logs.stamps import FASTEST
 from par4_identification.logs.stretches import SHORTEST
 from par4_identification.signals.filtering import (
     central_difference,
+    fewest_samples,
     low_pass,
     passed,
     second_difference,
@@ -38,6 +39,8 @@ SLOWEST_HZ = 50.0
 """Rate below which a motion that goes faster and slower cannot be filtered."""
 QUIET_BANDS = 4
 """In which the noise of an axis's torque is looked at."""
+BAND_ORDER = 8
+"""Of the filters that part these bands."""
 FINE_HZ = 1000.0
 """Rate of the samples of an axis from which columns are computed, at the least."""
 
@@ -209,24 +212,33 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
             conditioning, position_cutoff_hz=scale * conditioning.position_cutoff_hz,
             torque_cutoff_hz=scale * conditioning.torque_cutoff_hz,
             row_rate_hz=scale * conditioning.row_rate_hz)
+    samples = (fewest_samples(BAND_ORDER)
+               if len(_noise_edges(conditioning, log.period, machine)) else 0)
     long = [segment for segment in log.segments
-            if (segment.stop - segment.start) * log.period >= SHORTEST]
-    fine = finer(replace(log, segments=tuple(long)), machine)
-    # white noise of samples between which others are put has its power in fewer frequencies
-    noise = np.zeros(log.q.shape[1]) if isinstance(machine, Robot) else np.sqrt(
-        log.period / fine.period) * position_noise([log.q[part] for part in long], log.period)
-    runs = [_run(fine, segment, machine, conditioning,
-                 _white_floor(log.tau[measured], conditioning, log.period, machine),
-                 log.period, noise)
-            for measured, segment in zip(long, fine.segments)]
-    runs = [run for run in runs if len(run.t) > 1]
+            if (segment.stop - segment.start) * log.period >= SHORTEST
+            and segment.stop - segment.start >= samples]
+    runs = _runs(replace(log, segments=tuple(long)), machine, conditioning) if long else []
     if not runs:
-        least = max(SHORTEST, 4.0 * conditioning.reach)
+        least = max(SHORTEST, 4.0 * conditioning.reach, samples * log.period)
         raise InputError(f'{log.name}: no uninterrupted stretch of at least {least:.1f} s, which '
                          f'the filters need; record longer or without gaps'
                          + ('' if log.period > FASTEST else
                             f' (its stamps say {rate:.3g} Hz: are they in seconds?)'))
     return runs
+
+
+def _runs(log: Log, machine: Robot | Axis, conditioning: Conditioning) -> list[Run]:
+    """Return the rows of the stretches of a log, all long enough for the filters."""
+    fine = finer(log, machine)
+    # white noise of samples between which others are put has its power in fewer frequencies
+    noise = np.zeros(log.q.shape[1]) if isinstance(machine, Robot) else np.sqrt(
+        log.period / fine.period) * position_noise([log.q[part] for part in log.segments],
+                                                   log.period)
+    runs = [_run(fine, segment, machine, conditioning,
+                 _white_floor(log.tau[measured], conditioning, log.period, machine),
+                 log.period, noise)
+            for measured, segment in zip(log.segments, fine.segments)]
+    return [run for run in runs if len(run.t) > 1]
 
 
 def are_coarse(counts: int, conditioning: Conditioning, period: float) -> bool:
@@ -335,6 +347,14 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
         coarse=coarse, counts=counts, position_noise=noise)
 
 
+def _noise_edges(conditioning: Conditioning, period: float, machine: Robot | Axis) -> np.ndarray:
+    """Return the edges, Hz, of the bands above the pass band; none where there is no room."""
+    nyquist = 0.5 / period
+    above, bands = (2.0, QUIET_BANDS) if isinstance(machine, Axis) else (4.0, 1)
+    lowest = above * conditioning.torque_cutoff_hz
+    return np.linspace(lowest, nyquist, bands + 1) if lowest <= 0.9 * nyquist else np.empty(0)
+
+
 def _white_floor(torque: np.ndarray, conditioning: Conditioning, period: float,
                  machine: Robot | Axis) -> np.ndarray:
     """Return the in-band standard deviation (J,) that the level above the pass band implies.
@@ -346,15 +366,14 @@ def _white_floor(torque: np.ndarray, conditioning: Conditioning, period: float,
     as loud in any band, the chatter of a drive or the ripple of a gear in some. So the quietest of
     several bands counts on an axis, which may be any machine.
     """
-    nyquist, frequency = 0.5 / period, np.fft.rfftfreq(len(torque), period)
-    above, bands = (2.0, QUIET_BANDS) if isinstance(machine, Axis) else (4.0, 1)
-    edges = np.linspace(above * conditioning.torque_cutoff_hz, nyquist, bands + 1)
-    if edges[0] > 0.9 * nyquist:
+    frequency, edges = np.fft.rfftfreq(len(torque), period), _noise_edges(
+        conditioning, period, machine)
+    if not len(edges):
         return np.zeros(torque.shape[1])
-    below = [*(low_pass(torque, edge, period, order=8) for edge in edges[:-1]), torque]
-    shares = [*(passed(frequency, edge, period, order=8) for edge in edges[:-1]),
+    below = [*(low_pass(torque, edge, period, order=BAND_ORDER) for edge in edges[:-1]), torque]
+    shares = [*(passed(frequency, edge, period, order=BAND_ORDER) for edge in edges[:-1]),
               np.ones_like(frequency)]
     levels = [np.median(np.abs(below[band + 1] - below[band]), axis=0) / np.sqrt(np.mean(
-        (shares[band + 1] - shares[band]) ** 2)) for band in range(bands)]
+        (shares[band + 1] - shares[band]) ** 2)) for band in range(len(edges) - 1)]
     in_band = np.sqrt(np.mean(passed(frequency, conditioning.torque_cutoff_hz, period) ** 2))
     return np.asarray(np.min(levels, axis=0) / 0.6745 * in_band)

@@ -9,7 +9,12 @@ import numpy as np
 
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import in_pieces
-from par4_identification.signals.filtering import central_difference, low_pass, second_difference
+from par4_identification.signals.filtering import (
+    central_difference,
+    fewest_samples,
+    low_pass,
+    second_difference,
+)
 from par4_identification.signals.plateaus import hold_speeds
 from par4_identification.signals.position_noise import (
     mean_spectrum,
@@ -216,7 +221,7 @@ def _low_speeds(log: Log, cutoff: float) -> tuple[float, float]:
     speeds, steps = [], []
     for segment in log.segments:
         q = log.q[segment]
-        if len(q) < 12:
+        if len(q) < fewest_samples():
             continue
         steps.append(np.abs(np.diff(q, axis=0)).ravel())
         smooth = low_pass(q, min(4.0 * cutoff, 0.4 / log.period), log.period)
