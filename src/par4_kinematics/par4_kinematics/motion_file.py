@@ -136,16 +136,6 @@ def _source_in_errors(source: str) -> Iterator[None]:
         raise type(error)(f'{source}: {error}') from error
 
 
-def write_recipe(path: str | Path, recipe: Mapping[str, Any]) -> None:
-    """Write a `motion.yaml` with a recipe {kind, arguments}, defaults filled in, atomically.
-
-    Raises:
-        InputError: unknown kind or argument.
-    """
-    content = _checked_recipe(recipe, str(path)).model_dump(mode='json')
-    write_yaml(path, {'schema': MOTION_SCHEMA, 'recipe': content})
-
-
 def write_motion(path: str | Path, motion: Motion, frame: str = 'joint', maker: str = '') -> None:
     """Write a motion as `motion.yaml` and a CSV of the same stem beside it; both files or neither.
 
