@@ -292,3 +292,27 @@ def test_a_motion_that_ends_or_has_not_begun_needs_no_braking():
     t, q, qd, _ = braked(ADEPT, -0.5)
     np.testing.assert_array_equal(q, ADEPT.q[:1])
     np.testing.assert_array_equal(qd, 0.0)
+
+
+@pytest.mark.parametrize('turns', [1, 2])
+def test_in_torque_mode_the_loops_hold_where_a_stream_ends(turns):
+    """It ends where it turns, with no speed and a large torque that would drive the joints on."""
+    truth, told = (read_model(name, REFERENCE) for name in ('table1_full', 'table1'))
+    simulated = build_simulation(REFERENCE, truth, 'exact', 1e-3, law='torque',
+                                 limits=ReferenceLimits(REFERENCE))
+    home, rate = simulated.q, 2.0 * np.pi / 0.2
+    t = np.arange(100 * turns + 1) * 1e-3
+    q, qd, qdd = (-0.08 * part[:, None] * np.ones(4) for part in (
+        1.0 - np.cos(rate * t), rate * np.sin(rate * t), rate ** 2 * np.cos(rate * t)))
+    torque = told.torque_of_joints(REFERENCE.geometry, home + q, qd, qdd, t)
+    assert np.abs(qd[-1]).max() < 1e-9
+    assert np.abs(torque[-1]).min() > 10.0
+    simulated.queue_reference(t + 0.2, home + q, qd, qdd)
+    simulated.queue_effort(t + 0.2, torque)
+    samples = simulated.next_samples(200 + 100 * turns + 2000)
+    ended = slice(200 + 100 * turns, None)
+    away = np.abs(samples.q[ended] - home - q[-1]).max(axis=1)
+    assert away.max() < 0.05
+    assert away[-1] < 1e-3
+    steps = np.abs(np.diff(samples.effort[ended], axis=0))
+    assert steps.max() < 5.0, 'the loops begin with the torque that was told last'
