@@ -26,6 +26,11 @@ WORST_ERROR = 0.6
 WORST_STD = 0.3
 
 
+def is_vague(value: float, std: float) -> bool:
+    """Return whether a motion does not tell a value with this standard deviation."""
+    return std > WORST_STD * abs(value)
+
+
 def unusable(observations: Observations, identification: Identification, machine: Robot | Axis,
              target: Sequence[np.ndarray] | None = None) -> list[str]:
     """Return why the data cannot carry a diagnosis, each with what to do; empty if they can.
@@ -59,7 +64,7 @@ def unusable(observations: Observations, identification: Identification, machine
         if term.nonnegative and not friction_term and value < -5.0 * std:
             reasons.append(f'{term.name} comes out as {value:.3g} {unit_on(machine, term.unit)}; '
                            f'check order and sign of the joints')
-        if term.name == 'actuator_inertia' and std > WORST_STD * abs(value):
+        if term.name == 'actuator_inertia' and is_vague(value, std):
             reasons.append(f'the motion does not excite {term.name} (standard deviation '
                            f'{std / max(abs(value), 1e-12):.0%}); record faster motions')
     return reasons

@@ -24,7 +24,7 @@ from par4_identification.diagnosis.evidence.fit import residuals, solve
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.whitener import flat_whitener
-from par4_identification.diagnosis.nominal.gate import WORST_STD, too_few, unusable
+from par4_identification.diagnosis.nominal.gate import is_vague, too_few, unusable
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.fitting.identification import Identification, identify_runs
@@ -130,7 +130,7 @@ def tells_inertia(parameters: Mapping[str, Parameter]) -> bool:
     found = parameters[INERTIA]
     value, std = (float(np.max(np.asarray(part, dtype=float))) for part in (
         found.value, np.inf if found.std is None else found.std))
-    return value > 0.0 and std <= WORST_STD * value
+    return value > 0.0 and not is_vague(value, std)
 
 
 def shown(heldout: Observations, start: Start) -> Observations:
@@ -171,8 +171,7 @@ def _hides_inertia(start: Start) -> bool:
 
 def _is_vague(identification: Identification) -> bool:
     """Return whether the motion does not tell the inertia."""
-    value, std = _inertia(identification)
-    return std > WORST_STD * abs(value)
+    return is_vague(*_inertia(identification))
 
 
 def _inertia(identification: Identification) -> tuple[float, float]:
