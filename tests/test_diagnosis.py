@@ -140,14 +140,18 @@ def test_causes_beside_which_the_motion_shows_the_inertia_are_told(
     assert isinstance(result, Unusable) != is_told
 
 
-def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monkeypatch):
-    """What two motions say of it may contradict each other; what it explains stays to be told."""
+def stribeck_within(deviations):
+    """Return a doubt with which a Stribeck torque has so many times its size as its deviation."""
     def doubted(parameters, *_):
         return {name: parameter.model_copy(update={
-            'std': tuple(2.0 * np.abs(parameter.value)) if name == 'stribeck_torque'
+            'std': tuple(deviations * np.abs(parameter.value)) if name == 'stribeck_torque'
             else parameter.std}) for name, parameter in parameters.items()}
+    return doubted
 
-    monkeypatch.setattr(settled, 'with_disagreement', doubted)
+
+def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monkeypatch):
+    """What two motions say of it may contradict each other; what it explains stays to be told."""
+    monkeypatch.setattr(settled, 'with_disagreement', stribeck_within(2.0))
     fit, heldout = cogged_and_sticky
     result = diagnose([fit], REFERENCE, holdout_logs=[heldout])
     assert names(result) == ['cogging']
@@ -158,12 +162,7 @@ def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monk
 
 def test_a_cause_of_which_the_joints_are_in_doubt_keeps_its_name(cogged_and_sticky, monkeypatch):
     """Without its joints told it may have any size on each; that it acts is no less certain."""
-    def doubted(parameters, *_):
-        return {name: parameter.model_copy(update={
-            'std': tuple(2.0 * np.abs(parameter.value)) if name == 'stribeck_torque'
-            else parameter.std}) for name, parameter in parameters.items()}
-
-    monkeypatch.setattr(settled, 'with_doubt_of_choice', doubted)
+    monkeypatch.setattr(settled, 'with_doubt_of_choice', stribeck_within(2.0))
     fit, heldout = cogged_and_sticky
     result = diagnose([fit], REFERENCE, holdout_logs=[heldout])
     told, = (cause for cause in result.causes if cause.effect.name == 'stribeck')
@@ -183,11 +182,6 @@ def test_a_cause_that_may_be_zero_is_told_only_if_nothing_else_explains_as_much(
 
     How large it is by another law says nothing against it.
     """
-    def doubted(parameters, *_):
-        return {name: parameter.model_copy(update={
-            'std': tuple(0.7 * np.abs(parameter.value)) if name == 'stribeck_torque'
-            else parameter.std}) for name, parameter in parameters.items()}
-
     judge_of = settled.judge
 
     def judged(search, item, model):
@@ -195,7 +189,7 @@ def test_a_cause_that_may_be_zero_is_told_only_if_nothing_else_explains_as_much(
         return found if item.effect.name != 'stribeck' else replace(
             found, margin=margin, rival=rival, twins=('nonlinear_viscous',))
 
-    monkeypatch.setattr(settled, doubt, doubted)
+    monkeypatch.setattr(settled, doubt, stribeck_within(0.7))
     monkeypatch.setattr(settled, 'judge', judged)
     fit, heldout = cogged_and_sticky
     result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={

@@ -130,8 +130,8 @@ def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...]
                                 search.belief.is_possible(item, others_of(named, item))):
             search.journal.reject(item, 'all its values are zero within their deviations')
             return search.with_nameless(others_of(model, item))
-    for item, cause in reversed(list(zip(named, widened(search, on_any_joints, named,
-                                                          weak)))):
+    beside_weak = widened(search, on_any_joints, named, weak)
+    for item, cause in reversed(list(zip(named, beside_weak))):
         if (cause.margin <= 0.0 and cause.rival not in cause.twins
                 and cause.is_zero_within(EITHER_SIDE)):
             search.journal.reject(item, f'all its values may be zero, and on rows held out '
