@@ -14,6 +14,7 @@ import numpy as np
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import Drives
 from par4_sim.amplifier import Amplifier, deliver, lag_shares
+from par4_sim.controller import TORQUE as TORQUE_MODE
 from par4_sim.controller import Controller
 from par4_sim.laws import command_of
 from par4_sim.plant import Plant
@@ -46,6 +47,9 @@ def control_step(times, points, t, q, qd, encoders, law, amplifier, lag, drive, 
     reading, rate = np.empty(4), np.empty(4)
     row = step % history.shape[1]
     interpolate(times, points, t, lead, target)
+    if law[0] == TORQUE_MODE and t >= times[-1]:
+        # the last torque was meant for a motion that is over: nothing but the loops would end it
+        target[8:12] = target[16:20] = 0.0
     read_encoders(encoders, q, qd, silence, reading, rate)
     command_of(law, target, reading, rate, drive, saturated, history[COMMAND, row])
     for joint in range(4):

@@ -30,8 +30,7 @@ def interpolate(times, points, t, lead, target):
 
     Position by the quintic Hermite polynomial through position, velocity and acceleration of the
     neighbours, torque linearly. Where either neighbour lacks its torque it counts as zero: a ramp
-    between a torque and none would hide from the drive that it is to hand the torque over. From the
-    last point on there is no torque: what holds the machine there are the loops.
+    between a torque and none would hide from the drive that it is to hand the torque over.
 
     Args:
         times, points: of the ReferenceQueue.
@@ -66,15 +65,13 @@ def interpolate(times, points, t, lead, target):
 
 @numba.njit(cache=True, error_model='numpy')
 def _torque_at(times, points, t, torque):
-    """Write the feedforward torque (4,) at time t, zero where it is not known.
-
-    From the last point on there is none: it was meant for a motion, and nobody would end it.
-    """
+    """Write the feedforward torque (4,) at time t, zero where it is not known."""
     n = times.shape[0]
-    if t < times[0] or t >= times[n - 1]:
-        told = n > 1 and abs(t - times[0]) < 1e-9
+    if t < times[0] or t >= times[n - 1] or n == 1:
+        row = 0 if t < times[0] else n - 1
+        told = row == n - 1 or abs(t - times[row]) < 1e-9
         for joint in range(4):
-            value = points[0, 12 + joint]
+            value = points[row, 12 + joint]
             torque[joint] = value if told and math.isfinite(value) else 0.0
         return
     after = np.searchsorted(times, t, side='right')
