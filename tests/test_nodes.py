@@ -261,6 +261,14 @@ def bad_file(folder: Path, change: str) -> Path:
     ('par4_simulation', 'real_time_factor', '.inf', 'real_time_factor: inf is no number'),
     ('par4_simulation', 'publish_rate_hz', 'often', "publish_rate_hz: expected a number, found "
                                                     "'often'"),
+    *((node, 'seed', 10 ** 17, 'seed: 100000000000000000 is outside 0 to 9007199254740992')
+      for node in ('par4_motion', 'par4_simulation')),
+    ('par4_monitor', 'learning', 2 ** 53 + 1, 'learning: 9007199254740993 is outside 10 to 9007'),
+    ('par4_kinematics', 'use_sim_time', 5, 'use_sim_time: expected true or false, found 5'),
+    ('par4_record', 'use_sim_time', 'yes_please', "use_sim_time: expected true or false, found "
+                                                  "'yes_please'"),
+    ('par4_motion', 'qos_overrides./reference.publisher.depth', 10 ** 14,
+     'qos_overrides of reference: not understood; depth is a whole number below 2^31'),
     ('par4_motion', 'motion', 'dance', 'dance'),
     ('par4_record', 'storage', 'tape', 'known are mcap, sqlite3'),
     ('par4_record', 'output', '.', 'exists already'),
