@@ -443,6 +443,23 @@ def test_a_start_waits_for_its_torque_as_long_as_it_is_told_to(bench):
     assert 'missing_effort' not in simulated.fresh_counts()
 
 
+def test_a_machine_that_runs_without_its_torque_is_not_told_to_wait(bench):
+    simulated = Simulated(bench, feedforward_timeout=0.001)
+    references = bench.publisher(REFERENCE)
+    still = motion_of_joints('still', ROBOT.geometry, np.arange(100.0), np.tile(HOME_Q, (100, 1)),
+                             np.zeros((100, 4)), np.zeros((100, 4)))
+    with simulated.standing(reference=1):
+        references.publish(reference_message(still, simulated.now_ns() + SECOND))
+
+    def told() -> bool:
+        return any(status.message.startswith(
+            'running without feedforward_torque: waited 0.001 s in vain')
+            for status in bench.statuses(simulated.diagnostics, 'par4_simulation'))
+
+    bench.wait(told, 'a simulation without torque')
+    simulated.wait_until(simulated.now_ns() + 1)
+
+
 def test_services_of_the_simulation(bench):
     simulated = Simulated(bench)
     references = bench.publisher(REFERENCE)

@@ -199,6 +199,9 @@ class SimulationNode(Par4Node):
             return State(State.WARN, 'ending: waits until the machine rests')
         if physics.waiting:
             return State(State.WARN, f'waiting for {FEEDFORWARD_TORQUE.name}')
+        if physics.unaided:
+            return State(State.WARN, f'running without {FEEDFORWARD_TORQUE.name}: waited '
+                                     f'{self.parameters.feedforward_timeout:g} s in vain')
         if physics.starved:
             return State(State.WARN, f'starved: {REFERENCE.name} ended in motion, braked')
         if self._pace.complaint:
