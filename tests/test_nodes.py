@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -70,6 +71,7 @@ from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 from par4_sim.robot_tree import tree_joint_positions
+from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.tracking.metrics import tracking_of
 from par4_sim.tracking.run import feedforward_of, record_run
 from robots import random_poses
@@ -347,6 +349,22 @@ def test_effort_and_voltage_agree_and_the_truth_comes_on_request_only(bench):
     sticks = read_model('table1_full', ROBOT).values['coulomb_friction'].max()
     np.testing.assert_allclose(joint_values(torques[-1], 'effort'),
                                torque_of('table1_full', still)[0], atol=sticks)
+
+
+@pytest.mark.parametrize('publishes', [False, True])
+def test_only_a_simulation_that_publishes_a_clock_counts_as_one(publishes):
+    """ROS counts who could publish."""
+    asked = mock.Mock()
+    SamplePublisher(asked, ROBOT, '', publishes)
+    topics = {call.args[0] for call in asked.publisher_of.call_args_list}
+    assert JOINT_STATES in topics
+    assert (CLOCK in topics) == publishes
+
+
+def test_without_a_clock_a_simulation_publishes_all_else(bench):
+    simulated = Simulated(bench, publish_clock='false')
+    simulated.wait_until(SECOND // 2)
+    assert CLOCK.name not in simulated.fresh_counts()
 
 
 def test_passive_joints_come_with_a_sample_at_a_lower_rate(bench):
