@@ -9,6 +9,8 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,6 +19,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from node_bench import (
@@ -62,6 +65,8 @@ from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import inside
 from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.simulation_node import SimulationNode
+from par4_sim.ros.simulation_parameters import SimulationParameters
+from par4_sim.ros.zero_stamp import ZeroStamps
 
 OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
 GAIN = np.asarray(ROBOT.drives.gain)
@@ -325,6 +330,28 @@ def test_late_steps_are_worth_a_warning_from_a_share_on():
     node._published = 1000
     assert worrying(node, {'late_steps': 1, 'late_points': 1})
     assert not worrying(node, {})
+
+
+@pytest.mark.parametrize(('start', 'said'), [
+    (1801, 'starts 1801 s ahead of the clock'), (1.8e9, r'starts 1.8e\+09 s ahead of the clock'),
+    (-1002, 'ended 1001 s before the clock'), (999, ''), (-1000.5, '')])
+@pytest.mark.parametrize('topic', [REFERENCE, FEEDFORWARD_TORQUE], ids=lambda topic: topic.name)
+def test_what_another_clock_has_stamped_is_refused(topic, start, said):
+    """A second of points; torques of another clock would wait for as long as it is ahead."""
+    now_ns, physics = 2000 * SECOND, mock.Mock(torque_limit=200.0)
+    physics.now_ns = now_ns
+    node = SimpleNamespace(_physics=physics, _limits=mock.Mock(), _zero_stamps=ZeroStamps(),
+                           _robot=ROBOT, parameters=SimulationParameters())
+    node._start_ns = partial(SimulationNode._start_ns, node)
+    still = np.zeros((2, 4))
+    message = reference_message(
+        motion_of_joints('still', ROBOT.geometry, np.arange(2.0), HOME_Q + still, still, still),
+        now_ns + round(start * SECOND), still)
+    take = SimulationNode._on_reference if topic is REFERENCE else SimulationNode._on_effort
+    with pytest.raises(InputError, match=said) if said else nullcontext():
+        take(node, serialize_message(message))
+    queued = [*physics.queue_reference.call_args_list, *physics.queue_effort.call_args_list]
+    assert len(queued) == (not said)
 
 
 def test_the_simulation_ends_once_its_last_samples_have_arrived():

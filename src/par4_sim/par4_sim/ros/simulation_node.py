@@ -17,10 +17,12 @@ from par4_kinematics.interface import (
     JOINT_STATES,
     REFERENCE,
     ROBOT_DESCRIPTION,
+    Topic,
 )
 from par4_kinematics.limits import check_torque
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import Robot, read_robot
+from par4_kinematics.ros.convert import Trajectory
 from par4_kinematics.ros.node import Par4Node, State
 from par4_kinematics.ros.process import run
 from par4_kinematics.ros.serialised_trajectory import read_serialised_trajectory, serialised_rest
@@ -44,7 +46,8 @@ SWITCH_INTERVAL = 2e-4
 LATE_SHARE = 0.05
 """Share of late samples that is worth a warning."""
 STRANGE_NS = 1000 * SECOND
-"""A reference that starts farther ahead of the clock was stamped by another clock."""
+"""A trajectory that starts farther ahead of the clock, or ended as long before it, was stamped by
+another clock."""
 
 
 def compiled_limits(robot: Robot) -> ReferenceLimits:
@@ -141,19 +144,28 @@ class SimulationNode(Par4Node):
     def _on_reference(self, message: bytes) -> None:
         points = read_serialised_trajectory(message)
         self._limits.check(points.times(0), np.hstack(points.motion()))
-        start_ns = self._zero_stamps.start_ns(REFERENCE, points, self._physics.now_ns)
-        if start_ns - self._physics.now_ns > STRANGE_NS:
-            raise InputError(
-                f'starts {(start_ns - self._physics.now_ns) / SECOND:.4g} s ahead of the clock; '
-                f'set use_sim_time where it comes from')
-        self._physics.queue_reference(start_ns, points)
+        self._physics.queue_reference(self._start_ns(REFERENCE, points), points)
 
     def _on_effort(self, message: bytes) -> None:
         points = read_serialised_trajectory(message, ('effort',))
         factor = LOOKED_AHEAD if self.parameters.law == PREDICTIVE else 1.0
         check_torque(self._robot, points.rows('effort'), factor * self._physics.torque_limit)
-        self._physics.queue_effort(
-            self._zero_stamps.start_ns(FEEDFORWARD_TORQUE, points, self._physics.now_ns), points)
+        self._physics.queue_effort(self._start_ns(FEEDFORWARD_TORQUE, points), points)
+
+    def _start_ns(self, topic: Topic, points: Trajectory) -> int:
+        """Return when a trajectory starts.
+
+        Raises:
+            InputError: another clock has stamped it.
+        """
+        now_ns = self._physics.now_ns
+        start_ns = self._zero_stamps.start_ns(topic, points, now_ns)
+        since_end_ns = now_ns - start_ns - int(points.from_start_ns[-1])
+        if max(start_ns - now_ns, since_end_ns) > STRANGE_NS:
+            away = (f'starts {(start_ns - now_ns) / SECOND:.4g} s ahead of' if start_ns > now_ns
+                    else f'ended {since_end_ns / SECOND:.4g} s before')
+            raise InputError(f'{away} the clock; set use_sim_time where it comes from')
+        return start_ns
 
     def _reset(self) -> str:
         self._physics.restart()
