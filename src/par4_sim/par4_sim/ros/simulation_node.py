@@ -25,7 +25,11 @@ from par4_kinematics.robot import Robot, read_robot
 from par4_kinematics.ros.convert import Trajectory
 from par4_kinematics.ros.node import Par4Node, State
 from par4_kinematics.ros.process import run
-from par4_kinematics.ros.serialised_trajectory import read_serialised_trajectory, serialised_rest
+from par4_kinematics.ros.serialised_trajectory import (
+    SerialisedTrajectory,
+    read_serialised_trajectory,
+    serialised_rest,
+)
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 from par4_sim.choices import LOOKED_AHEAD, PREDICTIVE
@@ -147,7 +151,9 @@ class SimulationNode(Par4Node):
         self._physics.queue_reference(self._start_ns(REFERENCE, points), points)
 
     def _on_effort(self, message: bytes) -> None:
-        points = read_serialised_trajectory(message, ('effort',))
+        torques = SerialisedTrajectory(message)
+        named = torques.stamp_ns == 0 and torques.tells('positions')
+        points = torques.read(('effort', 'positions') if named else ('effort',))
         factor = LOOKED_AHEAD if self.parameters.law == PREDICTIVE else 1.0
         check_torque(self._robot, points.rows('effort'), factor * self._physics.torque_limit)
         self._physics.queue_effort(self._start_ns(FEEDFORWARD_TORQUE, points), points)
