@@ -24,6 +24,7 @@ from par4_identification.logs.bag import read_bag
 from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.recorder import Recorder
 from par4_identification.logs.sqlite_pages import rows_of_leaves
+from par4_identification.logs.stamps import BLOCK, Losses
 from par4_identification.logs.topic_columns import JOINT_ARRAYS, AlikeMessages, TopicColumns
 from par4_kinematics.errors import InputError
 from par4_sim import bag_writer
@@ -769,6 +770,24 @@ def test_recorder_reads_stamps_of_either_byte_order(tmp_path):
         recorder.write('/joint_states', JOINT_STATE, START + index,
                        serialised(START + index * MILLISECOND, little_endian=False))
     assert recorder.close().lost == {'/joint_states': 2}
+
+
+@pytest.mark.parametrize('block', [50, BLOCK])
+def test_losses_of_a_recording_of_any_length_are_counted(monkeypatch, block):
+    """With jitter, in a wrong order here and there, of two runs; it is known what was lost."""
+    monkeypatch.setattr('par4_identification.logs.stamps.BLOCK', block)
+    random, losses = np.random.default_rng(3), Losses()
+    kept, longest = random.random(2000) < 0.9, 0
+    stamps = np.arange(2000) * MILLISECOND + random.integers(-100_000, 100_000, 2000)
+    kept[[0, 999, 1000, -1]] = True
+    stamps[1000:] -= 3_000_000 * MILLISECOND
+    sent = stamps[kept]
+    sent[[50, 51, 300, 301]] = sent[[51, 50, 301, 300]]
+    for stamp in sent.tolist():
+        losses.take(stamp)
+        longest = max(longest, len(losses._waiting))
+    assert losses.count == np.count_nonzero(~kept)
+    assert longest <= 2 * block
 
 
 def test_recording_in_progress_survives_a_kill(tmp_path):

@@ -9,6 +9,8 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +19,9 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
 from node_bench import (
     AWAY_Q,
@@ -62,6 +66,8 @@ from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import inside
 from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.simulation_node import SimulationNode
+from par4_sim.ros.simulation_parameters import SimulationParameters
+from par4_sim.ros.zero_stamp import ZeroStamps
 
 OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
 GAIN = np.asarray(ROBOT.drives.gain)
@@ -325,6 +331,55 @@ def test_late_steps_are_worth_a_warning_from_a_share_on():
     node._published = 1000
     assert worrying(node, {'late_steps': 1, 'late_points': 1})
     assert not worrying(node, {})
+
+
+def receiving(now_ns: int) -> tuple[SimpleNamespace, mock.Mock]:
+    """Return a `par4_simulation` that takes trajectories at `now_ns`, and what it gives them to."""
+    physics = mock.Mock(torque_limit=200.0, now_ns=now_ns)
+    node = SimpleNamespace(_physics=physics, _limits=mock.Mock(), _zero_stamps=ZeroStamps(),
+                           _robot=ROBOT, parameters=SimulationParameters())
+    node._start_ns = partial(SimulationNode._start_ns, node)
+    return node, physics
+
+
+def standing(q: np.ndarray, stamp_ns: int) -> JointTrajectory:
+    """Return a second at rest at q (4,) with torques."""
+    still = np.zeros((2, 4))
+    return reference_message(
+        motion_of_joints('still', ROBOT.geometry, np.arange(2.0), q + still, still, still),
+        stamp_ns, still)
+
+
+@pytest.mark.parametrize(('start', 'said'), [
+    (1801, 'starts 1801 s ahead of the clock'), (1.8e9, r'starts 1.8e\+09 s ahead of the clock'),
+    (-1002, 'ended 1001 s before the clock'), (999, ''), (-1000.5, '')])
+@pytest.mark.parametrize('topic', [REFERENCE, FEEDFORWARD_TORQUE], ids=lambda topic: topic.name)
+def test_what_another_clock_has_stamped_is_refused(topic, start, said):
+    """A second of points; torques of another clock would wait for as long as it is ahead."""
+    now_ns = 2000 * SECOND
+    node, physics = receiving(now_ns)
+    message = standing(HOME_Q, now_ns + round(start * SECOND))
+    take = SimulationNode._on_reference if topic is REFERENCE else SimulationNode._on_effort
+    with pytest.raises(InputError, match=said) if said else nullcontext():
+        take(node, serialize_message(message))
+    queued = [*physics.queue_reference.call_args_list, *physics.queue_effort.call_args_list]
+    assert len(queued) == (not said)
+
+
+def test_a_torque_without_a_stamp_goes_to_the_reference_of_its_positions():
+    """One without positions, as a sender of torques alone may write them, to that of its times."""
+    node, physics = receiving(SECOND)
+    for q in (HOME_Q, HOME_Q + 0.1):
+        SimulationNode._on_reference(node, serialize_message(standing(q, 0)))
+        physics.now_ns += MILLISECOND
+    alone = standing(HOME_Q, 0)
+    for point in alone.points:
+        point.positions, point.velocities, point.accelerations = [], [], []
+    for message in (standing(HOME_Q + 0.1, 0), alone):
+        SimulationNode._on_effort(node, serialize_message(message))
+    first, second = (call.args[0] for call in physics.queue_reference.call_args_list)
+    assert second == first + MILLISECOND
+    assert [call.args[0] for call in physics.queue_effort.call_args_list] == [second, first]
 
 
 def test_the_simulation_ends_once_its_last_samples_have_arrived():

@@ -146,12 +146,13 @@ def test_joints_that_rest_say_nothing():
 def monitor() -> SimpleNamespace:
     """Return the state of a `par4_monitor` that takes messages and counts windows."""
     node = SimpleNamespace(counts=Counter(), looked=0, wall_clock=None, get_logger=mock.Mock(),
-                           _gain=np.asarray(REFERENCE.drive_gain))
-    for name in ('_forget', '_skip', '_leave_other_times'):
+                           _gain=np.asarray(REFERENCE.drive_gain), _robot=REFERENCE)
+    for name in ('_forget', '_skip', '_leave_other_times', '_keep', 'reject'):
         setattr(node, name, partial(getattr(MonitorNode, name), node))
 
     def look() -> None:
         node.looked += 1
+        node.window = node._position, node._torque or node._effort
         node._forget()
 
     node._look = look
@@ -207,3 +208,28 @@ def test_messages_that_come_twice_are_no_stamps_that_do_not_move(monitor):
 def test_voltages_without_joint_states_do_not_pile_up(monitor):
     send(monitor, 0.0, 60.0, (AMPLIFIER_VOLTAGE,))
     assert len(monitor._torque) < 500
+
+
+@pytest.mark.parametrize('topics', [(JOINT_STATES,), (JOINT_STATES, AMPLIFIER_VOLTAGE)],
+                         ids=['effort', 'voltage'])
+def test_a_torque_that_no_drive_gives_is_left_out_of_a_window_and_told(monitor, topics):
+    """In N m or V; the largest that counts is ten times the limit."""
+    topic, unit = topics[-1], 1.0 if len(topics) == 1 else monitor._gain[2]
+    absurd, most = -1e12, 10.0 * REFERENCE.drives.torque_limit
+    send(monitor, 0.0, 0.5, topics)
+    for time, torque in ((0.5, absurd), (0.51, most * (1.0 - 1e-9))):
+        message = JointState(name=list(JOINT_NAMES))
+        for part in topics:
+            write_joint_state(message, round(time * SECOND), np.zeros(4),
+                              effort=np.array((0.0, 0.0, torque / unit, 0.0)) * (part is topic))
+            MonitorNode._taken(monitor, part)(message)
+    send(monitor, 0.52, 2.015, topics)
+    positions, torques = monitor.window
+    assert monitor.looked == 1
+    ended_by = max(positions)  # its voltage belongs to the next window
+    assert positions.keys() - torques.keys() - {ended_by} == {SECOND // 2}
+    assert np.abs([*torques.values()]).max() == pytest.approx(most)
+    assert monitor.counts['rejected_messages'] == 1
+    said, = (call.args[0] for call in monitor.get_logger().warning.call_args_list)
+    assert said.startswith(f'{topic.name}: arm_joint_2 has -1e+12 N m, more than 10 times the '
+                           f'torque_limit of 200 N m of robot reference')

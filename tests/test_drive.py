@@ -13,6 +13,7 @@ from par4_kinematics.errors import InputError
 from par4_sim.drive import DriveLoops
 from par4_sim.reference import TARGET, ReferenceQueue, interpolate
 from par4_sim.simulation import build_simulation
+from par4_sim.waiting_torque import MOST_WAITING
 from robots import REFERENCE, growing_waves
 
 
@@ -127,6 +128,17 @@ def test_torques_of_references_that_never_come_are_forgotten():
     queue.queue(now, late, still, still, still)
     np.testing.assert_array_equal(queue.points[-2:, 12], 1.0)
     assert queue.waiting == pytest.approx(1498, abs=2)
+
+
+def test_torques_far_ahead_of_any_reference_wait_in_a_bounded_number():
+    """As of a stream that is refused: those that are needed first are kept."""
+    queue, times = ReferenceQueue(np.zeros(4)), np.arange(MOST_WAITING + 1) * 1e-3
+    for part in (slice(1, None, 2), slice(0, None, 2)):
+        queue.queue_effort(times[part], np.ones((len(times[part]), 4)))
+    assert queue.waiting == MOST_WAITING
+    still = np.zeros((3, 4))
+    queue.queue(-0.1, np.array((0.0, times[-2], times[-1])), still, still, still)
+    np.testing.assert_array_equal(queue.points[-3:, 12], (1.0, 1.0, np.nan))
 
 
 def test_torques_in_any_order_and_pieces_meet_their_points():

@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -70,6 +71,7 @@ from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 from par4_sim.robot_tree import tree_joint_positions
+from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.tracking.metrics import tracking_of
 from par4_sim.tracking.run import feedforward_of, record_run
 from robots import random_poses
@@ -261,6 +263,14 @@ def bad_file(folder: Path, change: str) -> Path:
     ('par4_simulation', 'real_time_factor', '.inf', 'real_time_factor: inf is no number'),
     ('par4_simulation', 'publish_rate_hz', 'often', "publish_rate_hz: expected a number, found "
                                                     "'often'"),
+    *((node, 'seed', 10 ** 17, 'seed: 100000000000000000 is outside 0 to 9007199254740992')
+      for node in ('par4_motion', 'par4_simulation')),
+    ('par4_monitor', 'learning', 2 ** 53 + 1, 'learning: 9007199254740993 is outside 10 to 9007'),
+    ('par4_kinematics', 'use_sim_time', 5, 'use_sim_time: expected true or false, found 5'),
+    ('par4_record', 'use_sim_time', 'yes_please', "use_sim_time: expected true or false, found "
+                                                  "'yes_please'"),
+    ('par4_motion', 'qos_overrides./reference.publisher.depth', 10 ** 14,
+     'qos_overrides of reference: not understood; depth is a whole number below 2^31'),
     ('par4_motion', 'motion', 'dance', 'dance'),
     ('par4_record', 'storage', 'tape', 'known are mcap, sqlite3'),
     ('par4_record', 'output', '.', 'exists already'),
@@ -339,6 +349,22 @@ def test_effort_and_voltage_agree_and_the_truth_comes_on_request_only(bench):
     sticks = read_model('table1_full', ROBOT).values['coulomb_friction'].max()
     np.testing.assert_allclose(joint_values(torques[-1], 'effort'),
                                torque_of('table1_full', still)[0], atol=sticks)
+
+
+@pytest.mark.parametrize('publishes', [False, True])
+def test_only_a_simulation_that_publishes_a_clock_counts_as_one(publishes):
+    """ROS counts who could publish."""
+    asked = mock.Mock()
+    SamplePublisher(asked, ROBOT, '', publishes)
+    topics = {call.args[0] for call in asked.publisher_of.call_args_list}
+    assert JOINT_STATES in topics
+    assert (CLOCK in topics) == publishes
+
+
+def test_without_a_clock_a_simulation_publishes_all_else(bench):
+    simulated = Simulated(bench, publish_clock='false')
+    simulated.wait_until(SECOND // 2)
+    assert CLOCK.name not in simulated.fresh_counts()
 
 
 def test_passive_joints_come_with_a_sample_at_a_lower_rate(bench):
@@ -433,6 +459,23 @@ def test_a_start_waits_for_its_torque_as_long_as_it_is_told_to(bench):
     efforts.publish(reference_message(motion, start_ns, torque_of('table1_full', motion)))
     simulated.wait_until(start_ns + round(motion.duration * SECOND) + SECOND // 2)
     assert 'missing_effort' not in simulated.fresh_counts()
+
+
+def test_a_machine_that_runs_without_its_torque_is_not_told_to_wait(bench):
+    simulated = Simulated(bench, feedforward_timeout=0.001)
+    references = bench.publisher(REFERENCE)
+    still = motion_of_joints('still', ROBOT.geometry, np.arange(100.0), np.tile(HOME_Q, (100, 1)),
+                             np.zeros((100, 4)), np.zeros((100, 4)))
+    with simulated.standing(reference=1):
+        references.publish(reference_message(still, simulated.now_ns() + SECOND))
+
+    def told() -> bool:
+        return any(status.message.startswith(
+            'running without feedforward_torque: waited 0.001 s in vain')
+            for status in bench.statuses(simulated.diagnostics, 'par4_simulation'))
+
+    bench.wait(told, 'a simulation without torque')
+    simulated.wait_until(simulated.now_ns() + 1)
 
 
 def test_services_of_the_simulation(bench):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from par4_kinematics.ros.numbering import Numbering
+from par4_kinematics.ros.numbering import REMEMBERED, Numbering
 
 
 def missing(numbers) -> int:
@@ -49,3 +49,15 @@ def test_losses_of_one_publisher_are_counted_beside_another():
 def test_a_publisher_that_starts_again_is_a_new_one():
     assert missing([*range(1, 500), *range(1, 300)]) == 0
     assert missing([*range(1, 500), *range(1, 300), *range(310, 400)]) == 10
+
+
+def test_of_many_losses_the_newest_are_remembered_and_all_are_counted():
+    """Every second message is lost; in the midst of it another publisher begins."""
+    numbering = Numbering()
+    for index in range(3 * REMEMBERED):
+        numbering.take(2 * index)
+        if index == 2 * REMEMBERED:
+            numbering.take(10 ** 9)
+            numbering.take(2 * index + 1)
+    assert len(numbering._holes) == REMEMBERED
+    assert numbering.missing == 3 * REMEMBERED - 2

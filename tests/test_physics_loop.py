@@ -185,6 +185,28 @@ def test_patience_ends_and_what_is_missing_is_counted():
     assert run.loop.counts['missing_effort'] == 5
 
 
+def test_a_loop_waits_until_its_patience_ends_and_is_unaided_until_torque_is_there(monkeypatch):
+    run, now = Run(feedforward_timeout=10.0), 0.0
+    monkeypatch.setattr('time.monotonic', lambda: now)
+    run.loop.queue_reference(0, rest_at_home(0.1, count=50))
+
+    def look() -> tuple[bool, bool, int]:
+        """Return what the loop is and how many samples it has published after a few turns."""
+        looks = iter(range(60))
+        run.loop.run(lambda: next(looks) == 59)
+        return run.loop.waiting, run.loop.unaided, len(run.times)
+
+    *state, stood_at = look()
+    assert state == [True, False]
+    now = 9.9
+    assert look() == (True, False, stood_at)
+    now = 10.1
+    assert look() == (False, True, stood_at + 59)
+    run.loop.queue_effort(0, rest_at_home(0.1, count=50))
+    *state, _ = look()
+    assert state == [False, False]
+
+
 def test_a_loop_that_has_ended_takes_no_orders(monkeypatch):
     monkeypatch.setattr('par4_sim.ros.physics_loop.PATIENCE', 0.01)
     with pytest.raises(InputError, match='the simulation has ended'):

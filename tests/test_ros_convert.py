@@ -228,8 +228,9 @@ class TestZeroStamps:
     LATER = NOW + 50_000_000
 
     @staticmethod
-    def points(stamp_ns: int = 0, count: int = 100) -> Trajectory:
-        return Trajectory(stamp_ns, np.arange(count) * 1_000_000)
+    def points(stamp_ns: int = 0, count: int = 100, q: float | None = None) -> Trajectory:
+        return Trajectory(stamp_ns, np.arange(count) * 1_000_000,
+                          None if q is None else np.full((count, 4), q))
 
     def test_a_stamp_rules(self):
         assert ZeroStamps().start_ns(REFERENCE, self.points(STAMP), self.NOW) == STAMP
@@ -255,6 +256,29 @@ class TestZeroStamps:
         short = stamps.start_ns(REFERENCE, self.points(), self.LATER)
         assert stamps.start_ns(FEEDFORWARD_TORQUE, self.points(), self.LATER) == short
         assert stamps.start_ns(FEEDFORWARD_TORQUE, self.points(count=200), self.LATER) == long
+
+    @pytest.mark.parametrize('refused', [REFERENCE, FEEDFORWARD_TORQUE],
+                             ids=lambda topic: topic.name)
+    @pytest.mark.parametrize('order', [(REFERENCE, FEEDFORWARD_TORQUE),
+                                       (FEEDFORWARD_TORQUE, REFERENCE)])
+    def test_what_waits_for_a_refused_counterpart_takes_none_of_the_next(self, refused, order):
+        """Of the same times, at other positions."""
+        stamps = ZeroStamps()
+        left, = {REFERENCE, FEEDFORWARD_TORQUE} - {refused}
+        first = stamps.start_ns(left, self.points(q=0.1), self.NOW)
+        for number in range(3):
+            now_ns = self.NOW + (number + 1) * 10_000_000
+            starts = [stamps.start_ns(topic, self.points(q=0.2 + number), now_ns)
+                      for topic in order]
+            assert starts == [now_ns + round(START_DELAY * SECOND)] * 2
+        assert stamps.start_ns(refused, self.points(q=0.1), self.LATER) == first
+
+    def test_a_torque_without_positions_belongs_to_the_first_reference_of_its_times(self):
+        stamps = ZeroStamps()
+        first, second = (stamps.start_ns(REFERENCE, self.points(q=q), now_ns)
+                         for q, now_ns in ((0.1, self.NOW), (0.2, self.LATER)))
+        assert [stamps.start_ns(FEEDFORWARD_TORQUE, self.points(), self.LATER)
+                for _ in range(2)] == [first, second]
 
     def test_another_content_is_another_trajectory(self):
         stamps = ZeroStamps()

@@ -12,6 +12,9 @@ from par4_kinematics.geometry import LEGS
 MATCH = 1e-4
 """Torque belongs to the reference point within this time, s."""
 
+MOST_WAITING = 200_000
+"""Torques that wait at the most, 200 s of them at 1 kHz; beyond that the latest are let go."""
+
 
 def _slots(times: np.ndarray) -> np.ndarray:
     """Return times (n,), s, in whole units of MATCH."""
@@ -68,13 +71,15 @@ class WaitingTorque:
             self._slots, self._torques = _newest(
                 np.concatenate((self._slots, slots[left])),
                 np.concatenate((self._torques, torques[left])))
+            if len(self) > MOST_WAITING:
+                self._keep(slice(MOST_WAITING))
 
     def forget_before(self, time: float) -> None:
         """Forget what has waited in vain."""
         if len(self) and self._slots[0] * MATCH < time:
             self._keep(self._slots >= round(time / MATCH))
 
-    def _keep(self, which: np.ndarray) -> None:
+    def _keep(self, which: np.ndarray | slice) -> None:
         self._slots, self._torques = self._slots[which], self._torques[which]
 
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import struct
-from array import array
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from par4_identification.logs.stamps import spacing_counts
+from par4_identification.logs.stamps import Losses
 from par4_kinematics.interface import JOINT_STATES
 from par4_kinematics.stamps import SECOND
 from par4_sim.bag_writer import BagWriter
@@ -47,7 +44,7 @@ class Recorder:
         """
         self._bag = BagWriter(output, storage)
         self._messages: Counter[str] = Counter()
-        self._stamps: dict[str, array[int]] = {}
+        self._losses: defaultdict[str, Losses] = defaultdict(Losses)
 
     def write(self, topic: str, type_name: str, received: int, data: bytes) -> None:
         """Write a message as it came, serialised.
@@ -64,7 +61,7 @@ class Recorder:
         self._bag.write_raw(topic, type_name, received, data)
         self._messages[topic] += 1
         if type_name == JOINT_STATES.type:
-            self._stamps.setdefault(topic, array('q')).append(_header_stamp(data))
+            self._losses[topic].take(_header_stamp(data))
 
     def flush(self) -> None:
         """Put what was written so far out of reach of a kill.
@@ -83,8 +80,7 @@ class Recorder:
     def recording(self) -> Recording:
         """What was written so far."""
         return Recording(self._bag.path, dict(self._messages), {
-            topic: spacing_counts(np.unique(np.frombuffer(stamps, dtype=np.int64))).lost
-            for topic, stamps in self._stamps.items()})
+            topic: losses.count for topic, losses in self._losses.items()})
 
     def close(self) -> Recording:
         """Complete the bag and return what it holds.

@@ -25,6 +25,9 @@ LONGEST_GAP = 5
 """Longest gap of a window that is looked at, in sample periods."""
 ASTRAY_NS = round(2 * WINDOW * SECOND)
 """Distance from the first stamp of a window beyond which a stamp is of another clock or run."""
+ABSURD = 10.0
+"""Torque, in limits of the drives, from which it is none: one such sample would be most of what the
+windows learn."""
 STILL, CROWD = 100, 10
 """Joint states of a window with a stamp that was there before from which stamps do not move: a
 number, and a multiple of the stamps."""
@@ -74,16 +77,30 @@ class MonitorNode(Par4Node):
             stamp_ns = time_ns(message.header.stamp)
             self._leave_other_times(stamp_ns)
             if topic is AMPLIFIER_VOLTAGE:
-                self._torque[stamp_ns] = self._gain * joint_values(message, 'effort')
+                self._keep(self._torque, topic, stamp_ns,
+                           self._gain * joint_values(message, 'effort'))
                 return
             self._repeated += stamp_ns in self._position
             self._position[stamp_ns] = joint_values(message, 'position')
             if len(message.effort):
-                self._effort[stamp_ns] = joint_values(message, 'effort')
+                self._keep(self._effort, topic, stamp_ns, joint_values(message, 'effort'))
             if stamp_ns - next(iter(self._position)) >= WINDOW * SECOND:
                 self._look()
 
         return take
+
+    def _keep(self, kept: dict[int, np.ndarray], topic: Topic, stamp_ns: int, torque: np.ndarray
+              ) -> None:
+        """Keep the torques (4,), N m, of a sample, or reject what no drive gives."""
+        limit = self._robot.drives.torque_limit
+        joint = int(np.abs(torque).argmax())
+        if abs(torque[joint]) > ABSURD * limit:
+            self.reject(topic, InputError(
+                f'{self._robot.joint_names[joint]} has {torque[joint]:.3g} N m, more than '
+                f'{ABSURD:g} times the torque_limit of {limit:g} N m of robot {self._robot.name}: '
+                f'left out; send what was measured'))
+            return
+        kept[stamp_ns] = torque
 
     def _leave_other_times(self, stamp_ns: int) -> None:
         """Begin a window anew that this stamp is far from: it would wait, and grow, until then."""

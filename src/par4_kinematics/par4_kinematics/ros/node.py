@@ -27,7 +27,7 @@ from par4_kinematics.errors import InputError, Par4Error, UnreachableError
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, Topic
 from par4_kinematics.ros.arrivals import Arrivals
 from par4_kinematics.ros.convert import write_time
-from par4_kinematics.ros.parameters import NodeParameters, declare
+from par4_kinematics.ros.parameters import NodeParameters, check_those_of_ros, declare
 from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.runner import runner_has_ended
 from par4_kinematics.stamps import SECOND
@@ -109,6 +109,13 @@ class Par4Node(Node):
                 f'{SIMULATED_TIME}: a node keeps the clock it was started with; start it anew'))
         return SetParametersResult(successful=True)
 
+    def declare_parameters(self, namespace: str, parameters: Any, *arguments: Any,
+                           **options: Any) -> list[Parameter]:
+        """Declare parameters; one of ROS of the wrong type is refused: rclpy would go on without.
+        """
+        check_those_of_ros({name: value for name, value, *_ in parameters})
+        return super().declare_parameters(namespace, parameters, *arguments, **options)
+
     def create_subscription(self, msg_type: Any, topic: str, callback: Callable[..., None],
                             *arguments: Any, **options: Any) -> Subscription:
         """Return a subscription; one of the clock, as rclpy makes it, rejects times before zero."""
@@ -179,10 +186,11 @@ class Par4Node(Node):
             return create(msg_type=message_type(topic), topic=topic.name, qos_profile=qos_of(topic),
                           qos_overriding_options=QoSOverridingOptions.with_default_policies(),
                           **options)
-        except (AssertionError, AttributeError, RuntimeError, ParameterException):
+        except (AssertionError, AttributeError, RuntimeError, TypeError, ParameterException):
             raise InputError(
-                f'qos_overrides of {topic.name}: not understood; depth is a whole number, history '
-                f'keep_last or keep_all, reliability reliable or best_effort') from None
+                f'qos_overrides of {topic.name}: not understood; depth is a whole number below '
+                f'2^31, history keep_last or keep_all, reliability reliable or best_effort'
+            ) from None
 
     def serve(self, name: str, action: Callable[[], str]) -> None:
         """Offer a Trigger service; `action` returns its message or raises Par4Error."""

@@ -7,6 +7,10 @@ lost turns out to be another publisher's when the first missing number does come
 
 from __future__ import annotations
 
+REMEMBERED = 1000
+"""Holes that another publisher may still turn out to go on in, the newest: it does so with its next
+message."""
+
 
 class Numbering:
     """The numbers received on one topic.
@@ -34,4 +38,6 @@ class Numbering:
                 return
             self._ends[self._ends.index(below)] = number
             self._holes[below + 1] = number - below - 1
+            if len(self._holes) > REMEMBERED:
+                del self._holes[next(iter(self._holes))]
             self.missing += number - below - 1

@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 import math
 import textwrap
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from par4_kinematics.errors import InputError
@@ -28,8 +29,9 @@ class NodeParameters:
 
 Parameters = TypeVar('Parameters', bound=NodeParameters)
 
-_OF_ROS = ('use_sim_time', 'start_type_description_service')
-"""Parameters that every node has."""
+_OF_ROS = {'use_sim_time': 'whether time is that published on /clock',
+           'start_type_description_service': 'whether the types of messages are told'}
+"""What the parameters that every node has mean; each is true or false."""
 _LARGEST = 2 ** 53
 """Bound of a whole number without one: up to it every one is a double too."""
 _WORDS = {str: 'a string', float: 'a number', int: 'a whole number', bool: 'true or false'}
@@ -74,22 +76,44 @@ def _checked(field: dataclasses.Field[Any], value: Any) -> Any:
     wanted = type(field.default)
     if wanted is float and type(value) is int:
         value = float(value)
-    if type(value) is not wanted:
-        raise InputError(f'parameter {field.name}: expected {_WORDS[wanted]}, found {value!r}; it '
-                         f'means: {field.metadata["description"]}')
+    _check_type(field.name, value, wanted, field.metadata['description'])
     if wanted in (int, float):
-        lowest, highest = field.metadata['lowest'], field.metadata['highest']
+        lowest, highest = _range(field)
         if value in (math.inf, -math.inf):
             raise InputError(f'parameter {field.name}: {value} is no number that a machine has; '
                              f'give a finite one')
         if not lowest <= value <= highest:
-            raise InputError(f'parameter {field.name}: {value} is outside {lowest:g} to '
-                             f'{highest:g}; give a value within')
+            raise InputError(f'parameter {field.name}: {value} is outside {lowest:.16g} to '
+                             f'{highest:.16g}; give a value within')
     choices = field.metadata['choices']
     if choices and value not in choices:
         raise InputError(f'parameter {field.name}: {value!r} asked; known are '
                          f'{", ".join(choices)}')
     return value
+
+
+def _check_type(name: str, value: Any, wanted: type, meaning: str) -> None:
+    if type(value) is not wanted:
+        raise InputError(f'parameter {name}: expected {_WORDS[wanted]}, found {value!r}; it '
+                         f'means: {meaning}')
+
+
+def _range(field: dataclasses.Field[Any]) -> tuple[float, float]:
+    """Return the lowest and the highest value of a number."""
+    lowest, highest = field.metadata['lowest'], field.metadata['highest']
+    if type(field.default) is int:
+        return max(lowest, -_LARGEST), min(highest, _LARGEST)
+    return lowest, highest
+
+
+def check_those_of_ros(given: Mapping[str, Any]) -> None:
+    """Look at those of the values given, by name, that every node has.
+
+    Raises:
+        InputError: one is neither true nor false.
+    """
+    for name in given.keys() & _OF_ROS.keys():
+        _check_type(name, given[name], bool, _OF_ROS[name])
 
 
 def page(parameters: type[NodeParameters]) -> str:
@@ -152,10 +176,12 @@ def _descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
     choices = field.metadata['choices']
     if choices:
         descriptor.additional_constraints = f'one of {", ".join(choices)}'
-    lowest, highest = field.metadata['lowest'], field.metadata['highest']
-    if type(field.default) is float:
-        descriptor.floating_point_range = [FloatingPointRange(from_value=lowest, to_value=highest)]
-    if type(field.default) is int:
-        descriptor.integer_range = [IntegerRange(from_value=int(max(lowest, -_LARGEST)),
-                                                 to_value=int(min(highest, _LARGEST)))]
+    if type(field.default) in (int, float):
+        lowest, highest = _range(field)
+        if type(field.default) is float:
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=lowest, to_value=highest)]
+        else:
+            descriptor.integer_range = [
+                IntegerRange(from_value=int(lowest), to_value=int(highest))]
     return descriptor

@@ -130,6 +130,9 @@ class SerialisedTrajectory:
     Args:
         data: little-endian CDR, as a raw subscription receives it.
 
+    Attributes:
+        stamp_ns: of the header.
+
     Raises:
         InputError: bytes that are no such message.
     """
@@ -147,7 +150,7 @@ class SerialisedTrajectory:
             raise InputError(_CUT_OFF) from None
         if count > len(body) // 24:  # an empty point has four sizes and a time
             raise InputError(_CUT_OFF)
-        self._stamp_ns = seconds * SECOND + nanoseconds
+        self.stamp_ns = seconds * SECOND + nanoseconds
         self._head, self._first = data[:_BEHIND], at // 4
         padded = _aligned(body)
         self._words, self._numbers = padded.view('<u4'), padded.view('<f8')
@@ -155,6 +158,10 @@ class SerialisedTrajectory:
         self._sizes = np.empty((count, 4), dtype=np.int64)
         if not _walk(self._words, self._first, self._places, self._sizes):
             raise InputError(_CUT_OFF)
+
+    def tells(self, field: str) -> bool:
+        """Return whether any point has numbers in a field of `ATTRIBUTE`."""
+        return bool(self._sizes[:, _ARRAYS.index(field)].any())
 
     def read(self, fields: Sequence[str] = REFERENCE_FIELDS) -> Trajectory:
         """Return what `convert.read_trajectory` returns of the message.
@@ -169,7 +176,7 @@ class SerialisedTrajectory:
         if not _take(self._words, self._numbers, self._places, self._sizes, _parts(tuple(fields)),
                      len(self._names), _columns(tuple(self._names)), rows, from_start_ns):
             raise self._refusal(fields)
-        return Trajectory(self._stamp_ns, from_start_ns, **{
+        return Trajectory(self.stamp_ns, from_start_ns, **{
             ATTRIBUTE[field]: part for field, part in zip(fields, rows, strict=True)})
 
     def _refusal(self, fields: Sequence[str]) -> InputError:
@@ -187,7 +194,7 @@ class SerialisedTrajectory:
         time = self._places[:, 4]
         from_start_ns = self._words.view('<i4')[time] * np.int64(SECOND) + self._words[time + 1]
         try:
-            trajectory_of_rows(self._stamp_ns, from_start_ns, self._names, rows)
+            trajectory_of_rows(self.stamp_ns, from_start_ns, self._names, rows)
         except InputError as error:
             return error
         raise AssertionError('refused, but nothing is wrong with it')

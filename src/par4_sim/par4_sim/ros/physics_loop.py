@@ -44,6 +44,8 @@ class PhysicsLoop:
         fault: why references are refused until a restart, in words; empty while all is well. It
             may be set.
         late_steps: samples that came more than a sample period after their time.
+        waiting: whether the simulation stands for the torque of a reference point.
+        unaided: whether it goes on without that torque, which did not come while it stood.
         ended: how the loop came to its end, in words, where `end` asked for it; empty before.
     """
 
@@ -66,6 +68,7 @@ class PhysicsLoop:
         self.paused = False
         self.fault = ''
         self.late_steps = 0
+        self.waiting = self.unaided = False
         self.ended = ''
         self._end_asked: float | None = None
         self._end_asked_ns = 0
@@ -102,11 +105,6 @@ class PhysicsLoop:
     def ending(self) -> bool:
         """Whether the loop ends as soon as the machine rests."""
         return self._end_asked is not None
-
-    @property
-    def waiting(self) -> bool:
-        """Whether the simulation stands for the torque of a reference point."""
-        return self._standing_since is not None
 
     @property
     def counts(self) -> dict[str, int]:
@@ -295,14 +293,18 @@ class PhysicsLoop:
             self._braked = True
 
     def _waits_for_effort(self) -> bool:
+        """Note and return whether to stand for a torque."""
         if (self._feedforward_timeout == 0.0 or self._end_asked is not None
                 or not self._simulation.effort_missing()):
             self._standing_since = None
+            self.waiting = self.unaided = False
             return False
         now = time.monotonic()
         if self._standing_since is None:
             self._standing_since = now
-        return now - self._standing_since < self._feedforward_timeout
+        self.waiting = now - self._standing_since < self._feedforward_timeout
+        self.unaided = not self.waiting
+        return self.waiting
 
     def _keep_pace(self, deadline: float) -> float:
         """Sleep until the deadline and return it, or a later one if it is out of reach."""

@@ -17,13 +17,19 @@ from par4_kinematics.interface import (
     JOINT_STATES,
     REFERENCE,
     ROBOT_DESCRIPTION,
+    Topic,
 )
 from par4_kinematics.limits import check_torque
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import Robot, read_robot
+from par4_kinematics.ros.convert import Trajectory
 from par4_kinematics.ros.node import Par4Node, State
 from par4_kinematics.ros.process import run
-from par4_kinematics.ros.serialised_trajectory import read_serialised_trajectory, serialised_rest
+from par4_kinematics.ros.serialised_trajectory import (
+    SerialisedTrajectory,
+    read_serialised_trajectory,
+    serialised_rest,
+)
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 from par4_sim.choices import LOOKED_AHEAD, PREDICTIVE
@@ -44,7 +50,8 @@ SWITCH_INTERVAL = 2e-4
 LATE_SHARE = 0.05
 """Share of late samples that is worth a warning."""
 STRANGE_NS = 1000 * SECOND
-"""A reference that starts farther ahead of the clock was stamped by another clock."""
+"""A trajectory that starts farther ahead of the clock, or ended as long before it, was stamped by
+another clock."""
 
 
 def compiled_limits(robot: Robot) -> ReferenceLimits:
@@ -141,19 +148,30 @@ class SimulationNode(Par4Node):
     def _on_reference(self, message: bytes) -> None:
         points = read_serialised_trajectory(message)
         self._limits.check(points.times(0), np.hstack(points.motion()))
-        start_ns = self._zero_stamps.start_ns(REFERENCE, points, self._physics.now_ns)
-        if start_ns - self._physics.now_ns > STRANGE_NS:
-            raise InputError(
-                f'starts {(start_ns - self._physics.now_ns) / SECOND:.4g} s ahead of the clock; '
-                f'set use_sim_time where it comes from')
-        self._physics.queue_reference(start_ns, points)
+        self._physics.queue_reference(self._start_ns(REFERENCE, points), points)
 
     def _on_effort(self, message: bytes) -> None:
-        points = read_serialised_trajectory(message, ('effort',))
+        torques = SerialisedTrajectory(message)
+        named = torques.stamp_ns == 0 and torques.tells('positions')
+        points = torques.read(('effort', 'positions') if named else ('effort',))
         factor = LOOKED_AHEAD if self.parameters.law == PREDICTIVE else 1.0
         check_torque(self._robot, points.rows('effort'), factor * self._physics.torque_limit)
-        self._physics.queue_effort(
-            self._zero_stamps.start_ns(FEEDFORWARD_TORQUE, points, self._physics.now_ns), points)
+        self._physics.queue_effort(self._start_ns(FEEDFORWARD_TORQUE, points), points)
+
+    def _start_ns(self, topic: Topic, points: Trajectory) -> int:
+        """Return when a trajectory starts.
+
+        Raises:
+            InputError: another clock has stamped it.
+        """
+        now_ns = self._physics.now_ns
+        start_ns = self._zero_stamps.start_ns(topic, points, now_ns)
+        since_end_ns = now_ns - start_ns - int(points.from_start_ns[-1])
+        if max(start_ns - now_ns, since_end_ns) > STRANGE_NS:
+            away = (f'starts {(start_ns - now_ns) / SECOND:.4g} s ahead of' if start_ns > now_ns
+                    else f'ended {since_end_ns / SECOND:.4g} s before')
+            raise InputError(f'{away} the clock; set use_sim_time where it comes from')
+        return start_ns
 
     def _reset(self) -> str:
         self._physics.restart()
@@ -199,6 +217,9 @@ class SimulationNode(Par4Node):
             return State(State.WARN, 'ending: waits until the machine rests')
         if physics.waiting:
             return State(State.WARN, f'waiting for {FEEDFORWARD_TORQUE.name}')
+        if physics.unaided:
+            return State(State.WARN, f'running without {FEEDFORWARD_TORQUE.name}: waited '
+                                     f'{self.parameters.feedforward_timeout:g} s in vain')
         if physics.starved:
             return State(State.WARN, f'starved: {REFERENCE.name} ended in motion, braked')
         if self._pace.complaint:

@@ -15,20 +15,28 @@ from par4_kinematics.stamps import SECOND
 class Waiting:
     """A trajectory whose counterpart has not arrived yet."""
 
-    topic: str
-    from_start_ns: np.ndarray
+    topic: Topic
+    trajectory: Trajectory
     start_ns: int
 
     @property
     def end_ns(self) -> int:
-        return self.start_ns + int(self.from_start_ns[-1])
+        return self.start_ns + int(self.trajectory.from_start_ns[-1])
+
+    def belongs_to(self, topic: Topic, trajectory: Trajectory) -> bool:
+        """Return whether a trajectory on `topic` is the counterpart."""
+        own, other = self.trajectory, trajectory
+        return (self.topic is not topic
+                and np.array_equal(own.from_start_ns, other.from_start_ns)
+                and (own.q is None or other.q is None or np.array_equal(own.q, other.q)))
 
 
 class ZeroStamps:
     """Starts of trajectories that left theirs to the receiver.
 
     The first of a reference and its feedforward torque to arrive starts START_DELAY later; the
-    other has the same times from the start and is given the same one.
+    other has the same times from the start and the same positions, where a torque tells them, and
+    is given the same one. Times alone would give a torque to a reference whose own was refused.
     """
 
     def __init__(self) -> None:
@@ -40,10 +48,9 @@ class ZeroStamps:
             return trajectory.stamp_ns
         self._waiting = [one for one in self._waiting if one.end_ns >= now_ns]
         for place, one in enumerate(self._waiting):
-            if one.topic != topic.name and np.array_equal(one.from_start_ns,
-                                                          trajectory.from_start_ns):
+            if one.belongs_to(topic, trajectory):
                 del self._waiting[place]
                 return one.start_ns
         start_ns = now_ns + round(START_DELAY * SECOND)
-        self._waiting.append(Waiting(topic.name, trajectory.from_start_ns, start_ns))
+        self._waiting.append(Waiting(topic, trajectory, start_ns))
         return start_ns
