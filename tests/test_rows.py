@@ -14,10 +14,10 @@ from test_search import bump
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_identification.diagnosis.evidence.evidence import gather
-from par4_identification.diagnosis.evidence.observations import with_nominal
+from par4_identification.diagnosis.evidence.observations import observe, with_nominal
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side, threads_of_process
-from par4_identification.diagnosis.evidence.whitener import Whitener
+from par4_identification.diagnosis.evidence.whitener import Whitener, whitener_of_residuals
 from par4_identification.diagnosis.search.orders import Lines, _Orders, best_orders
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.verdict.floor import encoder_noise, noise_floor
@@ -47,6 +47,39 @@ def test_a_stretch_of_a_single_row_is_none():
             counts.add(len(run.t))
             np.testing.assert_allclose(np.diff(run.t), run.row_time)
     assert min(counts) == 2
+
+
+@pytest.mark.parametrize('rate', [1000.0, 250.0])
+def test_rows_beside_a_jump_of_torque_know_what_the_times_of_readings_make(rate):
+    """Each jump is early or late by a hundredth of a sample: an impulse, which the filter spreads.
+
+    A step counts at the samples on both sides of it, so that its error is told up to sqrt(2) too
+    large.
+    """
+    random = np.random.default_rng(4)
+    t = np.arange(round(12.0 * rate)) / rate
+    noise = random.normal(0.0, 0.02, len(t))
+    steps = np.arange(round(0.2 * rate), len(t), round(0.4 * rate))
+    torque = 20.0 * (np.searchsorted(steps, np.arange(len(t)), side='right') % 2)
+
+    def run_of(tau):
+        log = Log('jumps', ('motor',), 0, 1.0 / rate, t, (4.0 * t + np.sin(t))[:, None],
+                  tau[:, None], (slice(0, len(t)),), None, None)
+        return runs_of_log(log, MOTOR)[0]
+
+    def late():
+        off = np.zeros_like(t)
+        off[steps] = 20.0 * 0.01 * random.normal(size=len(steps))
+        return run_of(torque + off).tau
+
+    run = run_of(torque + noise)
+    plain = run_of(torque).tau
+    made = np.sqrt(np.mean([(late() - plain) ** 2 for _ in range(200)], axis=0))
+    near = made > 0.3 * made.max()
+    assert near.sum() > 20
+    ratio = run.timing_error[near] / made[near]
+    assert 1.0 < np.sqrt(np.mean(ratio ** 2)) < 1.5
+    assert not run_of(np.sin(t) + noise).timing_error.max() > 0.002
 
 
 def slow_log(*lengths):
@@ -83,6 +116,28 @@ def test_stamps_that_count_another_unit_are_named_as_the_reason(rate, words):
         runs_of_log(log, MOTOR)
 
 
+def test_rows_that_are_louder_count_for_as_much_less():
+    """What jumps add is part of the noise: whitened, it has the size of any other row."""
+    motion = excitation('reference', 8.0, 905)
+    tau = MODEL.torque(state_of_motion(REFERENCE, motion))
+    run, = runs_of_log(log_of(REFERENCE, motion.t, motion.q, tau, 5), REFERENCE)
+    random = np.random.default_rng(8)
+    jumps = np.where(np.arange(len(run.t))[:, None] % 20 < 4, 0.3, 0.0) * np.ones(4)
+    run = replace(run, timing_error=jumps)
+    observations = observe([run], REFERENCE, 'paper', None)
+    left = random.normal(size=(40, *jumps.shape)) * np.hypot(0.05, jumps)
+    whitener = whitener_of_residuals(observations, [left[0]], 0)
+    assert [noise.size for noise in whitener.noise] == pytest.approx([0.05] * 4, rel=0.15)
+    white = np.array([whitener.whiten([part[..., None]]) for part in left])[..., 0]
+    for joint in range(4):
+        own = white[:, joint, run.valid[:, joint]]
+        for mask in (jumps[:, joint] > 0.0, jumps[:, joint] == 0.0):
+            assert np.std(own[:, mask[run.valid[:, joint]]]) == pytest.approx(1.0, rel=0.2)
+    share = np.mean(jumps[run.valid] > 0.0)
+    assert whitener.timing_squares() == pytest.approx(
+        share * run.valid.sum() / (1.0 + (0.05 / 0.3) ** 2), rel=0.05)
+
+
 @pytest.mark.parametrize('missing', [0.0, 0.05, 0.6])
 def test_the_adjoint_of_whitening_has_the_products_of_whitened_series(missing):
     random = np.random.default_rng(3)
@@ -113,7 +168,7 @@ def evidence():
     plain = evidence_of(log, REFERENCE, MODEL)
     observations = with_nominal(plain.observations, MODEL)
     noise = tuple(replace(WANDERING, variance=(0.02 + 0.01 * joint) ** 2) for joint in range(4))
-    return gather(observations, Whitener(noise, plain.whitener.valid))
+    return gather(observations, Whitener(noise, observations.runs))
 
 
 @pytest.mark.parametrize('name', ['coulomb_asymmetry', 'arm_mass_offset', 'drive_gain_error'])

@@ -24,6 +24,7 @@ from par4_dynamics.model import read_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.setup import with_setup
+from par4_identification.setup_check import calibration
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.clustered import basis_of, clustered_std, clusters_of
 from par4_identification.setup_check.drive_answer import answer_of
@@ -625,3 +626,44 @@ def test_closing_is_judged_sample_by_sample():
     apart = np.array((1.5, -1.5, 1.5, -1.5))
     q = np.array((home, apart, home, apart, apart, home))
     assert closes(REFERENCE.geometry, q).tolist() == [True, False, True, False, False, True]
+
+
+def _pushed(answers: bool) -> Log:
+    """Return the log of a motor with eight pulses of 3 ms, which turn it or do not."""
+    t = 0.001 * np.arange(12_000)
+    smooth = 0.9 * np.sin(5.0 * t) + 0.5 * np.sin(11.0 * t + 0.4)
+    pulses = np.zeros_like(t)
+    for number, row in enumerate(range(1500, 11_500, 1300)):
+        pulses[row:row + 3] = (2.5, -3.0)[number % 2]
+    parts = 20
+    torque = np.repeat(smooth + answers * pulses, parts)
+    speed, place, q = 0.0, 0.0, np.empty_like(t)
+    for step, own in enumerate(torque):
+        if step % parts == 0:
+            q[step // parts] = place
+        speed += 0.001 / parts / 0.02 * (own - 0.08 * speed - 0.1 * np.tanh(speed / 0.01))
+        place += 0.001 / parts * speed
+    return Log('pushed', ('motor',), 0, 0.001, t, q[:, None], (smooth + pulses)[:, None],
+               (slice(0, len(t)),), None, None)
+
+
+@pytest.mark.parametrize(('answers', 'told'), [(True, []), (False, [('spikes', (0,))])])
+def test_pulses_of_torque_that_the_motion_answers_are_no_loose_plug(answers, told):
+    motor = Axis(schema='par4/axis/1', name='motor', joint='motor', kind='revolute', gain=1.0)
+    log = _pushed(answers)
+    assert spikes(log, 'tau').any()
+    kinds, check = found(log, motor)
+    assert [item for item in kinds if item[0] == 'spikes'] == told
+    assert np.array_equal(check.logs[0].tau, log.tau) == answers
+
+
+def test_no_dimension_is_wrong_where_rigid_bodies_leave_less_than_their_lumping_does(monkeypatch):
+    """Cycles that are repeated give the same small error anew, so that any dimension seems sure."""
+    nothing = SimpleNamespace(odd=0.0)
+    sure = SimpleNamespace(values=np.eye(calibration.ERRORS)[6] * 0.013, std=None)
+    monkeypatch.setattr(calibration, 'placement_at', lambda *_: nothing)
+    monkeypatch.setattr(calibration, '_explained', lambda _: (sure, 0.002))
+    for before, told in ((0.0025, False), (0.02, True)):
+        monkeypatch.setattr(calibration, '_error', lambda *known, size=before: (
+            0.0020 if known[2].any() else size))
+        assert (calibration.calibration_of([], REFERENCE.geometry) is not None) == told

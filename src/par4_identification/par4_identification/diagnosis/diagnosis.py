@@ -225,7 +225,7 @@ def _search(observations: Observations, heldout: Observations, whitener: Whitene
     twist.
     """
     evidence = gather(observations, whitener, before)
-    kept = gather(heldout, replace(whitener, valid=tuple(run.valid for run in heldout.runs)))
+    kept = gather(heldout, replace(whitener, runs=heldout.runs))
     pool = Pool(evidence, kept, counted_squares(moved, evidence))
     return Search(Candidates(library, evidence, rules, swing), pool, rules, moved, kinds)
 

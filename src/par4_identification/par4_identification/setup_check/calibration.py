@@ -72,6 +72,10 @@ OTHER_FAULT = 0.1
 """|residual| / |torque| in motion beyond which another fault is the larger one, gains for one, and
 zeros or dimensions that do not take half of it away are not told."""
 STARTS = 2
+LUMPED = 0.004
+"""|residual| / |torque| in motion that (20) leaves of a machine as the robot file has it, since it
+lumps rods and bars at their ends. A motion that is repeated for ever gives the same error anew each
+time, so that no deviation tells how little it says."""
 LARGEST_ERROR = 0.3
 """|residual| / |torque| in motion with which the rest is believed."""
 
@@ -130,6 +134,8 @@ def calibration_of(stretches: Sequence[Stretch], geometry: Geometry) -> Calibrat
     if found is None or (np.abs(found.values) > largest_errors(geometry)).any():
         return None
     before = _error(stretches, geometry, nowhere)
+    if before < LUMPED:
+        return None
     after = _error(stretches, geometry, found.values)
     if after >= min(LARGEST_ERROR, before) or after > max(OTHER_FAULT, 0.5 * before):
         return None

@@ -16,9 +16,8 @@ from par4_dynamics.model import Model
 from par4_identification.logs.log import Log
 from par4_identification.setup_check.calibration import calibration_findings, calibration_of
 from par4_identification.setup_check.equations import (
-    Equations,
-    Stretch,
     equations_of,
+    equations_or_none,
     stretches_of,
 )
 from par4_identification.setup_check.finding import SetupCheck
@@ -93,18 +92,6 @@ def check_setup(logs: Sequence[Log], machine: Robot | Axis, model: Model | None 
 def not_sought(mistake: str, reason: str) -> Remark:
     """Return that a mistake was not looked for, and why."""
     return Remark(False, f'Not looked for: {mistake}, because {reason}.', LOOK_AT)
-
-
-def equations_or_none(stretches: Sequence[Stretch], geometry: Geometry | None
-                      ) -> Equations | None:
-    """Return the rows of (22); None without any, or where the mechanism does not close."""
-    if not stretches:
-        return None
-    try:
-        rows = equations_of(stretches, geometry)
-    except UnreachableError:
-        return None
-    return rows if (rows.valid.sum(axis=0) >= 50).all() else None
 
 
 def _geometry(check: SetupCheck) -> Geometry | None:

@@ -23,6 +23,7 @@ from par4_identification.logs.log import Log
 from par4_identification.logs.masks import near
 from par4_identification.logs.stretches import spread_over
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
+from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import Geometry
 from par4_kinematics.position import closes
 
@@ -40,6 +41,8 @@ LONGEST = 600.0
 """s of logs that are looked at."""
 TINY = 1e-6
 """Speed of an axis that rests, rad/s or m/s."""
+FEWEST_ROWS = 50
+"""Valid rows of each joint, of which fewer say nothing."""
 LEAST_RATE_HZ = 50.0
 """Rate of a log below which (20) cannot be compared with it."""
 
@@ -184,6 +187,11 @@ class Equations:
         power = float(sum(part @ part for part in parts))
         return fit_of_moments(self.information, moment, power)
 
+    def left(self, joint: int) -> np.ndarray:
+        """Return what the fit leaves of the torque at the valid rows of a joint, (m_i,) N m."""
+        return (self.without_slack(self.tau[:, joint], joint)
+                - self.moving_columns[joint] @ self.fit().values)
+
     def explained(self, tau: np.ndarray | None = None) -> float:
         """Return the share of the torque's squares that (20) explains, nothing taken out."""
         tau = self.tau if tau is None else tau
@@ -262,6 +270,18 @@ def equations_of(stretches: Sequence[Stretch], geometry: Geometry | None, filter
         parts.append((np.full(len(part.t), part.log), part.t, part.q, columns, tau,
                       valid & part.known))
     return Equations(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
+
+
+def equations_or_none(stretches: Sequence[Stretch], geometry: Geometry | None
+                      ) -> Equations | None:
+    """Return the rows of (22); None without any, or where the mechanism does not close."""
+    if not stretches:
+        return None
+    try:
+        rows = equations_of(stretches, geometry)
+    except UnreachableError:
+        return None
+    return rows if (rows.valid.sum(axis=0) >= FEWEST_ROWS).all() else None
 
 
 def slow_of_axis(part: Stretch) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from par4_identification.logs.jumps import resolution
 from par4_identification.logs.log import Log
 from par4_identification.setup_check.finding import Finding, SetupCheck
+from par4_identification.setup_check.pulses import answered
 from par4_identification.setup_check.repair import (
     despiked,
     doubted,
@@ -64,11 +65,13 @@ def joints_in_words(joints: Sequence[int]) -> str:
 
 
 def _despiked(log: Log, machine: Robot | Axis) -> tuple[list[Finding], Log]:
-    found = []
+    found, geometry = [], machine.geometry if isinstance(machine, Robot) else None
     for column, name, unit in (
             ('q', 'positions', unit_on(machine, 'rad')),
             ('tau', 'torques', unit_on(machine, 'N m'))):
         wrong = spikes(log, column)
+        if column == 'tau' and wrong.any():
+            wrong[:, answered(log, wrong, geometry)] = False
         if not wrong.any():
             continue
         joints = tuple(int(joint) for joint in np.flatnonzero(wrong.any(axis=0)))

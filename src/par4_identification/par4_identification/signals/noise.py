@@ -45,12 +45,21 @@ class ArNoise:
                        * np.arange(1, len(self.coefficients) + 1))
         return np.abs(1.0 - turns @ self.coefficients) ** 2 / self.variance
 
-    def whitening(self, valid: np.ndarray) -> Whitening:
-        """Return the filter that whitens series of which some rows (n,) are valid."""
+    @property
+    def size(self) -> float:
+        """Standard deviation of the series, N m."""
+        return float(np.sqrt(self.autocovariance(1)[0]))
+
+    def whitening(self, valid: np.ndarray, louder: np.ndarray | None = None) -> Whitening:
+        """Return the filter that whitens series of which some rows (n,) are valid.
+
+        `louder` is the ratio (n,) of the noise of each row to that of this model, 1 by default.
+        """
         companion = _companion(self.coefficients)
         gain, scale = _gains(valid, companion, self.variance,
                              _stationary_covariance(companion, self.variance))
-        return Whitening(np.ascontiguousarray(self.coefficients), gain, scale)
+        return Whitening(np.ascontiguousarray(self.coefficients), gain, scale,
+                         np.ones(len(valid)) if louder is None else 1.0 / louder)
 
     def whiten(self, columns: np.ndarray, valid: np.ndarray) -> np.ndarray:
         """Return the standardised innovations (n, k) of columns (n, k); zero where not valid."""
@@ -68,22 +77,25 @@ class Whitening:
         coefficients: of the autoregression, (p,).
         gain: of each row, (n, p); zero where the row is missing.
         scale: one over the standard deviation of the innovation, (n,); zero where it is missing.
+        weight: by which each row is multiplied before, (n,).
     """
 
     coefficients: np.ndarray
     gain: np.ndarray
     scale: np.ndarray
+    weight: np.ndarray
 
     def of(self, columns: np.ndarray) -> np.ndarray:
         """Return the standardised innovations (n, k) of columns (n, k); zero where missing."""
-        return _whiten(np.ascontiguousarray(columns), self.coefficients, self.gain, self.scale)
+        return _whiten(self.weight[:, None] * columns, self.coefficients, self.gain, self.scale)
 
     def adjoint(self, white: np.ndarray) -> np.ndarray:
         """Return z (n,) of standardised rows w (n,): z @ c = w @ (whitened c) for any series c.
 
         So the products of w with many whitened series need none of these series whitened.
         """
-        return _adjoint(np.ascontiguousarray(white), self.coefficients, self.gain, self.scale)
+        return self.weight * _adjoint(
+            np.ascontiguousarray(white), self.coefficients, self.gain, self.scale)
 
 
 def _companion(coefficients: np.ndarray) -> np.ndarray:

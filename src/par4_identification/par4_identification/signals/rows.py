@@ -43,6 +43,12 @@ BAND_ORDER = 8
 """Of the filters that part these bands."""
 FINE_HZ = 1000.0
 """Rate of the samples of an axis from which columns are computed, at the least."""
+READ_WITHIN = 0.01
+"""Time from the instants at which torque and positions are read to their stamps, over that between
+samples (standard deviation)."""
+JUMP = 5.0
+"""Change of the slope of a torque from sample to sample, in standard deviations of the usual ones,
+from which it is a jump and no noise."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +108,8 @@ class Run:
         counts: of the encoders a turn, 0 where they are not known.
         position_noise: standard deviation of the white noise of the positions where counts are not
             known, (J,), rad; zero of plateaus.
+        timing_error: standard deviation of the rows that instants of reading up to `READ_WITHIN`
+            beside their stamps would cause, (m, J), N m; zero of plateaus.
     """
 
     name: str
@@ -121,6 +129,7 @@ class Run:
     coarse: bool = False
     counts: int = 0
     position_noise: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    timing_error: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
 
     def rows(self, columns: np.ndarray) -> np.ndarray:
         """Return columns (n, J, ...) of `state` filtered like the torque, at the rows (m, ...)."""
@@ -344,7 +353,39 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
         noise_floor=noise_floor, conditioning=conditioning,
         _first=first, _every=every, period=sampled, smoother=smoother,
         likely=low_pass(smoother.likely(log.q[segment]), conditioning.position_cutoff_hz, period),
-        coarse=coarse, counts=counts, position_noise=noise)
+        coarse=coarse, counts=counts, position_noise=noise,
+        timing_error=_timing_error(log.tau[segment], conditioning, period, round(
+            sampled / period))[window])
+
+
+def _timing_error(torque: np.ndarray, conditioning: Conditioning, period: float, parts: int
+                  ) -> np.ndarray:
+    """Return the standard deviation (n, J), N m, of filtered torque by the times of its readings.
+
+    A torque that jumps between two samples is wrong by the jump until its reading comes. Over the
+    time by which readings may come early or late that makes an impulse, which the filter spreads.
+    A torque that goes on as it did is told by its neighbours, so its change of slope counts where
+    it stands out of the noise.
+
+    Args:
+        torque: (n, J), N m.
+        conditioning: filters.
+        period: of the torque, s.
+        parts: samples of `torque` that are one of the log.
+    """
+    jump = np.zeros_like(torque)
+    jump[parts:-parts] = torque[2 * parts:] - 2.0 * torque[parts:-parts] + torque[:-2 * parts]
+    size = np.abs(jump)
+    jump[size < JUMP * 1.4826 * np.median(size, axis=0)] = 0.0
+    if not jump.any():
+        return jump
+    reach = max(int(np.ceil(conditioning.reach / period)), fewest_samples())
+    impulse = np.zeros((2 * reach + 1, 1))
+    impulse[reach] = 1.0
+    answer = low_pass(impulse, conditioning.torque_cutoff_hz, period)
+    squares = scipy.signal.oaconvolve(jump ** 2, answer ** 2, mode='full', axes=0)
+    return READ_WITHIN * np.sqrt(
+        parts * np.maximum(squares[reach:reach + len(torque)], 0.0))
 
 
 def _noise_edges(conditioning: Conditioning, period: float, machine: Robot | Axis) -> np.ndarray:

@@ -222,7 +222,7 @@ class Evidence:
     @property
     def rows(self) -> int:
         """Number of rows that count."""
-        return int(sum(valid.sum() for valid in self.whitener.valid))
+        return int(sum(run.valid.sum() for run in self.whitener.runs))
 
 
 _TARGET: Key = ('target',)

@@ -101,6 +101,7 @@ class Pool:
     Attributes:
         torque_squares: whitened squares of the measured torque, of the rows to fit and held out.
         counted_squares: those of the error by counts, of the rows to fit and held out.
+        timing_squares: those of the error by the times of readings, alike.
     """
 
     def __init__(self, evidence: Evidence, heldout: Evidence, counted_squares: float = 0.0
@@ -113,6 +114,8 @@ class Pool:
             for part in (evidence, heldout))
         self.counted_squares = (
             counted_squares, counted_squares * heldout.rows / max(evidence.rows, 1))
+        self.timing_squares = tuple(
+            part.whitener.timing_squares() for part in (evidence, heldout))
         self._joints = evidence.observations.joints
         self._base = evidence.base.shape[1]
         self._fits: dict[Any, Fitted] = {}

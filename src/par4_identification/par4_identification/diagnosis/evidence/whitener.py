@@ -10,19 +10,25 @@ import numpy as np
 
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.signals.noise import ArNoise, Whitening, fit_noise
+from par4_identification.signals.rows import Run
+
+STEPS = 30
+"""In which the noise that the times of readings leave is found; each halves what is missing."""
 
 
 @dataclass(frozen=True)
 class Whitener:
     """Standardises rows by the noise of their joint; invalid rows become zero.
 
+    Where the torque jumps the times of its readings add to the noise (`Run.timing_error`).
+
     Attributes:
-        noise: of each joint.
-        valid: (m, J) of each run.
+        noise: of each joint, where the torque does not jump.
+        runs: whose rows are whitened.
     """
 
     noise: tuple[ArNoise, ...]
-    valid: tuple[np.ndarray, ...]
+    runs: tuple[Run, ...]
 
     def whiten(self, rows: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Return for each joint the whitened rows (n, k) of all runs, (m, J, k) a run."""
@@ -35,32 +41,53 @@ class Whitener:
 
         For any rows c, the sum of z c over all runs and joints is w @ (whitened and stacked c).
         """
-        lengths = [len(valid) for valid in self.valid]
+        lengths = [len(run.valid) for run in self.runs]
         parts = iter(np.split(white, np.cumsum(lengths * len(self.noise))[:-1]))
         of_joints = [[whitening.adjoint(next(parts)) for whitening in of_runs]
                      for of_runs in self._whitenings]
         return [np.stack(of_run, axis=1) for of_run in zip(*of_joints)]
 
+    def timing_squares(self) -> float:
+        """Return the whitened squares that the times of readings make of all valid rows."""
+        return sum(float(np.sum(1.0 - _louder(run, joint, noise.size)[run.valid[:, joint]] ** -2))
+                   for joint, noise in enumerate(self.noise) for run in self.runs)
+
     @cached_property
     def _whitenings(self) -> list[list[Whitening]]:
         """The filter of each joint for each run."""
-        return [[noise.whitening(valid[:, joint]) for valid in self.valid]
-                for joint, noise in enumerate(self.noise)]
+        return [[noise.whitening(run.valid[:, joint], _louder(run, joint, noise.size))
+                 for run in self.runs] for joint, noise in enumerate(self.noise)]
 
 
 def whitener_of_residuals(observations: Observations, residuals: Sequence[np.ndarray],
                           parameters: int) -> Whitener:
     """Return the whitener whose noise model fits residuals (m, J) of each run."""
-    valid = tuple(run.valid for run in observations.runs)
-    joints = observations.joints
-    noise = tuple(
-        fit_noise([part[:, joint] for part in residuals], [mask[:, joint] for mask in valid],
-                  parameters / joints)
-        for joint in range(joints))
-    return Whitener(noise, valid)
+    runs = observations.runs
+    return Whitener(tuple(
+        _noise_of(runs, [part[:, joint] for part in residuals], joint,
+                  parameters / observations.joints)
+        for joint in range(observations.joints)), runs)
 
 
 def flat_whitener(observations: Observations, sigma: np.ndarray) -> Whitener:
     """Return a whitener for white noise of standard deviation sigma (J,)."""
     noise = tuple(ArNoise(np.zeros(1), float(value) ** 2) for value in sigma)
-    return Whitener(noise, tuple(run.valid for run in observations.runs))
+    return Whitener(noise, observations.runs)
+
+
+def _noise_of(runs: Sequence[Run], residuals: Sequence[np.ndarray], joint: int,
+              parameters: float) -> ArNoise:
+    """Return the noise of a joint without what the times of readings add to its residuals (m,)."""
+    valid = [run.valid[:, joint] for run in runs]
+    squares, added = (np.concatenate([part[mask] ** 2 for part, mask in zip(parts, valid)])
+                      for parts in (residuals, [run.timing_error[:, joint] for run in runs]))
+    size = float(np.mean(squares)) if len(squares) else 0.0
+    for _ in range(STEPS):
+        size *= float(np.mean(squares / np.maximum(size + added, 1e-30))) if size else 0.0
+    return fit_noise([part / _louder(run, joint, np.sqrt(size))
+                      for run, part in zip(runs, residuals)], valid, parameters)
+
+
+def _louder(run: Run, joint: int, size: float) -> np.ndarray:
+    """Return the noise of each row (m,) over that of this size, N m, without jumps."""
+    return np.hypot(1.0, run.timing_error[:, joint] / max(size, 1e-15))

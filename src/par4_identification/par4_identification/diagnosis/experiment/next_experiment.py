@@ -211,7 +211,7 @@ class Prospect:
         if motion.name not in self._kept:
             old = self.evidence.observations
             runs = runs_of_log(self._record(motion), self.robot, old.runs[0].conditioning)
-            whitener = Whitener(self.evidence.whitener.noise, tuple(run.valid for run in runs))
+            whitener = Whitener(self.evidence.whitener.noise, tuple(runs))
             # what the old rows do not show is known of the new ones
             observations = observe(runs, self.robot, self.model_file.rigid_body, None
                                    ).with_terms_of(old, self.model.values)

@@ -21,7 +21,7 @@ class Requirement:
     """What the gain of a cause in log-likelihood must exceed, beside the causes of a model.
 
     No torque is known exactly: neither the measured one nor that of a named or of an unnamed cause,
-    nor that which the model computes from encoder counts.
+    nor that which the model computes from encoder counts, nor the times at which it was read.
     The covariance of the rows therefore has two parts. One is the measured noise; the other grows
     with the squares of these torques. An error of a torque follows the motion, so that it does not
     average out over rows. However long the log is, such an error can look like a cause that
@@ -59,8 +59,8 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
     base, only_named, whole = (pool.fit(part) for part in ((), named, model))
     common = _common(pool, model, cause)
     parts, causes, by_names = [], [], []
-    for torque, counted, rows, squares, error in zip(
-            pool.torque_squares, pool.counted_squares,
+    for torque, counted, timing, rows, squares, error in zip(
+            pool.torque_squares, pool.counted_squares, pool.timing_squares,
             (pool.evidence.rows, pool.heldout.rows), (
                 [fit.fit_squares for fit in (base, only_named, whole)],
                 [fit.heldout_squares for fit in (base, only_named, whole)]),
@@ -70,7 +70,7 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
         by_names.append(0.5 * error ** 2 * by_named)
         causes.append(by_names[-1] + 0.5 * (common * rules.unnamed_error) ** 2 * by_unnamed)
         parts.append(causes[-1] + 0.5 * (rules.base_error ** 2 * torque
-                                         + rules.unnamed_error ** 2 * counted
+                                         + rules.unnamed_error ** 2 * counted + timing
                                          + rules.noise_error * rows))
     fit, heldout = rules.evidence + parts[0], rules.margin + parts[1]
     return Requirement(fit, heldout, (fit - by_names[0], heldout - by_names[1]), sum(parts),

@@ -166,9 +166,11 @@ class Search:
     def _with_a_name(self, model: Model, refused: set[str]) -> Model | None:
         """Return the model with the most likely name that can be confirmed.
 
-        Of names that are as likely but for what chance makes, the simplest is taken. So it is of
-        names that would be told as twins, if held-out rows do not prefer the best of them.
+        Of names that are as likely but for what chance and the times of readings make, the simplest
+        is taken. So it is of names that would be told as twins, if held-out rows do not prefer the
+        best of them.
         """
+        by_chance = BY_CHANCE + 0.5 * self.pool.timing_squares[0]
         projection = self.weighing.beside(model)
         found = [item for item in self.candidates.all_of(projection, {*names_of(model), *refused})
                  if item.gain > self.rules.evidence]
@@ -177,7 +179,7 @@ class Search:
             # no score exceeds the gain on all joints
             most = 0.0
             for item in sorted(found, key=lambda item: -item.gain):
-                if item.gain <= most - self.rules.twin:
+                if item.gain <= most - self.rules.twin - by_chance:
                     break
                 name = item.hypothesis.effect.name
                 if name not in trimmed:
@@ -186,10 +188,10 @@ class Search:
             if most <= 0.0:
                 return None
             likely = [own for item in found if (own := trimmed.get(item.hypothesis.effect.name))
-                      and own[0] > 0.0 and own[0] >= most - self.rules.twin]
+                      and own[0] > 0.0 and own[0] >= most - self.rules.twin - by_chance]
             best = max(likely, key=lambda own: own[0])[1]
             confirmed = self.weighing.gains(best, model)[1]
-            near = [own for own in likely if own[0] > most - BY_CHANCE
+            near = [own for own in likely if own[0] > most - by_chance
                     or self.weighing.gains(own[1], model)[1] > confirmed - BY_CHANCE]
             _, hypothesis = min(
                 near, key=lambda own: simplest_first(self.pool, own[1], most - own[0]))

@@ -75,4 +75,11 @@ def noise_floor(runs: Sequence[Run], model: Model) -> np.ndarray:
     """
     simple = replace(model, effects=tuple(
         active for active in model.effects if not active.effect.needs_nominal))
-    return np.hypot(torque_noise(runs), encoder_noise(runs, simple))
+    return np.sqrt(torque_noise(runs) ** 2 + encoder_noise(runs, simple) ** 2
+                   + _by_times_of_readings(runs) ** 2)
+
+
+def _by_times_of_readings(runs: Sequence[Run]) -> np.ndarray:
+    """Return the rms (J,), N m, of what the times of readings make of rows where torque jumps."""
+    squares = sum(np.sum(np.where(run.valid, run.timing_error, 0.0) ** 2, axis=0) for run in runs)
+    return np.sqrt(squares / np.maximum(sum(run.valid.sum(axis=0) for run in runs), 1))
