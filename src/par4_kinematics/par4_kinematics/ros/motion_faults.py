@@ -25,8 +25,8 @@ def several_clocks(count: int) -> InputError:
 def strange_clock(stamp_ns: int, now_ns: int) -> InputError:
     """Return the fault of joint states whose stamps are of another clock than the node's."""
     return InputError(f'{JOINT_STATES.name} are stamped {stamp_ns / SECOND:.1f} s, the clock of '
-                      f'this node says {now_ns / SECOND:.1f} s: with a simulation give -p '
-                      f'use_sim_time:=true; with a robot, set its clock')
+                      f'this node says {now_ns / SECOND:.1f} s: with a simulation give --ros-args '
+                      f'-p use_sim_time:=true; with a robot, set its clock')
 
 
 def ended(motion: str) -> InputError:
