@@ -480,6 +480,20 @@ def test_a_driver_that_is_late_listens_all_the_same(late, turns):
     assert min(told) == max(0.0, -0.25 * late)
 
 
+def test_a_driver_does_not_stand_at_its_first_reference_to_compile(bench):
+    """It would be silent for seconds, and its motion aborted."""
+    told = subprocess.run(
+        [sys.executable, '-c',
+         f'import sys; sys.path.insert(0, {str(DRIVER.parent)!r})\n'
+         'import driver, rclpy\n'
+         'from par4_sim import reference, waiting_torque\n'
+         'rclpy.init()\n'
+         'driver.Driver()\n'
+         'print(len(waiting_torque._give.signatures), len(reference._pass.signatures))'],
+        env=bench.environment, capture_output=True, text=True, check=True).stdout
+    assert [int(count) > 0 for count in told.split()] == [True, True]
+
+
 def test_a_foreign_robot_is_moved_recorded_and_identified(bench):
     """The driver of docs/hardware.md, on the wall clock: no simulation takes part."""
     told = bench.folder / 'driver.txt'

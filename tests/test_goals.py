@@ -25,9 +25,10 @@ from node_bench import AWAY_Q, HOME_Q, ROBOT, Simulated, joint_state, joint_valu
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion
-from par4_kinematics.ros import goal_server
+from par4_kinematics.ros import goal_server, motion_node
 from par4_kinematics.ros.convert import write_time
 from par4_kinematics.ros.motion_node import MotionNode, Played
+from par4_kinematics.ros.silence import Silence
 from par4_kinematics.splined import splined_motion
 from par4_kinematics.stamps import SECOND
 
@@ -258,8 +259,9 @@ def following(monkeypatch) -> SimpleNamespace:
     node = SimpleNamespace(
         _robot_at=HOME_Q, _stamp_ns=0, _standstill=None, _braking=False, stopped=0,
         _arrivals={'joint_states': SimpleNamespace(age=0.1)}, get_logger=mock.Mock(),
-        _rest=lambda: None)
-    for name in ('_asked', '_over', '_fail'):
+        _await_next=lambda: None, _silence=Silence(), _standing=None, _stop_asked=False,
+        _fault=None, now_ns=lambda: 0)
+    for name in ('_over', '_fail', '_abort', '_hold_to_reference', '_look_for_silence'):
         setattr(node, name, partial(getattr(MotionNode, name), node))
 
     def stop() -> None:
@@ -339,6 +341,43 @@ def test_a_goal_of_a_robot_that_tells_no_more_is_aborted(following):
     assert 'joint_states came, but no more' in following._goals._ended.result().words
 
 
+def test_a_goal_of_a_robot_that_falls_silent_on_its_way_is_aborted_with_the_same_words(
+        following, monkeypatch):
+    """Also one that stands short of its goal while there is time left to reach it."""
+    times = SimpleNamespace(wall=0.0, ns=int(following._played.times_ns[-1]) + 1)
+    monkeypatch.setattr(motion_node, 'time', SimpleNamespace(monotonic=lambda: times.wall))
+    following.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=times.ns))
+    following.resolve_topic_name = '/cell/{}'.format
+    following._brake = lambda *_: setattr(following, '_standstill', object())
+    following._look_for_rest = lambda *_: following._over(0)
+    following._robot_is_there, following._ahead_ns = lambda: True, 0
+    following._feed_back = lambda *_: None
+    following._look_for_end = partial(MotionNode._look_for_end, following)
+    following._goals._path = np.full(4, np.inf)
+    MotionNode._on_joint_state(following, joint_state(AWAY_Q - 0.05, times.ns))
+    for _ in range(60):
+        assert not following._goals._ended.done() or times.wall > 0.9
+        times.wall, times.ns = times.wall + 0.02, times.ns + SECOND // 50
+        MotionNode._tick(following)
+    outcome = following._goals._ended.result()
+    assert outcome.end == 'abort'
+    assert 'no new joint state of the robot has come on /cell/joint_states' in outcome.words
+
+
+def test_a_goal_of_a_robot_without_stamps_is_judged_by_when_its_joint_states_come(following):
+    end_ns, ended = int(following._played.times_ns[-1]), following._goals._ended
+    for q, now_ns in ((HOME_Q, SECOND), (AWAY_Q, end_ns)):
+        following.now_ns = lambda now_ns=now_ns: now_ns
+        MotionNode._on_joint_state(following, joint_state(q, 0))
+        assert following.stopped == 0, 'held to where it should be at that time'
+        MotionNode._look_for_end(following, following._played)
+        assert not ended.done()
+    following.now_ns = lambda: end_ns + 1
+    MotionNode._on_joint_state(following, joint_state(AWAY_Q, 0))
+    MotionNode._look_for_end(following, following._played)
+    assert ended.result().end == 'succeed'
+
+
 def test_rest_is_looked_for_until_the_robot_has_told_of_the_time_after_it():
     """What it says comes late to a busy node, whose clock goes on."""
     over, said = [], mock.Mock()
@@ -363,7 +402,7 @@ def test_rest_is_looked_for_until_the_robot_has_told_of_the_time_after_it():
 
 def test_a_motion_that_began_while_the_clock_stood_can_be_braked():
     node = SimpleNamespace(
-        _pace=0.0, _goals=object(), get_logger=mock.Mock(), _hear_the_robot=lambda: None,
+        _pace=0.0, _goals=object(), get_logger=mock.Mock(), _fault=None,
         _send_chunk=lambda sent: setattr(sent, 'sent', len(sent.times_ns)))
     MotionNode._brake(node, played(named_motion('excitation', ROBOT, 5.0)), SECOND)
     assert np.isfinite(node._patient_until)

@@ -170,9 +170,23 @@ def prose(text: str) -> list[str]:
             if not re.match(r'\||#|!\[| {4}', line) and ' ' in line.strip()]
 
 
-@pytest.mark.parametrize('page', [
+PAGES = pytest.mark.parametrize('page', [
     path.relative_to(DOCS.parent) for folder in ('.', 'docs', 'examples/*', 'src/*')
     for path in sorted(DOCS.parent.glob(f'{folder}/*.md'))], ids=str)
+
+
+@PAGES
+def test_commands_give_parameters_and_names_after_ros_args(page):
+    """A node refuses them anywhere else."""
+    text = (DOCS.parent / page).read_text(encoding='utf-8').replace('\\\n', ' ')
+    fence = re.compile(r'^ *```.*?^ *```$', re.DOTALL | re.MULTILINE)
+    code = [*'\n'.join(fence.findall(text)).splitlines(),
+            *(part.replace('\n', ' ') for part in re.findall('`([^`]+)`', fence.sub('', text)))]
+    given = [line for line in code if re.search(r'(^| )-[pr] \S+:=', line)]
+    assert not [line for line in given if '--ros-args' not in re.split(r' ?-[pr] ', line)[0]]
+
+
+@PAGES
 def test_prose_is_wrapped_at_a_hundred_columns(page):
     text = (DOCS.parent / page).read_text(encoding='utf-8')
     assert not [line for line in prose(text) if len(line) > 100]

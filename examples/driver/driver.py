@@ -36,7 +36,7 @@ from par4_kinematics.ros.qos import qos_of
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 from par4_sim.reference import ReferenceQueue
-from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.ros.compiled_limits import compiled_limits
 
 PERIOD = 2e-3
 BACKLOG = 250  # cycles that are made up for on a busy machine; those beyond are left out
@@ -68,7 +68,7 @@ class Driver:
     def __init__(self) -> None:
         self.node = rclpy.create_node('driver')
         self.amplifiers = Amplifiers()
-        self.limits = ReferenceLimits(ROBOT)
+        self.limits = compiled_limits(ROBOT)  # a cycle could not wait for it
         # a reference that ends in motion ends in a ramp to rest: nobody else stops the machine
         self.queue = ReferenceQueue(self.amplifiers.q, self.limits)
         self.stopping = False

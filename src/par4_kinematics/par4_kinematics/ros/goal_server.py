@@ -128,8 +128,8 @@ class GoalServer:
                 raise InputError('another goal is being followed; wait for it or cancel it')
             q_now = self._position()
             if q_now is None:
-                raise InputError('no joint_states yet, so that it is not known where the robot '
-                                 'stands')
+                raise InputError('no joint_states come, so that it is not known where the robot '
+                                 'stands; see whether its driver runs')
             self._path = tolerances(goal.path_tolerance, np.inf)
             self._goal = tolerances(goal.goal_tolerance, ARRIVED)
             self._patience_ns = max(0, time_ns(goal.goal_time_tolerance))

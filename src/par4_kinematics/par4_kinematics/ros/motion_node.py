@@ -5,34 +5,30 @@ from __future__ import annotations
 import math
 import sys
 import time
-from dataclasses import dataclass
 
 import numpy as np
-from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from par4_kinematics.acceleration import platform_motion
 from par4_kinematics.approach import with_approach
 from par4_kinematics.braking import ways_to_rest
-from par4_kinematics.errors import InputError, Par4Error
-from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, REFERENCE
+from par4_kinematics.errors import Par4Error
+from par4_kinematics.interface import CLOCK, JOINT_STATES, REFERENCE
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import inverse_kinematics
-from par4_kinematics.robot import JOINT_NAMES, read_robot
-from par4_kinematics.ros.convert import (
-    Trajectory,
-    is_foreign,
-    joint_values,
-    time_ns,
-    write_trajectory,
-)
+from par4_kinematics.robot import read_robot
+from par4_kinematics.ros import motion_faults
+from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns, write_trajectory
 from par4_kinematics.ros.goal_server import ACTION, ARRIVED, GoalServer
 from par4_kinematics.ros.motion_parameters import MotionParameters
-from par4_kinematics.ros.node import Par4Node, State
+from par4_kinematics.ros.node import SILENCE, Par4Node, State
+from par4_kinematics.ros.played import Played
 from par4_kinematics.ros.process import run
+from par4_kinematics.ros.silence import Silence
 from par4_kinematics.stamps import SECOND
+from par4_kinematics.standing import Standing
 from par4_kinematics.standstill import Standstill
 from par4_kinematics.workspace import home_pose
 
@@ -47,8 +43,6 @@ SLOWEST = 0.05
 motion began, the measured pace is zero."""
 FAR_NS = 100 * SECOND
 """How far ahead of a fast clock points are sent: 400 messages, fewer than a queue holds."""
-CHUNK_NS = SECOND // 4
-"""Length of one message."""
 MILLISECOND = SECOND // 1000
 TICK = 0.02
 """Seconds of wall time between looks at the clock."""
@@ -69,28 +63,10 @@ DISCOVERY = 3.5
 """Seconds of wall time in which listeners are found: a lost packet is repeated after 3 s."""
 
 
-@dataclass
-class Played:
-    """A motion that is being sent.
-
-    Attributes:
-        motion: with the approach from where the robot stood.
-        start_ns: time of its first sample, ns.
-        times_ns: of the points, (n,) ns; those of a way to rest once it brakes.
-        points: q, qd, qdd of the points, (n, 4) each.
-        sent: how many of the points have been sent.
-    """
-
-    motion: Motion
-    start_ns: int
-    times_ns: np.ndarray
-    points: tuple[np.ndarray, ...]
-    sent: int = 0
-
-
 class MotionNode(Par4Node):
     """The node `par4_motion`; `MotionParameters` says what it does."""
 
+    REST = 0.002
     PARAMETERS = MotionParameters
     parameters: MotionParameters
 
@@ -112,6 +88,9 @@ class MotionNode(Par4Node):
         self._fed_back = 0.0
         self._played: Played | None = None
         self._braking = False
+        self._fault: Par4Error | None = None
+        self._silence = Silence()
+        self._standing: Standing | None = None
         self._standstill: Standstill | None = None
         self._rests_between_ns = 0, 0
         self._ahead_ns = LEAD_NS
@@ -124,8 +103,7 @@ class MotionNode(Par4Node):
         self._listeners = 0
         self._settling_since, self._settling_since_ns = 0.0, 0
         self._message = JointTrajectory()
-        self._robot_listener: Subscription | None = self.subscribe(
-            JOINT_STATES, self._on_joint_state)
+        self.subscribe(JOINT_STATES, self._on_joint_state)
         self.create_timer(TICK, self._tick, clock=self.wall_clock)
         self.serve('~/stop', self._stop)
         if asked.motion == ACTION:
@@ -133,22 +111,48 @@ class MotionNode(Par4Node):
                                      self._ask_to_stop)
 
     def _on_joint_state(self, message: JointState) -> None:
-        if not is_foreign(message):
-            self._robot_at = joint_values(message, 'position')
-            self._stamp_ns = time_ns(message.header.stamp)
-            if self._standstill is not None:
-                self._standstill.take(self._stamp_ns, self._robot_at)
-            if (self._goals is not None and self._goals.bounded and self._played is not None
-                    and not self._braking):
-                _, (q, *_) = self._asked(self._played)
-                self._goals.hold_to_path(q)
+        if is_foreign(message):
+            return
+        self._robot_at = joint_values(message, 'position')
+        # where there is no stamp, the state is that of the time at which it comes
+        stamp_ns = time_ns(message.header.stamp) or self.now_ns()
+        if stamp_ns != self._stamp_ns:
+            self._silence.heard()
+        self._stamp_ns = stamp_ns
+        if self._standstill is not None:
+            self._standstill.take(stamp_ns, self._robot_at)
+        if self._played is not None and not self._braking:
+            self._hold_to_reference(self._played, self._robot_at)
+
+    def _hold_to_reference(self, played: Played, robot_at: np.ndarray) -> None:
+        """Abort where a joint stands that should move, or is beyond the tolerance of a goal."""
+        _, (q, *_) = played.asked(self._stamp_ns)
+        if self._goals is not None and self._goals.bounded:
+            self._goals.hold_to_path(q)
+        if self._standing is None:
+            self._standing = Standing(robot_at, q, self._stamp_ns)
+        gone = self._standing.take(robot_at, q, self._stamp_ns)
+        if gone.max() > ARRIVED and not self._stop_asked:
+            self._abort(motion_faults.stands(played.motion.name, gone))
+
+    def _look_for_silence(self, now_ns: int) -> None:
+        """Forget where a robot is that tells no more, and abort what is sent to it."""
+        silent = self._silence.look(time.monotonic(), now_ns)
+        if silent <= SILENCE:
+            return
+        self._robot_at = None
+        if self._played is not None and not self._stop_asked:
+            self._abort(motion_faults.silent(
+                self._played.motion.name, self.resolve_topic_name(JOINT_STATES.name), silent))
+
+    def _abort(self, fault: Par4Error) -> None:
+        """Brake at the next look at the clock, then fail."""
+        self._fault, self._stop_asked = fault, True
 
     def clock_jumped_back(self) -> None:
         """Abort a motion that is being played: the robot is not where it was."""
         if self._played is not None and not self.finished:
-            self._fail(InputError(
-                f'{self._played.motion.name} aborted: the clock jumped back, so that the '
-                f'simulation was started again; play it anew'))
+            self._fail(motion_faults.started_again(self._played.motion.name))
 
     def _check_clock(self, now_ns: int) -> None:
         """Refuse to play on another clock than the robot's.
@@ -158,16 +162,13 @@ class MotionNode(Par4Node):
         """
         if self.simulated_time:
             if self.clocks() > 1:
-                raise InputError(f'{self.clocks()} publish {CLOCK.name}: end all but one '
-                                 f'simulation, or give each a ROS_DOMAIN_ID of its own')
+                raise motion_faults.several_clocks(self.clocks())
         elif self._stamp_ns != 0 and abs(self._stamp_ns - now_ns) > STRANGE_NS:
-            raise InputError(
-                f'{JOINT_STATES.name} are stamped {self._stamp_ns / SECOND:.1f} s, the clock of '
-                f'this node says {now_ns / SECOND:.1f} s: with a simulation give -p '
-                f'use_sim_time:=true; with a robot, set its clock')
+            raise motion_faults.strange_clock(self._stamp_ns, now_ns)
 
     def _tick(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
+        self._look_for_silence(now_ns)
         if self._played is None:
             motion, robot_at, self._waits_for = self._motion, self._robot_at, self._missing(now_ns)
             if motion is None:
@@ -196,9 +197,7 @@ class MotionNode(Par4Node):
             self._brake(played, now_ns)
         # at every look, for the clock of a simulation that has ended asks for no further points
         if not (self._braking or self._robot_is_there()):
-            self._fail(InputError(
-                f'{played.motion.name} aborted: nobody publishes {JOINT_STATES.name} any '
-                f'more, so that the robot or its driver has ended; play it anew'))
+            self._fail(motion_faults.ended(played.motion.name))
             return
         while played.sent < len(played.times_ns) and (
                 played.times_ns[played.sent] <= now_ns + self._ahead_ns):
@@ -221,16 +220,7 @@ class MotionNode(Par4Node):
         if self._goals is None or time.monotonic() - self._fed_back < FEEDBACK:
             return
         self._fed_back = time.monotonic()
-        self._goals.follow(now_ns, *self._asked(played))
-
-    def _asked(self, played: Played) -> tuple[int, tuple[np.ndarray, ...]]:
-        """Return the time since the start, ns, of the newest joint state, and q, qd, qdd there."""
-        elapsed_ns = int(np.clip(self._stamp_ns, played.times_ns[0], played.times_ns[-1])
-                         - played.start_ns)
-        at = elapsed_ns / SECOND
-        told = (played.times_ns - played.start_ns) / SECOND
-        return elapsed_ns, tuple(np.array([np.interp(at, told, column) for column in part.T])
-                                 for part in played.points)
+        self._goals.follow(now_ns, *played.asked(self._stamp_ns))
 
     def _look_for_end(self, played: Played) -> None:
         """End after the last point, where the robot tells of a time after it."""
@@ -240,22 +230,16 @@ class MotionNode(Par4Node):
         elif self._stamp_ns > last_ns:
             self._over(self._stamp_ns - last_ns)
         elif (self._arrivals[JOINT_STATES.name].age or 0.0) > STANDSTILL:
-            self._fail(InputError(f'{played.motion.name} aborted: {JOINT_STATES.name} came, but no '
-                                  f'more, so that it is not known where the robot is'))
+            self._fail(motion_faults.unknown_end(played.motion.name))
 
     def _look_for_arrival(self, played: Played, last_ns: int) -> None:
         """End a motion; it fails if the robot stands somewhere else than at its end."""
-        if self._robot_listener is None:
-            self._hear_the_robot()
+        if self._patient_until == math.inf:
             self._patient_until = time.monotonic() + STANDSTILL
         if self._stamp_ns > last_ns and self._robot_at is not None:
             away = np.abs(self._robot_at - played.points[0][-1])
-            joint = int(np.argmax(away))
-            if away[joint] > ARRIVED:
-                self._fail(InputError(
-                    f'{played.motion.name} was played, but {JOINT_NAMES[joint]} stands '
-                    f'{away[joint]:.2g} rad from its end: the robot did not follow; '
-                    f'{DIAGNOSTICS.name} may say why'))
+            if away.max() > ARRIVED:
+                self._fail(motion_faults.missed(played.motion.name, away))
                 return
         elif time.monotonic() < self._patient_until:
             return
@@ -264,30 +248,28 @@ class MotionNode(Par4Node):
                                       f'{played.motion.name} to its end')
         self._over(0)
 
-    def _hear_the_robot(self) -> None:
-        """Listen to a robot whose joint states were not asked for while its motion was played."""
-        if self._robot_listener is None:
-            self._robot_listener = self.subscribe(JOINT_STATES, self._on_joint_state)
-
     def _over(self, late_ns: int) -> None:
         """End what was played, `late_ns` after its last point."""
-        if self._goals is None:
+        if self._fault is not None:
+            self._fail(self._fault)
+        elif self._goals is None:
             self.finished = True
         elif self._goals.over(late_ns, self._braking):
-            self._rest()
+            self._await_next()
 
     def _fail(self, error: Par4Error) -> None:
         if self._goals is None:
             self.failure, self.finished = error, True
             return
         self._goals.fail(error)
-        self._rest()
+        self._await_next()
 
-    def _rest(self) -> None:
+    def _await_next(self) -> None:
         """Wait for the next goal, or for the client of the last one where the end was asked."""
         self._motion = self._played = None
         self._braking = self._stop_asked = False
-        self._standstill = None
+        self._fault = self._standing = self._standstill = None
+        self._patient_until = math.inf
 
     def _end_when_answered(self) -> None:
         """End where that was asked, once the client of the goal knows how it ended."""
@@ -327,10 +309,10 @@ class MotionNode(Par4Node):
             while played.sent < len(played.times_ns):
                 self._send_chunk(played)
         self._standstill = Standstill()
-        self._hear_the_robot()
         self._patient_until = time.monotonic() + STANDSTILL + (
             self._rests_between_ns[1] - now_ns) / SECOND / min(1.0, max(SLOWEST, self._pace))
-        self.get_logger().warning('asked to stop: braking on the path of the motion')
+        self.get_logger().warning(
+            f'{self._fault or "asked to stop"}: braking on the path of the motion')
 
     def _look_for_rest(self, played: Played, now_ns: int, standstill: Standstill) -> None:
         """End when the robot has come to rest, or when it cannot be hoped for any more."""
@@ -374,9 +356,6 @@ class MotionNode(Par4Node):
         return ''
 
     def _begin(self, motion: Motion, robot_at: np.ndarray, now_ns: int) -> Played:
-        if self._goals is None and self._robot_listener is not None:
-            self.destroy_subscription(self._robot_listener)
-            self._robot_listener = None
         motion = with_approach(motion, self._robot, robot_at)
         pace = (now_ns - self._settling_since_ns) / (time.monotonic() - self._settling_since)
         self._pace = pace / SECOND
@@ -390,12 +369,7 @@ class MotionNode(Par4Node):
                       (motion.q, motion.qd, motion.qdd))
 
     def _send_chunk(self, played: Played) -> None:
-        first, times_ns = played.sent, played.times_ns
-        played.sent = int(np.searchsorted(times_ns, times_ns[first] + CHUNK_NS))
-        part = slice(first, played.sent)
-        write_trajectory(self._message, JointTrajectoryPoint, Trajectory(
-            int(times_ns[0]), times_ns[part] - times_ns[0],
-            *(values[part] for values in played.points)))
+        write_trajectory(self._message, JointTrajectoryPoint, played.next_chunk())
         self._publisher.publish(self._message)
 
     def state(self) -> State:

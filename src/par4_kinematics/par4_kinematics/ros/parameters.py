@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import inspect
 import math
+import sys
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from par4_kinematics.errors import InputError
@@ -34,6 +36,9 @@ _OF_ROS = {'use_sim_time': 'whether time is that published on /clock',
 """What the parameters that every node has mean; each is true or false."""
 _LARGEST = 2 ** 53
 """Bound of a whole number without one: up to it every one is a double too."""
+ALIKE = 0.65
+"""Likeness of two names, of 0 to 1, from which on one is taken for the other misspelt. The names of
+two nodes are less alike."""
 _WORDS = {str: 'a string', float: 'a number', int: 'a whole number', bool: 'true or false'}
 
 
@@ -48,7 +53,7 @@ def declare(node: Node, parameters: type[Parameters]) -> Parameters:
     """Declare the fields of the dataclass on `node` and return the values the user gave them.
 
     The node must have been made with `automatically_declare_parameters_from_overrides`, so that
-    names nobody knows are noticed: they are logged as a warning.
+    names that it does not know are noticed: `_tell_unknown` logs them.
 
     Raises:
         InputError: a value of another type, out of range or not among the choices.
@@ -58,10 +63,7 @@ def declare(node: Node, parameters: type[Parameters]) -> Parameters:
     unknown = sorted(name for name in given
                      if name not in {field.name for field in fields}
                      and name not in _OF_ROS and not name.startswith('qos_overrides.'))
-    if unknown:
-        node.get_logger().warning(
-            f'unknown parameter {", ".join(unknown)} ignored; known are '
-            f'{", ".join(field.name for field in fields)}')
+    _tell_unknown(node, unknown, [field.name for field in fields])
     values = {}
     for field in fields:
         value = _checked(field, given.get(field.name, field.default))
@@ -70,6 +72,28 @@ def declare(node: Node, parameters: type[Parameters]) -> Parameters:
         node.declare_parameter(field.name, value, _descriptor(field), ignore_override=True)
         values[field.name] = value
     return parameters(**values)
+
+
+def _tell_unknown(node: Node, unknown: Sequence[str], known: Sequence[str]) -> None:
+    """Warn of names that are misspelt or were given to this node alone; note all others.
+
+    A parameter file may be one for several nodes, and then holds names of the others.
+    """
+    meant = {name: difflib.get_close_matches(name, known, 1, ALIKE) for name in unknown}
+    of_others = [name for name in unknown if not meant[name] and not _on_command_line(name)]
+    mistaken = [f'{name} (did you mean {meant[name][0]}?)' if meant[name] else name
+                for name in unknown if name not in of_others]
+    if mistaken:
+        node.get_logger().warning(
+            f'unknown parameter {", ".join(mistaken)} ignored; known are {", ".join(known)}')
+    if of_others:
+        node.get_logger().info(f'no parameters of this node, ignored: {", ".join(of_others)}')
+
+
+def _on_command_line(name: str) -> bool:
+    """Return whether a parameter is given as `-p NAME:=VALUE` or `-p NODE:NAME:=VALUE`."""
+    given = (argument.partition(':=') for argument in sys.argv)
+    return any(mark and left.rpartition(':')[2] == name for left, mark, _ in given)
 
 
 def _checked(field: dataclasses.Field[Any], value: Any) -> Any:

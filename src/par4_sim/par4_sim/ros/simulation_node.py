@@ -20,23 +20,20 @@ from par4_kinematics.interface import (
     Topic,
 )
 from par4_kinematics.limits import check_torque
-from par4_kinematics.position import inverse_kinematics
-from par4_kinematics.robot import Robot, read_robot
+from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import Trajectory
 from par4_kinematics.ros.node import Par4Node, State
 from par4_kinematics.ros.process import run
 from par4_kinematics.ros.serialised_trajectory import (
     SerialisedTrajectory,
     read_serialised_trajectory,
-    serialised_rest,
 )
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 from par4_sim.choices import LOOKED_AHEAD, PREDICTIVE
 from par4_sim.description import complete_description
 from par4_sim.laws import KNOWING
-from par4_sim.reference import ReferenceQueue
-from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.ros.compiled_limits import compiled_limits
 from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
@@ -52,24 +49,6 @@ LATE_SHARE = 0.05
 STRANGE_NS = 1000 * SECOND
 """A trajectory that starts farther ahead of the clock, or ended as long before it, was stamped by
 another clock."""
-
-
-def compiled_limits(robot: Robot) -> ReferenceLimits:
-    """Return the limits of references, all that these need compiled.
-
-    A reference would come too late if it had to wait for that.
-    """
-    limits = ReferenceLimits(robot)
-    home = inverse_kinematics(robot.geometry, home_pose(robot))
-    queue = ReferenceQueue(home, limits)
-    for count in (1, 2):
-        points = read_serialised_trajectory(serialised_rest(home, count))
-        motion = points.motion()
-        limits.check(points.times(0), np.hstack(motion))
-        queue.queue(0.0, points.times(count * SECOND), *motion)
-        queue.queue_effort(points.times(count * SECOND), motion[0])
-        queue.use_until(float(count))
-    return limits
 
 
 class SimulationNode(Par4Node):

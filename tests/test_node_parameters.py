@@ -1,0 +1,81 @@
+"""Parameters that a node does not have are told, and those of other nodes are not taken for slips.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import itertools
+from importlib import import_module
+from types import SimpleNamespace
+from unittest import mock
+
+import pytest
+from node_server import MODULES
+
+from par4_kinematics.ros import parameters
+from par4_kinematics.ros.motion_parameters import MotionParameters
+from par4_kinematics.ros.node import Par4Node
+from par4_kinematics.ros.parameters import ALIKE, declare
+
+
+def names_of(node: str) -> list[str]:
+    """Return the names of the parameters of a node."""
+    node_class, = (value for value in vars(import_module(MODULES[node])).values()
+                   if isinstance(value, type) and issubclass(value, Par4Node)
+                   and value is not Par4Node)
+    return [field.name for field in dataclasses.fields(node_class.PARAMETERS)]
+
+
+def told(monkeypatch: pytest.MonkeyPatch, given: list[str], arguments: list[str]
+         ) -> tuple[list[str], list[str]]:
+    """Return what `par4_motion` warns of and what it notes, where these parameters are given."""
+    node = mock.Mock()
+    node.get_parameters_by_prefix.return_value = given
+    node.get_parameter.side_effect = lambda _: SimpleNamespace(value=1)
+    monkeypatch.setattr(parameters.sys, 'argv', ['par4_motion', '--ros-args', *arguments])
+    declare(node, MotionParameters)
+    log = node.get_logger.return_value
+    return tuple([call.args[0] for call in level.call_args_list]
+                 for level in (log.warning, log.info))
+
+
+@pytest.mark.parametrize('prefix', ['', 'par4_motion:'])
+def test_a_misspelt_parameter_is_told_with_the_name_that_was_meant(monkeypatch, prefix):
+    warned, noted = told(monkeypatch, ['motoin'], ['-p', f'{prefix}motoin:=circle'])
+    assert warned == [
+        'unknown parameter motoin (did you mean motion?) ignored; known are robot_file, motion, '
+        'duration, seed, period, listeners']
+    assert not noted
+
+
+def test_a_name_like_no_other_is_told_where_this_node_was_given_it(monkeypatch):
+    warned, noted = told(monkeypatch, ['colour', 'durations', 'shape'], ['-p', 'colour:=red'])
+    assert len(warned) == 1
+    assert warned[0].startswith(
+        'unknown parameter colour, durations (did you mean duration?) ignored; known are ')
+    assert noted == ['no parameters of this node, ignored: shape']
+
+
+def test_what_ros_gives_and_what_other_nodes_of_a_file_take_is_no_warning(monkeypatch):
+    of_ros = ['use_sim_time', 'start_type_description_service',
+              'qos_overrides./joint_states.subscription.depth']
+    assert told(monkeypatch, of_ros, ['-p', 'use_sim_time:=true']) == ([], [])
+    foreign = sorted(set(names_of('par4_simulation')) - set(names_of('par4_motion')))
+    warned, noted = told(monkeypatch, foreign, ['--params-file', 'cell.yaml'])
+    assert not warned
+    assert noted == [f'no parameters of this node, ignored: {", ".join(foreign)}']
+
+
+def test_no_parameter_of_a_node_looks_like_a_slip_of_another_ones():
+    names = {node: names_of(node) for node in MODULES}
+    for own, other in itertools.permutations(MODULES, 2):
+        for name in set(names[other]) - set(names[own]):
+            assert not difflib.get_close_matches(name, names[own], 1, ALIKE), (name, own)
+
+
+def test_every_node_tells_a_misspelt_parameter(bench):
+    for node in MODULES:
+        bench.start(node, robot_fiel='reference')
+    bench.wait(lambda: all(f'[{node}]: unknown parameter robot_fiel' in bench.said()
+                           for node in MODULES), 'a warning of each node')
