@@ -19,7 +19,8 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.guide import GUIDES
 from par4_dynamics.model_file import EffectEntry
 from par4_dynamics.parameters import Parameter
-from par4_kinematics.robot import Robot
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import Axis, Robot, read_machine
 from robots import REFERENCE
 
 DOCS = Path(__file__).parents[1] / 'docs'
@@ -68,6 +69,36 @@ def test_a_robot_of_ones_own(tmp_path, monkeypatch, capsys):
         name, *words = shlex.split(line)
         command_of(name).main(words, standalone_mode=False)
     assert Path('identified/model.yaml').is_file()
+
+
+def test_robot_files_of_the_page_are_read(tmp_path):
+    machines = []
+    for text in blocks('robot_file', 'yaml'):
+        path = tmp_path / 'robot.yaml'
+        path.write_text(text)
+        machines.append(read_machine(path))
+    par4, turning, sliding = machines
+    assert par4 == REFERENCE
+    assert isinstance(turning, Axis)
+    assert isinstance(sliding, Axis)
+    assert (turning.kind, sliding.kind) == ('revolute', 'linear')
+
+
+@pytest.mark.parametrize(('text', 'told'), [
+    ('schema: par4/robot/2', 'expected schema par4/robot/1 or par4/axis/1'),
+    ('- a list', 'expected a mapping'),
+    ('{schema: par4/axis/1, name: a, joint: a, kind: revolute, gain: 1.0, geer_ratio: 3.0}',
+     'geer_ratio: no such key (found 3.0)'),
+    ('{schema: par4/robot/1, name: a}', 'geometry: Field required')])
+def test_a_robot_file_that_is_refused_names_the_page_with_its_keys(tmp_path, text, told):
+    path = tmp_path / 'robot.yaml'
+    path.write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_machine(path)
+    assert told in str(refused.value)
+    page = str(refused.value).rpartition('; see ')[2]
+    assert page == 'docs/robot_file.md'
+    assert (DOCS.parent / page).is_file()
 
 
 def test_a_fault_step_by_step(tmp_path, monkeypatch, capsys):

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from par4_dynamics.effects import catalogue
-from par4_kinematics import interface
+from par4_kinematics import interface, robot_file
 
 ROOT = Path(__file__).parents[1]
 CHAIN = ('par4_kinematics', 'par4_dynamics', 'par4_sim', 'par4_identification')
@@ -158,6 +158,14 @@ def test_interface_document_is_the_table():
 def test_effects_document_is_the_catalogue():
     written = (ROOT / 'docs' / 'effects.md').read_text(encoding='utf-8')
     assert written == catalogue.markdown(), 'run make docs'
+
+
+def test_robot_file_document_is_the_schema():
+    for schema, words in ((robot_file.Robot, robot_file.ROBOT_KEYS),
+                          (robot_file.Axis, robot_file.AXIS_KEYS)):
+        assert [key for key, _ in robot_file.leaves(schema)] == list(words)
+    written = (ROOT / 'docs' / 'robot_file.md').read_text(encoding='utf-8')
+    assert written == robot_file.markdown(), 'run make docs'
 
 
 def test_every_dependency_is_pinned_and_explained():
