@@ -20,6 +20,7 @@ from par4_dynamics.effects.guide import GUIDES
 from par4_dynamics.model_file import EffectEntry
 from par4_dynamics.parameters import Parameter
 from par4_kinematics.errors import InputError
+from par4_kinematics.limits import limits_not_given
 from par4_kinematics.robot import Axis, Robot, read_machine
 from robots import REFERENCE
 
@@ -69,6 +70,38 @@ def test_a_robot_of_ones_own(tmp_path, monkeypatch, capsys):
         name, *words = shlex.split(line)
         command_of(name).main(words, standalone_mode=False)
     assert Path('identified/model.yaml').is_file()
+
+
+LIMITLESS = """\
+schema: par4/robot/1
+name: mine
+geometry: {arm_length: 0.375, forearm_length: 0.825, base_radius: 0.275, platform_radius: 0.06,
+           platform_bar_length: 0.1}
+drives: {gain: [12.7, 12.7, 12.7, 12.7]}
+limits: {joint_speed: 14.0, workspace: {radius: 0.4}}
+"""
+TOLD = ('limits that the file of robot mine leaves out are those of the reference robot: '
+        'drives.torque_limit 200, limits.joint_position [-1, 1.6], limits.workspace.z [-0.9, '
+        '-0.55], limits.workspace.theta 0.7854; write your own into it, see docs/robot_file.md')
+
+
+@pytest.mark.usefixtures('unrendered')
+@pytest.mark.parametrize('line', [
+    'par4_simulate adept --rate 100 --output out',
+    'par4_push --force 50 --output out',
+    'par4_excite --duration 4 --starts 1 --harmonics 2 --output out.yaml',
+    'par4_track adept --jerk 30000 --output out',
+    'par4_fastest adept --jerk 30000 --timing own --output out'])
+def test_limits_that_a_robot_file_leaves_out_are_told(tmp_path, monkeypatch, capsys, line):
+    monkeypatch.chdir(tmp_path)
+    Path('robot.yaml').write_text(LIMITLESS)
+    name, *words = line.split()
+    command_of(name).main([*words, '--robot', 'robot.yaml'], standalone_mode=False)
+    assert capsys.readouterr().out.splitlines()[-1] == TOLD
+
+
+def test_nothing_is_told_of_limits_that_are_all_given():
+    assert limits_not_given(REFERENCE) == ()
 
 
 def test_robot_files_of_the_page_are_read(tmp_path):
