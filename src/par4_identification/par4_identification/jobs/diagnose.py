@@ -193,7 +193,7 @@ def diagnose_bags(asked: Asked) -> None:
         for file in (outdated, outdated.with_suffix('.csv')):
             file.unlink(missing_ok=True)
     console = Console(highlight=False)
-    for line in outcome.first:
+    for line in (*outcome.first, *(remark.text for remark in untold)):
         console.print(line, soft_wrap=not console.is_terminal, markup=False)
     if isinstance(diagnosis, Diagnosis) and changes is not None:
         console.print(errors_in_lines(changes, diagnosis, machine), soft_wrap=True, markup=False)
