@@ -7,7 +7,9 @@ import shlex
 import subprocess
 import sys
 from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
+from textwrap import dedent
 
 import click
 import numpy as np
@@ -21,7 +23,9 @@ from par4_dynamics.model_file import EffectEntry
 from par4_dynamics.parameters import Parameter
 from par4_kinematics.errors import InputError
 from par4_kinematics.limits import limits_not_given
+from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import Axis, Robot, read_machine
+from par4_sim.cell import COMPOSITIONS
 from robots import REFERENCE
 
 DOCS = Path(__file__).parents[1] / 'docs'
@@ -31,9 +35,9 @@ TUTORIALS = ('first_ten_minutes', 'your_own_robot', 'fault_step_by_step', 'effec
 
 def blocks(page: str, language: str) -> list[str]:
     """Return the blocks of code of a page."""
-    found = re.findall(r'^```(\w*)\n(.*?)^```$', (DOCS / f'{page}.md').read_text(),
+    found = re.findall(r'^ *```(\w*)\n(.*?)^ *```$', (DOCS / f'{page}.md').read_text(),
                        re.DOTALL | re.MULTILINE)
-    return [code for own, code in found if own == language]
+    return [dedent(code) for own, code in found if own == language]
 
 
 def told_by(page: str, capsys: pytest.CaptureFixture[str]) -> tuple[dict, list[str]]:
@@ -158,6 +162,43 @@ def test_commands_of_a_tutorial_are_there_with_these_options(page):
     assert lines or page == 'effect_of_your_own'
     for line in lines:
         expect_known_options(line)
+
+
+def commands(page: str) -> list[str]:
+    """Return the command lines of a page that begin with an executable, without comments."""
+    return [line.partition(' #')[0] for block in blocks(page, '') for line in block.splitlines()
+            if line.split(' ')[0] in {*TOOLS, *NODES}]
+
+
+@pytest.mark.parametrize('page', ['../README', 'hardware'])
+def test_commands_of_a_page_have_parameters_that_are_there(page, monkeypatch, capsys):
+    nodes = 0
+    for line in commands(page):
+        name, *words = shlex.split(line)
+        if name == 'par4_cell':
+            composition, *given = words
+            COMPOSITIONS[composition].session(dict(word.split(':=') for word in given))
+        elif name in TOOLS:
+            if '--inspect' not in words:
+                expect_known_options(line)
+        else:
+            monkeypatch.setattr(sys, 'argv', [name, '--help'])
+            entry, = entry_points(group='console_scripts', name=name)
+            assert entry.load()() == 0
+            known = re.findall(r'^  (\w+):=', capsys.readouterr().out, re.MULTILINE)
+            assert words[0] == '--ros-args'
+            assert set(words[1::2]) == {'-p'}
+            assert {word.partition(':=')[0] for word in words[2::2]} <= {*known, 'use_sim_time'}
+            nodes += 1
+    assert nodes >= 4
+
+
+def test_the_slow_circle_of_the_page_is_slow(tmp_path):
+    text, = blocks('hardware', 'yaml')
+    (tmp_path / 'slow.yaml').write_text(text)
+    slow = REFERENCE.model_copy(update={
+        'limits': REFERENCE.limits.model_copy(update={'joint_speed': 0.5})})
+    assert named_motion(tmp_path / 'slow.yaml', slow).duration > 3.0
 
 
 @pytest.mark.parametrize('name', sorted(TOOLS))
