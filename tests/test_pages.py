@@ -23,7 +23,7 @@ from par4_dynamics.model_file import EffectEntry
 from par4_dynamics.parameters import Parameter
 from par4_kinematics.errors import InputError
 from par4_kinematics.limits import limits_not_given
-from par4_kinematics.motion_file import named_motion
+from par4_kinematics.motion_file import RECIPES, named_motion, write_motion
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.cell import COMPOSITIONS
 from robots import REFERENCE
@@ -119,6 +119,26 @@ def test_robot_files_of_the_page_are_read(tmp_path):
     assert isinstance(turning, Axis)
     assert isinstance(sliding, Axis)
     assert (turning.kind, sliding.kind) == ('revolute', 'linear')
+
+
+def test_motion_files_of_the_page_are_read(tmp_path):
+    *recipes, samples = blocks('motion_file', 'yaml')
+    assert len(recipes) == len(RECIPES)
+    for text in (*recipes, samples):
+        (tmp_path / 'asked.yaml').write_text(text)
+        motion = named_motion(tmp_path / 'asked.yaml', REFERENCE)
+        write_motion(tmp_path / 'motion.yaml', motion, 'platform')  # the samples of the last one
+
+
+@pytest.mark.parametrize('text', [
+    '{schema: par4/motion/2}', '{schema: par4/motion/1}',
+    '{schema: par4/motion/1, recipe: {kind: circle, raduis: 0.1}}',
+    '{schema: par4/motion/1, recipe: {kind: square}}'])
+def test_a_motion_file_that_is_refused_names_the_page_with_its_keys(tmp_path, text):
+    path = tmp_path / 'motion.yaml'
+    path.write_text(text)
+    with pytest.raises(InputError, match=r'see docs/motion_file\.md$'):
+        named_motion(path, REFERENCE)
 
 
 @pytest.mark.parametrize(('text', 'told'), [

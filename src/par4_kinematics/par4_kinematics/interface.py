@@ -119,7 +119,8 @@ SCHEMAS = (
                                   '[robot_file.md](robot_file.md)'),
     ('model.yaml', 'par4/model/1', 'parameters and effects: identification, feedforward and '
                                    'simulation share it'),
-    ('motion.yaml', 'par4/motion/1', 'a recipe, or samples in a CSV beside it'),
+    ('motion.yaml', 'par4/motion/1', 'a recipe, or samples in a CSV beside it; its keys: '
+                                     '[motion_file.md](motion_file.md)'),
     ('identification.json', 'par4/identification/1', 'written by `par4_identify`'),
     ('validation.json', 'par4/validation/1', 'written by `par4_validate`'),
     ('diagnosis.json', 'par4/diagnosis/1', 'written by `par4_diagnose`'),

@@ -6,7 +6,7 @@ Types, ranges and defaults come from the schema itself; units, frames and users 
 from __future__ import annotations
 
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib import resources
 from typing import Any, Literal, Union, get_args, get_origin
 
@@ -122,21 +122,24 @@ def leaves(schema: type[FileModel], above: str = '') -> Iterator[tuple[str, Fiel
             yield key, field
 
 
-def _type(annotation: Any) -> str:
+def type_of(annotation: Any) -> str:
     """Return what a key takes, in words."""
     parts = get_args(annotation)
+    if get_origin(annotation) is Sequence:
+        inner = get_args(parts[0])
+        return 'list of lists of numbers' if inner else f'list of {type_of(parts[0])}s'
     if get_origin(annotation) in (Union, types.UnionType):
-        return _type(next(part for part in parts if part is not types.NoneType))
+        return type_of(next(part for part in parts if part is not types.NoneType))
     if get_origin(annotation) is Literal:
         return ', '.join(f'`{part}`' for part in parts)
     if get_origin(annotation) is tuple:
         return f'{len(parts)} numbers'
     if parts:  # a type with its checks
-        return _type(parts[0])
+        return type_of(parts[0])
     return {float: 'number', int: 'whole number', str: 'text'}[annotation]
 
 
-def _range(field: FieldInfo) -> str:
+def range_of(field: FieldInfo) -> str:
     """Return the bounds of a number, in words."""
     bounds = {name: getattr(check, name) for check in field.metadata for name in ('gt', 'ge')
               if hasattr(check, name)}
@@ -144,7 +147,8 @@ def _range(field: FieldInfo) -> str:
                    for name, bound in bounds.items())
 
 
-def _default(field: FieldInfo) -> str:
+def default_of(field: FieldInfo) -> str:
+    """Return what a key that is left out has, in words."""
     if field.is_required():
         return '**required**'
     if field.default is None:
@@ -156,7 +160,7 @@ def _default(field: FieldInfo) -> str:
 
 def _keys(schema: type[FileModel], words: dict[str, tuple[str, str, str]]) -> str:
     return table(('key', 'type', 'unit', 'default', 'what', 'used by'), [
-        (f'`{key}`', _type(field.annotation) + _range(field), words[key][0], _default(field),
+        (f'`{key}`', type_of(field.annotation) + range_of(field), words[key][0], default_of(field),
          *words[key][1:]) for key, field in leaves(schema)])
 
 
