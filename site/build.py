@@ -33,7 +33,7 @@ SECTIONS = {
     'Guides': ('identification', 'diagnosis', 'changes', 'trend', 'setup', 'measured', 'tracking',
                'hardware', 'workstation'),
     'Reference': ('glossary', 'effects', 'api', 'model', 'interface', 'robot_file',
-                  'motion_file', *(f'reference/{package}' for package in PACKAGES)),
+                  'model_file', 'motion_file', *(f'reference/{package}' for package in PACKAGES)),
     'Development': ('architecture', 'CONTRIBUTING', 'dependencies', 'benchmarks', 'blind_study',
                     'ablation', 'setup_study', 'CHANGELOG'),
 }

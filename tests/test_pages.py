@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from executables import NODES, TOOLS
-from par4_dynamics import build_model, read_model_file
+from par4_dynamics import build_model, read_model, read_model_file
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.guide import GUIDES
 from par4_dynamics.model_file import EffectEntry
@@ -119,6 +119,21 @@ def test_robot_files_of_the_page_are_read(tmp_path):
     assert isinstance(turning, Axis)
     assert isinstance(sliding, Axis)
     assert (turning.kind, sliding.kind) == ('revolute', 'linear')
+
+
+def test_model_files_of_the_page_are_read(tmp_path):
+    slide = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=1.0)
+    path = tmp_path / 'model.yaml'
+    models = []
+    for text, machine in zip(blocks('model_file', 'yaml'), (REFERENCE, REFERENCE, slide),
+                             strict=True):
+        path.write_text(text)
+        models.append(read_model(path, machine))
+    assert models[0].rigid_body == 'full'
+    assert [active.effect.name for active in models[1].effects] == ['cogging']
+    path.write_text('{schema: par4/model/1, parameter: {}}')
+    with pytest.raises(InputError, match=r'parameter: no such key.*see docs/model_file\.md$'):
+        read_model(path, slide)
 
 
 def test_motion_files_of_the_page_are_read(tmp_path):

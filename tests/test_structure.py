@@ -13,7 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from par4_dynamics import model_keys
+from par4_dynamics.base_terms import TERMS
 from par4_dynamics.effects import catalogue
+from par4_dynamics.model_file import ModelFile
 from par4_kinematics import interface, motion_recipes, robot_file
 from par4_kinematics.motion_file import RECIPES
 
@@ -168,6 +171,14 @@ def test_robot_file_document_is_the_schema():
         assert [key for key, _ in robot_file.leaves(schema)] == list(words)
     written = (ROOT / 'docs' / 'robot_file.md').read_text(encoding='utf-8')
     assert written == robot_file.markdown(), 'run make docs'
+
+
+def test_model_file_document_is_the_schema():
+    fields = ModelFile.model_fields
+    assert [field.alias or name for name, field in fields.items()] == list(model_keys.KEYS)
+    assert list(TERMS) == list(model_keys.WORDS)
+    written = (ROOT / 'docs' / 'model_file.md').read_text(encoding='utf-8')
+    assert written == model_keys.markdown(), 'run make docs'
 
 
 def test_motion_file_document_is_that_of_the_functions():

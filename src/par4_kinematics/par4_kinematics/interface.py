@@ -118,7 +118,8 @@ SCHEMAS = (
     ('robot.yaml', 'par4/axis/1', 'a single motor-driven axis; its keys: '
                                   '[robot_file.md](robot_file.md)'),
     ('model.yaml', 'par4/model/1', 'parameters and effects: identification, feedforward and '
-                                   'simulation share it'),
+                                   'simulation share it; its keys: '
+                                   '[model_file.md](model_file.md)'),
     ('motion.yaml', 'par4/motion/1', 'a recipe, or samples in a CSV beside it; its keys: '
                                      '[motion_file.md](motion_file.md)'),
     ('identification.json', 'par4/identification/1', 'written by `par4_identify`'),
