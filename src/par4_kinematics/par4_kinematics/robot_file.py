@@ -171,7 +171,7 @@ def markdown() -> str:
 
 Generated from `par4_kinematics/robot_file.py` and the schema by `make docs`; do not edit.
 
-`--robot` of every command and `robot_file` of every node take the path of such a file, or
+`--robot` of the commands and `robot_file` of the nodes take the path of such a file, or
 `reference`, the built-in robot. There are two kinds: a robot with the Par4 topology, and a single
 motor-driven axis, which turns or slides. Only the offline tools that read bags take an axis.
 
