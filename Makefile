@@ -28,7 +28,7 @@ help:
 	@echo 'make blind  hide effects and count what is found: docs/blind_study.md (hours; ARGUMENTS=...)'
 	@echo 'make lint   check style and types'
 	@echo 'make site   build the site of the documentation into build/site'
-	@echo 'make docs   regenerate docs/interface.md, docs/effects.md, parameter files and layouts'
+	@echo 'make docs   regenerate the pages of interface, files and effects, parameter files and layouts'
 	@echo 'make clean  remove what the above made'
 
 # numba notices that the file of a kernel has changed, not that one has whose kernels it calls
@@ -83,6 +83,9 @@ site: setup
 
 docs: setup
 	$(BIN)/python -m par4_kinematics.interface > docs/interface.md
+	$(BIN)/python -m par4_kinematics.robot_file > docs/robot_file.md
+	$(BIN)/python -m par4_kinematics.motion_recipes > docs/motion_file.md
+	$(BIN)/python -m par4_dynamics.model_keys > docs/model_file.md
 	$(BIN)/python -m par4_dynamics.effects.catalogue > docs/effects.md
 	$(BIN)/python -m par4_sim.layouts src/par4_sim/layouts
 	$(BIN)/python site/manifests.py

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -37,7 +38,10 @@ from par4_identification.reports.outcome.diagnosis import (
     outcome_of_diagnosis,
     source_of_order,
 )
-from par4_identification.reports.outcome.identification import table_of_parameters
+from par4_identification.reports.outcome.identification import (
+    outcome_of_identification,
+    table_of_parameters,
+)
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.filtering import low_pass
 from par4_identification.signals.plateaus import plateaus_of
@@ -269,6 +273,17 @@ def test_an_option_that_leaves_no_rows_is_named(chosen, told, other):
         conditioning_for([log], axis(), Conditioning(), chosen)
     still = replace(log, q=0.0 * log.q)  # has none without options either
     assert conditioning_for([still], axis(), Conditioning(), chosen)
+
+
+def test_an_axis_that_moves_too_little_is_not_sent_to_a_tool_for_robots():
+    log = recorded(HEALTHY, lambda t: np.sin(2.0 * t) + 0.5 * np.sin(5.3 * t), 6.0, 500.0)
+    found = identify([log], axis())
+    poor = replace(found, estimate=replace(found.estimate, condition_number=500.0))
+    outcome = outcome_of_identification(poor, found.estimate.rms, axis(), [
+        replace(log, accounts=SimpleNamespace(findings=lambda: [], duration=6.0))])
+    advice = ' '.join(outcome.advice)
+    assert 'Record a richer motion: slow and fast, both ways, over the whole range.' in advice
+    assert 'par4_excite' not in advice
 
 
 def test_a_negative_inertia_has_the_unit_of_the_axis():

@@ -400,6 +400,8 @@ SLOW_DRIVER = f"""
 import sys
 sys.path.insert(0, {str(DRIVER.parent)!r})
 import driver
+from par4_kinematics.robot import Limits
+driver.ROBOT = driver.ROBOT.model_copy(update={{'limits': Limits()}})  # not given
 driver.PERIOD, driver.BACKLOG = 0.005, 10**9
 driver.main()
 """
@@ -528,6 +530,7 @@ def test_a_foreign_robot_is_moved_recorded_and_identified(bench):
     assert bench.ended(player) == 2
     assert 'excitation aborted: nobody publishes joint_states any more' in bench.said()
     assert 'stopped, joints at 0.000 rad/s' in told.read_text()
+    assert 'leaves out are those of the reference robot: limits.joint_position' in told.read_text()
     # of its last messages a busy machine misses some; between those that came nothing jumps
     stamps = np.array([time_ns(state.header.stamp) for state in states]) / SECOND
     q = np.array([joint_values(state, 'position') for state in states])

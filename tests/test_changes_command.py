@@ -13,6 +13,8 @@ from par4_dynamics.model_file import ModelFile, read_model_file
 from par4_identification.commands import diagnose, identify
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import LIBRARY
+from par4_identification.jobs import diagnose as jobs
+from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
 from par4_sim.offline import simulate_to_bag
 from par4_sim.simulation import build_simulation
@@ -108,6 +110,24 @@ def test_the_same_machine_has_not_changed(bags, tmp_path):
     assert content['verdict'] == 'clean'
     assert content['causes'] == []
     assert 'this has changed' not in done.out
+
+
+@pytest.mark.usefixtures('unrendered')
+def test_bags_before_of_the_same_machine_are_told_to_show_no_change(bags, tmp_path):
+    done, content = diagnosed(tmp_path / 'out', bags / 'same', '--before', bags / 'before')
+    assert content['changes'] == []
+    assert done.out.splitlines()[-2].endswith(
+        'before no base parameter has changed beyond chance.')
+
+
+@pytest.mark.usefixtures('unrendered')
+def test_a_change_that_cannot_be_told_is_said(bags, tmp_path, monkeypatch):
+    def refused(*_):
+        raise InputError('the bags do not fit')
+
+    monkeypatch.setattr(jobs, 'changes_between', refused)
+    done, _ = diagnosed(tmp_path / 'out', bags / 'same', '--before', bags / 'before')
+    assert done.out.startswith('What has changed could not be told: the bags do not fit.')
 
 
 def test_before_takes_one_bag_or_several():

@@ -27,6 +27,7 @@ from par4_identification.diagnosis.experiment.next_experiment import WANTED
 from par4_identification.jobs import diagnose as jobs
 from par4_identification.reports import diagnosis_report
 from par4_identification.reports.outcome.diagnosis import phrase_of_cause
+from par4_kinematics.files import write_yaml
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES
@@ -34,6 +35,7 @@ from par4_kinematics.workspace import home_pose
 from par4_sim.bag_writer import BagWriter
 from par4_sim.commands import simulate
 from par4_sim.offline import simulate_to_bag
+from par4_sim.report.results import plain
 from par4_sim.report.words import number
 from par4_sim.simulation import build_simulation
 from robots import REFERENCE
@@ -274,6 +276,18 @@ def test_a_proposed_motion_is_written_beside_the_users_own(again, machine):
     assert done.code == 0, done.err
     assert {name: (again / name).read_text() for name in own} == own
     assert names_in(again) == sorted({'diagnosis.json', 'notes.txt', 'report.html', *own})
+
+
+@pytest.mark.usefixtures('same_diagnosis', 'unrendered')
+def test_limits_of_a_proposed_motion_that_no_file_gives_are_told(again, machine, tmp_path):
+    content = REFERENCE.model_dump(by_alias=True)
+    del content['limits'], content['drives']['torque_limit']
+    write_yaml(tmp_path / 'robot.yaml', plain(content))
+    asked = (machine / 'narrow', '--holdout', machine / 'held_out', '--output', again,
+             '--no-simulate', '--robot')
+    *_, last = run(diagnose, *asked, tmp_path / 'robot.yaml').out.splitlines()
+    assert last.startswith('limits that the file of robot reference leaves out')
+    assert 'limits that' not in run(diagnose, *asked, 'reference').out
 
 
 @pytest.mark.usefixtures('same_diagnosis')

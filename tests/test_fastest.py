@@ -241,6 +241,10 @@ def test_the_command_writes_bound_and_runs(tmp_path):
     times = [run['time'] for run in content['runs']]
     assert [run['timing'] for run in content['runs']] == ['own', 'time_optimal']
     assert content['bound'] < content['time_optimal'] < times[1] < times[0]
+    headings, *rows = done.output.splitlines()
+    assert headings.split(None, 3)[3].split('  ')[-1].strip() == 'torque, N m'
+    for row, run in zip(rows[:2], content['runs'], strict=True):
+        assert float(row.split()[-1]) == pytest.approx(run['peak_torque'], rel=0.01)
     assert times[1] < 1.05 * content['bound']  # the bound is nearly reached, with 0.5 mm
     played = read_motion(tmp_path / 'out' / 'fastest.yaml', REFERENCE)
     assert played.duration == pytest.approx(times[1], rel=1e-6)

@@ -35,6 +35,10 @@ CSV = {
     'a comma behind each row of data': 't,joint angle,tau\n' + text(',').replace('\n', ',\n'),
     'a comma behind the header': 't,joint angle,tau,\n' + text(','),
     'commas behind a title': 'rate,1000,\n,,\nt,joint angle,tau\n' + text(','),
+    'settings of a logger': 'Recorder 3000\nOperator Jane Doe\nChannels 3\n\n'
+                            't,joint angle,tau\n' + text(','),
+    'bare numbers above': '500\n3\n1 2 3\nt;joint angle;tau\n' + text(';'),
+    'two settings alike': 'Rate 500\nGain 2\nt\tjoint angle\ttau\n' + text('\t'),
     'a header with a number': 't,joint angle,tau,7\n' + text(',', [(*row, 1) for row in ROWS]),
     'comments between': 't,joint angle,tau\n' + text(',').replace('\n', '\n# tick\n', 1),
 }
@@ -77,6 +81,36 @@ def test_rows_that_begin_empty_are_data(comment, header, first, time, tmp_path):
     else:
         with pytest.raises(InputError, match='without names'):
             read_columns(path, ('t',))
+
+
+@pytest.mark.parametrize('mark', ['T', ' '])
+@pytest.mark.parametrize('zone', ['', 'Z', '+00:00'])
+def test_dates_are_seconds_since_1970(mark, zone, tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text('t,q\n' + ''.join(
+        f'2026-01-01{mark}00:00:{t:06.3f}{zone},{q}\n' for t, q in zip(T, Q)) + ',7\n')
+    found = read_columns(path, ('t', 'q'), dates=('t',))
+    np.testing.assert_allclose(found['t'][:-1], 1767225600.0 + T, rtol=0.0, atol=1e-6)
+    assert np.isnan(found['t'][-1])
+    np.testing.assert_array_equal(found['q'], (*Q, 7.0))
+    with pytest.raises(InputError, match='no number but a date: give the time in --columns the '
+                                         'unit iso'):
+        read_columns(path, ('t', 'q'))
+    with pytest.raises(InputError, match=r"column q: '1.5' is no date such as 2026-"):
+        read_columns(path, ('q',), dates=('q',))
+
+
+def test_dates_are_of_csv_files(tmp_path):
+    np.savez(tmp_path / 'log.npz', t=T, q=Q)
+    with pytest.raises(InputError, match='are for CSV files; give the time as numbers'):
+        read_columns(tmp_path / 'log.npz', ('t', 'q'), dates=('t',))
+
+
+def test_the_line_at_which_a_table_seems_to_begin_is_told(tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text('a 1\nb 2\n' * 20 + 't,q,u\n' + text(','))
+    with pytest.raises(InputError, match='in the table that begins at line 1; if it begins'):
+        read_columns(path, ('t',))
 
 
 @pytest.mark.parametrize(('rows', 'numbers'), [

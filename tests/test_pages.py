@@ -7,19 +7,25 @@ import shlex
 import subprocess
 import sys
 from importlib import import_module
+from importlib.metadata import entry_points
 from pathlib import Path
+from textwrap import dedent
 
 import click
 import numpy as np
 import pytest
 
 from executables import NODES, TOOLS
-from par4_dynamics import build_model, read_model_file
+from par4_dynamics import build_model, read_model, read_model_file
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.guide import GUIDES
 from par4_dynamics.model_file import EffectEntry
 from par4_dynamics.parameters import Parameter
-from par4_kinematics.robot import Robot
+from par4_kinematics.errors import InputError
+from par4_kinematics.limits import limits_not_given
+from par4_kinematics.motion_file import RECIPES, named_motion, write_motion
+from par4_kinematics.robot import Axis, Robot, read_machine
+from par4_sim.cell import COMPOSITIONS
 from robots import REFERENCE
 
 DOCS = Path(__file__).parents[1] / 'docs'
@@ -29,9 +35,9 @@ TUTORIALS = ('first_ten_minutes', 'your_own_robot', 'fault_step_by_step', 'effec
 
 def blocks(page: str, language: str) -> list[str]:
     """Return the blocks of code of a page."""
-    found = re.findall(r'^```(\w*)\n(.*?)^```$', (DOCS / f'{page}.md').read_text(),
+    found = re.findall(r'^ *```(\w*)\n(.*?)^ *```$', (DOCS / f'{page}.md').read_text(),
                        re.DOTALL | re.MULTILINE)
-    return [code for own, code in found if own == language]
+    return [dedent(code) for own, code in found if own == language]
 
 
 def told_by(page: str, capsys: pytest.CaptureFixture[str]) -> tuple[dict, list[str]]:
@@ -70,6 +76,103 @@ def test_a_robot_of_ones_own(tmp_path, monkeypatch, capsys):
     assert Path('identified/model.yaml').is_file()
 
 
+LIMITLESS = """\
+schema: par4/robot/1
+name: mine
+geometry: {arm_length: 0.375, forearm_length: 0.825, base_radius: 0.275, platform_radius: 0.06,
+           platform_bar_length: 0.1}
+drives: {gain: [12.7, 12.7, 12.7, 12.7]}
+limits: {joint_speed: 14.0, workspace: {radius: 0.4}}
+"""
+TOLD = ('limits that the file of robot mine leaves out are those of the reference robot: '
+        'drives.torque_limit 200, limits.joint_position [-1, 1.6], limits.workspace.z [-0.9, '
+        '-0.55], limits.workspace.theta 0.7854; write your own into it, see docs/robot_file.md')
+
+
+@pytest.mark.usefixtures('unrendered')
+@pytest.mark.parametrize('line', [
+    'par4_simulate adept --rate 100 --output out',
+    'par4_push --force 50 --output out',
+    'par4_excite --duration 4 --starts 1 --harmonics 2 --output out.yaml',
+    'par4_track adept --jerk 30000 --output out',
+    'par4_fastest adept --jerk 30000 --timing own --output out'])
+def test_limits_that_a_robot_file_leaves_out_are_told(tmp_path, monkeypatch, capsys, line):
+    monkeypatch.chdir(tmp_path)
+    Path('robot.yaml').write_text(LIMITLESS)
+    name, *words = line.split()
+    command_of(name).main([*words, '--robot', 'robot.yaml'], standalone_mode=False)
+    assert capsys.readouterr().out.splitlines()[-1] == TOLD
+
+
+def test_nothing_is_told_of_limits_that_are_all_given():
+    assert limits_not_given(REFERENCE) == ()
+
+
+def test_robot_files_of_the_page_are_read(tmp_path):
+    machines = []
+    for text in blocks('robot_file', 'yaml'):
+        path = tmp_path / 'robot.yaml'
+        path.write_text(text)
+        machines.append(read_machine(path))
+    par4, turning, sliding = machines
+    assert par4 == REFERENCE
+    assert isinstance(turning, Axis)
+    assert isinstance(sliding, Axis)
+    assert (turning.kind, sliding.kind) == ('revolute', 'linear')
+
+
+def test_model_files_of_the_page_are_read(tmp_path):
+    slide = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=1.0)
+    path = tmp_path / 'model.yaml'
+    models = []
+    for text, machine in zip(blocks('model_file', 'yaml'), (REFERENCE, REFERENCE, slide),
+                             strict=True):
+        path.write_text(text)
+        models.append(read_model(path, machine))
+    assert models[0].rigid_body == 'full'
+    assert [active.effect.name for active in models[1].effects] == ['cogging']
+    path.write_text('{schema: par4/model/1, parameter: {}}')
+    with pytest.raises(InputError, match=r'parameter: no such key.*see docs/model_file\.md$'):
+        read_model(path, slide)
+
+
+def test_motion_files_of_the_page_are_read(tmp_path):
+    *recipes, samples = blocks('motion_file', 'yaml')
+    assert len(recipes) == len(RECIPES)
+    for text in (*recipes, samples):
+        (tmp_path / 'asked.yaml').write_text(text)
+        motion = named_motion(tmp_path / 'asked.yaml', REFERENCE)
+        write_motion(tmp_path / 'motion.yaml', motion, 'platform')  # the samples of the last one
+
+
+@pytest.mark.parametrize('text', [
+    '{schema: par4/motion/2}', '{schema: par4/motion/1}',
+    '{schema: par4/motion/1, recipe: {kind: circle, raduis: 0.1}}',
+    '{schema: par4/motion/1, recipe: {kind: square}}'])
+def test_a_motion_file_that_is_refused_names_the_page_with_its_keys(tmp_path, text):
+    path = tmp_path / 'motion.yaml'
+    path.write_text(text)
+    with pytest.raises(InputError, match=r'see docs/motion_file\.md$'):
+        named_motion(path, REFERENCE)
+
+
+@pytest.mark.parametrize(('text', 'told'), [
+    ('schema: par4/robot/2', 'expected schema par4/robot/1 or par4/axis/1'),
+    ('- a list', 'expected a mapping'),
+    ('{schema: par4/axis/1, name: a, joint: a, kind: revolute, gain: 1.0, geer_ratio: 3.0}',
+     'geer_ratio: no such key (found 3.0)'),
+    ('{schema: par4/robot/1, name: a}', 'geometry: Field required')])
+def test_a_robot_file_that_is_refused_names_the_page_with_its_keys(tmp_path, text, told):
+    path = tmp_path / 'robot.yaml'
+    path.write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_machine(path)
+    assert told in str(refused.value)
+    page = str(refused.value).rpartition('; see ')[2]
+    assert page == 'docs/robot_file.md'
+    assert (DOCS.parent / page).is_file()
+
+
 def test_a_fault_step_by_step(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     scope, lines = told_by('fault_step_by_step', capsys)
@@ -94,6 +197,43 @@ def test_commands_of_a_tutorial_are_there_with_these_options(page):
     assert lines or page == 'effect_of_your_own'
     for line in lines:
         expect_known_options(line)
+
+
+def commands(page: str) -> list[str]:
+    """Return the command lines of a page that begin with an executable, without comments."""
+    return [line.partition(' #')[0] for block in blocks(page, '') for line in block.splitlines()
+            if line.split(' ')[0] in {*TOOLS, *NODES}]
+
+
+@pytest.mark.parametrize('page', ['../README', 'hardware'])
+def test_commands_of_a_page_have_parameters_that_are_there(page, monkeypatch, capsys):
+    nodes = 0
+    for line in commands(page):
+        name, *words = shlex.split(line)
+        if name == 'par4_cell':
+            composition, *given = words
+            COMPOSITIONS[composition].session(dict(word.split(':=') for word in given))
+        elif name in TOOLS:
+            if '--inspect' not in words:
+                expect_known_options(line)
+        else:
+            monkeypatch.setattr(sys, 'argv', [name, '--help'])
+            entry, = entry_points(group='console_scripts', name=name)
+            assert entry.load()() == 0
+            known = re.findall(r'^  (\w+):=', capsys.readouterr().out, re.MULTILINE)
+            assert words[0] == '--ros-args'
+            assert set(words[1::2]) == {'-p'}
+            assert {word.partition(':=')[0] for word in words[2::2]} <= {*known, 'use_sim_time'}
+            nodes += 1
+    assert nodes >= 4
+
+
+def test_the_slow_circle_of_the_page_is_slow(tmp_path):
+    text, = blocks('hardware', 'yaml')
+    (tmp_path / 'slow.yaml').write_text(text)
+    slow = REFERENCE.model_copy(update={
+        'limits': REFERENCE.limits.model_copy(update={'joint_speed': 0.5})})
+    assert named_motion(tmp_path / 'slow.yaml', slow).duration > 3.0
 
 
 @pytest.mark.parametrize('name', sorted(TOOLS))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import re
 import runpy
 import sys
@@ -12,8 +13,12 @@ from pathlib import Path
 
 import pytest
 
+from par4_dynamics import model_keys
+from par4_dynamics.base_terms import TERMS
 from par4_dynamics.effects import catalogue
-from par4_kinematics import interface
+from par4_dynamics.model_file import ModelFile
+from par4_kinematics import interface, motion_recipes, robot_file
+from par4_kinematics.motion_file import RECIPES
 
 ROOT = Path(__file__).parents[1]
 CHAIN = ('par4_kinematics', 'par4_dynamics', 'par4_sim', 'par4_identification')
@@ -158,6 +163,30 @@ def test_interface_document_is_the_table():
 def test_effects_document_is_the_catalogue():
     written = (ROOT / 'docs' / 'effects.md').read_text(encoding='utf-8')
     assert written == catalogue.markdown(), 'run make docs'
+
+
+def test_robot_file_document_is_the_schema():
+    for schema, words in ((robot_file.Robot, robot_file.ROBOT_KEYS),
+                          (robot_file.Axis, robot_file.AXIS_KEYS)):
+        assert [key for key, _ in robot_file.leaves(schema)] == list(words)
+    written = (ROOT / 'docs' / 'robot_file.md').read_text(encoding='utf-8')
+    assert written == robot_file.markdown(), 'run make docs'
+
+
+def test_model_file_document_is_the_schema():
+    fields = ModelFile.model_fields
+    assert [field.alias or name for name, field in fields.items()] == list(model_keys.KEYS)
+    assert list(TERMS) == list(model_keys.WORDS)
+    written = (ROOT / 'docs' / 'model_file.md').read_text(encoding='utf-8')
+    assert written == model_keys.markdown(), 'run make docs'
+
+
+def test_motion_file_document_is_that_of_the_functions():
+    written = (ROOT / 'docs' / 'motion_file.md').read_text(encoding='utf-8')
+    assert written == motion_recipes.markdown(), 'run make docs'
+    for kind, function in RECIPES.items():
+        told = [name for names in motion_recipes.meanings(function) for name in names]
+        assert sorted(told) == sorted(inspect.signature(function).parameters), kind
 
 
 def test_every_dependency_is_pinned_and_explained():

@@ -309,9 +309,23 @@ def test_a_speed_is_the_slope_across_gaps_and_empty_cells(empty, tmp_path):
 
 
 def test_a_span_of_an_array_is_its_columns():
-    chosen = chosen_columns('position=q[2-4]:rad torque=tau[1],tau[3],5:Nm')
-    assert chosen['position'].columns == ('q[2]', 'q[3]', 'q[4]')
-    assert chosen['torque'].columns == ('tau[1]', 'tau[3]', '5')
+    for mark in (' ', ',', ', '):  # entries may be parted by commas, as columns are
+        chosen = chosen_columns(f'position=q[2-4]:rad{mark}torque=tau[1],tau[3],5:Nm')
+        assert chosen['position'].columns == ('q[2]', 'q[3]', 'q[4]')
+        assert chosen['torque'].columns == ('tau[1]', 'tau[3]', '5')
+
+
+def test_dates_become_stamps(tool, tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text('t,q,tau\n' + ''.join(
+        f'2026-01-01T00:00:{t:06.3f},{q!r},{tau!r}\n'
+        for t, q, tau in zip(T.tolist(), Q.tolist(), TAU.tolist())))
+    told = tool(path, '--columns', 'time=t:iso position=q:rad torque=tau:Nm', '--joints', 'motor',
+                '--output', tmp_path / 'bag')
+    assert told.code == 0, told.err
+    log = read_log(tmp_path / 'bag', axis())
+    assert log.start_stamp == pytest.approx(1_767_225_600 * 10 ** 9, abs=1000)
+    assert log.period == pytest.approx(PERIOD, rel=1e-4)
 
 
 # ---------------------------------------------------------------------------- what is refused
@@ -349,6 +363,9 @@ def test_columns_that_make_no_sense_are_refused(columns, words):
     (('--columns', 'position=q:rad torque=tau:Nm', '--joints', 'a'), 'or --rate in Hz'),
     (('--columns', 'time=t:s position=q:rad torque=current:A', '--joints', 'a'),
      '--motor-gain has 0 numbers, give one'),
+    (('--columns', 'time=t:s position=q:rad torque=tau:A', '--joints', 'a'),
+     'give one: torque at the joint per ampere, N m/A (on a slide N/A), that of the nameplate '
+     'times the gear ratio; or write it into the robot file as motor_gain'),
     (('--columns', 'time=t:s position=q:counts torque=tau:Nm', '--joints', 'a',
       '--counts-per-turn', '8,9'), '--counts-per-turn has 2 numbers'),
     (('--columns', COLUMNS, '--joints', 'a', '--counts-per-turn', 4096),

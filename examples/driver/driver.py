@@ -2,8 +2,9 @@
 
     python examples/driver/driver.py [--ros-args -r __ns:=/cell]
 
-Replace `Amplifiers` by what talks to yours; the rest may stay. This one stands for a machine that
-follows perfectly and takes the torque of TABLE 1. docs/hardware.md explains each step.
+Replace `Amplifiers` by what talks to yours and give `ROBOT` its robot.yaml; the rest may stay. This
+one stands for a machine that follows perfectly and takes the torque of TABLE 1. docs/hardware.md
+explains each step.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from par4_kinematics.interface import (
     REFERENCE,
     START_DELAY,
 )
-from par4_kinematics.limits import check_torque
+from par4_kinematics.limits import check_torque, limits_not_given
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES, read_robot
 from par4_kinematics.ros.convert import read_trajectory, write_joint_state
@@ -79,6 +80,8 @@ class Driver:
         self.states, self.voltages = (
             self.node.create_publisher(JointState, topic.name, qos_of(topic))
             for topic in (JOINT_STATES, AMPLIFIER_VOLTAGE))
+        for line in limits_not_given(ROBOT):
+            self.node.get_logger().warning(line)
 
     def times(self, points) -> np.ndarray:
         """Return the times of points, s since the start; a stamp of zero begins 0.2 s from now."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, ClassVar, Final, Literal
 
 from pydantic import Field, StrictFloat, field_validator
 
@@ -20,6 +20,8 @@ from par4_kinematics.files import (
 )
 
 MODEL_SCHEMA: Final = 'par4/model/1'
+PAGE = 'docs/model_file.md'
+"""Of the documentation: every key."""
 RigidBody = Literal['paper', 'full']
 """Equation (20) as printed, or with the masses of rods and bars where they are."""
 
@@ -51,6 +53,7 @@ class ModelFile(FileModel):
         provenance: where the model comes from; only for readers.
     """
 
+    page: ClassVar[str] = PAGE
     schema_name: Literal['par4/model/1'] = Field(MODEL_SCHEMA, alias='schema')
     rigid_body: RigidBody = 'paper'
     parameters: dict[str, Parameter]
@@ -97,7 +100,7 @@ def read_model_file(name_or_path: str | Path) -> ModelFile:
     """
     path = resolve_builtin(name_or_path, 'par4_dynamics')
     content = read_yaml(path)
-    expect_schema(content, (MODEL_SCHEMA,), str(path))
+    expect_schema(content, (MODEL_SCHEMA,), str(path), PAGE)
     return parse(content, ModelFile, str(path))
 
 

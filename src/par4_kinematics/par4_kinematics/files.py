@@ -12,7 +12,7 @@ from copy import deepcopy
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 from ruamel.yaml import YAML
@@ -25,8 +25,13 @@ _QUOTE.maxlevel, _QUOTE.maxstring, _QUOTE.maxother = 3, 120, 120
 
 
 class FileModel(BaseModel):
-    """Base of everything read from YAML: immutable, finite numbers, unknown keys refused."""
+    """Base of everything read from YAML: immutable, finite numbers, unknown keys refused.
 
+    Attributes:
+        page: of the documentation that has the keys of the file.
+    """
+
+    page: ClassVar[str] = 'docs/interface.md'
     model_config = ConfigDict(frozen=True, extra='forbid', allow_inf_nan=False)
 
 
@@ -39,7 +44,9 @@ def _no_word(value: object) -> object:
 
 Whole = Annotated[int, BeforeValidator(_no_word)]
 """A whole number; 1e5 is one. Of numbers that need not be whole pydantic has `StrictFloat`."""
-FileType = TypeVar('FileType', bound=BaseModel)
+FileType = TypeVar('FileType', bound=FileModel)
+_MESSAGES = {'extra_forbidden': 'no such key'}
+"""What is said of a type of error in the place of pydantic's words."""
 
 
 def read_yaml(path: str | Path) -> object:
@@ -83,21 +90,27 @@ def parse(content: object, model: type[FileType], source: str) -> FileType:
     except ValidationError as error:
         found = '; '.join(
             f'{".".join(map(str, item["loc"])) or "file"}: '
-            f'{item["msg"].removeprefix("Value error, ")}'
+            f'{_MESSAGES.get(item["type"], item["msg"]).removeprefix("Value error, ")}'
             + (f' (found {quoted(item["input"])})' if not isinstance(item['input'], dict) else '')
             for item in error.errors()[:4]
         )
-        raise InputError(f'{source}: {found}; see docs/interface.md') from error
+        raise InputError(f'{source}: {found}; see {model.page}') from error
 
 
-def expect_schema(content: object, schemas: tuple[str, ...], source: str) -> str:
-    """Return the schema that `content` declares, which must be one of `schemas`."""
+def expect_schema(content: object, schemas: tuple[str, ...], source: str,
+                  page: str = FileModel.page) -> str:
+    """Return the schema that `content` declares, which must be one of `schemas`.
+
+    Raises:
+        InputError: it declares another one or none; `page` tells what such a file has.
+    """
     if not isinstance(content, dict):
         raise InputError(f'{source}: expected a mapping with `schema: {schemas[0]}`, found '
-                         f'{type(content).__name__}')
+                         f'{type(content).__name__}; see {page}')
     found = content.get('schema')
     if found not in schemas:
-        raise InputError(f'{source}: expected schema {" or ".join(schemas)}, found {quoted(found)}')
+        raise InputError(f'{source}: expected schema {" or ".join(schemas)}, found '
+                         f'{quoted(found)}; see {page}')
     return found
 
 

@@ -113,12 +113,15 @@ EXECUTABLES = (
 )
 
 SCHEMAS = (
-    ('robot.yaml', 'par4/robot/1', 'a robot with the Par4 topology'),
+    ('robot.yaml', 'par4/robot/1', 'a robot with the Par4 topology; its keys: '
+                                   '[robot_file.md](robot_file.md)'),
     ('robot.yaml', 'par4/axis/1', 'a single motor-driven axis; its keys: '
-                                  '[measured.md](measured.md)'),
+                                  '[robot_file.md](robot_file.md)'),
     ('model.yaml', 'par4/model/1', 'parameters and effects: identification, feedforward and '
-                                   'simulation share it'),
-    ('motion.yaml', 'par4/motion/1', 'a recipe, or samples in a CSV beside it'),
+                                   'simulation share it; its keys: '
+                                   '[model_file.md](model_file.md)'),
+    ('motion.yaml', 'par4/motion/1', 'a recipe, or samples in a CSV beside it; its keys: '
+                                     '[motion_file.md](motion_file.md)'),
     ('identification.json', 'par4/identification/1', 'written by `par4_identify`'),
     ('validation.json', 'par4/validation/1', 'written by `par4_validate`'),
     ('diagnosis.json', 'par4/diagnosis/1', 'written by `par4_diagnose`'),
@@ -135,7 +138,8 @@ START_DELAY = 0.2
 """Seconds from receipt to the start of a reference whose stamp is zero."""
 
 
-def _table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+def table(header: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    """Return a table as the generated pages have it."""
     lines = ['| ' + ' | '.join(header) + ' |', '|' + '---|' * len(header)]
     return '\n'.join(lines + ['| ' + ' | '.join(row) + ' |' for row in rows])
 
@@ -156,21 +160,21 @@ Reliable, volatile, keep last {JOINT_STATES.depth}; `{ROBOT_DESCRIPTION.name}`
 A stamp is the time at which the value is valid, never that of publishing. With a simulation all
 stamps are on its clock and every other node runs with `use_sim_time`.
 
-{_table(('topic', 'type', 'from -> to', 'content'), topics)}
+{table(('topic', 'type', 'from -> to', 'content'), topics)}
 
 ## Services (std_srvs/Trigger)
 
-{_table(('node', 'services'), services)}
+{table(('node', 'services'), services)}
 
 ## Executables
 
-{_table(('package', 'executable', 'purpose'), [(a, f'`{b}`', c) for a, b, c in EXECUTABLES])}
+{table(('package', 'executable', 'purpose'), [(a, f'`{b}`', c) for a, b, c in EXECUTABLES])}
 
 ## Files
 
 SI units, radians; YAML 1.2 (`1e-3` is a number).
 
-{_table(('file', 'schema', 'content'), [(f'`{a}`', f'`{b}`', c) for a, b, c in SCHEMAS])}
+{table(('file', 'schema', 'content'), [(f'`{a}`', f'`{b}`', c) for a, b, c in SCHEMAS])}
 """
 
 

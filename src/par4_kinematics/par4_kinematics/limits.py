@@ -15,7 +15,7 @@ import numpy as np
 
 from par4_kinematics.errors import InputError
 from par4_kinematics.position import forward_kinematics, forward_sample, mid_height_home
-from par4_kinematics.robot import Robot
+from par4_kinematics.robot import PAGE, Robot
 
 TOLERANCE = 1e-6
 """By how much a limit may be exceeded, rad, rad/s, m: rounding, no more."""
@@ -36,6 +36,29 @@ class Breach:
     row: int
     found: str
     allowed: str
+
+
+def limits_not_given(robot: Robot) -> tuple[str, ...]:
+    """Return a line on the limits that the robot's file leaves to their defaults; none if none.
+
+    Whoever holds a motion or a torque against them tells it: the defaults are limits of the
+    reference robot.
+    """
+    limits, space = robot.limits, robot.limits.workspace
+    missing = [f'{above}{name} {_in_yaml(getattr(part, name))}' for above, part, names in (
+        ('drives.', robot.drives, ('torque_limit',)),
+        ('limits.', limits, ('joint_position', 'joint_speed')),
+        ('limits.workspace.', space, ('radius', 'z', 'theta')))
+        for name in names if name not in part.model_fields_set]
+    if not missing:
+        return ()
+    return (f'limits that the file of robot {robot.name} leaves out are those of the reference '
+            f'robot: {", ".join(missing)}; write your own into it, see {PAGE}',)
+
+
+def _in_yaml(value: float | tuple[float, ...]) -> str:
+    return (f'[{", ".join(f"{part:g}" for part in value)}]' if isinstance(value, tuple) else
+            f'{value:.4g}')
 
 
 def joint_acceleration_limit(robot: Robot) -> float:

@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, Literal, get_type_hints
+from typing import Any, ClassVar, Final, Literal, get_type_hints
 
 import numpy as np
 from pydantic import Field, create_model, model_validator
@@ -39,6 +39,8 @@ from par4_kinematics.online import online_motion
 from par4_kinematics.robot import Robot
 
 MOTION_SCHEMA: Final = 'par4/motion/1'
+PAGE = 'docs/motion_file.md'
+"""Of the documentation: the keys of every recipe."""
 COLUMNS = {'joint': JOINT_COLUMNS, 'platform': PLATFORM_COLUMNS}
 RECIPES: dict[str, Callable[..., Motion]] = {
     'adept': adept_motion, 'excitation': excitation_motion, 'circle': circle_motion,
@@ -66,6 +68,7 @@ ROUNDING = 1e-6
 class MotionFile(FileModel):
     """The content of `motion.yaml`: either `recipe`, or `frame` and `samples`."""
 
+    page: ClassVar[str] = PAGE
     schema_name: Literal['par4/motion/1'] = Field(MOTION_SCHEMA, alias='schema')
     recipe: dict[str, Any] | None = None
     frame: Literal['joint', 'platform'] | None = None
@@ -83,14 +86,20 @@ class MotionFile(FileModel):
         return self
 
 
-def _recipe_model(kind: str) -> type[FileModel]:
+class Recipe(FileModel):
+    """Base of the schemas of recipes."""
+
+    page: ClassVar[str] = PAGE
+
+
+def recipe_model(kind: str) -> type[Recipe]:
     """Return the schema of a kind of recipe: its function's arguments, types and defaults."""
     function = RECIPES[kind]
     types = get_type_hints(function)
     fields: dict[str, Any] = {
         name: (types[name], ... if argument.default is argument.empty else argument.default)
         for name, argument in inspect.signature(function).parameters.items() if name != 'robot'}
-    return create_model(f'{kind.capitalize()}Recipe', __base__=FileModel,
+    return create_model(f'{kind.capitalize()}Recipe', __base__=Recipe,
                         **{'kind': (Literal[kind], ...), **fields})
 
 
@@ -98,8 +107,8 @@ def _checked_recipe(recipe: Mapping[str, Any], source: str) -> FileModel:
     kind = recipe.get('kind')
     if not isinstance(kind, str) or kind not in RECIPES:
         raise InputError(f'{source}: expected a recipe of kind {", ".join(RECIPES)}, found '
-                         f'{kind!r}')
-    return parse(dict(recipe), _recipe_model(kind), f'{source}: recipe {kind}')
+                         f'{kind!r}; see {PAGE}')
+    return parse(dict(recipe), recipe_model(kind), f'{source}: recipe {kind}')
 
 
 def motion_of_recipe(recipe: Mapping[str, Any], robot: Robot, source: str = 'recipe') -> Motion:
@@ -198,7 +207,7 @@ def read_motion(path: str | Path, robot: Robot) -> Motion:
     """
     path = Path(path)
     content = read_yaml(path)
-    expect_schema(content, (MOTION_SCHEMA,), str(path))
+    expect_schema(content, (MOTION_SCHEMA,), str(path), PAGE)
     motion_file = parse(content, MotionFile, str(path))
     if motion_file.recipe is not None:
         return motion_of_recipe(motion_file.recipe, robot, str(path))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, StrictFloat, field_validator, model_validator
 
@@ -20,6 +20,8 @@ from par4_kinematics.geometry import LEGS, Angle, Geometry, Length, ascending
 
 ROBOT_SCHEMA = 'par4/robot/1'
 AXIS_SCHEMA = 'par4/axis/1'
+PAGE = 'docs/robot_file.md'
+"""Of the documentation: every key of both files."""
 Hanging = Literal['turning', 'sliding']
 """How a single axis carries a weight: on a lever that turns, or up and down."""
 JOINT_NAMES = tuple(f'arm_joint_{leg}' for leg in range(LEGS))
@@ -107,6 +109,7 @@ class Robot(FileModel):
         limits: of joint positions and speeds, and of the workspace.
     """
 
+    page: ClassVar[str] = PAGE
     schema_name: Literal['par4/robot/1'] = Field(alias='schema')
     name: str
     geometry: Geometry
@@ -140,6 +143,7 @@ class Axis(FileModel):
         motor_gain: torque or force at the joint per ampere, N m/A or N/A, or None.
     """
 
+    page: ClassVar[str] = PAGE
     schema_name: Literal['par4/axis/1'] = Field(alias='schema')
     name: str
     joint: str
@@ -176,7 +180,7 @@ def read_machine(name_or_path: str | Path) -> Robot | Axis:
     """
     path = resolve_builtin(name_or_path, 'par4_kinematics')
     content = read_yaml(path)
-    schema = expect_schema(content, (ROBOT_SCHEMA, AXIS_SCHEMA), str(path))
+    schema = expect_schema(content, (ROBOT_SCHEMA, AXIS_SCHEMA), str(path), PAGE)
     if schema == ROBOT_SCHEMA:
         return parse(content, Robot, str(path))
     return parse(content, Axis, str(path))
@@ -190,5 +194,5 @@ def read_robot(name_or_path: str | Path) -> Robot:
     """
     path = resolve_builtin(name_or_path, 'par4_kinematics')
     content = read_yaml(path)
-    expect_schema(content, (ROBOT_SCHEMA,), str(path))
+    expect_schema(content, (ROBOT_SCHEMA,), str(path), PAGE)
     return parse(content, Robot, str(path))

@@ -46,6 +46,7 @@ from par4_identification.setup_check.unusable import diagnosed_if_sound, sound_o
 from par4_identification.signals.rows import Conditioning
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
+from par4_kinematics.limits import limits_not_given
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.motion_file import free_motion_path, is_untouched, write_motion
 from par4_kinematics.robot import Axis, Robot, read_machine
@@ -192,7 +193,7 @@ def diagnose_bags(asked: Asked) -> None:
         for file in (outdated, outdated.with_suffix('.csv')):
             file.unlink(missing_ok=True)
     console = Console(highlight=False)
-    for line in outcome.first:
+    for line in (*outcome.first, *(remark.text for remark in untold)):
         console.print(line, soft_wrap=not console.is_terminal, markup=False)
     if isinstance(diagnosis, Diagnosis) and changes is not None:
         console.print(errors_in_lines(changes, diagnosis, machine), soft_wrap=True, markup=False)
@@ -200,6 +201,9 @@ def diagnose_bags(asked: Asked) -> None:
                   soft_wrap=not console.is_terminal, markup=False)
     console.print(f'results{" and report" if asked.report else ""}: {asked.output}',
                   soft_wrap=True, markup=False)
+    if isinstance(machine, Robot) and experiment is not None and experiment.motion is not None:
+        for line in limits_not_given(machine):  # which the proposed motion keeps
+            console.print(line, soft_wrap=True, markup=False)
 
 
 def motion_of_earlier_run(folder: Path) -> Path | None:

@@ -21,6 +21,7 @@ from par4_identification.reports.outcome.results import provenance
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import read_robot
 from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.terminal import print_table
 
 
 def find_gains(pushes: tuple[str, ...], robot: str, output: Path,
@@ -59,8 +60,8 @@ def find_gains(pushes: tuple[str, ...], robot: str, output: Path,
         table.add_column(name, justify='right' if name else 'left', no_wrap=True)
     for row in gains_rows(gains, machine):
         table.add_row(*row)
+    print_table(table)
     console = Console(highlight=False)
-    console.print(table)
     reservations = [f'- {remark.text} {remark.advice}'.rstrip() for remark in outcome.remarks
                     if not remark.good]
     for line in (outcome.sentence, *reservations):

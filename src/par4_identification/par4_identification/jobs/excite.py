@@ -25,9 +25,11 @@ from par4_identification.excitation.precision import Precision, expected_precisi
 from par4_identification.excitation.quasi_random import quasi_random_within
 from par4_identification.excitation.request import DesignRequest
 from par4_kinematics.errors import InputError
+from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion_file import write_motion
 from par4_kinematics.robot import read_robot
 from par4_sim.report.results import refuse_unwritable
+from par4_sim.report.terminal import print_table
 from par4_sim.report.words import in_words, number, percent
 
 
@@ -55,12 +57,12 @@ def excite(robot: str, model: str, output: Path, duration: float, joint_speed: f
     designed, undesigned = (expected_precision(motion, machine, truth, noise)
                             for motion in (design.motion, random))
     write_motion(output, design.motion, 'platform')
+    print_table(precision_table(designed, undesigned))
+    print_table(limits_table(limits, design, largest_loads(limits, random, machine, truth)))
     console = Console(highlight=False)
-    console.print(precision_table(designed, undesigned))
-    console.print(limits_table(limits, design, largest_loads(limits, random, machine, truth)))
     console.print(sentence(design, designed, undesigned, noise), soft_wrap=not console.is_terminal)
-    console.print(f'motion: {output} and {output.with_suffix(".csv")}', soft_wrap=True,
-                  markup=False)
+    for line in (f'motion: {output} and {output.with_suffix(".csv")}', *limits_not_given(machine)):
+        console.print(line, soft_wrap=True, markup=False)
 
 
 def noise_of(given: tuple[float, ...], joints: int) -> np.ndarray:

@@ -37,6 +37,7 @@ from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.terminal import print_table
 from par4_sim.report.words import in_words, listed, percent, with_std
 
 
@@ -148,7 +149,7 @@ def identify_bags(asked: Asked) -> None:
     console = Console(highlight=False)
     for line in outcome.first:
         console.print(line, soft_wrap=not console.is_terminal, markup=False)
-    console.print(terminal_table(table))
+    print_table(terminal_table(table))
     findings = [remark.text for remark in (*estimator_remarks(identification, machine), *found)
                 if remark.good]
     reservations = [f'- {remark.text} {remark.advice}'.rstrip() for remark in outcome.remarks

@@ -13,6 +13,7 @@ from rich.table import Table
 from par4_identification.inspection.inspection import Inspection, inspect_bag
 from par4_kinematics.robot import read_machine
 from par4_sim.report.results import plain
+from par4_sim.report.terminal import print_table
 
 
 def inspect(bag: Path, robot: str, namespace: str | None, as_json: bool) -> None:
@@ -34,7 +35,7 @@ def _show(found: Inspection, console: Console) -> None:
     say(f'{found.bag}: read as a recording of {found.machine}{length}')
     if found.cut_off is not None:
         say(f'not readable as it is: {found.cut_off}; what follows can be recovered')
-    console.print(_table(
+    print_table(_table(
         ('topic', 'type', 'messages', 'Hz', 'gaps', 'longest', 'by'), (2, 3, 4, 5),
         [(topic.name, topic.type.rpartition('/')[2], str(topic.messages),
           _number(topic.rate), _number(topic.gaps),
@@ -50,8 +51,8 @@ def _show(found: Inspection, console: Console) -> None:
                      '' if motion is None else f'{motion.peak_speed:.3g}',
                      '' if motion is None else f'{motion.seconds:.3g} s', ', '.join(also)))
     if rows:
-        console.print(_table(('joint', 'samples', 'from', 'to', 'speed', 'moves', 'also'),
-                             (1, 2, 3, 4, 5), rows))
+        print_table(_table(('joint', 'samples', 'from', 'to', 'speed', 'moves', 'also'),
+                           (1, 2, 3, 4, 5), rows))
     for finding in found.findings:
         say(f'look at this: {finding}')
     reasons = {item.reason for item in found.fitness}

@@ -19,6 +19,11 @@ from par4_kinematics.errors import InputError
 EXAMPLE = 'time=1:ms position=angle:deg torque=current:A'
 MOST_COLUMNS = 1000
 """In a span of columns."""
+MISSING = {
+    'counts_per_turn': 'counts of the encoder for one turn of the joint, behind its gear',
+    'motor_gain': 'torque at the joint per ampere, N m/A (on a slide N/A), that of the nameplate '
+                  'times the gear ratio; or write it into the robot file as motor_gain'}
+"""What a number of the machine is, where it is missing."""
 LONGEST_NUMBER = 9
 """Digits of the number of a column."""
 
@@ -66,8 +71,9 @@ def chosen_columns(text: str) -> dict[str, Choice]:
         InputError: another form, an unknown quantity or unit, no position, neither torque nor
             voltage, numbers of columns that differ, or a column that is two quantities.
     """
+    entries = re.sub(rf',\s*(?=(?:{"|".join(UNITS)})=)', ' ', text)  # parted by commas, too
     try:
-        words = shlex.split(text)
+        words = shlex.split(entries)
     except ValueError as error:
         raise InputError(f'--columns {text!r}: {error}; close the quotes') from None
     choices: dict[str, Choice] = {}
@@ -150,6 +156,7 @@ def si_factors(choice: Choice, scales: Scales, joints: int) -> np.ndarray:
     option = '--' + unit.scale.replace('_', '-')
     if len(given) not in (1, joints):
         raise InputError(f'{choice.quantity} in {choice.unit}: {option} has {len(given)} numbers, '
-                         f'give one' + (f' or {joints}' if joints > 1 else ''))
+                         f'give one' + (f' or {joints}' if joints > 1 else '')
+                         + ('' if given else f': {MISSING[unit.scale]}'))
     scale = np.broadcast_to(np.array(given), (joints,))
     return unit.factor * scale if unit.scale == 'motor_gain' else unit.factor / scale

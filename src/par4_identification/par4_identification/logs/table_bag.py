@@ -12,7 +12,7 @@ from par4_identification.logs.column_choice import Choice, Scales, refuse_unused
 from par4_identification.logs.log_table import read_columns
 from par4_identification.logs.measured import Measured, are_readings
 from par4_identification.logs.series import FEWEST_SAMPLES
-from par4_identification.logs.units import FASTEST, SLOWEST
+from par4_identification.logs.units import DATES, FASTEST, SLOWEST
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
@@ -67,11 +67,12 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
     refuse_unused(scales, choices)
     factors = {quantity: si_factors(choice, scales, len(choices['position'].columns))
                for quantity, choice in choices.items()}
+    dates = [name for choice in choices.values() if choice.unit == DATES for name in choice.columns]
     blocks: dict[str, list[np.ndarray]] = {quantity: [] for quantity in choices}
     lengths = []
     for file in files:
         columns = read_columns(file, tuple(dict.fromkeys(
-            name for choice in choices.values() for name in choice.columns)), part.array)
+            name for choice in choices.values() for name in choice.columns)), part.array, dates)
         for quantity, choice in choices.items():
             with np.errstate(over='ignore'):  # what becomes infinite holds no number
                 blocks[quantity].append(

@@ -8,11 +8,13 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion_file import is_untouched, write_motion
 from par4_sim.choices import OWN, TIME_OPTIMAL
 from par4_sim.jobs.comparison import read_asked
 from par4_sim.plant import STEP
 from par4_sim.report.results import origin, write_results
+from par4_sim.report.terminal import print_table
 from par4_sim.tracking.fastest import fastest_cases
 
 TOOL = 'par4_fastest'
@@ -61,7 +63,6 @@ def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | No
         elif is_untouched(place, TOOL):  # the fastest motion of an earlier run is none of this one
             place.unlink()
             place.with_suffix('.csv').unlink()
-    console = Console(highlight=False)
     table = Table(box=None, header_style='', pad_edge=False)
     for name in NAMES:
         table.add_column(name, no_wrap=True)
@@ -69,6 +70,8 @@ def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | No
         table.add_column(heading, justify='right', min_width=7)
     for names, cells in rows_of_fastest(found, bound):
         table.add_row(*names, *cells)
-    console.print(table)
-    for text in (outcome.sentence, f'results and report: {asked.output}'):
+    print_table(table)
+    console = Console(highlight=False)
+    for text in (outcome.sentence, f'results and report: {asked.output}',
+                 *limits_not_given(robot)):
         console.print(text, soft_wrap=True, markup=False)

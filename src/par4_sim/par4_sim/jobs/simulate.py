@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from par4_dynamics.model import read_model
+from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
 from par4_kinematics.stamps import SECOND
@@ -19,7 +20,7 @@ def simulated(motion: str, robot: str, model: str, output: Path, fidelity: str,
              torque_noise: float, noise_time: float, position_noise: float, stamp_jitter: float,
              rate: float, date: datetime | None, storage: str,
              progress: Callable[[float], object]) -> str:
-    """Simulate a motion into a bag and return what was done, in a line."""
+    """Simulate a motion into a bag and return what was done, in lines."""
     machine = read_robot(robot)
     truth = read_model(model, machine)
     helping = None if feedforward is None else read_model(feedforward, machine)
@@ -32,8 +33,9 @@ def simulated(motion: str, robot: str, model: str, output: Path, fidelity: str,
     if feedforward is None:
         counts.pop('missing_effort')
     troubles = ', '.join(f'{name} {count}' for name, count in counts.items() if count)
-    return (f'{output}: {played.duration:.1f} s of {played.name} on {machine.name} '
-            f'({fidelity}){"; " + troubles if troubles else ""}')
+    return '\n'.join((
+        f'{output}: {played.duration:.1f} s of {played.name} on {machine.name} '
+        f'({fidelity}){"; " + troubles if troubles else ""}', *limits_not_given(machine)))
 
 
 def nanoseconds(date: datetime) -> int:

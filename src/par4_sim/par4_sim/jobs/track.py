@@ -7,8 +7,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from par4_kinematics.limits import limits_not_given
 from par4_sim.jobs.comparison import read_asked
 from par4_sim.report.results import origin, write_results
+from par4_sim.report.terminal import print_table
 from par4_sim.report.words import in_words
 from par4_sim.tracking.case import Case, compared, model_name
 from par4_sim.tracking.comparison import (
@@ -36,9 +38,10 @@ def track(band: float, **options: Any) -> None:
             'tracking.json': tracking_json(cases, played, robot, plan.cycles, plan.band,
                                            provenance),
             'report.html': report_of_tracking(cases, outcome, robot, plan.band, provenance)})
+    print_table(_table(cases))
     console = Console(highlight=False)
-    console.print(_table(cases))
-    for text in (outcome.sentence, f'results and report: {asked.output}'):
+    for text in (outcome.sentence, f'results and report: {asked.output}',
+                 *limits_not_given(robot)):
         console.print(text, soft_wrap=True, markup=False)
 
 

@@ -157,9 +157,8 @@ def with_changes(outcome: Outcome, changes: Changes, diagnosis: Diagnosis,
     unit = unit_on(machine, 'N m')
     given = f'{number(over_joints(changes.given_rms), 2)} {unit}'
     if not changes.read and not changes.beyond_readings:
-        remark = Remark(True, f'No base parameter differs from {changes.since} beyond chance; as '
-                              f'it stands it leaves {given}.')
-        return replace(outcome, remarks=(remark, *outcome.remarks))
+        return replace(outcome, sentence=f'{outcome.sentence} Since {changes.since} no base '
+                                         f'parameter has changed beyond chance.')
     phrases = phrases_of_changes(changes, machine)
     told = listed(phrases) if phrases else (
         f'base parameters that no known reading explains ({listed(_left_labels(changes)[:3])})')

@@ -156,7 +156,7 @@ def outcome_of_identification(identification: Identification, floor: np.ndarray,
     condition = identification.excitation
     remarks = (
         *estimator_remarks(identification, machine), *_bias_remarks(identification, machine),
-        _excitation_remark(condition), _precision_remark(relative, unsure),
+        _excitation_remark(condition, machine), _precision_remark(relative, unsure),
         _sign_remark(identification), floor_remark(rms, noise, unit),
         _memory_remark(identification), *_left_out_remarks(identification),
         *_joints_remark(estimate.rms, floor, machine),
@@ -225,14 +225,15 @@ def _lumping_remark(identification: Identification, lumping: Lumping) -> Remark:
                   'then the residual tells.')
 
 
-def _excitation_remark(condition: float) -> Remark:
+def _excitation_remark(condition: float, machine: Robot | Axis) -> Remark:
     size = (f'the condition number of the regressor is {number(condition)} '
             f'(good below {LARGEST_CONDITION:.0f}).')
     if condition <= LARGEST_CONDITION:
         return Remark(True, f'The motion excites all parameters: {size}')
     return Remark(False, f'The motion excites some parameters weakly: {size}',
-                  'Record a richer motion: slow and fast, all joints, the whole workspace; '
-                  'par4_excite designs one.')
+                  'Record a richer motion: slow and fast, ' + (
+                      'all joints, the whole workspace; par4_excite designs one.'
+                      if isinstance(machine, Robot) else 'both ways, over the whole range.'))
 
 
 def _precision_remark(relative: dict[str, float], unsure: list[str]) -> Remark:

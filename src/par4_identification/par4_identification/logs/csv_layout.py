@@ -1,0 +1,244 @@
+"""How a CSV file of a logger is written: where its table begins, its names and its marks."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+from collections import deque
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from par4_kinematics.errors import InputError
+
+DELIMITERS = (';', '\t', ',')
+"""Tried in this order: where one of the first two parts the fields, a comma is a decimal comma."""
+COMMENTS = '#%'
+MOST_ABOVE = 10_000
+"""Lines above the data that may hold its header."""
+UNIFORM = 20
+"""Lines below the first of a table that have as many cells, or all to the end of the file."""
+CHUNK = 1 << 20
+"""Characters that are read at a time."""
+EMPTY = {'', 'nan', 'na', 'n/a', 'null', 'none'}
+"""Cells that hold no number, in lower case."""
+
+
+@dataclass(frozen=True)
+class Top:
+    """The first line of a table that is data for certain.
+
+    Attributes:
+        index: lines before it.
+        delimiter: None for spaces.
+        fields: its cells.
+        above: number and text of the lines above it that are not empty.
+    """
+
+    index: int
+    delimiter: str | None
+    fields: Sequence[str]
+    above: Collection[tuple[int, str]]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a CSV file is written.
+
+    Attributes:
+        headers: rows of names above the data: of the columns, of their units; none without header.
+        columns: how many there are.
+        first: lines before the data.
+        delimiter: None for spaces.
+        decimal_comma: whether `1,5` is a number.
+        encoding: of its text.
+    """
+
+    headers: tuple[tuple[str, ...], ...]
+    columns: int
+    first: int
+    delimiter: str | None
+    decimal_comma: bool
+    encoding: str
+
+    def number(self, cell: str) -> float:
+        """Return the number in a cell, NaN in an empty one.
+
+        Raises:
+            ValueError: it holds something else.
+        """
+        if _is_empty(cell):
+            return np.nan
+        return float(cell.replace(',', '.') if self.decimal_comma else cell)
+
+    def date(self, cell: str) -> float:
+        """Return the date of ISO 8601 in a cell in s since 1970, NaN in an empty one.
+
+        A date without a time zone is in UTC.
+
+        Raises:
+            ValueError: it holds something else.
+        """
+        if _is_empty(cell):
+            return np.nan
+        found = datetime.fromisoformat(cell.strip())
+        return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+
+
+def layout_of(path: Path) -> Layout:
+    """Return how a CSV is written.
+
+    Raises:
+        InputError: the file cannot be read as text, or holds no numbers.
+    """
+    try:
+        encoding = _encoding(path)
+        with path.open(encoding=encoding, newline='') as stream:
+            top = _top(line.strip('\r\n') for line in stream)
+        if top is not None:
+            headers, first = _headers(top)
+            with path.open(encoding=encoding, newline='') as stream:
+                decimal_comma = _has_decimal_comma(
+                    (line.strip('\r\n') for line in islice(stream, top.index, None)),
+                    top.delimiter)
+            return Layout(headers, len(top.fields), first, top.delimiter, decimal_comma, encoding)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f'{path}: cannot be read as text ({error}); give a CSV, .npz or .mat file'
+                         ) from error
+    raise InputError(f'{path}: no line of it holds numbers; give a CSV, .npz or .mat file')
+
+
+def _top(lines: Iterable[str]) -> Top | None:
+    """Return the first line with numbers below which the lines have as many cells.
+
+    What a logger writes above its table has numbers, too, such as its rate, but no such lines below
+    it, or a single cell. If no line is like that, as in a damaged file, it is the first one with
+    numbers; None without any.
+    """
+    above: deque[tuple[int, str]] = deque(maxlen=MOST_ABOVE)
+    numbered = ((index, text) for index, text in enumerate(lines) if text.strip())
+    ahead = deque(islice(numbered, UNIFORM))
+    first = None
+    while ahead:
+        index, text = ahead.popleft()
+        ahead.extend(islice(numbered, 1))
+        delimiter = _delimiter(text)
+        fields = fields_of(text, delimiter)
+        if not _is_comment(text) and _is_data(fields, delimiter):
+            if len(fields) > 1 and all(len(fields_of(below, delimiter)) == len(fields)
+                                       for _, below in ahead if not _is_comment(below)):
+                return Top(index, delimiter, fields, above)
+            first = first or Top(index, delimiter, fields, tuple(above))
+        if first is not None and index > first.index + MOST_ABOVE:
+            break
+        above.append((index, text))
+    return first
+
+
+def _delimiter(text: str) -> str | None:
+    return next((mark for mark in DELIMITERS if mark in text), None)
+
+
+def _is_comment(text: str) -> bool:
+    return text.lstrip()[0] in COMMENTS
+
+
+def _encoding(path: Path) -> str:
+    """Return the encoding of a text: UTF-16 by its mark, UTF-8 if it can be, or else Windows-1252.
+
+    Raises:
+        OSError: it cannot be read.
+        UnicodeDecodeError: it is no text.
+    """
+    with path.open('rb') as stream:
+        if stream.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+            return 'utf-16'
+    for encoding in ('utf-8-sig', 'cp1252'):
+        try:
+            with path.open(encoding=encoding, newline='') as stream:
+                while text := stream.read(CHUNK):
+                    if '\0' in text:
+                        raise UnicodeDecodeError(encoding, b'\0', 0, 1, 'holds zero bytes')
+            return encoding
+        except UnicodeDecodeError as error:
+            found = error
+    raise found
+
+
+def _is_data(fields: Sequence[str], delimiter: str | None) -> bool:
+    """Return whether all cells of a line that are not empty are numbers, or half of all cells."""
+    numbers = sum(_is_number(field, delimiter != ',') for field in fields)
+    filled = sum(not _is_empty(field) for field in fields)
+    return numbers > 0 and (numbers == filled or 2 * numbers >= len(fields))
+
+
+def _headers(top: Top) -> tuple[tuple[tuple[str, ...], ...], int]:
+    """Return the rows of names above the data, and the line at which the data begins.
+
+    Below the last row of words every row is data, however many of its cells are empty. Where a
+    header has numbers too, it is the first row with words.
+    """
+    rows = {row: names for row, text in top.above
+            if (names := _names(text, top.delimiter, top.fields))}
+    numbers = {row: sum(_is_number(name, top.delimiter != ',') for name in names)
+               for row, names in rows.items()}
+    named = [row for row, names in rows.items()
+             if sum(not _is_empty(name) for name in names) > numbers[row]]
+    headers = [row for row in named if not numbers[row]] or named[:1]
+    below = [row for row, text in top.above if row in rows and not _is_comment(text)
+             and (not headers or row > headers[-1])]
+    return tuple(rows[row] for row in headers), min(below, default=top.index)
+
+
+def _names(text: str, delimiter: str | None, fields: Sequence[str]) -> tuple[str, ...]:
+    """Return the cells of a line above the data, none where it has another number of them.
+
+    A delimiter behind the last cell of the line, or behind that of the data, does not count.
+    """
+    text = text.lstrip(COMMENTS + ' ')
+    for mark in dict.fromkeys((delimiter, *DELIMITERS, None)):
+        names = [name.strip() for name in fields_of(text, mark)]
+        if len(names) == len(fields) + 1 and not names[-1]:
+            names.pop()
+        if len(names) == len(fields) - 1 and names and not fields[-1].strip():
+            names.append('')
+        if len(names) == len(fields):
+            return tuple(names)
+    return ()
+
+
+def _has_decimal_comma(lines: Iterable[str], delimiter: str | None) -> bool:
+    """Return whether the first line with decimal marks has only commas for them."""
+    if delimiter == ',':
+        return False
+    for line in lines:
+        if ',' not in line and '.' not in line:
+            continue
+        numbers = [field for field in fields_of(line, delimiter) if _is_number(field, True)]
+        if any('.' in number for number in numbers):
+            return False
+        if any(',' in number for number in numbers):
+            return True
+    return False
+
+
+def fields_of(text: str, delimiter: str | None) -> list[str]:
+    if delimiter is None:
+        return text.split()
+    return next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
+
+
+def _is_empty(field: str) -> bool:
+    return field.strip().lower() in EMPTY
+
+
+def _is_number(field: str, decimal_comma: bool) -> bool:
+    field = field.strip()
+    if decimal_comma:
+        field = field.replace(',', '.')
+    return re.fullmatch(r'[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?', field) is not None

@@ -1,0 +1,21 @@
+"""How commands print tables."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.measure import Measurement
+from rich.table import Table
+
+WIDEST = 1000
+"""Columns of text that a table may take."""
+
+
+def print_table(table: Table) -> None:
+    """Print a table whole, however narrow the output is: its lines may then be wider than it.
+
+    Files and pipes count as 80 columns wide; rich would leave out what does not fit.
+    """
+    console = Console(highlight=False)
+    whole = Measurement.get(console, console.options.update(max_width=WIDEST), table).maximum
+    console.width = max(console.width, whole)
+    console.print(table)
