@@ -51,7 +51,8 @@ def moving(check: SetupCheck) -> SetupCheck:
         f'{who} {verb} for longer than {number(float(time[list(still)].max()), 2)} s in all; a '
         'resting joint tells neither its inertia nor its friction',
         'Check that the drives are on and that the motion was sent, then record a longer motion of '
-        'all joints, as par4_excite designs it.', False, True)])
+        f'all joints{", as par4_excite designs it" if isinstance(check.machine, Robot) else ""}.',
+        False, True)])
 
 
 def passing_singular_poses(check: SetupCheck) -> SetupCheck:

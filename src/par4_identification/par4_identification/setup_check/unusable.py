@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from par4_identification.diagnosis.verdict.answer import Diagnosis, Unusable
-from par4_identification.setup_check.finding import SetupCheck
+from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_identification.signals.rows import Run, runs_of_log
 from par4_kinematics.errors import InputError, Par4Error
 
@@ -22,8 +22,7 @@ def diagnosed_if_sound(check: SetupCheck, diagnose: Callable[[SetupCheck], Diagn
                        ) -> Diagnosis | Unusable:
     """Return the diagnosis of mended data, or what makes them unusable."""
     if check.useless:
-        return _unusable(check, tuple(f'{finding.evidence}; {finding.mend}'
-                                      for finding in check.useless))
+        return _unusable(check, tuple(map(_reason, check.useless)))
     try:
         return diagnose(check)
     except np.linalg.LinAlgError:
@@ -40,11 +39,15 @@ def sound_or_refused(check: SetupCheck, work: Callable[[], Result]) -> Result:
         return work()
     except (Par4Error, np.linalg.LinAlgError) as error:
         if check.useless:
-            finding = check.useless[0]
-            raise InputError(f'{finding.evidence}; {finding.mend}') from error
+            raise InputError(_reason(check.useless[0])) from error
         if isinstance(error, Par4Error):
             raise
         raise InputError(SINGULAR) from error
+
+
+def _reason(finding: Finding) -> str:
+    """Return what makes data useless and what to do, as one sentence without its full stop."""
+    return f'{finding.evidence}; {finding.mend[0].lower()}{finding.mend[1:].removesuffix(".")}'
 
 
 def _unusable(check: SetupCheck, reasons: tuple[str, ...]) -> Unusable:

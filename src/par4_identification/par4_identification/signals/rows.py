@@ -280,7 +280,7 @@ def _run_of_plateaus(logs: Sequence[Log], machine: Robot | Axis, conditioning: C
                                           hanging=machine.hanging),
         t=number, speed=speed, tau=torque, valid=moving, standstill=np.zeros_like(moving),
         noise_floor=np.sqrt(np.mean(deviation ** 2, axis=0)), conditioning=conditioning,
-        _first=0, _every=1)
+        _first=0, _every=1, timing_error=np.zeros_like(torque))
 
 
 def parts_of_sample(log: Log, machine: Robot | Axis) -> int:
