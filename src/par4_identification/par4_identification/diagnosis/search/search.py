@@ -170,7 +170,8 @@ class Search:
         is taken. So it is of names that would be told as twins, if held-out rows do not prefer the
         best of them.
         """
-        by_chance = BY_CHANCE + 0.5 * self.pool.timing_squares[0]
+        by_times = 0.5 * self.pool.timing_squares[0]
+        by_chance, twin = (max(least, by_times) for least in (BY_CHANCE, self.rules.twin))
         projection = self.weighing.beside(model)
         found = [item for item in self.candidates.all_of(projection, {*names_of(model), *refused})
                  if item.gain > self.rules.evidence]
@@ -179,7 +180,7 @@ class Search:
             # no score exceeds the gain on all joints
             most = 0.0
             for item in sorted(found, key=lambda item: -item.gain):
-                if item.gain <= most - self.rules.twin - by_chance:
+                if item.gain <= most - twin:
                     break
                 name = item.hypothesis.effect.name
                 if name not in trimmed:
@@ -188,7 +189,7 @@ class Search:
             if most <= 0.0:
                 return None
             likely = [own for item in found if (own := trimmed.get(item.hypothesis.effect.name))
-                      and own[0] > 0.0 and own[0] >= most - self.rules.twin - by_chance]
+                      and own[0] > 0.0 and own[0] >= most - twin]
             best = max(likely, key=lambda own: own[0])[1]
             confirmed = self.weighing.gains(best, model)[1]
             near = [own for own in likely if own[0] > most - by_chance
