@@ -121,6 +121,9 @@ def calibration_of(stretches: Sequence[Stretch], geometry: Geometry) -> Calibrat
         geometry: of the robot file.
     """
     nowhere = np.zeros(ERRORS)
+    before = _error(stretches, geometry, nowhere)
+    if before < LUMPED:
+        return None
     here = placement_at(stretches, geometry, nowhere)
     found, least = (None, np.inf) if here is None else _explained(here)
     if here is None or here.odd > ODD_POSES:
@@ -132,9 +135,6 @@ def calibration_of(stretches: Sequence[Stretch], geometry: Geometry) -> Calibrat
             if trial is not None and left < least:
                 found, least = trial, left
     if found is None or (np.abs(found.values) > largest_errors(geometry)).any():
-        return None
-    before = _error(stretches, geometry, nowhere)
-    if before < LUMPED:
         return None
     after = _error(stretches, geometry, found.values)
     if after >= min(LARGEST_ERROR, before) or after > max(OTHER_FAULT, 0.5 * before):

@@ -87,7 +87,8 @@ class Whitening:
 
     def of(self, columns: np.ndarray) -> np.ndarray:
         """Return the standardised innovations (n, k) of columns (n, k); zero where missing."""
-        return _whiten(self.weight[:, None] * columns, self.coefficients, self.gain, self.scale)
+        return _whiten(np.ascontiguousarray(self.weight[:, None] * columns), self.coefficients,
+                       self.gain, self.scale)
 
     def adjoint(self, white: np.ndarray) -> np.ndarray:
         """Return z (n,) of standardised rows w (n,): z @ c = w @ (whitened c) for any series c.

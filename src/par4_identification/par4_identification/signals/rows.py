@@ -46,8 +46,6 @@ FINE_HZ = 1000.0
 READ_WITHIN = 0.01
 """Time from the instants at which torque and positions are read to their stamps, over that between
 samples (standard deviation)."""
-NOTHING = 1e-4
-"""Square of an error by jumps, over the largest, below which there is none."""
 JUMP, LARGE = 5.0, 0.2
 """Change of the slope of a torque from sample to sample, in standard deviations of the usual ones,
 and over the largest torque, from which it is a jump."""
@@ -379,20 +377,14 @@ def _timing_error(torque: np.ndarray, conditioning: Conditioning, period: float,
     jump = np.zeros_like(torque)
     jump[parts:-parts] = torque[2 * parts:] - 2.0 * torque[parts:-parts] + torque[:-2 * parts]
     size = np.abs(jump)
-    least = np.maximum(JUMP * 1.4826 * np.median(size, axis=0),
-                       LARGE * np.abs(torque).max(axis=0))
-    jump[size < least] = 0.0
-    if not jump.any():
-        return jump
+    jump[size < np.maximum(JUMP * 1.4826 * np.median(size, axis=0),
+                           LARGE * np.abs(torque).max(axis=0))] = 0.0
     reach = max(int(np.ceil(conditioning.reach / period)), fewest_samples())
     impulse = np.zeros((2 * reach + 1, 1))
     impulse[reach] = 1.0
-    answer = low_pass(impulse, conditioning.torque_cutoff_hz, period) ** 2
-    size = 1 << (len(torque) + 2 * reach).bit_length()
-    squares = np.fft.irfft(np.fft.rfft(jump ** 2, size, axis=0) * np.fft.rfft(
-        answer, size, axis=0), size, axis=0)[reach:reach + len(torque)]
-    squares[squares < NOTHING * squares.max()] = 0.0  # what transforms round
-    return READ_WITHIN * np.sqrt(parts * squares)
+    answer = low_pass(impulse, conditioning.torque_cutoff_hz, period)[:, 0]
+    return READ_WITHIN * np.sqrt(parts * scipy.ndimage.convolve1d(
+        jump ** 2, answer ** 2, axis=0, mode='constant'))
 
 
 def _noise_edges(conditioning: Conditioning, period: float, machine: Robot | Axis) -> np.ndarray:

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.signals.noise import ArNoise, Whitening, fit_noise
 from par4_identification.signals.rows import Run
 
-STEPS = 30
-"""In which the noise that the times of readings leave is found; each halves what is missing."""
+LEAST = 1e-9
+"""Least variance of the noise, over the mean square of residuals, that is looked for."""
 
 
 @dataclass(frozen=True)
@@ -81,10 +82,16 @@ def _noise_of(runs: Sequence[Run], residuals: Sequence[np.ndarray], joint: int,
     valid = [run.valid[:, joint] for run in runs]
     squares, added = (np.concatenate([part[mask] ** 2 for part, mask in zip(parts, valid)])
                       for parts in (residuals, [run.timing_error[:, joint] for run in runs]))
-    size = float(np.mean(squares)) if len(squares) else 0.0
-    for _ in range(STEPS):
-        size *= float(np.mean(squares / np.maximum(size + added, 1e-30))) if size else 0.0
-    return fit_noise([part / _louder(run, joint, np.sqrt(size))
+    variance = float(np.mean(squares)) if len(squares) else 0.0
+    if variance > 0.0 and added.any():
+        least = LEAST * variance
+
+        def excess(trial: float) -> float:
+            return float(np.mean(squares / (trial + added))) - 1.0
+
+        variance = least if excess(least) <= 0.0 else float(
+            scipy.optimize.brentq(excess, least, variance))
+    return fit_noise([part / _louder(run, joint, np.sqrt(variance))
                       for run, part in zip(runs, residuals)], valid, parameters)
 
 
