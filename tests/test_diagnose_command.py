@@ -404,3 +404,18 @@ def refusal(*words) -> str:
     line, = done.err.splitlines()
     assert line.startswith('error: ')
     return line
+
+
+def test_the_motion_of_the_paper_again_and_again_tells_no_ripple(tmp_path):
+    """Its torque jumps; what the times of readings make of that comes again with every cycle.
+
+    The machine has its mass along rods and bars, and nothing else that (20) lacks.
+    """
+    done = run(simulate, 'adept', '--duration', 10, '--fidelity', 'fast', '--feedforward', 'table1',
+               '--torque-noise', 0.05, '--output', tmp_path / 'cycles')
+    assert not done.code, done.err
+    done = run(diagnose, tmp_path / 'cycles', '--robot', 'reference', '--output',
+               tmp_path / 'found', '--no-report')
+    assert not done.code, done.err
+    found = json.loads((tmp_path / 'found' / 'diagnosis.json').read_text(encoding='utf-8'))
+    assert [cause['effect'] for cause in found['causes']] == ['distributed_rods']
