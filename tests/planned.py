@@ -22,8 +22,12 @@ NOISE = 0.05
 
 
 def state_of_motion(robot: Robot, motion: Motion) -> State:
-    """Return the state of a planned motion."""
-    return state_of_joints(robot.geometry, motion.t, motion.q, motion.qd, motion.qdd)
+    """Return the state of a planned motion, whose friction is a mean over a sample as rows take it.
+
+    A motor that turns a joint as planned needs a torque that jumps between two samples.
+    """
+    return state_of_joints(robot.geometry, motion.t, motion.q, motion.qd, motion.qdd,
+                           period=float(motion.t[1] - motion.t[0]))
 
 
 def log_of(machine: Robot | Axis, t: np.ndarray, q: np.ndarray, tau: np.ndarray, seed: int,

@@ -15,6 +15,8 @@ from par4_dynamics.base_terms import (
     base_terms,
     unmodelled_columns,
 )
+from par4_dynamics.direction import mean_signs
+from par4_dynamics.effects.joint_friction_difference import JointFrictionDifference
 from par4_dynamics.mechanism import (
     forward_dynamics,
     joint_mass_matrix,
@@ -24,8 +26,9 @@ from par4_dynamics.mechanism import (
 )
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import ModelFile, read_model_file, write_model_file
-from par4_dynamics.rigid_body import COLUMNS
+from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
 from par4_dynamics.state import GRAVITY, state_of_joints, state_of_platform
+from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.files import write_text, write_yaml
 from par4_kinematics.geometry import HOME
@@ -482,3 +485,37 @@ def test_arm_gravity_of_a_lone_arm():
     state = state_of_platform(REFERENCE.geometry, np.zeros(20), x, still, still)
     np.testing.assert_allclose(light.torque(state),
                                -1.33 * np.cos(inverse_kinematics(REFERENCE.geometry, x)))
+
+
+@pytest.mark.parametrize('period', [1e-3, 5e-3])
+def test_direction_is_the_mean_of_the_sign_over_a_sample(period):
+    """Accelerations are constant over a sample, positive, negative and none."""
+    random = np.random.default_rng(41)
+    qd, qdd = random.normal(0.0, 0.5, (200, 4)), random.normal(0.0, 300.0, (200, 4))
+    qdd[:, 3] = 0.0
+    instants = period * (np.arange(-2000, 2000) + 0.5) / 4000
+    expected = np.mean(np.sign(qd[..., None] + qdd[..., None] * instants), axis=-1)
+    assert np.mean((np.abs(expected) < 1.0).any(axis=1)) > 0.1
+    np.testing.assert_allclose(mean_signs(qd, qdd, period), expected, atol=1e-3)
+    np.testing.assert_array_equal(mean_signs(qd, qdd, 0.0), np.sign(qd))
+    assert mean_signs(np.zeros((1, 1)), np.zeros((1, 1)), period) == 0.0
+
+
+@pytest.mark.parametrize(('robot', 'model'), MACHINES, ids=IDS)
+def test_columns_of_friction_have_the_direction_of_their_state(robot, model):
+    """Of the base torque and its columns, of effects of friction, and of a motion nearby."""
+    motion = adept_motion(robot, cycles=4, round_trip=None)
+    state = state_of_joints(robot.geometry, motion.t, motion.q, motion.qd, motion.qdd,
+                            period=2e-3)
+    partly = (np.abs(state.direction) < 1.0) & (state.direction != 0.0)
+    assert partly.sum() > 10
+    for found in (state, state.moved(state.q, state.qd, state.qdd),
+                  state.nearby(robot.geometry, state.q, state.qd, state.qdd)):
+        column = rigid_body_columns(found)[..., COLUMNS.index('coulomb_friction')]
+        np.testing.assert_array_equal(column, state.direction)
+    difference = JointFrictionDifference().columns(state, {})
+    np.testing.assert_array_equal(difference[..., 0], state.direction)
+    at_instants = replace(state, period=0.0)
+    torque = model.torque(state) - model.torque(at_instants)
+    np.testing.assert_allclose(torque, model.values['coulomb_friction'] * (
+        state.direction - np.sign(state.qd)), atol=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import replace
 
@@ -286,3 +287,32 @@ def test_a_soft_transmission_is_no_reason_for_a_large_error():
     soft = model_with(MODEL, 'elastic_transmission', stiffness=3e3)
     np.testing.assert_array_equal(noise_floor(runs, soft), noise_floor(runs, MODEL))
     assert np.all(encoder_noise(runs, soft) > 2.0 * encoder_noise(runs, MODEL))
+
+
+def test_friction_that_turns_between_two_samples_is_known_in_the_rows():
+    """A mass on a rail, pushed to and fro by a wave; its motion is integrated in steps of 5 us.
+
+    The sign of the speed at the samples is wrong by up to half a sample of friction.
+    """
+    mass, friction, parts, period = 0.02, 0.5, 200, 1e-3
+    axis = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=1.0)
+    fine = period / parts
+    t = fine * np.arange(round(6.0 / fine))
+    push = 6.0 * np.sin(2.0 * np.pi * 5.3 * t) + 5.0 * np.sin(2.0 * np.pi * 9.7 * t + 1.0)
+    q, qd = np.empty((2, len(t)))
+    place, speed = 0.0, 0.0
+    for step, force in enumerate(push.tolist()):
+        q[step], qd[step] = place, speed
+        moved = speed + fine * (force - math.copysign(friction, speed)) / mass
+        place += 0.5 * fine * (speed + moved)
+        speed = moved
+    samples = slice(None, None, parts)
+    log = log_of(axis, t[samples], q[samples, None], push[samples, None], 7, noise=0.0)
+    run, = runs_of_log(log, axis, Conditioning())
+    left = {}
+    for name, state in (('mean', run.state), ('sign', replace(run.state, period=0.0))):
+        error = run.tau - run.rows(mass * state.qdd + friction * state.direction)
+        left[name] = float(np.sqrt(np.mean(error[run.valid] ** 2)))
+    turning = np.abs(run.state.direction) < 1.0
+    assert turning.sum() > 30
+    assert left['mean'] < 0.35 * left['sign']

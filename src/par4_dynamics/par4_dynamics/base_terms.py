@@ -95,7 +95,7 @@ def _axis_column(state: State, name: str) -> np.ndarray:
     """Return the torque (n, J) of a single axis per unit of one of `AXIS_TERMS`."""
     columns: dict[str, Callable[[], np.ndarray]] = {
         'actuator_inertia': lambda: state.qdd,
-        'coulomb_friction': lambda: np.sign(state.qd),
+        'coulomb_friction': lambda: state.direction,
         'viscous_friction': lambda: state.qd,
         'gravity_sine': lambda: np.sin(state.q),
         'gravity_cosine': lambda: np.cos(state.q),

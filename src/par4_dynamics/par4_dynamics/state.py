@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from par4_dynamics.direction import mean_signs
 from par4_kinematics.acceleration import (
     JointMotion,
     joint_motion,
@@ -85,6 +86,8 @@ class State:
         x, xd, xdd: pose of D (in `base`) and theta, and their derivatives, (n, 4).
         nominal: nominal torque of this motion; None if only the motion is known.
         hanging: how gravity loads a single axis; None if it does not, and with a geometry.
+        period: time between samples whose positions tell speeds and accelerations, s; zero where
+            these are those of the instants.
         told_hz: frequency, Hz, up to which a model may let the positions swing a load. Beyond it
             motors follow the noise of their encoders. Infinite if the data show no such noise.
     """
@@ -99,6 +102,7 @@ class State:
     xdd: np.ndarray | None = None
     nominal: Nominal | None = None
     hanging: Hanging | None = None
+    period: float = 0.0
     told_hz: float = np.inf
 
     @property
@@ -135,6 +139,11 @@ class State:
         The slope of a torque there, times the way, is the change of the torque to second order.
         """
         return self.known.halfway or self
+
+    @cached_property
+    def direction(self) -> np.ndarray:
+        """sign(qd), (n, J); where a joint turns back between two samples, its mean there."""
+        return mean_signs(self.qd, self.qdd, self.period)
 
     @cached_property
     def phasor(self) -> np.ndarray:
@@ -188,7 +197,17 @@ class State:
                      else inverse_kinematics(geometry, platform.x))
         x = platform.x + np.einsum('nij,nj->ni', self.jacobian, shift)
         moved = platform_motion_at(geometry, x, qd, qdd)
-        return State(self.t, q, qd, qdd, geometry, x, moved.xd, moved.xdd)
+        return State(self.t, q, qd, qdd, geometry, x, moved.xd, moved.xdd, period=self.period)
+
+    def moved(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray,
+              geometry: Geometry | None = None) -> State:
+        """Return another motion (n, J) of this log, by its own or by other dimensions.
+
+        Raises:
+            UnreachableError: joint positions with which the mechanism does not close.
+        """
+        moved = state_of_joints(geometry or self.geometry, self.t, q, qd, qdd, self.period)
+        return replace(moved, hanging=self.hanging, told_hz=self.told_hz)
 
     def part(self, rows: slice) -> State:
         """Return the motion of some of the samples, without its nominal torque."""
@@ -209,8 +228,13 @@ class State:
 
 
 def state_of_joints(geometry: Geometry | None, t: ArrayLike, q: ArrayLike, qd: ArrayLike,
-                    qdd: ArrayLike) -> State:
+                    qdd: ArrayLike, period: float = 0.0) -> State:
     """Return the state of a joint motion (n, J) at times t (n,), s.
+
+    Args:
+        geometry: dimensions, or None for a single axis.
+        t, q, qd, qdd: the motion.
+        period: see `State`.
 
     With a geometry the platform motion is computed, by forward kinematics.
 
@@ -220,10 +244,10 @@ def state_of_joints(geometry: Geometry | None, t: ArrayLike, q: ArrayLike, qd: A
     t = np.asarray(t, dtype=float)
     if geometry is None:
         return State(t, np.asarray(q, dtype=float), np.asarray(qd, dtype=float),
-                     np.asarray(qdd, dtype=float))
+                     np.asarray(qdd, dtype=float), period=period)
     (q, qd, qdd), _ = as_matching_rows({'q': q, 'qd': qd, 'qdd': qdd})
     platform = platform_motion(geometry, q, qd, qdd)
-    return State(t, q, qd, qdd, geometry, platform.x, platform.xd, platform.xdd)
+    return State(t, q, qd, qdd, geometry, platform.x, platform.xd, platform.xdd, period=period)
 
 
 def state_of_platform(geometry: Geometry, t: ArrayLike, x: ArrayLike, xd: ArrayLike,

@@ -18,7 +18,7 @@ from par4_dynamics.effects.effect import (
     beyond,
 )
 from par4_dynamics.effects.shifted import shift_columns
-from par4_dynamics.state import State, state_of_joints
+from par4_dynamics.state import State
 
 LARGEST = math.radians(1.0)
 """A disc of 20 mm radius that sits 0.35 mm beside its shaft, which is to be seen as it turns."""
@@ -67,9 +67,8 @@ class EncoderEccentricity(Effect):
     def halfway(self, state: State, values: Values) -> State:
         angle, half = state.q + values['phase'], 0.5 * values['amplitude']
         wave, slope = half * np.sin(angle), half * np.cos(angle)
-        return state_of_joints(state.geometry, state.t, state.q - wave,
-                               state.qd * (1.0 - slope),
-                               state.qdd * (1.0 - slope) + wave * state.qd ** 2)
+        return state.moved(state.q - wave, state.qd * (1.0 - slope),
+                           state.qdd * (1.0 - slope) + wave * state.qd ** 2)
 
     def coefficients(self, values: Values) -> np.ndarray:
         amplitude, phase = values['amplitude'], values['phase']

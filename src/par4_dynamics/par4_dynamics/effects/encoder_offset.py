@@ -15,7 +15,7 @@ from par4_dynamics.effects.effect import (
     Values,
     beyond,
 )
-from par4_dynamics.state import State, state_of_joints
+from par4_dynamics.state import State
 
 LARGEST = math.radians(12.0)
 """A zero that was set by eye is right to 10 degrees; more is a belt that skipped."""
@@ -41,8 +41,7 @@ class EncoderOffset(Effect):
         return -state.halfway.torque_by_q
 
     def halfway(self, state: State, values: Values) -> State:
-        return state_of_joints(state.geometry, state.t, state.q - 0.5 * values['offset'],
-                               state.qd, state.qdd)
+        return state.moved(state.q - 0.5 * values['offset'], state.qd, state.qdd)
 
     def coefficients(self, values: Values) -> np.ndarray:
         offset = values['offset']

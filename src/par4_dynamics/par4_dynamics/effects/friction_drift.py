@@ -48,7 +48,7 @@ class FrictionDrift(Effect):
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         warm = -np.expm1(-state.t / single(shape['time_constant']))[:, None]
         values = state.known.values
-        return np.stack((-warm * values['coulomb_friction'] * np.sign(state.qd),
+        return np.stack((-warm * values['coulomb_friction'] * state.direction,
                          -warm * values['viscous_friction'] * state.qd), axis=-1)
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:

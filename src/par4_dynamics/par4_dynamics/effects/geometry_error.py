@@ -13,7 +13,7 @@ from par4_dynamics.effects.effect import (
     Values,
     beyond,
 )
-from par4_dynamics.state import State, state_of_joints
+from par4_dynamics.state import State
 from par4_kinematics.geometry import Geometry
 
 DIMENSIONS = ('arm_length', 'forearm_length', 'base_radius', 'platform_radius',
@@ -59,7 +59,7 @@ class GeometryError(Effect):
         changed = Geometry.model_construct(**{
             name: size + 0.5 * float(values[name][0]) if name in values else size
             for name, size in state.platform.geometry.model_dump().items()})
-        return state_of_joints(changed, state.t, state.q, state.qd, state.qdd)
+        return state.moved(state.q, state.qd, state.qdd, changed)
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         errors, spread = (np.array([part[name][0] for name in DIMENSIONS])

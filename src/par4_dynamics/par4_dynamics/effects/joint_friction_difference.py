@@ -28,7 +28,7 @@ class JointFrictionDifference(Effect):
                   EffectParameter('viscous', 'N m s/rad', 'joint', default=0.0))
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        return np.stack((np.sign(state.qd), state.qd), axis=-1)
+        return np.stack((state.direction, state.qd), axis=-1)
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         for parameter in self.parameters:

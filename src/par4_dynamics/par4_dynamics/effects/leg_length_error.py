@@ -14,7 +14,7 @@ from par4_dynamics.effects.effect import (
     beyond,
 )
 from par4_dynamics.effects.geometry_error import LARGEST
-from par4_dynamics.state import State, state_of_joints
+from par4_dynamics.state import State
 from par4_kinematics.geometry import LEGS, Geometry
 
 LENGTHS = ('arm_length', 'forearm_length')
@@ -54,7 +54,7 @@ class LegLengthError(Effect):
     def halfway(self, state: State, values: Values) -> State:
         changed = _resized(state.platform.geometry,
                            {name: 0.5 * np.asarray(size) for name, size in values.items()})
-        return state_of_joints(changed, state.t, state.q, state.qd, state.qdd)
+        return state.moved(state.q, state.qd, state.qdd, changed)
 
     def coefficients(self, values: Values) -> np.ndarray:
         errors = np.stack([values[name] for name in LENGTHS], axis=1)

@@ -28,7 +28,7 @@ class LoadDependentFriction(Effect):
     variables = 2
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        return (np.abs(state.known.load) * np.sign(state.qd))[..., None]
+        return (np.abs(state.known.load) * state.direction)[..., None]
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         coefficient = values['coefficient']

@@ -54,7 +54,7 @@ class NonlinearViscous(Effect):
         return around('exponent', single(shape['exponent']), np.sqrt(2.0) ** step)
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        return (np.sign(state.qd) * np.abs(state.qd) ** single(shape['exponent']))[..., None]
+        return (state.direction * np.abs(state.qd) ** single(shape['exponent']))[..., None]
 
     def coefficients(self, values: Values) -> np.ndarray:
         return np.where(values['torque'] == 0.0, values['quadratic'], values['torque'])[None]

@@ -97,7 +97,7 @@ class Presliding(Effect):
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         share = built_up(state.q, single(shape['distance']))
         level = state.known.values['coulomb_friction']
-        return (level * (share - np.sign(state.qd)))[..., None]
+        return (level * (share - state.direction))[..., None]
 
     def coefficients(self, values: Values) -> np.ndarray:
         return np.ones_like(values['distance'])[None]

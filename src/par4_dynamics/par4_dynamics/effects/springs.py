@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from par4_dynamics.effects.transmission import MOTOR_SHARE, motor_side, told_torque
-from par4_dynamics.state import State, state_of_joints
+from par4_dynamics.state import State
 from par4_kinematics.errors import UnreachableError
 
 DAMPING_RATIO = 0.05
@@ -143,8 +143,7 @@ class Springs:
             UnreachableError: positions of the load with which the mechanism does not close.
         """
         state = self._state
-        moved = state_of_joints(state.geometry, state.t, state.q - twist, state.qd - speed,
-                                state.qdd - rate)
+        moved = state.moved(state.q - twist, state.qd - speed, state.qdd - rate)
         return state.known.rigid_torque(moved) - self._whole + motor_side(state, rate)
 
     @cached_property

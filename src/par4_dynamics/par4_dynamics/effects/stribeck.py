@@ -56,7 +56,7 @@ class Stribeck(Effect):
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         ratio = np.abs(state.qd) / single(shape['stribeck_velocity'])
         decayed = np.exp(-ratio ** single(shape.get('exponent', USUAL)))
-        return (decayed * np.sign(state.qd))[..., None]
+        return (decayed * state.direction)[..., None]
 
     def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
         return super().values(coefficients, {'exponent': USUAL, **shape})

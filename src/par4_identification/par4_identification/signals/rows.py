@@ -4,7 +4,8 @@ Positions are low-passed and differentiated; for accelerations they are first fr
 of encoder counts. Torque and every column then pass the same zero-phase low-pass, so that neither
 sign(qd) nor a delay of the filter can look like a cause. Rows are taken at a low rate. Rows near
 standstill are marked invalid, wider than the filter reaches, because a resting joint does not say
-what its friction torque is.
+what its friction torque is. A joint that accelerates hard turns back between two samples; its
+friction counts as its mean there (`State.direction`).
 """
 
 from __future__ import annotations
@@ -330,7 +331,7 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
     tau = low_pass(log.tau[segment], conditioning.torque_cutoff_hz, period)
 
     geometry = machine.geometry if isinstance(machine, Robot) else None
-    state = state_of_joints(geometry, log.t[segment], q, qd, qdd)
+    state = state_of_joints(geometry, log.t[segment], q, qd, qdd, period)
     state = replace(state, told_hz=smoother.told_hz(
         period, conditioning.position_cutoff_hz))
     if isinstance(machine, Axis):

@@ -76,7 +76,7 @@ def projections(log: Log, robot: Robot, model: Model) -> tuple[np.ndarray, np.nd
     """
     run, = runs_of_log(log, robot)
     state = run.state
-    columns = run.rows(np.stack((np.ones_like(state.qd), np.sign(state.qd), state.qd, state.qdd),
+    columns = run.rows(np.stack((np.ones_like(state.qd), state.direction, state.qd, state.qdd),
                                 axis=-1))
     residual = run.tau - run.rows(model.torque(state))
     shape = (residual.shape[1], len(WORDS))

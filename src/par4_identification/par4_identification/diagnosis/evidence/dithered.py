@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from par4_dynamics.model import Model
-from par4_dynamics.state import State, state_of_joints
+from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.evidence import Evidence, spread
 from par4_identification.diagnosis.evidence.observations import Observations, with_nominal
 from par4_identification.diagnosis.evidence.side_by_side import side_by_side
@@ -75,10 +75,8 @@ def dithered_state(run: Run, state: State, random: np.random.Generator) -> State
     missed = run.smoother(told) - true
     dither, missed = (low_pass(part, run.conditioning.position_cutoff_hz, period)
                       for part in (missed if run.coarse else told - true, missed))
-    return replace(state_of_joints(state.geometry, state.t, state.q + dither,
-                                   state.qd + central_difference(dither, period),
-                                   state.qdd + second_difference(missed, period)),
-                   told_hz=state.told_hz, hanging=state.hanging)
+    return state.moved(state.q + dither, state.qd + central_difference(dither, period),
+                       state.qdd + second_difference(missed, period))
 
 
 def delivered(state: State) -> np.ndarray:

@@ -96,7 +96,7 @@ def position(state: State, ranges: Ranges) -> np.ndarray:
 
 
 def speed(state: State, ranges: Ranges) -> np.ndarray:
-    sign = np.sign(state.qd)
+    sign = state.direction
     if state.geometry is None:  # of an axis, whose speeds may be any, and whose ways may differ
         decays = [np.exp(-(state.qd / (share * ranges.qd)) ** 2) for share in (0.01, 0.03, 0.1)]
         slow = [decay * part for decay in decays for part in (sign, np.ones_like(sign))]
@@ -114,7 +114,7 @@ def time(state: State, ranges: Ranges) -> np.ndarray:
 
 def acceleration(state: State, ranges: Ranges) -> np.ndarray:
     scaled = state.qdd / ranges.qdd
-    bent = [np.sin(state.q) * scaled, np.cos(state.q) * scaled, np.sign(state.qd) * np.abs(scaled),
+    bent = [np.sin(state.q) * scaled, np.cos(state.q) * scaled, state.direction * np.abs(scaled),
             (state.qd / ranges.qd) ** 2 * np.cos(state.q)]
     return np.stack([scaled, np.abs(scaled), *bent], axis=-1)
 
@@ -156,7 +156,7 @@ def reading(state: State, ranges: Ranges) -> np.ndarray:
 
 def load(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
     delivered = state.known.delivered
-    return np.stack((delivered, np.abs(delivered) * np.sign(state.qd)), axis=-1)
+    return np.stack((delivered, np.abs(delivered) * state.direction), axis=-1)
 
 
 def wrench(state: State, ranges: Ranges) -> np.ndarray:
@@ -170,14 +170,14 @@ def wrench(state: State, ranges: Ranges) -> np.ndarray:
 
 
 def place(state: State, ranges: Ranges) -> np.ndarray:
-    return splines(state.q, *ranges.q, 20) * np.sign(state.qd)[..., None]
+    return splines(state.q, *ranges.q, 20) * state.direction[..., None]
 
 
 def uneven(state: State, ranges: Ranges) -> np.ndarray:
     """A level and waves around it."""
     waves = _waves(state, ranges.periods)
     level = np.ones_like(waves[..., :1])
-    return np.concatenate((level, waves), axis=-1) * np.sign(state.qd)[..., None]
+    return np.concatenate((level, waves), axis=-1) * state.direction[..., None]
 
 
 def memory(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
@@ -204,7 +204,7 @@ def elastic_slip(q, slips):
 def pose(state: State, ranges: Ranges) -> np.ndarray:
     place = ranges.of_platform.place(state.platform.x)
     features = np.concatenate((np.ones_like(place[:, :1]), place, place ** 2), axis=1)
-    return features[:, None, :] * np.sign(state.qd)[..., None]
+    return features[:, None, :] * state.direction[..., None]
 
 
 def creep(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
@@ -246,7 +246,7 @@ def coupling(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
 
 
 def drift(state: State, ranges: Ranges) -> np.ndarray:
-    return time(state, ranges) * np.sign(state.qd)[..., None]
+    return time(state, ranges) * state.direction[..., None]
 
 
 Function = Callable[[State, Ranges], np.ndarray]

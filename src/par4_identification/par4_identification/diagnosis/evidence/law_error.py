@@ -95,5 +95,5 @@ def _factors(state: State, ranges: Ranges) -> np.ndarray:
     speed = state.qd / ranges.qd
     others = [speed, np.abs(speed), *(np.exp(-(speed / slow) ** 2) for slow in SLOW),
               np.abs(state.known.delivered)]
-    return np.concatenate((place, np.sign(speed)[..., None] * place, np.stack(others, axis=-1)),
+    return np.concatenate((place, state.direction[..., None] * place, np.stack(others, axis=-1)),
                           axis=-1)
