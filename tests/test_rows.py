@@ -289,30 +289,49 @@ def test_a_soft_transmission_is_no_reason_for_a_large_error():
     assert np.all(encoder_noise(runs, soft) > 2.0 * encoder_noise(runs, MODEL))
 
 
-def test_friction_that_turns_between_two_samples_is_known_in_the_rows():
-    """A mass on a rail, pushed to and fro by a wave; its motion is integrated in steps of 5 us.
+def slide_of(friction):
+    """Return the run of a mass of 20 g on a rail that is pushed to and fro, and what it leaves.
 
-    The sign of the speed at the samples is wrong by up to half a sample of friction.
+    Its motion is integrated in steps of 5 us. What is left is the force less the true law, with the
+    mean direction over a sample and with the sign at the samples, N.
     """
-    mass, friction, parts, period = 0.02, 0.5, 200, 1e-3
+    mass, parts, period = 0.02, 200, 1e-3
     axis = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=1.0)
     fine = period / parts
     t = fine * np.arange(round(6.0 / fine))
     push = 6.0 * np.sin(2.0 * np.pi * 5.3 * t) + 5.0 * np.sin(2.0 * np.pi * 9.7 * t + 1.0)
-    q, qd = np.empty((2, len(t)))
+    q = np.empty(len(t))
     place, speed = 0.0, 0.0
     for step, force in enumerate(push.tolist()):
-        q[step], qd[step] = place, speed
+        q[step] = place
         moved = speed + fine * (force - math.copysign(friction, speed)) / mass
         place += 0.5 * fine * (speed + moved)
         speed = moved
     samples = slice(None, None, parts)
     log = log_of(axis, t[samples], q[samples, None], push[samples, None], 7, noise=0.0)
     run, = runs_of_log(log, axis, Conditioning())
-    left = {}
-    for name, state in (('mean', run.state), ('sign', replace(run.state, period=0.0))):
-        error = run.tau - run.rows(mass * state.qdd + friction * state.direction)
-        left[name] = float(np.sqrt(np.mean(error[run.valid] ** 2)))
-    turning = np.abs(run.state.direction) < 1.0
-    assert turning.sum() > 30
-    assert left['mean'] < 0.35 * left['sign']
+    return run, *(run.tau - run.rows(mass * state.qdd + friction * state.direction)
+                  for state in (run.state, replace(run.state, period=0.0)))
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(values ** 2)))
+
+
+def test_friction_that_turns_between_two_samples_is_known_in_the_rows():
+    """The sign of the speed at the samples is wrong by up to half a sample of friction."""
+    run, mean, sign = slide_of(0.5)
+    assert (np.abs(run.state.direction) < 1.0).sum() > 30
+    assert rms(mean[run.valid]) < 0.35 * rms(sign[run.valid])
+
+
+def test_what_the_low_pass_makes_of_times_of_turning_is_part_of_their_error():
+    """Strong friction bends the speed where it turns, and the filter rounds the bend."""
+    friction = 2.0
+    run, left, _ = slide_of(friction)
+    np.testing.assert_array_equal(run.timing_error, 0.0)
+    told = run.with_friction(friction).timing_error
+    turning = run.valid & (told > 0.2 * told.max())
+    assert turning.sum() > 50
+    assert 0.3 < rms(told[turning]) / rms(left[turning]) < 1.5
+    assert rms(left[run.valid & ~turning]) < 0.3 * rms(left[turning])

@@ -184,7 +184,10 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
              if not (start.bound and (effect.retimes or effect.needs_nominal))}
     base_model = beside_retimed(base_model, observations, machine, baseline, rigid_body,
                                  sigma, first)
-    observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
+    friction = base_model.values['coulomb_friction']
+    observations, heldout = (with_nominal(replace(part, runs=tuple(
+        run.with_friction(friction) for run in part.runs)), base_model)
+        for part in (observations, heldout))
     moved = dithered(observations)
     progress('searching the library for the noise model')
     kinds = Kinds(observations)

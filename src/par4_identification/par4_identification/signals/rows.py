@@ -47,6 +47,9 @@ FINE_HZ = 1000.0
 READ_WITHIN = 0.01
 """Time from the instants at which torque and positions are read to their stamps, over that between
 samples (standard deviation)."""
+TURNED_WITHIN = 0.01
+"""Error of the times at which joints turn back, over the period of the positions' cut-off. Friction
+changes an acceleration there, and the low-pass rounds it off."""
 JUMP, LARGE = 5.0, 0.2
 """Change of the slope of a torque from sample to sample, in standard deviations of the usual ones,
 and over the largest torque, from which it is a jump."""
@@ -111,6 +114,8 @@ class Run:
             known, (J,), rad; zero of plateaus.
         timing_error: standard deviation of the rows that instants of reading up to `READ_WITHIN`
             beside their stamps would cause, (m, J), N m; zero of plateaus.
+        turning_error: the same of times of turning that are wrong by `TURNED_WITHIN`, over the
+            Coulomb friction of the joint, (m, J).
     """
 
     name: str
@@ -131,6 +136,7 @@ class Run:
     counts: int = 0
     position_noise: np.ndarray = field(default_factory=lambda: np.zeros(1))
     timing_error: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
+    turning_error: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
 
     def rows(self, columns: np.ndarray) -> np.ndarray:
         """Return columns (n, J, ...) of `state` filtered like the torque, at the rows (m, ...)."""
@@ -167,6 +173,15 @@ class Run:
     def q(self) -> np.ndarray:
         """Joint positions at the rows, (m, J)."""
         return self.at_rows(self.state.q)
+
+    def with_friction(self, coulomb: float | np.ndarray) -> Run:
+        """Return the same run, in whose timing error times of turning count, too.
+
+        Args:
+            coulomb: friction, N m, of all joints or of each, (J,).
+        """
+        return replace(self, timing_error=np.hypot(
+            self.timing_error, coulomb * self.turning_error))
 
     def part(self, rows: slice | np.ndarray) -> Run:
         """Return the same run with only `rows` of it, or those where they are true, valid."""
@@ -281,7 +296,8 @@ def _run_of_plateaus(logs: Sequence[Log], machine: Robot | Axis, conditioning: C
                                           hanging=machine.hanging),
         t=number, speed=speed, tau=torque, valid=moving, standstill=np.zeros_like(moving),
         noise_floor=np.sqrt(np.mean(deviation ** 2, axis=0)), conditioning=conditioning,
-        _first=0, _every=1, timing_error=np.zeros_like(torque))
+        _first=0, _every=1, timing_error=np.zeros_like(torque),
+        turning_error=np.zeros_like(torque))
 
 
 def parts_of_sample(log: Log, machine: Robot | Axis) -> int:
@@ -356,7 +372,8 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
         likely=low_pass(smoother.likely(log.q[segment]), conditioning.position_cutoff_hz, period),
         coarse=coarse, counts=counts, position_noise=noise,
         timing_error=_timing_error(log.tau[segment], conditioning, period, round(
-            sampled / period))[window])
+            sampled / period))[window],
+        turning_error=_turning_error(qd, conditioning, period)[window])
 
 
 def _timing_error(torque: np.ndarray, conditioning: Conditioning, period: float, parts: int
@@ -380,12 +397,27 @@ def _timing_error(torque: np.ndarray, conditioning: Conditioning, period: float,
     size = np.abs(jump)
     jump[size < np.maximum(JUMP * 1.4826 * np.median(size, axis=0),
                            LARGE * np.abs(torque).max(axis=0))] = 0.0
+    return READ_WITHIN * _filtered_size(np.sqrt(parts) * jump, conditioning, period)
+
+
+def _turning_error(qd: np.ndarray, conditioning: Conditioning, period: float) -> np.ndarray:
+    """Return the standard deviation (n, J) of filtered friction of 1 by the times of turning.
+
+    Until a joint that has turned back is seen to have, friction is wrong by twice its size.
+    """
+    turns = np.zeros_like(qd)
+    turns[1:] = np.signbit(qd[1:]) != np.signbit(qd[:-1])
+    samples = TURNED_WITHIN / (conditioning.position_cutoff_hz * period)
+    return _filtered_size(2.0 * samples * turns, conditioning, period)
+
+
+def _filtered_size(impulses: np.ndarray, conditioning: Conditioning, period: float) -> np.ndarray:
+    """Return the standard deviation (n, J) of filtered impulses whose signs are anyone's."""
     reach = max(int(np.ceil(conditioning.reach / period)), fewest_samples())
     impulse = np.zeros((2 * reach + 1, 1))
     impulse[reach] = 1.0
     answer = low_pass(impulse, conditioning.torque_cutoff_hz, period)[:, 0]
-    return READ_WITHIN * np.sqrt(parts * scipy.ndimage.convolve1d(
-        jump ** 2, answer ** 2, axis=0, mode='constant'))
+    return np.sqrt(scipy.ndimage.convolve1d(impulses ** 2, answer ** 2, axis=0, mode='constant'))
 
 
 def _noise_edges(conditioning: Conditioning, period: float, machine: Robot | Axis) -> np.ndarray:
