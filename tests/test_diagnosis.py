@@ -29,6 +29,8 @@ from robots import REFERENCE, model_with
 
 FIT, HELD_OUT = 10.0, 7.0
 """s, of the two logs of a diagnosis."""
+SOFT = (4.2e-4, 7.5e-4, 3.8e-4, 1.2e-4)
+"""rad/(N m), of the transmissions."""
 
 
 def draw(effect: str, seed: int) -> Known:
@@ -134,9 +136,9 @@ def test_causes_beside_which_the_motion_shows_the_inertia_are_told(
     """
     started = diagnosis.start_of
     monkeypatch.setattr(diagnosis, 'start_of', lambda *given: replace(
-        started(*given), unless_shown=('the motion does not show the inertia',)))
+        started(*given), unless_mended=('the motion does not show the inertia',)))
     monkeypatch.setattr(diagnosis, 'start_beside', lambda *_: None)
-    monkeypatch.setattr(diagnosis, 'tells_inertia', lambda _: is_told)
+    monkeypatch.setattr(diagnosis, 'is_mended', lambda _: is_told)
     fit, heldout = cogged_and_sticky
     result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
         'cogging': diagnosis.LIBRARY['cogging']})
@@ -379,3 +381,34 @@ def test_equal_cycles_of_a_machine_that_obeys_the_model_are_clean(cycle):
     result = diagnose([told.log], known.robot)
     assert not isinstance(result, Unusable)
     assert (result.verdict, names(result)) == ('clean', [])
+    friction = result.base_before['coulomb_friction'].value
+    run, = result.evidence.whitener.runs
+    assert np.all(run.timing_error >= 0.99 * friction * run.turning_error)
+
+
+@pytest.fixture(scope='module')
+def soft_at_15_g():
+    """Return the log of a machine whose arms swing so far that its friction seems to drive."""
+    known = known_machine('reference')
+    machine = HIDERS['elastic_transmission'].build(known.machine, {
+        'compliance': np.array(SOFT), 'damping_ratio': 0.03})
+    motion = adept_motion(known.robot, cycles=20, azimuth=0.1, acceleration=128.0,
+                          theta_swing=0.6, round_trip=None)
+    return record(known, machine, motion, fidelity='exact', noise=Noise(torque_noise=0.05), seed=3,
+                  feedforward=known.model, wander=None, name='soft').log
+
+
+@pytest.mark.parametrize(('library', 'is_told'), [
+    ('elastic_transmission', True), ('torque_ripple', False)])
+def test_a_cause_that_makes_friction_drive_is_looked_for(soft_at_15_g, library, is_told):
+    """Without one beside which friction brakes the answer is what to check."""
+    result = diagnose([soft_at_15_g], REFERENCE, library={library: diagnosis.LIBRARY[library]})
+    assert isinstance(result, Unusable) != is_told
+    if isinstance(result, Unusable):
+        assert len(result.reasons) == 1
+        assert 'friction comes out driving the joints' in result.reasons[0]
+    else:
+        stiffness = result.causes[0].parameters['stiffness']
+        softest = np.multiply(stiffness.value, SOFT)[:2]
+        np.testing.assert_allclose(softest, 1.0, atol=0.06)
+        assert result.base_after['viscous_friction'].value == pytest.approx(2.04, rel=0.1)

@@ -16,7 +16,7 @@ from par4_identification.changes.readings import FrictionFactor
 from par4_identification.confrontation.confrontation import model_before
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.experiment.next_experiment import Prospect
-from par4_identification.diagnosis.nominal.start import tells_inertia
+from par4_identification.diagnosis.nominal.start import is_mended
 from par4_identification.diagnosis.verdict.answer import Unusable
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
 from par4_identification.signals.scales import conditioning_for
@@ -119,8 +119,14 @@ def test_a_par4_that_crawls_is_diagnosed_with_a_model_that_tells_its_inertia():
     assert planned.base.shape[1] == found.evidence.base.shape[1]
 
 
-@pytest.mark.parametrize(('value', 'std', 'tells'), [
-    (0.11, 0.01, True), (0.11, 0.05, False), (-0.11, 0.01, False), (0.11, None, False)])
-def test_an_inertia_is_told_by_a_positive_value_of_some_accuracy(value, std, tells):
-    assert tells_inertia({'actuator_inertia': Parameter(
-        value=value, std=std, unit='kg m2')}) == tells
+@pytest.mark.parametrize(('value', 'std', 'coulomb', 'viscous', 'expected'), [
+    (0.11, 0.01, 2.4, 2.0, True), (0.11, 0.05, 2.4, 2.0, False), (-0.11, 0.01, 2.4, 2.0, False),
+    (0.11, None, 2.4, 2.0, False), (0.11, 0.01, 2.4, -0.1, False),
+    (0.11, 0.01, (2.4, -0.1, 2.4, 2.4), 2.0, False)])
+def test_base_values_are_those_of_a_machine_by_inertia_and_friction(
+        value, std, coulomb, viscous, expected):
+    """The inertia is positive and of some accuracy; friction does not drive."""
+    assert is_mended({
+        'actuator_inertia': Parameter(value=value, std=std, unit='kg m2'),
+        'coulomb_friction': Parameter(value=coulomb, unit='N m'),
+        'viscous_friction': Parameter(value=viscous, unit='N m s/rad')}) == expected

@@ -36,10 +36,10 @@ from par4_identification.diagnosis.evidence.whitener import Whitener
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
 from par4_identification.diagnosis.nominal.start import (
     Start,
+    is_mended,
     shown,
     start_beside,
     start_of,
-    tells_inertia,
 )
 from par4_identification.diagnosis.progress import Progress, silent
 from par4_identification.diagnosis.search.candidates import Candidates
@@ -148,16 +148,16 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
     answer = _diagnosed(start, heldout, machine, baseline, searched, rules, tuple(fit_runs),
                         progress)
     again = None
-    if (start.left_out or start.unless_shown) and answer.causes:
+    if (start.left_out or start.unless_mended) and answer.causes:
         beside = observe(fit_runs, machine, rigid_body,
                          build_model(machine, answer.extended_model, effects))
         again = start_beside(start, observations, beside.target, machine, rigid_body)
     if again is not None:
-        progress('diagnosing again, as the causes found let the motion show the inertia')
+        progress('diagnosing again from the base parameters beside the causes found')
         answer = _diagnosed(again, heldout, machine, baseline, searched, rules, tuple(fit_runs),
                             progress)
-    elif start.unless_shown and not (answer.causes and tells_inertia(answer.base_after)):
-        return Unusable(start.unless_shown, tuple(fit_runs))
+    if start.unless_mended and not (answer.causes and is_mended(answer.base_after)):
+        return Unusable(start.unless_mended, tuple(fit_runs))
     return replace(answer, share=share)
 
 

@@ -144,7 +144,7 @@ def _diagnosed(check: SetupCheck, runs: Sequence[Run]) -> Fitness:
     try:
         start = start_of(observations, check.machine, 'paper',
                          rules_for(isinstance(check.machine, Axis)))
-        reasons = list(start.reasons or start.unless_shown)
+        reasons = list(start.reasons or start.unless_mended)
     except Par4Error as error:
         reasons = [str(error)]
     except np.linalg.LinAlgError:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations_with_replacement
+from typing import NamedTuple
 
 import numpy as np
 
-from par4_dynamics.base_terms import FRICTION
+from par4_dynamics.base_terms import FRICTION, INERTIA
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.fitting.identification import Identification
 from par4_identification.signals.rows import Run
@@ -26,14 +27,26 @@ WORST_ERROR = 0.6
 WORST_STD = 0.3
 
 
+class Reason(NamedTuple):
+    """Why data cannot carry a diagnosis.
+
+    Attributes:
+        text: with what to do.
+        is_of_cause: whether a strong cause may be the reason, to be found beside the bodies.
+    """
+
+    text: str
+    is_of_cause: bool = False
+
+
 def is_vague(value: float, std: float) -> bool:
     """Return whether a motion does not tell a value with this standard deviation."""
     return std > WORST_STD * abs(value)
 
 
 def unusable(observations: Observations, identification: Identification, machine: Robot | Axis,
-             target: Sequence[np.ndarray] | None = None) -> list[str]:
-    """Return why the data cannot carry a diagnosis, each with what to do; empty if they can.
+             target: Sequence[np.ndarray] | None = None) -> list[Reason]:
+    """Return why the data cannot carry a diagnosis; empty if they can.
 
     Args:
         observations: rows to fit.
@@ -42,31 +55,32 @@ def unusable(observations: Observations, identification: Identification, machine
         target: what these were fitted to, (m, J) of each run, where that is less than the torque
             because the rest is known to be bound to the position.
     """
-    reasons = too_few(observations)
+    reasons = [Reason(text) for text in too_few(observations)]
     estimate = identification.estimate
     values = {term.name: (value, std) for term, value, std in
               zip(identification.terms, estimate.values, estimate.std)}
     friction = values['coulomb_friction'][0] + _usual_speed(observations) * values[
         'viscous_friction'][0]
     if friction < 0:
-        reasons.append('friction comes out driving the joints instead of braking them; check the '
-                       'sign of torque and position')
+        reasons.append(Reason('friction comes out driving the joints instead of braking them; '
+                              'check the sign of torque and position', is_of_cause=True))
     bound = target is not None
     error = _error_beside(observations, identification) if bound else estimate.relative_error
     if error > WORST_ERROR and (bound or _error_in_motion(observations) > WORST_ERROR):
-        reasons.append(f'the rigid bodies explain only {1 - error:.0%} of the '
-                       f'torque; check order, sign and zero of the joints, the gains and the '
-                       f'robot file')
+        reasons.append(Reason(f'the rigid bodies explain only {1 - error:.0%} of the torque; check '
+                              f'order, sign and zero of the joints, the gains and the robot file'))
     for term in identification.terms:
         # a lag of the drives can turn the slope of friction over; together it must brake, see above
         friction_term = term.name in FRICTION
         value, std = values[term.name]
         if term.nonnegative and not friction_term and value < -5.0 * std:
-            reasons.append(f'{term.name} comes out as {value:.3g} {unit_on(machine, term.unit)}; '
-                           f'check order and sign of the joints')
-        if term.name == 'actuator_inertia' and is_vague(value, std):
-            reasons.append(f'the motion does not excite {term.name} (standard deviation '
-                           f'{std / max(abs(value), 1e-12):.0%}); record faster motions')
+            reasons.append(Reason(f'{term.name} comes out as {value:.3g} '
+                                  f'{unit_on(machine, term.unit)}; check order and sign of the '
+                                  f'joints'))
+        if term.name == INERTIA and is_vague(value, std):
+            reasons.append(Reason(f'the motion does not excite {term.name} (standard deviation '
+                                  f'{std / max(abs(value), 1e-12):.0%}); record faster motions',
+                                  is_of_cause=True))
     return reasons
 
 

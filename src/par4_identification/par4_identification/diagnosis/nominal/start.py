@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from par4_dynamics.base_terms import INERTIA
+from par4_dynamics.base_terms import FRICTION, INERTIA
 from par4_dynamics.effects.cogging import Cogging
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.position_torque import PositionTorque
@@ -45,8 +45,8 @@ class Start:
         identification: base parameters; None if they cannot be fitted at all.
         left_out: names of parameters that the motion does not show.
         reasons: why the data cannot carry a diagnosis, each with what to do; empty if they can.
-        unless_shown: why they cannot unless the motion shows the inertia beside causes that are
-            found; empty if that is no reason.
+        unless_mended: why they cannot unless causes are found beside which the motion shows the
+            inertia, and friction brakes; empty if that is no reason.
         bound: whether most of the torque depends on the position alone.
         inertia: of the actuators where the motion does not show it and a model tells it, (J,),
             kg m2 or kg; its torque is not in the rows then.
@@ -56,7 +56,7 @@ class Start:
     identification: Identification | None
     left_out: tuple[str, ...]
     reasons: tuple[str, ...]
-    unless_shown: tuple[str, ...] = ()
+    unless_mended: tuple[str, ...] = ()
     bound: bool = False
     inertia: np.ndarray | None = None
 
@@ -88,12 +88,11 @@ def start_of(observations: Observations, machine: Robot | Axis, rigid_body: Rigi
         return start
     known = observations.without(INERTIA, 0.0 if inertia is None else inertia)
     if not observations.of_axis:
-        only_vague = (start.identification is not None and _is_vague(start.identification)
-                      and len(start.reasons) == 1)  # as beside a strong cause
-        if only_vague and inertia is not None:
+        if (start.unless_mended and inertia is not None and len(start.reasons) == 1
+                and _is_vague(start.fitted)):
             again = _start(known, None, machine, rigid_body, (INERTIA,))
             return start if again.reasons else replace(again, inertia=inertia)
-        return replace(start, reasons=(), unless_shown=start.reasons) if only_vague else start
+        return replace(start, reasons=()) if start.unless_mended else start
     bound = () if observations.steady else (Cogging(), PositionTorque())
     for effect in (None, *bound):
         target = None if effect is None else _without(effect, observations, rules)
@@ -125,12 +124,16 @@ def start_beside(start: Start, observations: Observations, target: Sequence[np.n
     return None if again.reasons or _hides_inertia(again) else replace(again, bound=start.bound)
 
 
-def tells_inertia(parameters: Mapping[str, Parameter]) -> bool:
-    """Return whether base parameters beside causes have an inertia that the motion shows."""
+def is_mended(parameters: Mapping[str, Parameter]) -> bool:
+    """Return whether base parameters beside causes can be those of a machine.
+
+    The motion shows the inertia, and both parts of the friction brake.
+    """
     found = parameters[INERTIA]
     value, std = (float(np.max(np.asarray(part, dtype=float))) for part in (
         found.value, np.inf if found.std is None else found.std))
-    return value > 0.0 and not is_vague(value, std)
+    return value > 0.0 and not is_vague(value, std) and all(
+        np.min(np.asarray(parameters[name].value, dtype=float)) >= 0.0 for name in FRICTION)
 
 
 def shown(heldout: Observations, start: Start) -> Observations:
@@ -159,8 +162,10 @@ def _start(observations: Observations, target: Sequence[np.ndarray] | None, mach
             observations.base, rigid_body, terms=observations.terms)
     except InputError as error:
         return Start(observations, None, left_out, tuple(too_few(observations)) or (str(error),))
-    return Start(observations, identification, left_out,
-                 tuple(unusable(observations, identification, machine, target)))
+    found = unusable(observations, identification, machine, target)
+    reasons = tuple(reason.text for reason in found)
+    return Start(observations, identification, left_out, reasons,
+                 reasons if all(reason.is_of_cause for reason in found) else ())
 
 
 def _hides_inertia(start: Start) -> bool:
