@@ -76,6 +76,7 @@ class MotionNode(Par4Node):
         self._publisher = self.publisher_of(REFERENCE)
         self._discovered = time.monotonic() + DISCOVERY
         self._robot = read_robot(asked.robot_file)
+        self.warn_of_limits_not_given(self._robot)
         self._motion: Motion | None = None
         if asked.motion != ACTION:
             self._motion = named_motion(asked.motion, self._robot, asked.duration or None,

@@ -25,6 +25,8 @@ from std_srvs.srv import Trigger
 
 from par4_kinematics.errors import InputError, Par4Error, UnreachableError
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, Topic
+from par4_kinematics.limits import limits_not_given
+from par4_kinematics.robot import Robot
 from par4_kinematics.ros.arrivals import Arrivals
 from par4_kinematics.ros.convert import write_time
 from par4_kinematics.ros.parameters import NodeParameters, check_those_of_ros, declare
@@ -191,6 +193,11 @@ class Par4Node(Node):
                 f'qos_overrides of {topic.name}: not understood; depth is a whole number below '
                 f'2^31, history keep_last or keep_all, reliability reliable or best_effort'
             ) from None
+
+    def warn_of_limits_not_given(self, robot: Robot) -> None:
+        """Warn of limits that the robot's file leaves out; for nodes that hold motions to them."""
+        for line in limits_not_given(robot):
+            self.get_logger().warning(line)
 
     def serve(self, name: str, action: Callable[[], str]) -> None:
         """Offer a Trigger service; `action` returns its message or raises Par4Error."""

@@ -62,6 +62,7 @@ class SimulationNode(Par4Node):
         super().__init__()
         asked = self.parameters
         self._robot = read_robot(asked.robot_file)
+        self.warn_of_limits_not_given(self._robot)
         self._window = None
         if asked.window:
             self._window = Window(self._robot, home_pose(self._robot))
