@@ -101,7 +101,7 @@ class Par4Node(Node):
                           on_clock_change=False), post_callback=self._on_jump)
         self.add_on_set_parameters_callback(self._keep_clock)
         self._diagnostics = self.publisher_of(DIAGNOSTICS)
-        self.create_timer(REPORT_PERIOD, self._report, clock=self.wall_clock)
+        self.create_timer(REPORT_PERIOD, self.report, clock=self.wall_clock)
 
     def _keep_clock(self, parameters: list[Parameter]) -> SetParametersResult:
         """Refuse another clock: what the node has begun would be over, or never, by it."""
@@ -305,7 +305,8 @@ class Par4Node(Node):
         """Return the time that this node's own stamps carry, ns."""
         return self.get_clock().now().nanoseconds
 
-    def _report(self) -> None:
+    def report(self) -> None:
+        """Tell the state on the diagnostics, and log what is new in it."""
         self._look_at_runner()
         self._look_at_clock()
         faults = self.faults()

@@ -44,6 +44,8 @@ from par4_sim.window import Window
 
 SWITCH_INTERVAL = 2e-4
 """Seconds for which the thread of the callbacks may run while that of the physics waits."""
+FAULT_PERIOD = 0.05
+"""Seconds of wall time between looks for a fault: it is told at once, not with the next report."""
 LATE_SHARE = 0.05
 """Share of late samples that is worth a warning."""
 STRANGE_NS = 1000 * SECOND
@@ -76,6 +78,8 @@ class SimulationNode(Par4Node):
             simulation, self._publish, lambda error: self.reject(REFERENCE, error),
             asked.real_time_factor, asked.feedforward_timeout, asked.following_error_limit,
             self._pace)
+        self._fault = ''
+        self.create_timer(FAULT_PERIOD, self._tell_new_fault, clock=self.wall_clock)
         self._zero_stamps = ZeroStamps()
         self._published = 0
         self.subscribe(REFERENCE, self._on_reference, raw=True)
@@ -178,6 +182,12 @@ class SimulationNode(Par4Node):
     def end(self) -> None:
         """End once the machine rests: its drives do not leave it in motion."""
         self._physics.end()
+
+    def _tell_new_fault(self) -> None:
+        """Tell on the diagnostics that there is a fault, or another, or none any more."""
+        if self._fault != self._physics.fault:
+            self._fault = self._physics.fault
+            self.report()
 
     def state(self) -> State:
         """Return whether the simulation runs, and why if not."""
