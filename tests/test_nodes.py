@@ -271,7 +271,9 @@ def bad_file(folder: Path, change: str) -> Path:
     ('par4_record', 'use_sim_time', 'yes_please', "use_sim_time: expected true or false, found "
                                                   "'yes_please'"),
     ('par4_motion', 'qos_overrides./reference.publisher.depth', 10 ** 14,
-     'qos_overrides of reference: not understood; depth is a whole number below 2^31'),
+     'qos_overrides of reference: not understood; depth is a whole number from 0 to 2^31 - 1'),
+    *(('par4_motion', f'qos_overrides./{name}.depth', -1, 'depth is a whole number from 0')
+      for name in ('reference.publisher', 'joint_states.subscription')),
     ('par4_motion', 'motion', 'dance', 'dance'),
     ('par4_record', 'storage', 'tape', 'known are mcap, sqlite3'),
     ('par4_record', 'output', '.', 'exists already'),

@@ -19,7 +19,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.qos import QoSProfile
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
@@ -62,6 +63,11 @@ class State:
     OK: ClassVar[bytes] = DiagnosticStatus.OK
     WARN: ClassVar[bytes] = DiagnosticStatus.WARN
     ERROR: ClassVar[bytes] = DiagnosticStatus.ERROR
+
+
+def _without_negative_depth(profile: QoSProfile) -> SetParametersResult:
+    """Refuse what rcl would refuse, too, but with lines of its own on the terminal."""
+    return SetParametersResult(successful=profile.depth >= 0)
 
 
 class Par4Node(Node):
@@ -186,12 +192,13 @@ class Par4Node(Node):
     def _on_topic(self, create: Callable[..., Any], topic: Topic, **options: Any) -> Any:
         try:
             return create(msg_type=message_type(topic), topic=topic.name, qos_profile=qos_of(topic),
-                          qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-                          **options)
-        except (AssertionError, AttributeError, RuntimeError, TypeError, ParameterException):
+                          qos_overriding_options=QoSOverridingOptions.with_default_policies(
+                              callback=_without_negative_depth), **options)
+        except (AssertionError, AttributeError, RuntimeError, TypeError, ParameterException,
+                InvalidQosOverridesError):
             raise InputError(
-                f'qos_overrides of {topic.name}: not understood; depth is a whole number below '
-                f'2^31, history keep_last or keep_all, reliability reliable or best_effort'
+                f'qos_overrides of {topic.name}: not understood; depth is a whole number from 0 to '
+                f'2^31 - 1, history keep_last or keep_all, reliability reliable or best_effort'
             ) from None
 
     def warn_of_limits_not_given(self, robot: Robot) -> None:
