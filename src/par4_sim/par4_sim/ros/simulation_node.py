@@ -34,6 +34,7 @@ from par4_sim.choices import LOOKED_AHEAD, PREDICTIVE
 from par4_sim.description import complete_description
 from par4_sim.laws import KNOWING
 from par4_sim.ros.compiled_limits import compiled_limits
+from par4_sim.ros.kept_memory import keep_memory
 from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
@@ -255,6 +256,7 @@ class SimulationNode(Par4Node):
         callbacks.result()
 
     def _serve_callbacks(self) -> None:
+        keep_memory()
         try:
             super().work()
         finally:
