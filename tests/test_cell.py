@@ -221,6 +221,25 @@ def test_diagnostics_tell_pace_ages_and_dead_inputs_and_foreign_joints_are_no_fa
     assert lost < 5000, 'another publisher fakes loss'
 
 
+def test_a_robot_whose_joints_have_other_names_is_told(bench):
+    """A gripper that speaks first is one, too, until the robot does."""
+    diagnostics = bench.listen(DIAGNOSTICS)
+    for node in ('par4_kinematics', 'par4_monitor', 'par4_motion'):
+        bench.start(node)
+    states = bench.publisher(JOINT_STATES, 3)
+    message = JointState(name=['joint_1', 'joint_2', 'joint_3', 'joint_4'])
+    write_joint_state(message, 0, HOME_Q)
+    states.publish(message)
+    for node in ('par4_kinematics', 'par4_monitor', 'par4_motion'):
+        wait_for_state(bench, diagnostics, node, WARN,
+                       'joint_states tell of joint_1, joint_2, joint_3, joint_4 only; the joints '
+                       'of the robot are arm_joint_0, arm_joint_1, arm_joint_2, arm_joint_3')
+    message.name = list(JOINT_NAMES)
+    states.publish(message)
+    bench.wait(lambda: 'joint_1' not in bench.statuses(diagnostics, 'par4_kinematics')[-1].message,
+               'par4_kinematics to have heard the robot')
+
+
 def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(bench):
     simulated = Simulated(bench, publish_rate_hz=100)
     diagnostics = simulated.diagnostics

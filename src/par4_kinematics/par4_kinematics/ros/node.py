@@ -25,9 +25,9 @@ from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from par4_kinematics.errors import InputError, Par4Error, UnreachableError
-from par4_kinematics.interface import CLOCK, DIAGNOSTICS, Topic
+from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, Topic
 from par4_kinematics.limits import limits_not_given
-from par4_kinematics.robot import Robot
+from par4_kinematics.robot import JOINT_NAMES, Robot
 from par4_kinematics.ros.arrivals import Arrivals
 from par4_kinematics.ros.convert import write_time
 from par4_kinematics.ros.parameters import NodeParameters, check_those_of_ros, declare
@@ -175,6 +175,8 @@ class Par4Node(Node):
 
         def accept_or_reject(message: Any, info: dict[str, Any]) -> None:
             arrivals.take(info['publication_sequence_number'])
+            if topic.type == JOINT_STATES.type and not raw:
+                arrivals.hear(message)
             try:
                 callback(message)
             except Par4Error as error:
@@ -257,6 +259,10 @@ class Par4Node(Node):
         if self.simulated_time and self.clocks() > 1:
             return State(State.ERROR, f'{self.clocks()} publish {CLOCK.name}: end all but one '
                                       f'simulation, or give each a ROS_DOMAIN_ID of its own')
+        for name, input_ in self._arrivals.items():
+            if input_.others:
+                return State(State.WARN, f'{name} tell of {input_.others} only; the joints of the '
+                                         f'robot are {", ".join(JOINT_NAMES)}')
         waiting = [name for name, input_ in self._arrivals.items()
                    if input_.stream and input_.age is None]
         dead = self.dead_inputs()
