@@ -778,6 +778,16 @@ def test_a_killed_recording_is_mended(bench, storage):
     assert again.stderr.startswith('error: ')
 
 
+def test_a_recording_of_nothing_leaves_its_path_to_the_next(bench):
+    for number in (1, 2):
+        child = bench.start('par4_record', output='bag')
+        bench.wait((bench.folder / 'bag').is_dir, 'the bag')
+        child.send_signal(signal.SIGINT)
+        assert bench.ended(child) == 0
+        assert bench.said().count('bag: no message came, so no bag is left') == number
+        assert not (bench.folder / 'bag').exists()
+
+
 def test_the_recorder_ends_after_its_duration(bench):
     recorded = Recorded(bench, duration=2)
     bench.wait(lambda: recorded.publish(1) or recorded.child.poll() is not None,
