@@ -260,6 +260,13 @@ def test_what_a_robot_told_is_over_once_it_tells_something_else(cell, robot_node
     assert cell.node.failure is None
 
 
+def test_another_that_could_move_the_robot_is_warned_of(cell, monkeypatch):
+    monkeypatch.setattr(cell.node, 'count_publishers', {'/reference': 2}.get)
+    cell.run_to_the_middle()
+    assert cell.warnings() == ('2 publish reference: the robot follows what comes last; let one '
+                               'move it at a time')
+
+
 def test_a_robot_that_stands_elsewhere_at_the_end_did_not_follow(cell):
     """One that goes only part of the way does not stand."""
     cell.node._look_for_arrival(played_of(cell, AWAY_Q + (0.0, 0.2, 0.0, 0.0)), 0)

@@ -84,10 +84,9 @@ class MotionNode(Par4Node):
         home = inverse_kinematics(self._robot.geometry, home_pose(self._robot))
         platform_motion(self._robot.geometry, *np.vstack((home, np.zeros((2, 4))))[:, None])
         self._goals: GoalServer | None = None
-        self._ending = False
+        self._ending = self._braking = self._stop_asked = False
         self._fed_back = 0.0
         self._played: Played | None = None
-        self._braking = False
         self._fault: Par4Error | None = None
         self._silence = Silence()
         self._troubles = Troubles()
@@ -96,7 +95,6 @@ class MotionNode(Par4Node):
         self._rests_between_ns = 0, 0
         self._ahead_ns = LEAD_NS
         self._pace = 1.0
-        self._stop_asked = False
         self._patient_until = math.inf
         self._stamp_ns = 0
         self._robot_at: np.ndarray | None = None
@@ -158,10 +156,8 @@ class MotionNode(Par4Node):
 
     def _trouble(self) -> str:
         """Return what those that publish joint states tell is wrong with the robot."""
-        return self._troubles.of(
-            f'{node.node_namespace.rstrip("/")}/{node.node_name}'
-            for node in self.get_publishers_info_by_topic(
-                self.resolve_topic_name(JOINT_STATES.name)))
+        return self._troubles.of(self.get_publishers_info_by_topic(
+            self.resolve_topic_name(JOINT_STATES.name)))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self._troubles.take(message)
@@ -368,6 +364,10 @@ class MotionNode(Par4Node):
             self._ahead_ns = FAR_NS
         # a whole millisecond, so that samples of the usual rates fall on the points
         start_ns = (now_ns + lead_ns) // MILLISECOND * MILLISECOND
+        senders = self.count_publishers(self.resolve_topic_name(REFERENCE.name))
+        if senders > 1:
+            self.get_logger().warning(f'{senders} publish {REFERENCE.name}: the robot follows what '
+                                      f'comes last; let one move it at a time')
         self.get_logger().info(f'playing {motion.name}, {motion.duration:.3f} s')
         return Played(motion, start_ns, start_ns + np.rint(motion.t * SECOND).astype(np.int64),
                       (motion.q, motion.qd, motion.qdd))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
 class Troubles:
@@ -21,6 +22,8 @@ class Troubles:
             else:
                 self._told.pop(status.name, None)
 
-    def of(self, nodes: Iterable[str]) -> str:
-        """Return the error of one of these nodes, by their full names; empty where none has one."""
+    def of(self, publishers: Iterable[TopicEndpointInfo]) -> str:
+        """Return the error that one of the publishers of a topic has; empty where none has one."""
+        nodes = (f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
+                 for publisher in publishers)
         return next((self._told[node] for node in nodes if node in self._told), '')
