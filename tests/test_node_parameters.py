@@ -91,3 +91,11 @@ def test_what_stands_outside_of_the_arguments_of_ros_is_refused(line):
     with pytest.raises(InputError, match=rf'unknown argument {strange}; parameters are given as '
                                          r'--ros-args -p NAME:=VALUE'):
         _initialise(['par4_motion', *line.split()])
+
+
+@pytest.mark.parametrize('domain', ['233', '-1', 'cell'])
+def test_a_domain_that_there_is_not_is_refused(monkeypatch, domain):
+    monkeypatch.setenv('ROS_DOMAIN_ID', domain)
+    with pytest.raises(InputError, match=f'ROS_DOMAIN_ID: {domain} found; set a whole number from '
+                                         f'0 to 232'):
+        _initialise(['par4_motion'])

@@ -25,6 +25,8 @@ from par4_kinematics.ros.parameters import answered
 
 PATIENCE = 3.0
 """Seconds that a node has to end in before another signal interrupts it."""
+LAST_DOMAIN = 232
+"""The ports of further domains would be beyond 65535 (DDSI-RTPS 2.5, 9.6.2)."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -57,6 +59,10 @@ def _initialise(arguments: list[str]) -> None:
     if strange:  # NAME:=VALUE too, which rcl would take for another name of a topic
         raise InputError(f'unknown argument {strange[0]}; parameters are given as --ros-args '
                          f'-p NAME:=VALUE, see --help')
+    domain = os.environ.get('ROS_DOMAIN_ID', '').strip() or '0'
+    if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
+        raise InputError(f'ROS_DOMAIN_ID: {domain} found; set a whole number from 0 to '
+                         f'{LAST_DOMAIN}')
     try:
         # with rclpy's own handlers the context is gone before the node can end its work
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
