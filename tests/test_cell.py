@@ -47,7 +47,7 @@ from par4_identification.logs.read_log import read_log
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.approach import with_approach
 from par4_kinematics.errors import InputError
-from par4_kinematics.files import read_yaml
+from par4_kinematics.files import read_yaml, write_yaml
 from par4_kinematics.interface import (
     AMPLIFIER_VOLTAGE,
     DIAGNOSTICS,
@@ -221,6 +221,26 @@ def test_diagnostics_tell_pace_ages_and_dead_inputs_and_foreign_joints_are_no_fa
     assert lost < 5000, 'another publisher fakes loss'
 
 
+def test_a_robot_whose_joints_have_other_names_is_told(bench):
+    """A gripper that speaks first is one, too, until the robot does."""
+    diagnostics = bench.listen(DIAGNOSTICS)
+    for node in ('par4_kinematics', 'par4_monitor', 'par4_motion'):
+        bench.start(node)
+    states = bench.publisher(JOINT_STATES, 3)
+    message = JointState(name=['joint_1', 'joint_2', 'joint_3', 'joint_4'])
+    write_joint_state(message, 0, HOME_Q)
+    states.publish(message)
+    for node in ('par4_kinematics', 'par4_monitor', 'par4_motion'):
+        wait_for_state(bench, diagnostics, node, WARN,
+                       'joint_states tell of joint_1, joint_2, joint_3, joint_4 only; the joints '
+                       'of the robot are arm_joint_0, arm_joint_1, arm_joint_2, arm_joint_3')
+    message.name = list(JOINT_NAMES)
+    diagnostics.clear()
+    states.publish(message)
+    bench.wait(lambda: any('joint_1' not in status.message for status in bench.statuses(
+        diagnostics, 'par4_kinematics')), 'par4_kinematics to have heard the robot')
+
+
 def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(bench):
     simulated = Simulated(bench, publish_rate_hz=100)
     diagnostics = simulated.diagnostics
@@ -295,6 +315,29 @@ def test_a_motion_that_the_robot_did_not_follow_has_not_been_played(bench, tmp_p
     assert bench.ended(player) == 2
     assert 'the robot did not follow' in bench.said()
     wait_for_state(bench, simulated.diagnostics, 'par4_simulation', ERROR, 'call ~/reset')
+
+
+def test_a_trip_ends_a_motion_whose_reference_stays_near_the_machine(bench):
+    simulated = Simulated(bench, following_error_limit=1e-4)
+    write_yaml(bench.folder / 'near.yaml', {
+        'schema': 'par4/motion/1', 'recipe': {'kind': 'circle', 'radius': 0.01, 'speed': 0.01}})
+    player = bench.start('par4_motion', motion='near.yaml', **SIMULATED)
+    assert bench.ended(player) == 2
+    wait_for_state(bench, simulated.diagnostics, 'par4_simulation', ERROR, 'call ~/reset')
+    said = bench.said()
+    assert 'circle aborted: the robot did not follow, it says: arm_joint_' in said
+    # another is not begun until the machine is put in order
+    player = bench.start('par4_motion', motion='near.yaml', **SIMULATED)
+    assert bench.ended(player) == 2
+    assert 'circle not begun: the robot says: arm_joint_' in bench.said()
+
+
+def test_a_fault_is_told_at_once_and_once():
+    node = SimpleNamespace(_fault='', _physics=SimpleNamespace(fault=''), report=mock.Mock())
+    for fault, reports in (('', 0), ('tripped', 1), ('tripped', 1), ('', 2)):
+        node._physics.fault = fault
+        SimulationNode._tell_new_fault(node)
+        assert node.report.call_count == reports
 
 
 def test_two_robots_in_two_namespaces_do_not_hear_each_other(bench):

@@ -17,6 +17,7 @@ from par4_identification.logs.log import Log
 from par4_identification.ros.monitor_node import STILL, MonitorNode
 from par4_identification.trend.drift import WORDS, DriftWatch, projections
 from par4_identification.trend.windows import WINDOW
+from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, Topic
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES
@@ -161,11 +162,12 @@ def monitor() -> SimpleNamespace:
 
 
 def send(node: SimpleNamespace, first: float, last: float,
-         topics: tuple[Topic, ...] = (JOINT_STATES, AMPLIFIER_VOLTAGE)) -> None:
+         topics: tuple[Topic, ...] = (JOINT_STATES, AMPLIFIER_VOLTAGE), effort: float = 0.0
+         ) -> None:
     """Let a monitor take a message of each topic every 10 ms."""
-    message, still = JointState(name=list(JOINT_NAMES)), np.zeros(4)
+    message = JointState(name=list(JOINT_NAMES))
     for time in np.arange(first, last, 0.01):
-        write_joint_state(message, round(time * SECOND), still, effort=still)
+        write_joint_state(message, round(time * SECOND), np.zeros(4), effort=np.full(4, effort))
         for topic in topics:
             MonitorNode._taken(node, topic)(message)
 
@@ -233,3 +235,13 @@ def test_a_torque_that_no_drive_gives_is_left_out_of_a_window_and_told(monitor, 
     said, = (call.args[0] for call in monitor.get_logger().warning.call_args_list)
     assert said.startswith(f'{topic.name}: arm_joint_2 has -1e+12 N m, more than 10 times the '
                            f'torque_limit of 200 N m of robot reference')
+
+
+def test_an_effort_that_is_no_number_is_told_and_good_voltages_are_looked_at(monitor):
+    for time in np.arange(0.0, 2.015, 0.01):
+        send(monitor, time, time + 0.005, (AMPLIFIER_VOLTAGE,))
+        with pytest.raises(InputError, match='effort: arm_joint_0 has nan; send finite numbers'):
+            send(monitor, time, time + 0.005, (JOINT_STATES,), np.nan)
+    positions, torques = monitor.window
+    assert monitor.looked == 1
+    assert positions.keys() == torques.keys()

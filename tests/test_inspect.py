@@ -140,6 +140,13 @@ def test_what_is_no_bag_is_refused_in_one_line(tmp_path, content):
     assert told.err.count('\n') == 1
 
 
+def test_a_bag_with_a_stretch_too_short_to_be_watched_is_judged_by_its_others(bags):
+    log = read_log(bags / 'whole', REFERENCE)
+    cut = replace(log, segments=(slice(0, 375), slice(375, len(log.t))))  # 1.5 s and the rest
+    uses = {item.tool: item.use for item in fitness_of(check_setup([cut], REFERENCE))[0]}
+    assert uses['monitor'] == 'weakly'
+
+
 def uses_of_axis(q, tau, period):
     """Return tool -> use of the log of an axis."""
     log = Log('axis', ('motor',), 10 ** 18, period, period * np.arange(len(q)), q[:, None],

@@ -14,6 +14,7 @@ from unittest import mock
 import numpy as np
 import pytest
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
@@ -214,6 +215,56 @@ def test_a_robot_that_trips_ends_the_motion_at_once(cell, stamped):
     assert 'the robot did not follow: arm_joint_' in said
     assert '/diagnostics may say why' in said
     np.testing.assert_array_equal(cell.last[4:], 0.0)
+
+
+def diagnostics(node: str, level: bytes, text: str = '') -> DiagnosticArray:
+    return DiagnosticArray(status=[DiagnosticStatus(name=node, level=level, message=text)])
+
+
+@pytest.fixture
+def robot_node(cell, monkeypatch) -> str:
+    """Return the name of the node that publishes joint states."""
+    monkeypatch.setattr(cell.node, 'get_publishers_info_by_topic', lambda topic: {
+        '/joint_states': [SimpleNamespace(node_name='robot', node_namespace='/')]}[topic])
+    return '/robot'
+
+
+def test_a_robot_that_tells_of_a_trip_ends_the_motion_however_little_that_moves(cell, robot_node):
+    cell.run_to_the_middle()
+    cell.node._on_diagnostics(diagnostics(robot_node, DiagnosticStatus.WARN, 'busy'))
+    cell.node._on_diagnostics(diagnostics('/robot_of_others', DiagnosticStatus.ERROR, 'broken'))
+    cell.run(LOOK)
+    assert not cell.node._braking
+    cell.node._on_diagnostics(diagnostics(robot_node, DiagnosticStatus.ERROR, 'arm_joint_0 hot'))
+    cell.run(LOOK)
+    assert cell.node._braking
+    np.testing.assert_array_equal(cell.last[4:], 0.0)
+    cell.run(20.0)
+    assert str(cell.node.failure) == ('away aborted: the robot did not follow, it says: '
+                                      'arm_joint_0 hot; see to it, then play it anew')
+
+
+def test_no_motion_begins_of_a_robot_that_tells_of_a_trip(cell, robot_node):
+    cell.node._on_diagnostics(diagnostics(robot_node, DiagnosticStatus.ERROR, 'call ~/reset'))
+    cell.run(10.0)
+    assert cell.node.finished
+    assert cell.node._played is None
+    assert 'not begun: the robot says: call ~/reset; see to it' in str(cell.node.failure)
+
+
+def test_what_a_robot_told_is_over_once_it_tells_something_else(cell, robot_node):
+    for level in (DiagnosticStatus.ERROR, DiagnosticStatus.OK):
+        cell.node._on_diagnostics(diagnostics(robot_node, level))
+    cell.run(8.0)
+    assert cell.node.finished
+    assert cell.node.failure is None
+
+
+def test_another_that_could_move_the_robot_is_warned_of(cell, monkeypatch):
+    monkeypatch.setattr(cell.node, 'count_publishers', {'/reference': 2}.get)
+    cell.run_to_the_middle()
+    assert cell.warnings() == ('2 publish reference: the robot follows what comes last; let one '
+                               'move it at a time')
 
 
 def test_a_robot_that_stands_elsewhere_at_the_end_did_not_follow(cell):

@@ -13,10 +13,12 @@ from unittest import mock
 import pytest
 from node_server import MODULES
 
+from par4_kinematics.errors import InputError
 from par4_kinematics.ros import parameters
 from par4_kinematics.ros.motion_parameters import MotionParameters
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.parameters import ALIKE, declare
+from par4_kinematics.ros.process import _initialise
 
 
 def names_of(node: str) -> list[str]:
@@ -79,3 +81,21 @@ def test_every_node_tells_a_misspelt_parameter(bench):
         bench.start(node, robot_fiel='reference')
     bench.wait(lambda: all(f'[{node}]: unknown parameter robot_fiel' in bench.said()
                            for node in MODULES), 'a warning of each node')
+
+
+@pytest.mark.parametrize('line', ['motion:=circle', '-p motion:=circle', '/a:=/b',
+                                  '--ros-args -p seed:=1 -- motion:=circle'])
+def test_what_stands_outside_of_the_arguments_of_ros_is_refused(line):
+    """rcl would take motion:=circle for another name of a topic, and the default be played."""
+    strange = line.rpartition('-- ')[2].split()[0]
+    with pytest.raises(InputError, match=rf'unknown argument {strange}; parameters are given as '
+                                         r'--ros-args -p NAME:=VALUE'):
+        _initialise(['par4_motion', *line.split()])
+
+
+@pytest.mark.parametrize('domain', ['233', '-1', 'cell'])
+def test_a_domain_that_there_is_not_is_refused(monkeypatch, domain):
+    monkeypatch.setenv('ROS_DOMAIN_ID', domain)
+    with pytest.raises(InputError, match=f'ROS_DOMAIN_ID: {domain} found; set a whole number from '
+                                         f'0 to 232'):
+        _initialise(['par4_motion'])

@@ -42,7 +42,7 @@ from par4_identification.logs.bag import read_bag
 from par4_identification.logs.bag_repair import repair_bag
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError
-from par4_kinematics.files import read_yaml, write_yaml
+from par4_kinematics.files import read_yaml, resolve_builtin, write_yaml
 from par4_kinematics.interface import (
     AMPLIFIER_VOLTAGE,
     CLOCK,
@@ -56,10 +56,11 @@ from par4_kinematics.interface import (
     TRUE_TORQUE,
     Topic,
 )
+from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion import motion_of_joints
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import forward_kinematics, inverse_kinematics
-from par4_kinematics.robot import JOINT_NAMES
+from par4_kinematics.robot import JOINT_NAMES, read_robot
 from par4_kinematics.ros.convert import (
     joint_values,
     read_trajectory,
@@ -270,7 +271,9 @@ def bad_file(folder: Path, change: str) -> Path:
     ('par4_record', 'use_sim_time', 'yes_please', "use_sim_time: expected true or false, found "
                                                   "'yes_please'"),
     ('par4_motion', 'qos_overrides./reference.publisher.depth', 10 ** 14,
-     'qos_overrides of reference: not understood; depth is a whole number below 2^31'),
+     'qos_overrides of reference: not understood; depth is a whole number from 0 to 2^31 - 1'),
+    *(('par4_motion', f'qos_overrides./{name}.depth', -1, 'depth is a whole number from 0')
+      for name in ('reference.publisher', 'joint_states.subscription')),
     ('par4_motion', 'motion', 'dance', 'dance'),
     ('par4_record', 'storage', 'tape', 'known are mcap, sqlite3'),
     ('par4_record', 'output', '.', 'exists already'),
@@ -282,6 +285,20 @@ def test_what_a_node_cannot_start_with_is_said_in_one_line(bench, node, paramete
     line, = (bench.folder / f'{node}_0.txt').read_text().strip().splitlines()
     assert line.startswith('error: ')
     assert said in line
+
+
+@pytest.mark.parametrize(('node', 'own'), [('par4_motion', {}),
+                                           ('par4_simulation', {'fidelity': 'exact'})])
+def test_limits_that_a_robot_file_leaves_out_are_told_once(bench, node, own):
+    content = read_yaml(resolve_builtin('reference', 'par4_kinematics'))
+    del content['limits'], content['drives']['torque_limit']
+    write_yaml(bench.folder / 'robot.yaml', content)
+    diagnostics = bench.listen(DIAGNOSTICS)
+    bench.start(node, robot_file='robot.yaml', **own)
+    bench.wait(lambda: diagnostics, 'diagnostics')
+    line, = limits_not_given(read_robot(bench.folder / 'robot.yaml'))
+    assert bench.said().count(line) == 1
+    assert 'drives.torque_limit 200' in line
 
 
 @pytest.mark.parametrize(('start', 'number'), [(Bench.execute, signal.SIGINT),
@@ -759,6 +776,16 @@ def test_a_killed_recording_is_mended(bench, storage):
                            text=True, timeout=DEADLINE)
     assert again.returncode == 2
     assert again.stderr.startswith('error: ')
+
+
+def test_a_recording_of_nothing_leaves_its_path_to_the_next(bench):
+    for number in (1, 2):
+        child = bench.start('par4_record', output='bag')
+        bench.wait((bench.folder / 'bag').is_dir, 'the bag')
+        child.send_signal(signal.SIGINT)
+        assert bench.ended(child) == 0
+        assert bench.said().count('bag: no message came, so no bag is left') == number
+        assert not (bench.folder / 'bag').exists()
 
 
 def test_the_recorder_ends_after_its_duration(bench):

@@ -15,13 +15,16 @@ from par4_dynamics.model import read_model
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.ros.convert import Trajectory
+from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 from par4_sim.reference_curve import ReferenceLimits
 from par4_sim.reference_points import ROOM
+from par4_sim.ros import simulation_node
 from par4_sim.ros.inbox import MOST, Inbox
 from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
+from par4_sim.ros.simulation_node import SimulationNode
 from par4_sim.simulation import Sample, Simulation, build_simulation
 from robots import REFERENCE
 
@@ -490,3 +493,30 @@ def test_all_that_a_reference_needs_is_compiled_before_a_node_can_be_found():
          'print(len(waiting_torque._give.signatures), len(reference._pass.signatures))'],
         capture_output=True, text=True, check=True).stdout
     assert [int(count) > 0 for count in told.split()] == [True, True]
+
+
+def test_memory_for_large_messages_is_kept():
+    """In a process of its own, whose heap it changes; by the pages that the system has to give."""
+    told = subprocess.run(
+        [sys.executable, '-c',
+         'import resource\n'
+         'from concurrent.futures import ThreadPoolExecutor\n'
+         'from par4_sim.ros.kept_memory import keep_memory\n'
+         'def pages():\n'
+         '    return resource.getrusage(resource.RUSAGE_THREAD).ru_minflt\n'
+         'def take():\n'
+         '    before, copies = pages(), [bytearray(14 << 20) for _ in range(2)]\n'
+         '    return pages() - before\n'
+         'with ThreadPoolExecutor(1) as thread:\n'
+         '    thread.submit(keep_memory).result()\n'
+         '    print(*(thread.submit(take).result() for _ in range(3)))'],
+        capture_output=True, text=True, check=True).stdout
+    assert max(int(count) for count in told.split()) < 100
+
+
+def test_the_thread_that_takes_references_keeps_memory_before_it_takes_any(monkeypatch):
+    done = []
+    monkeypatch.setattr(simulation_node, 'keep_memory', lambda: done.append('kept'))
+    monkeypatch.setattr(Par4Node, 'work', lambda _: done.append('works'))
+    SimulationNode._serve_callbacks(object.__new__(SimulationNode))
+    assert done == ['kept', 'works']

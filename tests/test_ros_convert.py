@@ -292,3 +292,12 @@ class TestZeroStamps:
         much_later = self.NOW + 10 * SECOND
         assert stamps.start_ns(FEEDFORWARD_TORQUE, self.points(), much_later) == (
             much_later + round(START_DELAY * SECOND))
+
+    def test_a_reference_is_not_begun_in_the_middle_by_a_torque_whose_own_was_lost(self):
+        stamps = ZeroStamps()
+        stamps.start_ns(FEEDFORWARD_TORQUE, self.points(count=9000, q=0.1), self.NOW)
+        for second in range(1, 4):
+            now_ns = self.NOW + second * SECOND
+            for topic in (REFERENCE, FEEDFORWARD_TORQUE):
+                assert stamps.start_ns(topic, self.points(count=9000, q=0.1), now_ns) == (
+                    now_ns + round(START_DELAY * SECOND))

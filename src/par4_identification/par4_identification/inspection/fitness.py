@@ -171,7 +171,7 @@ def _monitored(check: SetupCheck, runs: Sequence[Run]) -> Fitness:
     for run in runs:
         length = round(WINDOW / run.row_time)
         count = len(run.valid) // length
-        parts = run.valid[:count * length].reshape(count, length, -1)
+        parts = run.valid[:count * length].reshape(count, length, run.valid.shape[1])
         windows += int((parts.mean(axis=1) >= MOVING).all(axis=1).sum())
     told = (f'{windows} windows of {WINDOW:g} s in which all joints move; it learns a machine from '
             f'{LEARNING}')

@@ -82,10 +82,12 @@ class MonitorNode(Par4Node):
                 return
             self._repeated += stamp_ns in self._position
             self._position[stamp_ns] = joint_values(message, 'position')
-            if len(message.effort):
-                self._keep(self._effort, topic, stamp_ns, joint_values(message, 'effort'))
-            if stamp_ns - next(iter(self._position)) >= WINDOW * SECOND:
-                self._look()
+            try:
+                if len(message.effort):
+                    self._keep(self._effort, topic, stamp_ns, joint_values(message, 'effort'))
+            finally:  # an effort that is rejected takes neither position nor voltage with it
+                if stamp_ns - next(iter(self._position)) >= WINDOW * SECOND:
+                    self._look()
 
         return take
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 import sys
 import time
 from collections import Counter, defaultdict
@@ -98,8 +99,10 @@ class RecordNode(Par4Node):
         recorder, self._recorder = self._recorder, None
         recorder.close()
         topics = ', '.join(f'{name} {count}' for name, count in sorted(self._received.items()))
-        line = (f'{self._path}: {self._received.total()} messages'
-                f'{f" ({topics})" if topics else ""}, {self._lost()} lost')
+        line = f'{self._path}: {self._received.total()} messages ({topics}), {self._lost()} lost'
+        if not topics:  # what has failed to start is started again, to the same path
+            shutil.rmtree(self._path)
+            line = f'{self._path}: no message came, so no bag is left'
         print(line, flush=True)
         return line
 

@@ -9,6 +9,10 @@ from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.stamps import SECOND
 
+STRANGE_NS = 100 * SECOND
+"""A larger difference between the robot's stamps and the node's clock means two different
+clocks."""
+
 
 def started_again(motion: str) -> InputError:
     """Return the fault of a clock that jumped back."""
@@ -16,17 +20,35 @@ def started_again(motion: str) -> InputError:
                       f'started again; play it anew')
 
 
-def several_clocks(count: int) -> InputError:
-    """Return the fault of more than one simulation."""
-    return InputError(f'{count} publish {CLOCK.name}: end all but one simulation, or give each a '
-                      f'ROS_DOMAIN_ID of its own')
+def check_start(motion: str, trouble: str, clocks: int, stamp_ns: int, now_ns: int) -> None:
+    """Refuse to begin a motion of a robot in trouble, or on another clock than the robot's.
+
+    Args:
+        motion: its name.
+        trouble: what the robot tells of itself; empty where all is well.
+        clocks: how many publish the clock of the node; 0 where that is the wall's.
+        stamp_ns: of the newest joint state; 0 where there is none.
+        now_ns: of the clock of the node.
+
+    Raises:
+        InputError: says what is wrong, and names the parameter that is missing.
+    """
+    if trouble:
+        raise InputError(f'{motion} not begun: the robot says: {trouble}; see to it, then play it '
+                         f'anew')
+    if clocks > 1:
+        raise InputError(f'{clocks} publish {CLOCK.name}: end all but one simulation, or give each '
+                         f'a ROS_DOMAIN_ID of its own')
+    if clocks == 0 and stamp_ns != 0 and abs(stamp_ns - now_ns) > STRANGE_NS:
+        raise InputError(f'{JOINT_STATES.name} are stamped {stamp_ns / SECOND:.1f} s, the clock of '
+                         f'this node says {now_ns / SECOND:.1f} s: with a simulation give '
+                         f'--ros-args -p use_sim_time:=true; with a robot, set its clock')
 
 
-def strange_clock(stamp_ns: int, now_ns: int) -> InputError:
-    """Return the fault of joint states whose stamps are of another clock than the node's."""
-    return InputError(f'{JOINT_STATES.name} are stamped {stamp_ns / SECOND:.1f} s, the clock of '
-                      f'this node says {now_ns / SECOND:.1f} s: with a simulation give --ros-args '
-                      f'-p use_sim_time:=true; with a robot, set its clock')
+def tripped(motion: str, trouble: str) -> InputError:
+    """Return the fault of a robot that tells why it does not follow."""
+    return InputError(f'{motion} aborted: the robot did not follow, it says: {trouble}; see to it, '
+                      f'then play it anew')
 
 
 def ended(motion: str) -> InputError:

@@ -7,6 +7,7 @@ import sys
 import time
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -14,7 +15,7 @@ from par4_kinematics.acceleration import platform_motion
 from par4_kinematics.approach import with_approach
 from par4_kinematics.braking import ways_to_rest
 from par4_kinematics.errors import Par4Error
-from par4_kinematics.interface import CLOCK, JOINT_STATES, REFERENCE
+from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, REFERENCE
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import inverse_kinematics
@@ -27,6 +28,7 @@ from par4_kinematics.ros.node import SILENCE, Par4Node, State
 from par4_kinematics.ros.played import Played
 from par4_kinematics.ros.process import run
 from par4_kinematics.ros.silence import Silence
+from par4_kinematics.ros.troubles import Troubles
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.standing import Standing
 from par4_kinematics.standstill import Standstill
@@ -52,9 +54,6 @@ BRAKING_LEAD = 0.15
 """Seconds of wall time from now to the first point of the first way to rest."""
 UNSEEN_NS = SECOND // 2
 """How long after the end of the last way to rest the robot is still watched for coming to rest."""
-STRANGE_NS = 100 * SECOND
-"""A larger difference between the robot's stamps and the node's clock means two different
-clocks."""
 STANDSTILL = 3.0
 """Seconds of wall time to wait while the clock stands, or for the robot to say where it ended."""
 FEEDBACK = 0.05
@@ -76,6 +75,7 @@ class MotionNode(Par4Node):
         self._publisher = self.publisher_of(REFERENCE)
         self._discovered = time.monotonic() + DISCOVERY
         self._robot = read_robot(asked.robot_file)
+        self.warn_of_limits_not_given(self._robot)
         self._motion: Motion | None = None
         if asked.motion != ACTION:
             self._motion = named_motion(asked.motion, self._robot, asked.duration or None,
@@ -84,18 +84,17 @@ class MotionNode(Par4Node):
         home = inverse_kinematics(self._robot.geometry, home_pose(self._robot))
         platform_motion(self._robot.geometry, *np.vstack((home, np.zeros((2, 4))))[:, None])
         self._goals: GoalServer | None = None
-        self._ending = False
+        self._ending = self._braking = self._stop_asked = False
         self._fed_back = 0.0
         self._played: Played | None = None
-        self._braking = False
         self._fault: Par4Error | None = None
         self._silence = Silence()
+        self._troubles = Troubles()
         self._standing: Standing | None = None
         self._standstill: Standstill | None = None
         self._rests_between_ns = 0, 0
         self._ahead_ns = LEAD_NS
         self._pace = 1.0
-        self._stop_asked = False
         self._patient_until = math.inf
         self._stamp_ns = 0
         self._robot_at: np.ndarray | None = None
@@ -104,6 +103,7 @@ class MotionNode(Par4Node):
         self._settling_since, self._settling_since_ns = 0.0, 0
         self._message = JointTrajectory()
         self.subscribe(JOINT_STATES, self._on_joint_state)
+        self.subscribe(DIAGNOSTICS, self._on_diagnostics)
         self.create_timer(TICK, self._tick, clock=self.wall_clock)
         self.serve('~/stop', self._stop)
         if asked.motion == ACTION:
@@ -154,17 +154,15 @@ class MotionNode(Par4Node):
         if self._played is not None and not self.finished:
             self._fail(motion_faults.started_again(self._played.motion.name))
 
-    def _check_clock(self, now_ns: int) -> None:
-        """Refuse to play on another clock than the robot's.
+    def _trouble(self) -> str:
+        """Return what those that publish joint states tell is wrong with the robot."""
+        return self._troubles.of(self.get_publishers_info_by_topic(
+            self.resolve_topic_name(JOINT_STATES.name)))
 
-        Raises:
-            InputError: names the parameter that is missing.
-        """
-        if self.simulated_time:
-            if self.clocks() > 1:
-                raise motion_faults.several_clocks(self.clocks())
-        elif self._stamp_ns != 0 and abs(self._stamp_ns - now_ns) > STRANGE_NS:
-            raise motion_faults.strange_clock(self._stamp_ns, now_ns)
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self._troubles.take(message)
+        if self._played is not None and not self._stop_asked and (trouble := self._trouble()):
+            self._abort(motion_faults.tripped(self._played.motion.name, trouble))
 
     def _tick(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
@@ -183,7 +181,9 @@ class MotionNode(Par4Node):
                                        throttle_time_source_type=self.wall_clock)
                 return
             try:
-                self._check_clock(now_ns)
+                motion_faults.check_start(
+                    motion.name, self._trouble(), self.clocks() if self.simulated_time else 0,
+                    self._stamp_ns, now_ns)
                 self._played = self._begin(motion, robot_at, now_ns)
             except Par4Error as error:
                 self._fail(error)
@@ -364,6 +364,10 @@ class MotionNode(Par4Node):
             self._ahead_ns = FAR_NS
         # a whole millisecond, so that samples of the usual rates fall on the points
         start_ns = (now_ns + lead_ns) // MILLISECOND * MILLISECOND
+        senders = self.count_publishers(self.resolve_topic_name(REFERENCE.name))
+        if senders > 1:
+            self.get_logger().warning(f'{senders} publish {REFERENCE.name}: the robot follows what '
+                                      f'comes last; let one move it at a time')
         self.get_logger().info(f'playing {motion.name}, {motion.duration:.3f} s')
         return Played(motion, start_ns, start_ns + np.rint(motion.t * SECOND).astype(np.int64),
                       (motion.q, motion.qd, motion.qdd))

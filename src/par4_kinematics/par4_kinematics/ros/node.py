@@ -19,12 +19,15 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.qos import QoSProfile
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from par4_kinematics.errors import InputError, Par4Error, UnreachableError
-from par4_kinematics.interface import CLOCK, DIAGNOSTICS, Topic
+from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, Topic
+from par4_kinematics.limits import limits_not_given
+from par4_kinematics.robot import JOINT_NAMES, Robot
 from par4_kinematics.ros.arrivals import Arrivals
 from par4_kinematics.ros.convert import write_time
 from par4_kinematics.ros.parameters import NodeParameters, check_those_of_ros, declare
@@ -60,6 +63,11 @@ class State:
     OK: ClassVar[bytes] = DiagnosticStatus.OK
     WARN: ClassVar[bytes] = DiagnosticStatus.WARN
     ERROR: ClassVar[bytes] = DiagnosticStatus.ERROR
+
+
+def _without_negative_depth(profile: QoSProfile) -> SetParametersResult:
+    """Refuse what rcl would refuse, too, but with lines of its own on the terminal."""
+    return SetParametersResult(successful=profile.depth >= 0)
 
 
 class Par4Node(Node):
@@ -99,7 +107,7 @@ class Par4Node(Node):
                           on_clock_change=False), post_callback=self._on_jump)
         self.add_on_set_parameters_callback(self._keep_clock)
         self._diagnostics = self.publisher_of(DIAGNOSTICS)
-        self.create_timer(REPORT_PERIOD, self._report, clock=self.wall_clock)
+        self.create_timer(REPORT_PERIOD, self.report, clock=self.wall_clock)
 
     def _keep_clock(self, parameters: list[Parameter]) -> SetParametersResult:
         """Refuse another clock: what the node has begun would be over, or never, by it."""
@@ -167,6 +175,8 @@ class Par4Node(Node):
 
         def accept_or_reject(message: Any, info: dict[str, Any]) -> None:
             arrivals.take(info['publication_sequence_number'])
+            if topic.type == JOINT_STATES.type and not raw:
+                arrivals.hear(message)
             try:
                 callback(message)
             except Par4Error as error:
@@ -184,13 +194,19 @@ class Par4Node(Node):
     def _on_topic(self, create: Callable[..., Any], topic: Topic, **options: Any) -> Any:
         try:
             return create(msg_type=message_type(topic), topic=topic.name, qos_profile=qos_of(topic),
-                          qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-                          **options)
-        except (AssertionError, AttributeError, RuntimeError, TypeError, ParameterException):
+                          qos_overriding_options=QoSOverridingOptions.with_default_policies(
+                              callback=_without_negative_depth), **options)
+        except (AssertionError, AttributeError, RuntimeError, TypeError, ParameterException,
+                InvalidQosOverridesError):
             raise InputError(
-                f'qos_overrides of {topic.name}: not understood; depth is a whole number below '
-                f'2^31, history keep_last or keep_all, reliability reliable or best_effort'
+                f'qos_overrides of {topic.name}: not understood; depth is a whole number from 0 to '
+                f'2^31 - 1, history keep_last or keep_all, reliability reliable or best_effort'
             ) from None
+
+    def warn_of_limits_not_given(self, robot: Robot) -> None:
+        """Warn of limits that the robot's file leaves out; for nodes that hold motions to them."""
+        for line in limits_not_given(robot):
+            self.get_logger().warning(line)
 
     def serve(self, name: str, action: Callable[[], str]) -> None:
         """Offer a Trigger service; `action` returns its message or raises Par4Error."""
@@ -243,6 +259,10 @@ class Par4Node(Node):
         if self.simulated_time and self.clocks() > 1:
             return State(State.ERROR, f'{self.clocks()} publish {CLOCK.name}: end all but one '
                                       f'simulation, or give each a ROS_DOMAIN_ID of its own')
+        for name, input_ in self._arrivals.items():
+            if input_.others:
+                return State(State.WARN, f'{name} tell of {input_.others} only; the joints of the '
+                                         f'robot are {", ".join(JOINT_NAMES)}')
         waiting = [name for name, input_ in self._arrivals.items()
                    if input_.stream and input_.age is None]
         dead = self.dead_inputs()
@@ -298,7 +318,8 @@ class Par4Node(Node):
         """Return the time that this node's own stamps carry, ns."""
         return self.get_clock().now().nanoseconds
 
-    def _report(self) -> None:
+    def report(self) -> None:
+        """Tell the state on the diagnostics, and log what is new in it."""
         self._look_at_runner()
         self._look_at_clock()
         faults = self.faults()

@@ -17,7 +17,7 @@ from typing import Any
 import rclpy
 from rclpy.exceptions import NameValidationException
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args, try_shutdown
+from rclpy.utilities import try_shutdown
 
 from par4_kinematics.errors import InputError, Par4Error, one_line
 from par4_kinematics.ros.node import Par4Node
@@ -25,6 +25,8 @@ from par4_kinematics.ros.parameters import answered
 
 PATIENCE = 3.0
 """Seconds that a node has to end in before another signal interrupts it."""
+LAST_DOMAIN = 232
+"""The ports of further domains would be beyond 65535 (DDSI-RTPS 2.5, 9.6.2)."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -39,17 +41,34 @@ def _prepare_environment() -> None:
         os.environ['ROS_LOG_DIR'] = str(Path(tempfile.gettempdir()) / 'par4_log')
 
 
+def _outside_of_ros(arguments: list[str]) -> list[str]:
+    """Return the arguments that stand outside of `--ros-args ... --`."""
+    outside, of_ros = [], False
+    for argument in arguments:
+        if of_ros:
+            of_ros = argument != '--'
+        elif argument == '--ros-args':
+            of_ros = True
+        else:
+            outside.append(argument)
+    return outside
+
+
 def _initialise(arguments: list[str]) -> None:
+    strange = _outside_of_ros(arguments[1:])
+    if strange:  # NAME:=VALUE too, which rcl would take for another name of a topic
+        raise InputError(f'unknown argument {strange[0]}; parameters are given as --ros-args '
+                         f'-p NAME:=VALUE, see --help')
+    domain = os.environ.get('ROS_DOMAIN_ID', '').strip() or '0'
+    if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
+        raise InputError(f'ROS_DOMAIN_ID: {domain} found; set a whole number from 0 to '
+                         f'{LAST_DOMAIN}')
     try:
         # with rclpy's own handlers the context is gone before the node can end its work
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rclpy names no public class for bad ROS arguments
         raise InputError(f'ROS arguments: {error}; give them as --ros-args -p NAME:=VALUE') \
             from error
-    strange = remove_ros_args(arguments)[1:]
-    if strange:
-        raise InputError(f'unknown argument {strange[0]}; parameters are given as --ros-args '
-                         f'-p NAME:=VALUE, see --help')
 
 
 @contextmanager

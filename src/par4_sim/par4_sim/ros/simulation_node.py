@@ -34,6 +34,7 @@ from par4_sim.choices import LOOKED_AHEAD, PREDICTIVE
 from par4_sim.description import complete_description
 from par4_sim.laws import KNOWING
 from par4_sim.ros.compiled_limits import compiled_limits
+from par4_sim.ros.kept_memory import keep_memory
 from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
@@ -44,6 +45,8 @@ from par4_sim.window import Window
 
 SWITCH_INTERVAL = 2e-4
 """Seconds for which the thread of the callbacks may run while that of the physics waits."""
+FAULT_PERIOD = 0.05
+"""Seconds of wall time between looks for a fault: it is told at once, not with the next report."""
 LATE_SHARE = 0.05
 """Share of late samples that is worth a warning."""
 STRANGE_NS = 1000 * SECOND
@@ -62,6 +65,7 @@ class SimulationNode(Par4Node):
         super().__init__()
         asked = self.parameters
         self._robot = read_robot(asked.robot_file)
+        self.warn_of_limits_not_given(self._robot)
         self._window = None
         if asked.window:
             self._window = Window(self._robot, home_pose(self._robot))
@@ -75,6 +79,8 @@ class SimulationNode(Par4Node):
             simulation, self._publish, lambda error: self.reject(REFERENCE, error),
             asked.real_time_factor, asked.feedforward_timeout, asked.following_error_limit,
             self._pace)
+        self._fault = ''
+        self.create_timer(FAULT_PERIOD, self._tell_new_fault, clock=self.wall_clock)
         self._zero_stamps = ZeroStamps()
         self._published = 0
         self.subscribe(REFERENCE, self._on_reference, raw=True)
@@ -178,6 +184,12 @@ class SimulationNode(Par4Node):
         """End once the machine rests: its drives do not leave it in motion."""
         self._physics.end()
 
+    def _tell_new_fault(self) -> None:
+        """Tell on the diagnostics that there is a fault, or another, or none any more."""
+        if self._fault != self._physics.fault:
+            self._fault = self._physics.fault
+            self.report()
+
     def state(self) -> State:
         """Return whether the simulation runs, and why if not."""
         physics = self._physics
@@ -244,6 +256,7 @@ class SimulationNode(Par4Node):
         callbacks.result()
 
     def _serve_callbacks(self) -> None:
+        keep_memory()
         try:
             super().work()
         finally:

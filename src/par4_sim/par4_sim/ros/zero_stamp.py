@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from par4_kinematics.interface import START_DELAY, Topic
+from par4_kinematics.interface import FEEDFORWARD_TORQUE, START_DELAY, Topic
 from par4_kinematics.ros.convert import Trajectory
 from par4_kinematics.stamps import SECOND
 
@@ -20,7 +20,10 @@ class Waiting:
     start_ns: int
 
     @property
-    def end_ns(self) -> int:
+    def until_ns(self) -> int:
+        """How long it waits: a torque until it starts, for its reference comes before that."""
+        if self.topic is FEEDFORWARD_TORQUE:
+            return self.start_ns
         return self.start_ns + int(self.trajectory.from_start_ns[-1])
 
     def belongs_to(self, topic: Topic, trajectory: Trajectory) -> bool:
@@ -36,7 +39,9 @@ class ZeroStamps:
 
     The first of a reference and its feedforward torque to arrive starts START_DELAY later; the
     other has the same times from the start and the same positions, where a torque tells them, and
-    is given the same one. Times alone would give a torque to a reference whose own was refused.
+    is given the same one. Times alone would give a torque to a reference whose own was refused. A
+    reference that comes after a torque has started is another one: the torque's own was lost, and
+    in the middle of a motion none may begin.
     """
 
     def __init__(self) -> None:
@@ -46,7 +51,7 @@ class ZeroStamps:
         """Return the start of a trajectory received on `topic` at `now_ns`: its stamp, if any."""
         if trajectory.stamp_ns != 0:
             return trajectory.stamp_ns
-        self._waiting = [one for one in self._waiting if one.end_ns >= now_ns]
+        self._waiting = [one for one in self._waiting if one.until_ns >= now_ns]
         for place, one in enumerate(self._waiting):
             if one.belongs_to(topic, trajectory):
                 del self._waiting[place]
