@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from par4_identification.logs.accounts import held_words
+from par4_identification.logs.refresh import refresh_of
 from par4_identification.logs.stamps import FASTEST, GAP
 from par4_identification.logs.units import Kind, si_unit
 
@@ -92,8 +94,8 @@ class Measured:
                 if not low < high:
                     what = 'the same in all rows' if low == high else 'no numbers'
                     found.append(f'{quantity} of joint {joint}: {what}; is it the right column?')
-        return (*found, *self._twins(), *self._odd_times(), *self._odd_positions(),
-                *self._odd_speeds())
+        return (*found, *self._twins(), *self._held(), *self._odd_times(),
+                *self._odd_positions(), *self._odd_speeds())
 
     def _twins(self) -> list[str]:
         """Return which columns hold the numbers of another one that does not stand still."""
@@ -106,6 +108,17 @@ class Measured:
                          if np.array_equal(column, earlier, equal_nan=True)), None)
             if twin is not None and len(np.unique(column[np.isfinite(column)])) > 1:
                 found.append(f'{name}: the same numbers as {twin}; is it the right column?')
+        return found
+
+    def _held(self) -> list[str]:
+        """Return which quantities are refreshed more slowly than the rows come."""
+        found = []
+        for quantity, values in self.values.items():
+            refresh = refresh_of(values[are_readings(values).all(axis=1)])
+            if refresh is not None:
+                held = refresh.every * self.period
+                found.append(f'{quantity}: {held_words(held, self.period)}; the tools use only '
+                             f'its changes, at {1.0 / held:.3g} Hz')
         return found
 
     def _odd_times(self) -> list[str]:
