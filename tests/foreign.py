@@ -48,3 +48,9 @@ def read(path: Path, t: np.ndarray, q: np.ndarray, tau: np.ndarray, machine: Axi
     write_measured(Measured('revolute', stamp, {'position': q[:, None], 'torque': tau[:, None]},
                             len(t), 0), ('motor',), path)
     return read_log(path, machine or axis())
+
+
+def log_of(t: np.ndarray, q: np.ndarray, tau: np.ndarray) -> Log:
+    """Return a log of times, positions and torques (n,) that no bag gave."""
+    return Log('log', ('motor',), 1, float(t[1] - t[0]), t, q[:, None], tau[:, None],
+               (slice(0, len(t)),), None, None)
