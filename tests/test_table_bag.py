@@ -24,6 +24,7 @@ from par4_dynamics.model import read_model
 from par4_identification.commands import bag
 from par4_identification.jobs.bag import joint_names
 from par4_identification.logs.column_choice import chosen_columns
+from par4_identification.logs.measured import Measured
 from par4_identification.logs.read_log import read_log
 from par4_identification.logs.table_bag import Part, measured_of_files
 from par4_identification.logs.units import UNITS
@@ -219,6 +220,15 @@ def test_what_is_no_reading_is_said_and_nothing_else(unwrap, name, rows, value, 
     for line in words:
         assert any(one.startswith(line) for one in found), found
     assert all('cells' in one or 'right column' in one for one in found), found
+
+
+@pytest.mark.parametrize('missing', [slice(0), slice(100, 103), slice(50, 300)])
+def test_the_rate_is_that_of_stamps_which_are_rounded(missing):
+    """Dates are seconds since 1970, to a quarter of a microsecond; loggers round to as much."""
+    stamp = np.delete(1_000_000 * np.arange(COUNT) + 700 * (np.arange(COUNT) % 7), missing)
+    values = {'position': np.delete(Q, missing)[:, None]}
+    measured = Measured('revolute', stamp, values, len(stamp), 0)
+    assert ' s at 1000 Hz (every 1 ms +- 0.0017 ms rms), ' in measured.account()[0]
 
 
 @pytest.mark.parametrize(('columns', 'kind', 'words'), [

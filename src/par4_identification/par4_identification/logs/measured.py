@@ -15,6 +15,8 @@ from par4_identification.logs.refresh import refresh_of
 from par4_identification.logs.stamps import FASTEST, GAP
 from par4_identification.logs.units import Kind, si_unit
 
+FEW = 10.0
+"""Spacings up to so many usual ones tell the rate: rounded stamps and jitter average out."""
 JUMP = 0.4
 """Turns between two samples above which a position has wrapped around or slipped."""
 FACTOR = 2.0
@@ -55,8 +57,11 @@ class Measured:
 
     @property
     def period(self) -> float:
-        """Median spacing of the stamps, s."""
-        return 1e-9 * float(np.median(np.diff(self.stamp)))
+        """Usual spacing of the stamps, s: the median, made exact by the mean where no gap is."""
+        spacing = 1e-9 * np.diff(self.stamp)
+        usual = np.median(spacing)
+        near = spacing[np.abs(spacing) < FEW * usual]
+        return float(near.sum() / np.round(near / usual).sum())
 
     def account(self) -> tuple[str, ...]:
         """Return what was read, a line each: rate, then range of every quantity."""
