@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from foreign import axis, log_of, swings, torque_of
+from click.testing import CliRunner
+from foreign import axis, log_of, read, swings, torque_of
 
+from par4_identification.commands.diagnose import diagnose_bags
+from par4_identification.commands.identify import identify_bags
+from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.fitting.identification import identify
+from par4_identification.reports.outcome.gravity import gravity_remarks
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.rows import Conditioning
 from par4_identification.signals.scales import conditioning_for
@@ -39,3 +44,39 @@ def test_a_torque_in_coarse_steps_is_not_clipped():
     _, q, qd, qdd = swings(seed=3)
     tau = np.round(torque_of(qd, qdd, 0.1) / 2.0) * 2.0
     assert check_setup([log_of(T, q, tau)], axis()).findings == ()
+
+
+def told_of_gravity(tau, machine):
+    log = log_of(T, Q, tau)
+    return gravity_remarks(machine, [log], conditioning_for([log], machine, CONDITIONING))
+
+
+@pytest.mark.parametrize(('kind', 'load', 'words'), [
+    ('revolute', 6.0 * np.sin(Q) + 1.5 * np.cos(Q), 'A torque a sin q + b cos q of up to 6.18 N m'),
+    ('linear', np.full(len(T), 50.0), 'A constant force of 50.0 N')])
+def test_an_axis_that_hangs_though_its_file_denies_it_is_told(kind, load, words):
+    tau = torque_of(QD, QDD) + load
+    said, = told_of_gravity(tau, axis(kind=kind))
+    assert said.text.startswith(f'{words}, as of a weight, explains 100 %')
+    assert 'does not speak of it, which means gravity: none' in said.text
+    assert 'write gravity: vertical into it' in said.advice
+    said, = told_of_gravity(tau, axis(kind=kind, gravity='none'))
+    assert 'says gravity: none' in said.text
+    assert told_of_gravity(tau, axis(kind=kind, gravity='vertical')) == ()
+
+
+@pytest.mark.parametrize('load', [0.0, 6.0 * Q, 0.3])
+def test_springs_offsets_and_nothing_are_no_weight_of_a_turning_axis(load):
+    assert told_of_gravity(torque_of(QD, QDD) + load, axis()) == ()
+
+
+def test_the_commands_suggest_gravity(tmp_path):
+    read(tmp_path / 'bag', T, Q, torque_of(QD, QDD) + 6.0 * np.sin(Q))
+    robot = tmp_path / 'axis.yaml'
+    robot.write_text('schema: par4/axis/1\nname: axis\njoint: motor\nkind: revolute\ngain: 1.0\n')
+    for command in (identify_bags, diagnose_bags):
+        told = CliRunner().invoke(command, [
+            str(tmp_path / 'bag'), '--robot', str(robot), '--output', str(tmp_path / command.name),
+            '--no-report'], catch_exceptions=False)
+        assert told.exit_code == 0
+        assert 'write gravity: vertical into it; with gravity: unknown the data tell' in told.output
