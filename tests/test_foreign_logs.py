@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from foreign import axis, log_of, read, swings, torque_of
+from scipy.signal import lfilter
 
 from par4_identification.commands.diagnose import diagnose_bags
 from par4_identification.commands.identify import identify_bags
-from par4_identification.diagnosis.diagnosis import CONDITIONING
+from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
 from par4_identification.fitting.identification import identify
+from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
 from par4_identification.reports.outcome.gravity import gravity_remarks
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.rows import Conditioning
@@ -80,3 +82,17 @@ def test_the_commands_suggest_gravity(tmp_path):
             '--no-report'], catch_exceptions=False)
         assert told.exit_code == 0
         assert 'write gravity: vertical into it; with gravity: unknown the data tell' in told.output
+
+
+def test_a_delay_is_said_to_look_like_a_low_pass_of_the_current():
+    late = 0.003
+    share = 1.0 - np.exp(-1e-3 / late)
+    tau = lfilter((share,), (1.0, share - 1.0), torque_of(QD, QDD, noise=0.0))
+    log = log_of(T, Q, tau + 0.01 * np.random.default_rng(1).standard_normal(len(T)))
+    found = diagnose([log], axis(), conditioning=conditioning_for([log], axis(), CONDITIONING),
+                     library={name: LIBRARY[name] for name in ('time_offset', 'actuator_lag')})
+    cause, = found.causes
+    assert cause.effect.name == 'time_offset'
+    assert cause.parameters['delay'].value == pytest.approx(late, rel=0.3)
+    said = ' '.join(remark.text for remark in outcome_of_diagnosis(found, axis()).remarks)
+    assert 'A first-order low pass of the logged torque or current, with a time constant of' in said
