@@ -11,11 +11,14 @@ from scipy.signal import lfilter
 from par4_identification.commands.diagnose import diagnose_bags
 from par4_identification.commands.identify import identify_bags
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
+from par4_identification.diagnosis.evidence.observations import observe
+from par4_identification.diagnosis.search.rules import OF_AXIS
+from par4_identification.diagnosis.verdict.sure import is_no_noise
 from par4_identification.fitting.identification import identify
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
 from par4_identification.reports.outcome.gravity import gravity_remarks
 from par4_identification.setup_check.check import check_setup
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.rows import Conditioning, runs_of_log
 from par4_identification.signals.scales import conditioning_for
 from par4_sim.report.words import number
 
@@ -96,3 +99,30 @@ def test_a_delay_is_said_to_look_like_a_low_pass_of_the_current():
     assert cause.parameters['delay'].value == pytest.approx(late, rel=0.3)
     said = ' '.join(remark.text for remark in outcome_of_diagnosis(found, axis()).remarks)
     assert 'A first-order low pass of the logged torque or current, with a time constant of' in said
+
+
+@pytest.mark.parametrize('weight', [0.0, 1177.0])
+def test_a_constant_weight_hides_no_stribeck_friction(weight):
+    """It is not wrong by a share that follows the motion; 0.3 % of it was 3.5 N, and all clean."""
+    t, q, qd, qdd = swings(40.0, fastest=0.3)
+    q, qd, qdd = 0.25 * q, 0.25 * qd, 0.25 * qdd
+    tau = (120.0 * qdd + 60.0 * qd + np.sign(qd) * (40.0 + 18.0 * np.exp(-(qd / 0.1) ** 2))
+           + weight + np.random.default_rng(0).standard_normal(len(t)))
+    machine, log = axis(kind='linear', gravity='vertical'), log_of(t, q, tau)
+    found = diagnose([log], machine, conditioning=conditioning_for([log], machine, CONDITIONING),
+                     library={name: LIBRARY[name] for name in ('stribeck', 'torque_ripple')})
+    cause, = found.causes
+    assert cause.effect.name == 'stribeck'
+    assert cause.parameters['stribeck_torque'].value == pytest.approx((18.0,), rel=0.05)
+
+
+def test_a_constant_weight_excuses_nothing_that_is_left():
+    """With five times 0.3 % of the weight, 40 N of a rest that follows nothing passed for clean."""
+    generator = np.random.default_rng(3)
+    pushes = np.repeat(generator.standard_normal(len(T) // 500), 500)
+    tau = torque_of(QD, QDD, 1.0) + 5000.0 + 40.0 * pushes
+    machine, log = axis(kind='linear', gravity='vertical'), log_of(T, Q, tau)
+    observations = observe(runs_of_log(log, machine), machine, 'paper', None)
+    rest = [40.0 * run.at_rows(pushes[:, None]) for run in observations.runs]
+    nothing = [np.zeros_like(part) for part in rest]
+    assert is_no_noise(observations, rest, nothing, np.ones(1), OF_AXIS)
