@@ -346,6 +346,8 @@ def test_dates_become_stamps(tool, tmp_path):
     ('q:rad', "'q:rad' is not QUANTITY=COLUMN:UNIT"),
     ('angle=q:rad', 'angle: unknown; columns are time, position'),
     ('position=q:grad', "position: unit 'grad' is unknown; give one of rad, deg"),
+    ('position=q:rad torque=tau:permille', 'a share of the rated torque, such as per mille, is '
+                                           'given as A, with a --motor-gain of'),
     ('position=q:rad', 'found position; needed are position and torque or voltage'),
     ('position=q:rad position=p:rad torque=3:Nm', 'position is given twice'),
     ('position=1,2:rad torque=3:Nm', 'torque has 1 columns, expected 2, as position has'),

@@ -70,7 +70,7 @@ class Measured:
         jitter = np.sqrt(np.mean((spacing[(spacing > 0.0) & ~missing] - self.period) ** 2))
         lines = [f'{len(self.stamp)} of {self.rows} rows, '
                  f'{1e-9 * (self.stamp[-1] - self.stamp[0]):.6g} s at {1.0 / self.period:.5g} Hz '
-                 f'(every {1e3 * self.period:.4g} ms +- {1e3 * jitter:.2g} ms rms), '
+                 f'(every {1e3 * self.period:.4g} ms +- {1e3 * np.round(jitter, 9):.2g} ms rms), '
                  f'{np.count_nonzero(missing)} gaps'
                  + (f', the longest {spacing.max():.4g} s' if missing.any() else '')]
         for quantity, values in self.values.items():
