@@ -96,3 +96,18 @@ def test_too_few_rows_of_a_slow_log_are_said_to_be_near_reversals(tmp_path):
     answer = diagnose([log], axis(), conditioning=conditioning_for([log], axis(), CONDITIONING))
     assert isinstance(answer, Unusable)
     assert 'or faster: in a log of 100 Hz rows within 0.09 s of a reversal' in answer.reasons[0]
+
+
+@pytest.mark.parametrize('signal', ['torque', 'position'])
+def test_a_signal_of_which_most_cells_are_empty_has_the_rate_of_the_others(tmp_path, signal):
+    """As a logger writes it that merges signals of several rates; such logs were refused."""
+    q, tau = Q.copy(), TAU.copy()
+    (tau if signal == 'torque' else q)[np.arange(len(T)) % 10 != 3] = np.nan
+    log = read(tmp_path / 'bag', T, q, tau)
+    assert log.period == pytest.approx(0.01)
+    np.testing.assert_allclose(log.q[:, 0], Q[3::10], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(log.tau[:, 0], TAU[3::10], rtol=0, atol=1e-12)
+    assert any('18000 of 20000 samples not finite' in line
+               for line in log.bag_accounts.findings())
+    np.testing.assert_allclose(identified(log).estimate.values, (INERTIA, COULOMB, VISCOUS),
+                               rtol=3e-3)

@@ -8,9 +8,9 @@ The order of the repairs, for positions and torque alike: joints by name; sample
 messages of a second source; a clock set back (the part behind it becomes a segment of its own, its
 time continued); sorting; repeated stamps; gaps counted; NaN. Positions then give the grid: their
 own stamps if these are even, else as many evenly spaced ones. Of a signal that is held between
-refreshes only the refreshes count, and a log whose torque is held has a sample at each of these.
-Short gaps are filled; long ones, and jumps of several positions at once, cut the log into segments,
-which are never joined.
+refreshes only the refreshes count, and a log whose torque is held, or has most of its cells empty,
+has a sample at each reading of it. Short gaps are filled; long ones, and jumps of several positions
+at once, cut the log into segments, which are never joined.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ from par4_identification.logs.series import (
 )
 from par4_identification.logs.sources import beside_mixed, source_of
 from par4_identification.logs.stamped_rows import reordered, stamped_rows
+from par4_identification.logs.stamps import GAP
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES
 from par4_kinematics.robot import Axis, Robot
@@ -78,7 +79,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     torque, torque_source, disagreement, offset = measured_torque(path, bag, machine, clock,
                                                                   source)
     (position, position_held), (torque, torque_held) = fresh(position), fresh(torque)
-    if torque_held and torque.period > position.period:
+    if torque.period > max(position.period, GAP * 1e9 * torque.counts.period):
         position = at_refreshes(position, torque)
     wraps: tuple[int, ...] = ()
     if isinstance(machine, Robot) or machine.kind == 'revolute':
