@@ -222,6 +222,18 @@ def test_what_is_no_reading_is_said_and_nothing_else(unwrap, name, rows, value, 
     assert all('cells' in one or 'right column' in one for one in found), found
 
 
+@pytest.mark.parametrize(('kind', 'after', 'told'), [
+    ('revolute', 0.12, True), ('linear', 0.12, True), ('linear', 9.0, False),
+    ('revolute', 9.0, False)])
+def test_a_counter_that_starts_again_behind_a_gear_is_told(kind, after, told):
+    """Its wraps are no whole turns of the joint, so that --unwrap does not put them together."""
+    fine = np.arange(20 * COUNT) * PERIOD / 20
+    q = 0.5 * np.sin(2.0 * fine) % after
+    found = Measured(kind, np.rint(1e9 * fine).astype(np.int64), {'position': q[:, None]},
+                     len(q), 0).findings()
+    assert any('as a counter that starts again' in line for line in found) == told, found
+
+
 @pytest.mark.parametrize('missing', [slice(0), slice(100, 103), slice(50, 300)])
 def test_the_rate_is_that_of_stamps_which_are_rounded(missing):
     """Dates are seconds since 1970, to a quarter of a microsecond; loggers round to as much."""

@@ -19,6 +19,9 @@ FEW = 10.0
 """Spacings up to so many usual ones tell the rate: rounded stamps and jitter average out."""
 JUMP = 0.4
 """Turns between two samples above which a position has wrapped around or slipped."""
+WHOLE, OFTEN, FINE = 0.5, 3, 50.0
+"""A counter starts again if a position jumps by more than the first number of its range, so often
+at least, and has a range of so many of its steps."""
 FACTOR = 2.0
 """By which a recorded speed may differ from the slope of the position: loggers filter and quantise
 speeds, a wrong unit makes a factor of six at least."""
@@ -143,9 +146,9 @@ class Measured:
         return found
 
     def _odd_positions(self) -> list[str]:
+        found = self._restarts()
         if self.kind == 'linear':
-            return []
-        found = []
+            return found
         for joint, column in enumerate(self.values['position'].T):
             rows = np.flatnonzero(are_readings(column))
             if len(rows) < 2:
@@ -162,6 +165,28 @@ class Measured:
             elif np.abs(q).max() > 2.0 * np.pi * PLAIN_TURNS and np.array_equal(q, np.rint(q)):
                 found.append(f'position of joint {joint}: whole numbers up to '
                              f'{np.abs(q).max():.4g} rad; are they counts?')
+        return found
+
+    def _restarts(self) -> list[str]:
+        """Return which positions jump from one end of their range to the other, again and again.
+
+        A counter of a motor behind a gear, or of a slide, starts again after other ways than whole
+        turns of the joint.
+        """
+        found = []
+        for joint, column in enumerate(self.values['position'].T):
+            q = column[are_readings(column)]
+            step = np.abs(np.diff(q))
+            if not step.any():
+                continue
+            span = float(np.ptp(q))
+            rows = np.flatnonzero(step > WHOLE * span)
+            turns = span / (2.0 * np.pi) if self.kind == 'revolute' else 0.0
+            if (len(rows) >= OFTEN and turns < JUMP and len(rows) < 0.2 * len(step)
+                    and span > FINE * np.quantile(step[step > 0.0], 0.02)):
+                found.append(f'position of joint {joint}: jumps over its whole range of '
+                             f'{span:.4g} {si_unit("position", self.kind)} {len(rows)} times, as a '
+                             f'counter that starts again; log one that counts on, or mend the file')
         return found
 
     def _odd_speeds(self) -> list[str]:
