@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from axes import Motor, recorded
 from click.testing import CliRunner
+from foreign import log_of
 
 from par4_dynamics.model import read_model
 from par4_identification.commands.bag import make_bag
@@ -69,6 +70,26 @@ def test_what_no_cause_makes_possible_is_refused(sprung, conditioning):
     alone = identify([turned], MACHINE, conditioning=conditioning)
     with pytest.raises(InputError, match='so it remains beside all that par4_diagnose names; che'):
         beside_causes(alone, [turned], MACHINE, conditioning, Chosen(), lambda _step: None)
+
+
+def test_viscous_friction_that_one_speed_does_not_show_is_left_out():
+    """To and fro at one speed: friction that falls as the axis starts to move made it negative."""
+    t = 1e-3 * np.arange(20000)
+    ramp = np.clip(np.sin(2.0 * np.pi * t / 4.0) / 0.15, -1.0, 1.0)
+    speed = 0.2 * np.sin(0.5 * np.pi * ramp)
+    torque = (np.gradient(speed, 1e-3) + np.sign(speed) * (1.5 + 0.5 * np.exp(-np.abs(speed) / 0.1))
+              + 0.05 * np.random.default_rng(0).standard_normal(len(t)))
+    log = log_of(t, 1e-3 * np.cumsum(speed), torque)
+    filters = conditioning_for([log], MACHINE, Conditioning())
+    alone = identify([log], MACHINE, conditioning=filters)
+    assert alone.impossible(MACHINE).startswith('viscous_friction identified as -')
+    found = beside_causes(alone, [log], MACHINE, filters, Chosen(), lambda _step: None)
+    assert [term.name for term in found.identification.left_out] == ['viscous_friction']
+    written = found.identification.model_file({}, MACHINE)
+    assert written.parameters['viscous_friction'].value == 0.0
+    assert written.parameters['coulomb_friction'].value == pytest.approx(1.58, rel=0.05)
+    assert found.remark.text.startswith('Viscous friction identified as -')
+    assert 'is left out and counts as zero' in found.remark.text
 
 
 def test_the_command_writes_the_model_with_the_cause(sprung, tmp_path):

@@ -10,7 +10,7 @@ import pytest
 
 from par4_identification.logs.accounts import SHORTEST_SEGMENT
 from par4_identification.logs.bag_repair import repair_bag
-from par4_identification.logs.jumps import joints_of_recordings
+from par4_identification.logs.jumps import joints_of_recordings, without_turns
 from par4_identification.logs.log import Log
 from par4_identification.logs.read_log import read_log
 from par4_identification.logs.stamps import CROWDED
@@ -719,6 +719,17 @@ def test_a_reading_that_wraps_round_is_put_together(tmp_path, turn):
     said, = log.bag_accounts.of_clocks()
     assert f'{JOINT_NAMES[1]} on /joint_states jumps by a whole turn {wraps} times' in said
     assert log.bag_accounts.jumps == ()
+
+
+@pytest.mark.parametrize('speed', [0.1, 8.0, 100.0, 300.0])
+def test_a_reading_that_wraps_round_in_a_fast_turn_is_put_together(speed):
+    """Where it turns by a tenth and more from sample to sample, or where a sample is missing."""
+    count = np.delete(np.arange(2000), [400, 700, 701, 1500])
+    q = speed * np.sin(np.pi * 1e-3 * count)[:, None] * np.array((1.0, 0.5))
+    found, often = without_turns(q % (2.0 * np.pi), np.diff(count).astype(float))
+    moved = found - q
+    np.testing.assert_allclose(moved, np.broadcast_to(moved[0], moved.shape), atol=1e-9 * speed)
+    assert often.sum() == np.count_nonzero(np.abs(np.diff(q % (2.0 * np.pi), axis=0)) > np.pi)
 
 
 def test_numbers_that_no_sensor_tells_are_dropped(tmp_path):

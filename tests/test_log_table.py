@@ -213,3 +213,20 @@ def test_what_cannot_be_read_is_refused_in_one_line(name, wanted, array, words, 
         read_columns(tmp_path / name, wanted, array)
     assert '\n' not in str(caught.value)
     assert name in str(caught.value)
+
+
+@pytest.mark.parametrize('lines', [
+    'param{0},{0},{0}.5\n', '{0},{0},{0}\nmode {0},auto,A\n', 'Kp,{0},V/rad\n'])
+def test_thirty_lines_above_a_table_that_have_its_number_of_cells_are_not_it(lines, tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text(''.join(lines.format(number) for number in range(30))
+                    + 't,joint angle,tau\ns,rad,N m\n' + 30 * text(','))
+    found = read_columns(path, ('joint angle', 't'))
+    np.testing.assert_array_equal(found['joint angle'], np.tile(Q, 30))
+    np.testing.assert_array_equal(found['t'], np.tile(T, 30))
+
+
+def test_settings_alike_are_not_the_table_that_is_given_by_numbers(tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text(''.join(f'param{number},{number},2\n' for number in range(30)) + 30 * text(','))
+    np.testing.assert_array_equal(read_columns(path, ('2', '1'))['2'], np.tile(Q, 30))

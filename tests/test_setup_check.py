@@ -405,6 +405,21 @@ def test_volts_and_torques_are_told_apart(clean, make):
     assert check.useless
 
 
+def test_torques_are_not_held_against_a_limit_that_the_robot_file_does_not_give(clean):
+    """Strong drives of another robot are no mistake; the reference robot's limit says nothing."""
+    fields = REFERENCE.drives.model_dump(exclude={'torque_limit'})
+    strong = REFERENCE.model_copy(update={'drives': Drives(**fields)})
+    factor = 400.0 / np.abs(clean.tau).max()
+    kinds, check = found(replace(clean, tau=factor * clean.tau), strong)
+    assert kinds == []
+    said, = [remark.text for remark in check.remarks if 'Torques reach' in remark.text]
+    assert 'gives no drives.torque_limit' in said
+    assert '200 N m' in said
+    given = strong.model_copy(update={'drives': Drives(**fields, torque_limit=200.0)})
+    assert found(replace(clean, tau=factor * clean.tau), given)[0] == [
+        ('wrong_unit', (0, 1, 2, 3))]
+
+
 def test_drives_answer_counts_by_their_gains(clean):
     """Between half of the product of the gains and all of it, on a motion that strains nothing."""
     drives = REFERENCE.drives

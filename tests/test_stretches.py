@@ -167,7 +167,7 @@ def test_what_is_held_out_of_a_log_that_ends_at_rest_moves():
 
 @pytest.mark.parametrize(('stretches', 'told'), [(2, False), (40, True)])
 def test_gaps_that_leave_too_few_rows_are_named(stretches, told):
-    run = SimpleNamespace(valid=np.ones((1, 1), dtype=bool))
+    run = SimpleNamespace(valid=np.ones((1, 1), dtype=bool), period=1e-3)
     reason, = too_few(SimpleNamespace(runs=[run] * stretches, steady=False, of_axis=True))
     assert f'moves in only {stretches} rows' in reason
     assert ('without the gaps' in reason) == told

@@ -24,6 +24,7 @@ from par4_dynamics.model import read_model
 from par4_identification.commands import bag
 from par4_identification.jobs.bag import joint_names
 from par4_identification.logs.column_choice import chosen_columns
+from par4_identification.logs.measured import Measured
 from par4_identification.logs.read_log import read_log
 from par4_identification.logs.table_bag import Part, measured_of_files
 from par4_identification.logs.units import UNITS
@@ -221,6 +222,27 @@ def test_what_is_no_reading_is_said_and_nothing_else(unwrap, name, rows, value, 
     assert all('cells' in one or 'right column' in one for one in found), found
 
 
+@pytest.mark.parametrize(('kind', 'after', 'told'), [
+    ('revolute', 0.12, True), ('linear', 0.12, True), ('linear', 9.0, False),
+    ('revolute', 9.0, False)])
+def test_a_counter_that_starts_again_behind_a_gear_is_told(kind, after, told):
+    """Its wraps are no whole turns of the joint, so that --unwrap does not put them together."""
+    fine = np.arange(20 * COUNT) * PERIOD / 20
+    q = 0.5 * np.sin(2.0 * fine) % after
+    found = Measured(kind, np.rint(1e9 * fine).astype(np.int64), {'position': q[:, None]},
+                     len(q), 0).findings()
+    assert any('as a counter that starts again' in line for line in found) == told, found
+
+
+@pytest.mark.parametrize('missing', [slice(0), slice(100, 103), slice(50, 300)])
+def test_the_rate_is_that_of_stamps_which_are_rounded(missing):
+    """Dates are seconds since 1970, to a quarter of a microsecond; loggers round to as much."""
+    stamp = np.delete(1_000_000 * np.arange(COUNT) + 700 * (np.arange(COUNT) % 7), missing)
+    values = {'position': np.delete(Q, missing)[:, None]}
+    measured = Measured('revolute', stamp, values, len(stamp), 0)
+    assert ' s at 1000 Hz (every 1 ms +- 0.0017 ms rms), ' in measured.account()[0]
+
+
 @pytest.mark.parametrize(('columns', 'kind', 'words'), [
     ({'t': 1e3 * T}, 'q:rad torque=tau:Nm', 'time: 2 s from row to row; is its unit right?'),
     ({'t': 1e-3 * T}, 'q:rad torque=tau:Nm', 'time: 2e-06 s from row to row'),
@@ -336,6 +358,8 @@ def test_dates_become_stamps(tool, tmp_path):
     ('q:rad', "'q:rad' is not QUANTITY=COLUMN:UNIT"),
     ('angle=q:rad', 'angle: unknown; columns are time, position'),
     ('position=q:grad', "position: unit 'grad' is unknown; give one of rad, deg"),
+    ('position=q:rad torque=tau:permille', 'a share of the rated torque, such as per mille, is '
+                                           'given as A, with a --motor-gain of'),
     ('position=q:rad', 'found position; needed are position and torque or voltage'),
     ('position=q:rad position=p:rad torque=3:Nm', 'position is given twice'),
     ('position=1,2:rad torque=3:Nm', 'torque has 1 columns, expected 2, as position has'),

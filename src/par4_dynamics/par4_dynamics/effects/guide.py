@@ -180,9 +180,10 @@ GUIDES = {
         {'time_constant': 0.002}),
     'time_offset': Guide(
         'Torque and positions carry stamps of different instants, for example because one of '
-        'them is buffered.',
-        'Stamp both when they are measured, in the same cycle. Correct the recorded time by the '
-        'delay that was found.',
+        'them is buffered. A first-order low pass of the logged torque or current, with the delay '
+        'as its time constant, looks the same.',
+        'Stamp both when they are measured, in the same cycle, and log the torque without a '
+        'filter. Correct the recorded time by the delay that was found.',
         {'delay': 0.003}),
     'torque_saturation': Guide(
         'The drive reaches the limit of its current and delivers less than was asked for.',

@@ -22,7 +22,7 @@ LONGEST = 0.15
 
 
 class TimeOffset(Effect):
-    """tau += tau(t - d) - tau(t): positive where torque was stamped late.
+    """tau += tau(t - d) - tau(t): d > 0 where torque is stamped late, or low-passed with T = d.
 
     The column is this change, at the delay that the shape `expanded_at` holds, divided by that
     delay; at 0 it is the slope -dtau/dt. It is exact where the coefficient d equals `expanded_at`.

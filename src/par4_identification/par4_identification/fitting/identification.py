@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -197,7 +197,7 @@ def known_torque(machine: Robot | Axis, rigid_body: RigidBody, state: State) -> 
 def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'paper',
              payloads: dict[str, float] | None = None,
              conditioning: Conditioning | None = None, fitting: Fitting | None = None,
-             beside: Model | None = None) -> Identification:
+             beside: Model | None = None, left_out: Collection[str] = ()) -> Identification:
     """Return the base parameters that explain the logs best.
 
     Args:
@@ -208,6 +208,7 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'pa
         conditioning: filters and rates.
         fitting: estimator, values per joint, offsets.
         beside: model whose distributed bodies and effects are taken as known.
+        left_out: names of base terms that are not fitted, with a PLAIN estimator.
 
     Raises:
         InputError: data that cannot be filtered or do not excite the parameters; for instruments,
@@ -224,7 +225,8 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'pa
     if steady and fitting.estimator == 'instrumental':
         raise InputError('--estimator instrumental asked of logs that hold steady speeds, whose '
                          'motion it would simulate; use another estimator')
-    shown = [index for index, term in enumerate(terms) if not (steady and term.name == INERTIA)]
+    hidden = {*left_out, *((INERTIA,) if steady else ())}
+    shown = [index for index, term in enumerate(terms) if term.name not in hidden]
     for run in runs:
         columns = base_columns(run.state)
         known = (known_torque(machine, rigid_body, run.state) if beside is None

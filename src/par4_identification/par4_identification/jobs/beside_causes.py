@@ -1,7 +1,9 @@
 """Base parameters beside causes: where they alone come out as no machine can have them.
 
 A torque that the model lacks, such as cogging, pulls friction below zero. What a diagnosis names is
-then taken as known, and the base parameters are identified once more.
+then taken as known, and the base parameters are identified once more. If nothing mends that, the
+viscous friction of an axis is left out: at few speeds, or where friction falls with the speed, it
+comes out negative though all else is sound.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from par4_dynamics.base_terms import FRICTION
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
@@ -29,6 +32,9 @@ from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Remark
+from par4_sim.report.words import in_words
+
+VISCOUS = FRICTION[1]
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,7 @@ class BesideCauses:
     """An identification beside named causes.
 
     Attributes:
-        identification: with these causes.
+        identification: with these causes, or without viscous friction.
         remark: why, and which.
     """
 
@@ -49,6 +55,8 @@ def beside_causes(alone: Identification, logs: Sequence[Log], machine: Robot | A
                   ) -> BesideCauses | None:
     """Return the identification beside what a diagnosis names, None if all is possible without.
 
+    Where that does not help, it is that of an axis without viscous friction.
+
     Args:
         alone: base parameters of the logs without any causes.
         logs: behind it.
@@ -58,7 +66,7 @@ def beside_causes(alone: Identification, logs: Sequence[Log], machine: Robot | A
         progress: called with the name of each step.
 
     Raises:
-        InputError: a value is impossible, and no named cause mends that.
+        InputError: a value is impossible, and nothing mends that.
     """
     impossible = alone.impossible(machine)
     if impossible is None or alone.fitting.estimator not in PLAIN:
@@ -77,8 +85,24 @@ def beside_causes(alone: Identification, logs: Sequence[Log], machine: Robot | A
                 False, f'Base parameters alone do not explain these data: {impossible}. So the '
                        f'model also has what par4_diagnose names: {causes}.',
                 'Run par4_diagnose on these bags: its report shows how sure that is.'))
+    without = _without_viscous(alone, logs, machine, conditioning)
+    if without is not None and impossible.startswith(VISCOUS):
+        return BesideCauses(without, Remark(
+            False, f'V{impossible.replace(VISCOUS, in_words(VISCOUS))[1:]}: at these speeds '
+                   f'friction does not grow with the speed. It is left out and counts as zero.',
+            'Record motions at several speeds in both directions.'))
     raise InputError(f'{impossible}, and so it remains beside all that par4_diagnose names; '
                      f'{WHAT_TO_DO}')
+
+
+def _without_viscous(alone: Identification, logs: Sequence[Log], machine: Robot | Axis,
+                     conditioning: Conditioning) -> Identification | None:
+    """Return the identification of an axis without viscous friction, None if that helps nothing."""
+    if not isinstance(machine, Axis):
+        return None
+    found = identify(list(logs), machine, alone.rigid_body, conditioning=conditioning,
+                     fitting=alone.fitting, left_out=(VISCOUS,))
+    return found if found.impossible(machine) is None else None
 
 
 def _widened(beside: Identification, known: ModelFile) -> Identification:

@@ -37,6 +37,7 @@ from par4_identification.reports.outcome.confrontation import (
     simulation_json,
 )
 from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
+from par4_identification.reports.outcome.gravity import gravity_remarks
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.outcome.results import model_in_units, provenance
 from par4_identification.reports.outcome.setup import setup_json, setup_lines, with_setup
@@ -133,7 +134,8 @@ def diagnose_bags(asked: Asked) -> None:
             sound.logs[:len(asked.bags)], sound.machine, baseline, sound.logs[len(asked.bags):],
             conditioning=conditioning, progress=status.update))
         experiment = confrontation = extended = changes = None
-        untold: tuple[Remark, ...] = ()
+        beside = () if check.useless else gravity_remarks(
+            machine, logs[:len(asked.bags)], conditioning)
         if isinstance(diagnosis, Diagnosis):
             status.update('looking for the motion that would tell twins apart')
             experiment = next_experiment(diagnosis, machine)
@@ -149,7 +151,7 @@ def diagnose_bags(asked: Asked) -> None:
                                changes_between(diagnosis, machine, earlier.logs, baseline,
                                                shortened(asked.before), conditioning))
                 except InputError as error:
-                    untold = (Remark(False, f'What has changed could not be told: {error}.'),)
+                    beside += (Remark(False, f'What has changed could not be told: {error}.'),)
             if asked.simulate:
                 confrontation = confront_diagnosis(diagnosis, machine, logs,
                                                    progress=status.update)
@@ -159,7 +161,7 @@ def diagnose_bags(asked: Asked) -> None:
             outcome = with_changes(outcome, changes, diagnosis, machine)
             verdict = verdict_with_changes(diagnosis.verdict, changes)
         outcome = replace(outcome, remarks=(
-            *untold, *outcome.remarks,
+            *beside, *outcome.remarks,
             *(Remark(True, line) for line in total_lines(
                 check, diagnosis.causes if isinstance(diagnosis, Diagnosis) else ())),
             *remarks_of_confrontation(confrontation)))
@@ -193,7 +195,7 @@ def diagnose_bags(asked: Asked) -> None:
         for file in (outdated, outdated.with_suffix('.csv')):
             file.unlink(missing_ok=True)
     console = Console(highlight=False)
-    for line in (*outcome.first, *(remark.text for remark in untold)):
+    for line in (*outcome.first, *(f'{remark.text} {remark.advice}'.rstrip() for remark in beside)):
         console.print(line, soft_wrap=not console.is_terminal, markup=False)
     if isinstance(diagnosis, Diagnosis) and changes is not None:
         console.print(errors_in_lines(changes, diagnosis, machine), soft_wrap=True, markup=False)

@@ -21,6 +21,7 @@ from par4_identification.jobs.beside_causes import beside_causes
 from par4_identification.logs.log import Log
 from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.estimator import estimator_remarks
+from par4_identification.reports.outcome.gravity import gravity_remarks
 from par4_identification.reports.outcome.identification import (
     ParameterRow,
     identification_json,
@@ -130,7 +131,8 @@ def identify_bags(asked: Asked) -> None:
         outcome = outcome_of_identification(identification, floor, machine, bare,
                                             bool(check.useless))
         lacking = () if beside is None else (beside.remark,)
-        outcome = with_setup(replace(outcome, remarks=(*lacking, *outcome.remarks, *found)),
+        outcome = with_setup(replace(outcome, remarks=(
+            *lacking, *gravity_remarks(machine, bare, conditioning), *outcome.remarks, *found)),
                              check, 'identification')
         table = table_of_parameters(identification, machine, truth)
         page = None

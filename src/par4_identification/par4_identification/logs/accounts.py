@@ -87,6 +87,7 @@ class Accounts:
         mixed: start and end, s, of stretches that were left out because two sources talk there.
         wraps: how often the reading of a joint jumps by a whole turn; put together.
         jumps: times, s, at which several positions jump from one sample to the next.
+        held: for how long each reading of 'position' or 'torque' repeats, s, where it does.
     """
 
     bag: str
@@ -114,6 +115,7 @@ class Accounts:
     mixed: tuple[tuple[float, float], ...] = ()
     wraps: Mapping[str, int] = field(default_factory=dict)
     jumps: tuple[float, ...] = ()
+    held: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Return the accounts as plain dicts, lists, numbers and strings."""
@@ -143,6 +145,11 @@ class Accounts:
             found.append(f'positions on {self.position.topic} jump within a sample at '
                          f'{self.jumps[0]:.4g} s{more}, as where two recordings are joined or '
                          f'samples are missing without a gap in the stamps; the log is cut there')
+        found += [f'the {name} on {counts.topic} {held_words(self.held[name], counts.period)}; '
+                  f'only its changes are used, at {1.0 / self.period:.3g} Hz; have the {name} sent '
+                  f'as often as the log is written'
+                  for name, counts in (('position', self.position), ('torque', self.torque))
+                  if name in self.held]
         return tuple(found)
 
     def of_torques(self) -> tuple[str, ...]:
@@ -191,6 +198,12 @@ class Accounts:
         if self.reference not in ('absent', 'read'):
             found.append(f'{REFERENCE.name} ignored: {self.reference}')
         return tuple(dict.fromkeys(found))  # position and effort of one topic say the same
+
+
+def held_words(held: float, period: float) -> str:
+    """Return what to know of a signal that is held for so long in a log of this period, s."""
+    return (f'changes every {1e3 * held:.3g} ms in a log of {1e3 * period:.3g} ms, being held in '
+            f'between')
 
 
 def accounts_of_motion(name: str, samples: int, period: float) -> Accounts:

@@ -20,7 +20,8 @@ EXAMPLE = 'time=1:ms position=angle:deg torque=current:A'
 MOST_COLUMNS = 1000
 """In a span of columns."""
 MISSING = {
-    'counts_per_turn': 'counts of the encoder for one turn of the joint, behind its gear',
+    'counts_per_turn': 'counts of the encoder for one turn of the joint, behind its gear; of a '
+                       'slide give m or mm',
     'motor_gain': 'torque at the joint per ampere, N m/A (on a slide N/A), that of the nameplate '
                   'times the gear ratio; or write it into the robot file as motor_gain'}
 """What a number of the machine is, where it is missing."""

@@ -6,7 +6,7 @@ import codecs
 import csv
 import re
 from collections import deque
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import islice
@@ -90,16 +90,28 @@ class Layout:
         return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
 
 
-def layout_of(path: Path) -> Layout:
+def layout_of(path: Path, wanted: Collection[str] = (), dates: Collection[str] = ()) -> Layout:
     """Return how a CSV is written.
+
+    Args:
+        path: of the file.
+        wanted: names or numbers, counted from 1, of columns. A line that holds all of several names
+            is the header, whatever stands above it. If 1 is wanted, lines that begin with a word,
+            as settings do, are not the table yet.
+        dates: those of `wanted` that hold dates.
 
     Raises:
         InputError: the file cannot be read as text, or holds no numbers.
     """
+    names = {name for name in wanted if not name.isdecimal()}
     try:
         encoding = _encoding(path)
         with path.open(encoding=encoding, newline='') as stream:
-            top = _top(line.strip('\r\n') for line in stream)
+            header = _header_line(stream, names) if len(names) > 1 else 0
+        with path.open(encoding=encoding, newline='') as stream:
+            top = _top(((index, text) for index, line in enumerate(stream)
+                        if index >= header and (text := line.strip('\r\n')).strip()),
+                       '1' in wanted and '1' not in dates)
         if top is not None:
             headers, first = _headers(top)
             with path.open(encoding=encoding, newline='') as stream:
@@ -113,29 +125,45 @@ def layout_of(path: Path) -> Layout:
     raise InputError(f'{path}: no line of it holds numbers; give a CSV, .npz or .mat file')
 
 
-def _top(lines: Iterable[str]) -> Top | None:
+def _header_line(lines: Iterable[str], names: set[str]) -> int:
+    """Return the index of the first line that has a cell for each name, 0 if none has."""
+    for index, text in enumerate(islice(lines, MOST_ABOVE)):
+        text = text.strip('\r\n').lstrip(COMMENTS + ' ')
+        if any(names <= {cell.strip() for cell in fields_of(text, mark)}
+               for mark in (*DELIMITERS, None) if text):
+            return index
+    return 0
+
+
+def _top(numbered: Iterator[tuple[int, str]], number_first: bool) -> Top | None:
     """Return the first line with numbers below which the lines have as many cells.
 
     What a logger writes above its table has numbers, too, such as its rate, but no such lines below
     it, or a single cell. If no line is like that, as in a damaged file, it is the first one with
     numbers; None without any.
+
+    Args:
+        numbered: index and text of the lines that are not empty.
+        number_first: whether lines of the table begin with a number.
     """
     above: deque[tuple[int, str]] = deque(maxlen=MOST_ABOVE)
-    numbered = ((index, text) for index, text in enumerate(lines) if text.strip())
     ahead = deque(islice(numbered, UNIFORM))
     first = None
     while ahead:
         index, text = ahead.popleft()
+        if first is not None and index > first.index + MOST_ABOVE:
+            break
         ahead.extend(islice(numbered, 1))
         delimiter = _delimiter(text)
         fields = fields_of(text, delimiter)
         if not _is_comment(text) and _is_data(fields, delimiter):
+            first = first or Top(index, delimiter, fields, tuple(above))
+            if number_first and not (_is_empty(fields[0])
+                                     or _is_number(fields[0], delimiter != ',')):
+                continue
             if len(fields) > 1 and all(len(fields_of(below, delimiter)) == len(fields)
                                        for _, below in ahead if not _is_comment(below)):
                 return Top(index, delimiter, fields, above)
-            first = first or Top(index, delimiter, fields, tuple(above))
-        if first is not None and index > first.index + MOST_ABOVE:
-            break
         above.append((index, text))
     return first
 

@@ -31,8 +31,7 @@ WIDEST = 3
 TURNS = 2.0 * np.pi, 360.0
 """rad, and degrees where these stand for radians by mistake."""
 NEAR_TURN = 0.02
-"""Largest deviation of a step from whole turns, in turns: a joint also moves from sample to
-sample."""
+"""Largest deviation of a step from whole turns and what its neighbours move, in turns."""
 LONGEST_STEP = 4.5
 """Periods; readings so far apart belong to stretches of their own."""
 FEWEST_HELD, STOPPED = 4, 3.0
@@ -76,10 +75,12 @@ def without_turns(q: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndar
         width: of the steps, in periods, (n - 1,); what happens in longer gaps stays.
     """
     step, often = np.diff(q, axis=0), np.zeros(q.shape[1], dtype=int)
+    width = np.reshape(width, (-1, 1))
     for turn in TURNS:
-        turns = np.round(step / turn)
-        wraps = (np.abs(step - turn * turns) < NEAR_TURN * turn) & (turns != 0.0)
-        wraps &= (width < LONGEST_STEP)[:, None]
+        moved = width * np.stack([_median_of_others(own) for own in (step / width).T], axis=1)
+        turns = np.round((step - moved) / turn)
+        wraps = (np.abs(step - moved - turn * turns) < NEAR_TURN * turn) & (turns != 0.0)
+        wraps &= width < LONGEST_STEP
         joints = wraps.any(axis=0)
         if joints.any():
             q = q.copy()

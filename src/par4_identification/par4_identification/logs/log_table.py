@@ -164,7 +164,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _of_csv(path: Path, wanted: Sequence[str], dates: Collection[str]) -> dict[str, np.ndarray]:
-    layout = layout_of(path)
+    layout = layout_of(path, wanted, dates)
     where = (f', in the table that begins at line {layout.first + 1}; if it begins elsewhere, cut '
              f'off what stands above its names')
     places = [_place(path, name, layout.headers, layout.columns, where) for name in wanted]

@@ -10,11 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from par4_identification.logs.accounts import held_words
+from par4_identification.logs.refresh import refresh_of
 from par4_identification.logs.stamps import FASTEST, GAP
 from par4_identification.logs.units import Kind, si_unit
 
+FEW = 10.0
+"""Spacings up to so many usual ones tell the rate: rounded stamps and jitter average out."""
 JUMP = 0.4
 """Turns between two samples above which a position has wrapped around or slipped."""
+WHOLE, OFTEN, FINE = 0.5, 3, 50.0
+"""A counter starts again if a position jumps by more than the first number of its range, so often
+at least, and has a range of so many of its steps."""
 FACTOR = 2.0
 """By which a recorded speed may differ from the slope of the position: loggers filter and quantise
 speeds, a wrong unit makes a factor of six at least."""
@@ -53,8 +60,11 @@ class Measured:
 
     @property
     def period(self) -> float:
-        """Median spacing of the stamps, s."""
-        return 1e-9 * float(np.median(np.diff(self.stamp)))
+        """Usual spacing of the stamps, s: the median, made exact by the mean where no gap is."""
+        spacing = 1e-9 * np.diff(self.stamp)
+        usual = np.median(spacing)
+        near = spacing[np.abs(spacing) < FEW * usual]
+        return float(near.sum() / np.round(near / usual).sum())
 
     def account(self) -> tuple[str, ...]:
         """Return what was read, a line each: rate, then range of every quantity."""
@@ -63,7 +73,7 @@ class Measured:
         jitter = np.sqrt(np.mean((spacing[(spacing > 0.0) & ~missing] - self.period) ** 2))
         lines = [f'{len(self.stamp)} of {self.rows} rows, '
                  f'{1e-9 * (self.stamp[-1] - self.stamp[0]):.6g} s at {1.0 / self.period:.5g} Hz '
-                 f'(every {1e3 * self.period:.4g} ms +- {1e3 * jitter:.2g} ms rms), '
+                 f'(every {1e3 * self.period:.4g} ms +- {1e3 * np.round(jitter, 9):.2g} ms rms), '
                  f'{np.count_nonzero(missing)} gaps'
                  + (f', the longest {spacing.max():.4g} s' if missing.any() else '')]
         for quantity, values in self.values.items():
@@ -92,8 +102,8 @@ class Measured:
                 if not low < high:
                     what = 'the same in all rows' if low == high else 'no numbers'
                     found.append(f'{quantity} of joint {joint}: {what}; is it the right column?')
-        return (*found, *self._twins(), *self._odd_times(), *self._odd_positions(),
-                *self._odd_speeds())
+        return (*found, *self._twins(), *self._held(), *self._odd_times(),
+                *self._odd_positions(), *self._odd_speeds())
 
     def _twins(self) -> list[str]:
         """Return which columns hold the numbers of another one that does not stand still."""
@@ -106,6 +116,17 @@ class Measured:
                          if np.array_equal(column, earlier, equal_nan=True)), None)
             if twin is not None and len(np.unique(column[np.isfinite(column)])) > 1:
                 found.append(f'{name}: the same numbers as {twin}; is it the right column?')
+        return found
+
+    def _held(self) -> list[str]:
+        """Return which quantities are refreshed more slowly than the rows come."""
+        found = []
+        for quantity, values in self.values.items():
+            refresh = refresh_of(values[are_readings(values).all(axis=1)])
+            if refresh is not None:
+                held = refresh.every * self.period
+                found.append(f'{quantity}: {held_words(held, self.period)}; the tools use only '
+                             f'its changes, at {1.0 / held:.3g} Hz')
         return found
 
     def _odd_times(self) -> list[str]:
@@ -125,9 +146,9 @@ class Measured:
         return found
 
     def _odd_positions(self) -> list[str]:
+        found = self._restarts()
         if self.kind == 'linear':
-            return []
-        found = []
+            return found
         for joint, column in enumerate(self.values['position'].T):
             rows = np.flatnonzero(are_readings(column))
             if len(rows) < 2:
@@ -144,6 +165,28 @@ class Measured:
             elif np.abs(q).max() > 2.0 * np.pi * PLAIN_TURNS and np.array_equal(q, np.rint(q)):
                 found.append(f'position of joint {joint}: whole numbers up to '
                              f'{np.abs(q).max():.4g} rad; are they counts?')
+        return found
+
+    def _restarts(self) -> list[str]:
+        """Return which positions jump from one end of their range to the other, again and again.
+
+        A counter of a motor behind a gear, or of a slide, starts again after other ways than whole
+        turns of the joint.
+        """
+        found = []
+        for joint, column in enumerate(self.values['position'].T):
+            q = column[are_readings(column)]
+            step = np.abs(np.diff(q))
+            if not step.any():
+                continue
+            span = float(np.ptp(q))
+            rows = np.flatnonzero(step > WHOLE * span)
+            turns = span / (2.0 * np.pi) if self.kind == 'revolute' else 0.0
+            if (len(rows) >= OFTEN and turns < JUMP and len(rows) < 0.2 * len(step)
+                    and span > FINE * np.quantile(step[step > 0.0], 0.02)):
+                found.append(f'position of joint {joint}: jumps over its whole range of '
+                             f'{span:.4g} {si_unit("position", self.kind)} {len(rows)} times, as a '
+                             f'counter that starts again; log one that counts on, or mend the file')
         return found
 
     def _odd_speeds(self) -> list[str]:

@@ -7,8 +7,10 @@ was received only orders the messages and tells where the clock was set back.
 The order of the repairs, for positions and torque alike: joints by name; samples without stamp;
 messages of a second source; a clock set back (the part behind it becomes a segment of its own, its
 time continued); sorting; repeated stamps; gaps counted; NaN. Positions then give the grid: their
-own stamps if these are even, else as many evenly spaced ones. Short gaps are filled; long ones, and
-jumps of several positions at once, cut the log into segments, which are never joined.
+own stamps if these are even, else as many evenly spaced ones. Of a signal that is held between
+refreshes only the refreshes count, and a log whose torque is held, or has most of its cells empty,
+has a sample at each reading of it. Short gaps are filled; long ones, and jumps of several positions
+at once, cut the log into segments, which are never joined.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from par4_identification.logs.log import Log
 from par4_identification.logs.masks import count, stretches
 from par4_identification.logs.measured_torque import measured_torque
 from par4_identification.logs.reference import reference_of
+from par4_identification.logs.refresh import at_refreshes, fresh
 from par4_identification.logs.series import (
     FEWEST_SAMPLES,
     interpolated,
@@ -36,6 +39,7 @@ from par4_identification.logs.series import (
 )
 from par4_identification.logs.sources import beside_mixed, source_of
 from par4_identification.logs.stamped_rows import reordered, stamped_rows
+from par4_identification.logs.stamps import GAP
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES
 from par4_kinematics.robot import Axis, Robot
@@ -74,6 +78,9 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     refuse_two_sources(path, position)
     torque, torque_source, disagreement, offset = measured_torque(path, bag, machine, clock,
                                                                   source)
+    (position, position_held), (torque, torque_held) = fresh(position), fresh(torque)
+    if torque.period > max(position.period, GAP * 1e9 * torque.counts.period):
+        position = at_refreshes(position, torque)
     wraps: tuple[int, ...] = ()
     if isinstance(machine, Robot) or machine.kind == 'revolute':
         values, often = without_turns(position.values, np.diff(position.stamp) / position.period)
@@ -115,6 +122,8 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
         clock_offset=offset, other_source=len(rows.stamp) - len(own.stamp),
         mixed=tuple((1e-9 * first, 1e-9 * last) for first, last in source.mixed),
         wraps={joint: count for joint, count in zip(joints, wraps, strict=False) if count},
-        jumps=tuple(1e-9 * time for time in grid.jumps))
+        jumps=tuple(1e-9 * time for time in grid.jumps),
+        held={name: held for name, held in (('position', position_held), ('torque', torque_held))
+              if held})
     return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,
                tuple(slice(start, end) for start, end in pairwise(ends)), reference, accounts)

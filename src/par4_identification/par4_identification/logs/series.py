@@ -12,7 +12,7 @@ from par4_identification.logs.clock import Clock
 from par4_identification.logs.masks import count, stretches, taken
 from par4_identification.logs.sources import to_and_fro
 from par4_identification.logs.stamped_rows import StampedRows
-from par4_identification.logs.stamps import CROWDED, nearest_stamp, spacing_counts
+from par4_identification.logs.stamps import CROWDED, GAP, nearest_stamp, spacing_counts
 from par4_kinematics.errors import InputError
 
 FILLED = 3
@@ -76,7 +76,12 @@ def series_of(path: str | Path, rows: StampedRows, clock: Clock) -> Series:
                   'record a longer bag')
         raise InputError(f'{path}: {len(order)} usable samples{lost} on {rows.topic}, at least '
                          f'{FEWEST_SAMPLES} are needed; {advice}')
-    return Series(taken(stamp, order), taken(rows.values, order), 1e9 * counts.period, counts)
+    stamp = taken(stamp, order)
+    # a logger that merges signals of several rates leaves the cells of the slower ones empty
+    apart = float(np.median(np.diff(stamp)))
+    period = 1e9 * counts.period
+    return Series(stamp, taken(rows.values, order), apart if apart > GAP * period else period,
+                  counts)
 
 
 def refuse_two_sources(path: str | Path, position: Series) -> None:

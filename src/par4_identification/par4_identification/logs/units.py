@@ -50,6 +50,9 @@ UNITS: dict[str, dict[str, Unit]] = {
     'voltage': {'V': Unit(1.0), 'mV': Unit(1e-3)},
 }
 """Quantity -> unit as it is written on the command line."""
+HINTS = {'torque': '; a share of the rated torque, such as per mille, is given as A, with a '
+                   '--motor-gain of the rated torque at the joint over 1000'}
+"""Quantity -> what to do where none of its units is that of a column."""
 SI = {'time': ('s', 's'), 'position': ('rad', 'm'), 'velocity': ('rad/s', 'm/s'),
       'torque': ('N m', 'N'), 'voltage': ('V', 'V')}
 """Quantity -> its SI unit for a revolute and for a linear joint."""
@@ -65,7 +68,8 @@ def unit_named(quantity: str, name: str) -> Unit:
         raise InputError(f'{quantity}: unknown; columns are {", ".join(UNITS)}')
     known = UNITS[quantity]
     if name.replace(' ', '') not in known:
-        raise InputError(f'{quantity}: unit {name!r} is unknown; give one of {", ".join(known)}')
+        raise InputError(f'{quantity}: unit {name!r} is unknown; give one of {", ".join(known)}'
+                         f'{HINTS.get(quantity, "")}')
     return known[name.replace(' ', '')]
 
 

@@ -180,15 +180,17 @@ def _unclipped(log: Log, machine: Robot | Axis) -> tuple[list[Finding], Log]:
     if not flat.any():
         return [], log
     joints = tuple(int(joint) for joint in np.flatnonzero(flat.any(axis=0)))
-    level = [number(float(np.abs(log.tau[:, joint]).max()), 3) for joint in joints]
+    level = [number(end, 3) for joint in joints
+             for end in np.unique(np.abs(log.tau[flat[:, joint], joint])).tolist()]
     rows = np.flatnonzero(flat.any(axis=1))
     return [Finding(
         'clipped', joints, _span(log, rows[0], rows[-1]),
         f'the torque of {joints_in_words(joints)} in {log.name} stands at exactly '
-        f'{listed(list(dict.fromkeys(level)))} N m for {percent(float(flat.any(axis=1).mean()))} '
-        'of the time, as at the end of a converter; these samples are left out',
-        'Widen the range of the converter or of the message that carries the torque, or move more '
-        'gently.', True)], doubted(log, flat)
+        f'{listed(list(dict.fromkeys(level)))} {unit_on(machine, "N m")} for '
+        f'{percent(float(flat.any(axis=1).mean()))} of the time, as at the end of a converter or '
+        f'at the limit of a drive; these samples are left out',
+        'Widen the range of the converter, of the drive or of the message that carries the torque, '
+        'or move more gently.', True)], doubted(log, flat)
 
 
 def _span(log: Log, first: int, last: int) -> tuple[float, float]:

@@ -55,6 +55,8 @@ AGREE = 0.3
 FLAT, FLATS, FLAT_RUNS = 4, 20, 3
 """A torque is clipped if it stays at its largest value for so many samples in a row, for so many in
 all, and so often."""
+PILED = 4.0
+"""Ratio of the samples at that value to those at the one next to it, at the least."""
 MUTE, OUT_AND_BACK = 0.1, 0.2
 """A torque that stays exactly the same for so many seconds is not measured if its joint meanwhile
 goes out and back by so much of its range: turning round takes torque, for friction and inertia."""
@@ -82,8 +84,11 @@ class Held:
 
 
 def held_stretches(log: Log) -> list[Held]:
-    """Return where readings repeat though the machine moves, in order."""
-    found = []
+    """Return where readings repeat though the machine moves, in order.
+
+    Torques that stand at their end are clipped, not held.
+    """
+    found, flat = [], flat_tops(log)
     for segment in log.segments:
         q, tau = log.q[segment], log.tau[segment]
         if len(q) < 4 * AROUND:
@@ -105,7 +110,8 @@ def held_stretches(log: Log) -> list[Held]:
             joints |= set(np.flatnonzero(still[start:end - 1].all(axis=0)).tolist())
             found.append(Held(segment.start + start, segment.start + end, tuple(sorted(joints)),
                               bool(stands[start:end - 1].all())))
-        found += _held_torques(q, tau, stands, segment.start)
+        at_end = np.asarray(flat[segment].all(axis=1))
+        found += _held_torques(q, tau, stands & ~at_end[1:], segment.start)
     return _distinct(found)
 
 
@@ -289,14 +295,21 @@ def _off_the_curve(values: np.ndarray, start: int, end: int) -> float:
 
 
 def flat_tops(log: Log) -> np.ndarray:
-    """Return which torques (n, J) stand at their largest value as those of a full converter do."""
-    size = np.abs(log.tau)
-    top = size.max(axis=0)
-    flat = np.zeros(size.shape, dtype=bool)
-    for joint in range(size.shape[1]):
-        if top[joint] == 0.0 or np.ptp(log.tau[:, joint]) == 0.0:
+    """Return which torques (n, J) stand at their end as those of a full converter do.
+
+    Both ends are looked at, which need not be as far from zero. A torque in coarse steps stands at
+    its largest value, too, but hardly more often than at the one beside it.
+    """
+    flat = np.zeros(log.tau.shape, dtype=bool)
+    for joint, tau in enumerate(log.tau.T):
+        least, most = tau.min(), tau.max()
+        if least == most:
             continue
-        runs = [run for run in stretches(size[:, joint] == top[joint]) if run[1] - run[0] >= FLAT]
+        often = np.unique(tau[(least < tau) & (tau < most)], return_counts=True)[1]
+        ends = [end for end, outward, beside in ((least, least < 0.0, often[:1].sum()),
+                                                 (most, most > 0.0, often[-1:].sum()))
+                if outward and np.count_nonzero(tau == end) > PILED * beside]
+        runs = [run for end in ends for run in stretches(tau == end) if run[1] - run[0] >= FLAT]
         if len(runs) >= FLAT_RUNS and sum(end - start for start, end in runs) >= FLATS:
-            flat[:, joint] = size[:, joint] == top[joint]
+            flat[:, joint] = np.isin(tau, ends)
     return flat

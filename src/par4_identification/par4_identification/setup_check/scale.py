@@ -66,7 +66,13 @@ def scale_findings(check: SetupCheck, model: Model | None) -> SetupCheck:
     least = 4.0 * bodies.rod_mass + 2.0 * bodies.bar_mass + bodies.tool_mass
     platform = float(values[1] + values[2])
     joints = tuple(range(rows.tau.shape[1]))
-    if largest > BEYOND_LIMIT * limit:
+    given = 'torque_limit' in machine.drives.model_fields_set
+    if largest > BEYOND_LIMIT * limit and not given:
+        check = check.remarking(Remark(
+            False, f'Torques reach {number(largest, 3)} N m. The robot file gives no '
+            f'drives.torque_limit to hold them against; the drives of the reference robot give '
+            f'{number(limit, 3)} N m.', 'Write drives.torque_limit into the robot file.'))
+    elif largest > BEYOND_LIMIT * limit:
         return check.after([Finding(
             'wrong_unit', joints, None,
             f'torques reach {number(largest, 3)} N m, the drives of the robot file at most '

@@ -50,6 +50,19 @@ class Observations:
         """Whether each row is the mean of a stretch of constant speed."""
         return self.runs[0].conditioning.steady
 
+    @property
+    def varying(self) -> tuple[np.ndarray, ...]:
+        """The measured torque, (m, J) a run, without the constant weight that a slide lifts.
+
+        A share of it by which the torque may be wrong is constant, too, and no cause looks like it.
+        """
+        torques = tuple(run.tau for run in self.runs)
+        if self.runs[0].state.hanging != 'sliding':
+            return torques
+        moving = np.concatenate([run.tau[run.valid.any(axis=1)] for run in self.runs])
+        weight = moving.sum(axis=0) / max(len(moving), 1)
+        return tuple(torque - weight for torque in torques)
+
     def without(self, name: str, values: np.ndarray | float = 0.0) -> Observations:
         """Return the observations without the column of a base parameter, of known values (J,)."""
         own = [term.name for term in self.terms].index(name)

@@ -99,7 +99,8 @@ class Pool:
             counts exceeds the noise, on the rows to fit.
 
     Attributes:
-        torque_squares: whitened squares of the measured torque, of the rows to fit and held out.
+        torque_squares: whitened squares of the measured torque without a constant weight, of the
+            rows to fit and held out.
         counted_squares: those of the error by counts, of the rows to fit and held out.
         timing_squares: those of the error by the times of readings, alike.
     """
@@ -110,7 +111,7 @@ class Pool:
         # products of small numbers: what the base terms alone explain is taken out beforehand
         self._begin()
         self.torque_squares = tuple(
-            float(np.sum(part.whitened([run.tau for run in part.observations.runs]) ** 2))
+            float(np.sum(part.whitened(part.observations.varying) ** 2))
             for part in (evidence, heldout))
         self.counted_squares = (
             counted_squares, counted_squares * heldout.rows / max(evidence.rows, 1))

@@ -23,6 +23,8 @@ SPEED = 0.5
 """rad/s at which the friction of a Par4 must brake."""
 TORN = 10
 """Stretches of the logs from which on gaps are named as a reason for too few rows."""
+SLOW = 0.004
+"""s from sample to sample from which filters are so slow that this may be the reason."""
 WORST_ERROR = 0.6
 WORST_STD = 0.3
 
@@ -105,8 +107,12 @@ def too_few(observations: Observations) -> list[str]:
     least = LEAST_ROWS_OF_AXIS if observations.of_axis else LEAST_ROWS
     stretches = len(observations.runs)
     torn = f', without the gaps that part it into {stretches} stretches' if stretches > TORN else ''
+    run = observations.runs[0]
+    slow = '' if run.period < SLOW else (
+        f', or faster: in a log of {1.0 / run.period:.3g} Hz rows within '
+        f'{run.conditioning.reach:.2g} s of a reversal do not count')
     return [f'joint {joint} moves in only {rows[joint]} rows, {least} are needed; record a '
-            f'longer motion of all joints{torn}' for joint in np.flatnonzero(rows < least)]
+            f'longer motion of all joints{torn}{slow}' for joint in np.flatnonzero(rows < least)]
 
 
 def _error_beside(observations: Observations, identification: Identification) -> float:

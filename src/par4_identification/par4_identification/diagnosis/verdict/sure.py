@@ -84,7 +84,7 @@ def is_no_noise(heldout: Observations, left: Sequence[np.ndarray], named: Sequen
         floor: of the noise, (J,) N m.
         rules: say how much of each torque may be wrong.
     """
-    measured = rms_of(heldout, [run.tau for run in heldout.runs])
+    measured = rms_of(heldout, heldout.varying)
     error = np.hypot(np.sqrt(np.mean(floor ** 2)), rules.base_error * measured)
     limit = np.hypot(NO_NOISE * error, rules.named_error * rms_of(heldout, named))
     return bool(rms_of(heldout, left) > limit)

@@ -298,6 +298,12 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
                 False, f'{capital(cause.effect.phrase)} is read off where the residual is large, '
                 f'not off its course; the size is good to a third.',
                 'Preload or adjust the transmission; feedforward alone does not remove it.'))
+        if cause.effect.name == 'time_offset' and (
+                late := float(np.max(cause.parameters['delay'].value))) > 0.0:
+            remarks.append(Remark(
+                True, f'A first-order low pass of the logged torque or current, with a time '
+                f'constant of {number(late, 2)} s, looks like this delay.',
+                'See whether the drive filters what it logs.'))
         if _is_relative(cause, machine):
             remarks.append(Remark(
                 True, f'{capital(cause.effect.phrase)} is measured against the joints that are '

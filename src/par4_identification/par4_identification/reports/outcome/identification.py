@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from par4_dynamics.base_terms import HANGING_TERMS, values_of_bodies
+from par4_dynamics.base_terms import HANGING_TERMS, INERTIA, values_of_bodies
 from par4_dynamics.model import Model
 from par4_dynamics.model_file import read_model_file
 from par4_dynamics.parameters import Parameter
@@ -134,7 +134,7 @@ def _left_out_remarks(identification: Identification) -> list[Remark]:
     return [Remark(
         False, f'Steady speeds do not show the {in_words(term.name)}; it is left out and counts as '
         f'zero.', 'Record a motion that goes faster and slower as well.')
-        for term in identification.left_out]
+        for term in identification.left_out if term.name == INERTIA]
 
 
 def outcome_of_identification(identification: Identification, floor: np.ndarray,

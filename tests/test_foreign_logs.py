@@ -1,0 +1,128 @@
+"""Logs as machines of others give them: what is wrong with them is said as what it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from foreign import axis, log_of, read, swings, torque_of
+from scipy.signal import lfilter
+
+from par4_identification.commands.diagnose import diagnose_bags
+from par4_identification.commands.identify import identify_bags
+from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
+from par4_identification.diagnosis.evidence.observations import observe
+from par4_identification.diagnosis.search.rules import OF_AXIS
+from par4_identification.diagnosis.verdict.sure import is_no_noise
+from par4_identification.fitting.identification import identify
+from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
+from par4_identification.reports.outcome.gravity import gravity_remarks
+from par4_identification.setup_check.check import check_setup
+from par4_identification.signals.rows import Conditioning, runs_of_log
+from par4_identification.signals.scales import conditioning_for
+from par4_sim.report.words import number
+
+T, Q, QD, QDD = swings()
+
+
+@pytest.mark.parametrize('lower', [-1.0, -0.85])
+def test_a_force_at_its_limit_is_clipped_and_not_held(lower):
+    """Friction that turns over ends each stand by a jump, as a held reading does."""
+    tau = 95.0 * QDD + 40.0 * QD + 200.0 * np.sign(QD) + 3.0 * np.random.default_rng(
+        0).standard_normal(len(T))
+    limit = 0.5 * np.abs(tau).max()
+    log = log_of(T, Q, np.clip(tau, lower * limit, limit))
+    check = check_setup([log], axis(kind='linear'))
+    said, = check.findings
+    assert said.finding == 'clipped'
+    levels = {-1.0: number(limit, 3), -0.85: f'{number(0.85 * limit, 3)} and {number(limit, 3)}'}
+    assert f'stands at exactly {levels[lower]} N for' in said.evidence
+    at_end = (log.tau == log.tau.min()) | (log.tau == log.tau.max())
+    np.testing.assert_array_equal(check.logs[0].doubtful, at_end)
+    logs = list(check.logs)
+    found = identify(logs, axis(kind='linear'), conditioning=conditioning_for(
+        logs, axis(kind='linear'), Conditioning()))
+    np.testing.assert_allclose(found.estimate.values, (95.0, 200.0, 40.0), rtol=0.01)
+
+
+def test_a_torque_in_coarse_steps_is_not_clipped():
+    _, q, qd, qdd = swings(seed=3)
+    tau = np.round(torque_of(qd, qdd, 0.1) / 2.0) * 2.0
+    assert check_setup([log_of(T, q, tau)], axis()).findings == ()
+
+
+def told_of_gravity(tau, machine):
+    log = log_of(T, Q, tau)
+    return gravity_remarks(machine, [log], conditioning_for([log], machine, CONDITIONING))
+
+
+@pytest.mark.parametrize(('kind', 'load', 'words'), [
+    ('revolute', 6.0 * np.sin(Q) + 1.5 * np.cos(Q), 'A torque a sin q + b cos q of up to 6.18 N m'),
+    ('linear', np.full(len(T), 50.0), 'A constant force of 50.0 N')])
+def test_an_axis_that_hangs_though_its_file_denies_it_is_told(kind, load, words):
+    tau = torque_of(QD, QDD) + load
+    said, = told_of_gravity(tau, axis(kind=kind))
+    assert said.text.startswith(f'{words}, as of a weight, explains 100 %')
+    assert 'does not speak of it, which means gravity: none' in said.text
+    assert 'write gravity: vertical into it' in said.advice
+    said, = told_of_gravity(tau, axis(kind=kind, gravity='none'))
+    assert 'says gravity: none' in said.text
+    assert told_of_gravity(tau, axis(kind=kind, gravity='vertical')) == ()
+
+
+@pytest.mark.parametrize('load', [0.0, 6.0 * Q, 0.3])
+def test_springs_offsets_and_nothing_are_no_weight_of_a_turning_axis(load):
+    assert told_of_gravity(torque_of(QD, QDD) + load, axis()) == ()
+
+
+def test_the_commands_suggest_gravity(tmp_path):
+    read(tmp_path / 'bag', T, Q, torque_of(QD, QDD) + 6.0 * np.sin(Q))
+    robot = tmp_path / 'axis.yaml'
+    robot.write_text('schema: par4/axis/1\nname: axis\njoint: motor\nkind: revolute\ngain: 1.0\n')
+    for command in (identify_bags, diagnose_bags):
+        told = CliRunner().invoke(command, [
+            str(tmp_path / 'bag'), '--robot', str(robot), '--output', str(tmp_path / command.name),
+            '--no-report'], catch_exceptions=False)
+        assert told.exit_code == 0
+        assert 'write gravity: vertical into it; with gravity: unknown the data tell' in told.output
+
+
+def test_a_delay_is_said_to_look_like_a_low_pass_of_the_current():
+    late = 0.003
+    share = 1.0 - np.exp(-1e-3 / late)
+    tau = lfilter((share,), (1.0, share - 1.0), torque_of(QD, QDD, noise=0.0))
+    log = log_of(T, Q, tau + 0.01 * np.random.default_rng(1).standard_normal(len(T)))
+    found = diagnose([log], axis(), conditioning=conditioning_for([log], axis(), CONDITIONING),
+                     library={name: LIBRARY[name] for name in ('time_offset', 'actuator_lag')})
+    cause, = found.causes
+    assert cause.effect.name == 'time_offset'
+    assert cause.parameters['delay'].value == pytest.approx(late, rel=0.3)
+    said = ' '.join(remark.text for remark in outcome_of_diagnosis(found, axis()).remarks)
+    assert 'A first-order low pass of the logged torque or current, with a time constant of' in said
+
+
+@pytest.mark.parametrize('weight', [0.0, 1177.0])
+def test_a_constant_weight_hides_no_stribeck_friction(weight):
+    """It is not wrong by a share that follows the motion; 0.3 % of it was 3.5 N, and all clean."""
+    t, q, qd, qdd = swings(40.0, fastest=0.3)
+    q, qd, qdd = 0.25 * q, 0.25 * qd, 0.25 * qdd
+    tau = (120.0 * qdd + 60.0 * qd + np.sign(qd) * (40.0 + 18.0 * np.exp(-(qd / 0.1) ** 2))
+           + weight + np.random.default_rng(0).standard_normal(len(t)))
+    machine, log = axis(kind='linear', gravity='vertical'), log_of(t, q, tau)
+    found = diagnose([log], machine, conditioning=conditioning_for([log], machine, CONDITIONING),
+                     library={name: LIBRARY[name] for name in ('stribeck', 'torque_ripple')})
+    cause, = found.causes
+    assert cause.effect.name == 'stribeck'
+    assert cause.parameters['stribeck_torque'].value == pytest.approx((18.0,), rel=0.05)
+
+
+def test_a_constant_weight_excuses_nothing_that_is_left():
+    """With five times 0.3 % of the weight, 40 N of a rest that follows nothing passed for clean."""
+    generator = np.random.default_rng(3)
+    pushes = np.repeat(generator.standard_normal(len(T) // 500), 500)
+    tau = torque_of(QD, QDD, 1.0) + 5000.0 + 40.0 * pushes
+    machine, log = axis(kind='linear', gravity='vertical'), log_of(T, Q, tau)
+    observations = observe(runs_of_log(log, machine), machine, 'paper', None)
+    rest = [40.0 * run.at_rows(pushes[:, None]) for run in observations.runs]
+    nothing = [np.zeros_like(part) for part in rest]
+    assert is_no_noise(observations, rest, nothing, np.ones(1), OF_AXIS)
