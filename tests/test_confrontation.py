@@ -134,9 +134,8 @@ def test_the_extended_model_brings_the_simulation_to_the_measurement(effect, pla
                                torque.extended)
 
 
-def test_on_a_clean_machine_before_and_after_are_one_and_near_the_floor():
-    found = confront(REFERENCE, TABLE_FILE, TABLE_FILE, log_of(CLEAN, fidelity='fast',
-                                                               duration=5.0), length=3.5)
+def test_on_a_clean_machine_before_and_after_are_one_and_near_the_floor(clean_log):
+    found = confront(REFERENCE, TABLE_FILE, TABLE_FILE, clean_log, fidelity='exact', length=3.5)
     assert found.same
     assert found.tracking is None
     np.testing.assert_array_equal(found.baseline, found.extended)
