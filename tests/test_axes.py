@@ -162,12 +162,12 @@ def test_the_data_tell_whether_an_axis_hangs(pendulum):
     assert with_gravity_told(machine, [level], conditioning).gravity == 'none'
 
 
-def sliding(force, seed, noise=0.3, wander=0.0):
+def sliding(force, seed, noise=0.3, wander=0.0, period=1e-3):
     """Return the log of a slide with friction and a force (n, 1) of its position and time.
 
     Noise that wanders for a tenth of a second may be added.
     """
-    t = np.arange(0.0, 18.0, 1e-3)
+    t = np.arange(0.0, 18.0, period)
     rates = 2.0 * np.pi * np.array((0.11, 0.29, 0.53))
     waves = np.array((0.2, 0.06, 0.03)) * np.exp(1j * (rates * t[:, None] + float(seed)))
     q, qd, qdd = ((part * waves).sum(axis=1, keepdims=True).real
@@ -181,8 +181,8 @@ def sliding(force, seed, noise=0.3, wander=0.0):
 @pytest.mark.parametrize('pitch', [0.030, 0.0241])
 def test_a_slide_has_one_order_whatever_its_pitch(pitch):
     """2 pi over the pitch is no whole number; whole ones would need several for it."""
-    fit, heldout = (sliding(lambda q: 9.0 * np.sin(2.0 * np.pi * q / pitch + 0.4), seed)
-                    for seed in (1, 2))
+    fit, heldout = (sliding(lambda q: 9.0 * np.sin(2.0 * np.pi * q / pitch + 0.4), seed,
+                            period=2e-3) for seed in (1, 2))
     machine = axis(kind='linear')
     found = diagnosed([fit], [heldout], machine)
     cause, = found.causes
