@@ -6,6 +6,7 @@ effects of the library is used.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -58,27 +59,25 @@ def recorded(motor: Motor, reference, duration: float, rate: float, counts: int 
     """
     loop = 60.0 if stiffness is None else stiffness
     position_gain, speed_gain = motor.inertia * loop ** 2, 2.0 * motor.inertia * loop
-    orders = np.array(list(motor.lines), dtype=float)
-    sizes = np.array([size for size, _ in motor.lines.values()])
-    phases = np.array([phase for _, phase in motor.lines.values()])
+    lines = [(float(order), *line) for order, line in motor.lines.items()]
     t = STEP * np.arange(round(duration / STEP))
     asked = reference(t)
     speed = np.gradient(asked, STEP)
     acceleration = np.gradient(speed, STEP)
     q, qd = float(asked[0]), float(speed[0])
     positions, torques = np.empty_like(t), np.empty_like(t)
-    for index in range(len(t)):
-        needed = (sizes @ np.sin(orders * q + phases) + motor.hanging * np.sin(q)
-                  + motor.held(q) + motor.viscous * qd)
-        coulomb = motor.coulomb + motor.by_load * abs(
-            motor.hanging * np.sin(q) + motor.inertia * acceleration[index])
+    # numbers of Python: for a single one numpy takes several times as long
+    for index, (asked_q, asked_qd, asked_qdd) in enumerate(zip(
+            asked.tolist(), speed.tolist(), acceleration.tolist())):
+        weight = motor.hanging * math.sin(q)
+        coulomb = motor.coulomb + motor.by_load * abs(weight + motor.inertia * asked_qdd)
+        load = (sum(size * math.sin(order * q + phase) for order, size, phase in lines) + weight
+                + motor.held(q) + motor.viscous * qd + coulomb * math.tanh(qd / 1e-3))
         # the loop has an observer of the load, as slow loops of real drives have an integral part
-        torque = (needed + coulomb * np.tanh(qd / 1e-3)
-                  + motor.inertia * acceleration[index]
-                  + position_gain * (asked[index] - q) + speed_gain * (speed[index] - qd))
+        torque = (load + motor.inertia * asked_qdd
+                  + position_gain * (asked_q - q) + speed_gain * (asked_qd - qd))
         positions[index], torques[index] = q, torque
-        qdd = (torque - needed - coulomb * np.tanh(qd / 1e-3)) / motor.inertia
-        qd += STEP * qdd
+        qd += STEP * (torque - load) / motor.inertia
         q += STEP * qd
     every = round(1.0 / (rate * STEP))
     random = np.random.default_rng(seed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -161,12 +162,12 @@ def test_the_data_tell_whether_an_axis_hangs(pendulum):
     assert with_gravity_told(machine, [level], conditioning).gravity == 'none'
 
 
-def sliding(force, seed, noise=0.3, wander=0.0):
+def sliding(force, seed, noise=0.3, wander=0.0, period=1e-3):
     """Return the log of a slide with friction and a force (n, 1) of its position and time.
 
     Noise that wanders for a tenth of a second may be added.
     """
-    t = np.arange(0.0, 18.0, 1e-3)
+    t = np.arange(0.0, 18.0, period)
     rates = 2.0 * np.pi * np.array((0.11, 0.29, 0.53))
     waves = np.array((0.2, 0.06, 0.03)) * np.exp(1j * (rates * t[:, None] + float(seed)))
     q, qd, qdd = ((part * waves).sum(axis=1, keepdims=True).real
@@ -180,8 +181,8 @@ def sliding(force, seed, noise=0.3, wander=0.0):
 @pytest.mark.parametrize('pitch', [0.030, 0.0241])
 def test_a_slide_has_one_order_whatever_its_pitch(pitch):
     """2 pi over the pitch is no whole number; whole ones would need several for it."""
-    fit, heldout = (sliding(lambda q: 9.0 * np.sin(2.0 * np.pi * q / pitch + 0.4), seed)
-                    for seed in (1, 2))
+    fit, heldout = (sliding(lambda q: 9.0 * np.sin(2.0 * np.pi * q / pitch + 0.4), seed,
+                            period=2e-3) for seed in (1, 2))
     machine = axis(kind='linear')
     found = diagnosed([fit], [heldout], machine)
     cause, = found.causes
@@ -408,6 +409,7 @@ def test_a_law_that_holds_but_for_some_percents_keeps_its_name(other, names):
 # -------------------------------------------------------------------- torque over the position
 
 
+@pytest.mark.usefixtures('unrendered')
 @pytest.mark.parametrize('held', [
     lambda q: 0.05 * q + 0.06 * q ** 3,  # a spring that hardens
     lambda q: 0.08 * math.tanh(4.0 * (q - 0.3)),  # a magnet with two sides
@@ -628,10 +630,16 @@ def whirring(speed, power, seed):
     return log_of(axis(), t, q[:, None], (0.03 / speed * qdd + friction)[:, None], seed, 1e-3)
 
 
+@cache
+def whirred(speed, power):
+    """Return the diagnosis of two such logs."""
+    return diagnosed([whirring(speed, power, 1)], [whirring(speed, power, 2)], axis())
+
+
 @pytest.mark.parametrize(('power', 'speed'), [(0.5, 100.0), (0.8, 0.5), (2.0, 0.5), (2.0, 100.0)])
 def test_friction_may_be_a_power_of_the_speed_and_little_else(power, speed):
     """It is several times the linear friction, and at 1 rad/s it may be anything."""
-    found = diagnosed([whirring(speed, power, 1)], [whirring(speed, power, 2)], axis())
+    found = whirred(speed, power)
     cause, = found.causes
     assert cause.effect.name == 'nonlinear_viscous'
     assert cause.parameters['exponent'].value[0] == pytest.approx(power, abs=0.05)
@@ -653,10 +661,10 @@ def test_a_noise_floor_is_no_louder_than_what_is_left():
     assert found.holdout.noise_floor_rms[0] <= left * (1.0 + 1e-9)
 
 
+@pytest.mark.usefixtures('unrendered')
 @pytest.mark.parametrize('kind', ['revolute', 'linear'])
 def test_reasons_of_rejected_names_have_the_units_of_the_machine(kind):
-    found = diagnosed([whirring(0.5, 0.8, 1)], [whirring(0.5, 0.8, 2)], axis())
-    told = replace(found, rejected=(Rejected('stribeck', 'found -0.3 N m at 2 rad/s'),))
+    told = replace(whirred(0.5, 0.8), rejected=(Rejected('stribeck', 'found -0.3 N m at 2 rad/s'),))
     machine = axis(kind=kind)
     page = report_of_diagnosis(told, outcome_of_diagnosis(told, machine), machine, [], {})
     assert ('0.3 N at 2 m/s' in page) == (kind == 'linear')
@@ -673,6 +681,7 @@ def test_friction_as_the_root_of_the_speed_shows_at_steady_speeds(seed):
     assert cause.parameters['exponent'].value[0] == pytest.approx(0.5, abs=0.1)
 
 
+@pytest.mark.usefixtures('unrendered')
 @pytest.mark.parametrize('seed', range(3))
 def test_steady_speeds_of_plain_friction_are_clean(seed):
     def plain(speed):
@@ -720,6 +729,7 @@ def test_steady_speeds_identify_friction_and_leave_the_inertia_out():
                           segments=(slice(0, 5),))], axis(), conditioning=conditioning)
 
 
+@pytest.mark.usefixtures('unrendered')
 def test_one_steady_speed_alone_is_said_to_be_too_little():
     alone = held_speeds(screw(6e-4), SPEEDS[:1], 3e-4)
     found = diagnosed(alone, [], axis())

@@ -106,6 +106,11 @@ def clean_log():
     return log_of(CLEAN)
 
 
+@pytest.fixture(scope='module')
+def cogged_log():
+    return log_of(HIDDEN['cogging'][0], seed=3)
+
+
 @pytest.mark.parametrize(('effect', 'plant', 'duration', 'nearer', 'floors'), [
     ('cogging', 'fast', 5.0, 8.0, 1.8), ('stribeck', 'exact', 8.0, 3.0, 1.8)])
 def test_the_extended_model_brings_the_simulation_to_the_measurement(effect, plant, duration,
@@ -129,9 +134,8 @@ def test_the_extended_model_brings_the_simulation_to_the_measurement(effect, pla
                                torque.extended)
 
 
-def test_on_a_clean_machine_before_and_after_are_one_and_near_the_floor():
-    found = confront(REFERENCE, TABLE_FILE, TABLE_FILE, log_of(CLEAN, fidelity='fast',
-                                                               duration=5.0), length=3.5)
+def test_on_a_clean_machine_before_and_after_are_one_and_near_the_floor(clean_log):
+    found = confront(REFERENCE, TABLE_FILE, TABLE_FILE, clean_log, fidelity='exact', length=3.5)
     assert found.same
     assert found.tracking is None
     np.testing.assert_array_equal(found.baseline, found.extended)
@@ -141,11 +145,10 @@ def test_on_a_clean_machine_before_and_after_are_one_and_near_the_floor():
     assert 'extended model' not in text
 
 
-def test_without_reference_the_measured_motion_is_followed():
-    machine, values = HIDDEN['cogging']
-    log = replace(log_of(machine, seed=3), reference=None)
-    found = confront(REFERENCE, TABLE_FILE, extended_by('cogging', values), log, fidelity='exact',
-                     length=4.0)
+def test_without_reference_the_measured_motion_is_followed(cogged_log):
+    log = replace(cogged_log, reference=None)
+    found = confront(REFERENCE, TABLE_FILE, extended_by('cogging', HIDDEN['cogging'][1]), log,
+                     fidelity='exact', length=4.0)
     assert found.followed == 'measured motion'
     assert 'no reference' in found.why
     assert found.motion is None
@@ -172,10 +175,9 @@ def unlike(**changes):
 
 
 @pytest.mark.parametrize('gain', ['velocity_gain', 'position_gain'])
-def test_other_drives_are_noticed_and_the_motion_is_not_compared(gain):
-    log = log_of(HIDDEN['cogging'][0], seed=3)
+def test_other_drives_are_noticed_and_the_motion_is_not_compared(gain, cogged_log):
     robot = unlike(**{gain: 1.5 * getattr(REFERENCE.drives, gain)})
-    found = confront(robot, TABLE_FILE, TABLE_FILE, log, fidelity='exact', length=3.0)
+    found = confront(robot, TABLE_FILE, TABLE_FILE, cogged_log, fidelity='exact', length=3.0)
     assert found.followed == 'measured motion'
     assert found.drives_unlike
     assert found.motion is None

@@ -411,7 +411,7 @@ def test_the_motion_of_the_paper_again_and_again_tells_no_ripple(tmp_path):
 
     The machine has its mass along rods and bars, and nothing else that (20) lacks.
     """
-    done = run(simulate, 'adept', '--duration', 10, '--fidelity', 'fast', '--feedforward', 'table1',
+    done = run(simulate, 'adept', '--duration', 10, '--feedforward', 'table1',
                '--torque-noise', 0.05, '--output', tmp_path / 'cycles')
     assert not done.code, done.err
     done = run(diagnose, tmp_path / 'cycles', '--robot', 'reference', '--output',

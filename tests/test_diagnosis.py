@@ -158,7 +158,8 @@ def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monk
     """What two motions say of it may contradict each other; what it explains stays to be told."""
     monkeypatch.setattr(settled, 'with_disagreement', stribeck_within(2.0))
     fit, heldout = cogged_and_sticky
-    result = diagnose([fit], REFERENCE, holdout_logs=[heldout])
+    result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
+        name: diagnosis.LIBRARY[name] for name in ('cogging', 'stribeck')})
     assert names(result) == ['cogging']
     assert result.verdict == 'partly_explained'
     assert any(item.label.startswith('stribeck') and 'zero within' in item.reason
@@ -248,7 +249,8 @@ def test_a_known_effect_in_the_baseline_is_not_named_again(cogged):
 
 def test_full_baseline_knows_the_rods():
     model = read_model('table1_full', REFERENCE)
-    fit, heldout = (log_of_model(REFERENCE, model, duration=12.0, seed=seed) for seed in (61, 62))
+    fit, heldout = (log_of_model(REFERENCE, model, duration=duration, seed=seed)
+                    for duration, seed in ((FIT, 61), (HELD_OUT, 62)))
     with_paper = diagnose([fit], REFERENCE, holdout_logs=[heldout])
     assert names(with_paper) == ['distributed_rods']
     with_full = diagnose([fit], REFERENCE, read_model_file('table1_full'), [heldout])

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from par4_dynamics.effects.cogging import waves_of_orders
 from par4_dynamics.state import Nominal, State
 from par4_identification.diagnosis.evidence.kind_functions import Ranges, creep, gain
 
@@ -27,6 +28,15 @@ def test_a_spring_has_its_rest_in_one_place_wherever_a_run_begins():
     columns = [creep(run_of(q, 0.0 * T), RANGES)[:, 0] for q in (near, far)]
     values = np.linalg.lstsq(columns[0], 50.0 * (near - 0.1), rcond=None)[0]
     np.testing.assert_allclose(columns[1] @ values, 50.0 * (far - 0.1), atol=1e-9)
+
+
+def test_waves_are_sines_and_cosines_of_the_periods_of_each_joint():
+    q = np.column_stack((np.sin(1.7 * T), 2.0 + 0.3 * T))
+    orders = ((3, 160), (1, 17))
+    angle = np.array(orders) * q[..., None]
+    np.testing.assert_allclose(
+        waves_of_orders(State(T, q, q, q), orders),
+        np.concatenate((np.sin(angle), np.cos(angle)), axis=-1), atol=1e-11)
 
 
 def test_an_amplifier_bends_at_the_same_torque_however_lively_a_run_is():

@@ -31,6 +31,7 @@ from par4_kinematics.motion_file import read_motion, write_motion
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.workspace import home_pose
 from par4_sim.held_load import HeldLoad
+from par4_sim.machine import Harmonic
 from par4_sim.machine_effects import machine_of_model
 from par4_sim.platform_forces import PlatformForces
 from robots import OTHER, REFERENCE, model_with, other_model
@@ -75,20 +76,14 @@ def with_friction(**fields):
         name: np.full(4, value) for name, value in fields.items()}))
 
 
-def loaded(load):
-    return replace(CLEAN, loads=(load,))
-
-
 def with_constant_load(level):
-    return loaded(HeldLoad(np.full((1, 4), level), 1.0))
+    return replace(CLEAN, loads=(HeldLoad(np.full((1, 4), level), 1.0),))
 
 
 def with_weights(first_moment):
-    """A weight beside each arm: the drives supply the slope of its potential energy."""
-    def energy(q):
-        return -9.81 * first_moment * np.cos(q)
-
-    return loaded(lambda time, q, qd: (energy(q + 1e-5) - energy(q - 1e-5)) / 2e-5)  # noqa: ARG005
+    """A weight beside each arm: the drives supply the slope of -m g r cos q, its energy."""
+    return replace(CLEAN, harmonics=tuple(
+        Harmonic(joint, 9.81 * first_moment, 1.0, 0.0) for joint in range(4)))
 
 
 def tilted(angle):

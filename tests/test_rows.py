@@ -186,6 +186,16 @@ def test_rows_sent_back_have_the_products_of_filtered_and_whitened_columns(evide
     np.testing.assert_allclose(found, wanted, atol=5e-3 * np.abs(wanted).max())
 
 
+def test_columns_that_are_filtered_together_are_those_filtered_alone(evidence):
+    effect, runs = CATALOGUE['cogging'], evidence.observations.runs
+    shapes = [{'periods': float(order)} for order in range(7, 26)]
+    observations = replace(evidence.observations, _kept={})
+    observations.keep(effect, shapes)
+    for shape in shapes:
+        for found, run in zip(observations.effect_rows(effect, shape), runs, strict=True):
+            np.testing.assert_array_equal(found, run.rows(effect.columns(run.state, shape)))
+
+
 @pytest.mark.parametrize(('name', 'tolerance'), [('cogging', 0.15), ('torque_ripple', 0.25)])
 def test_the_spectrum_over_positions_tells_what_each_order_explains(evidence, name, tolerance):
     """The strongest of all is among the strongest lines."""

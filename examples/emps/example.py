@@ -153,7 +153,7 @@ def through_a_bag(recording: Recording, folder: Path) -> tuple[dict, dict]:
             ('par4_identify', folder / 'bag', *machine, '--offsets', '--no-report',
              '--output', folder / 'found'),
             ('par4_validate', folder / 'bag', *machine, '--model', folder / 'found' / 'model.yaml',
-             '--output', folder / 'found')):
+             '--no-report', '--output', folder / 'found')):
         done = subprocess.run([str(BIN / command[0]), *map(str, command[1:])],
                               capture_output=True, text=True, check=False)
         if done.returncode:

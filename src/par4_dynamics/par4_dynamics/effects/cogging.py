@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numba
@@ -27,26 +28,37 @@ as many turns tells what returns with each turn from any other function of its p
 
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
-def _power_rows(phasor, exponent, columns):
-    """Write sine and cosine (n, J, 2) of a whole multiple of the angles of exp(i q) (n, J)."""
+def _power_rows(phasor, exponents, columns):
+    """Write sines, then cosines, (n, J, 2 k) of multiples (J, k) of the angles of exp(i q) (n, J).
+    """
+    count = exponents.shape[1]
     for row in range(phasor.shape[0]):
         for joint in range(phasor.shape[1]):
-            power, square, left = 1.0 + 0.0j, phasor[row, joint], exponent
-            while left:  # the binary digits of the exponent
-                if left & 1:
-                    power *= square
-                square *= square
-                left >>= 1
-            columns[row, joint, 0], columns[row, joint, 1] = power.imag, power.real
+            for place in range(count):
+                power, square, left = 1.0 + 0.0j, phasor[row, joint], exponents[joint, place]
+                while left:  # the binary digits of the exponent
+                    if left & 1:
+                        power *= square
+                    square *= square
+                    left >>= 1
+                columns[row, joint, place] = power.imag
+                columns[row, joint, count + place] = power.real
+
+
+def waves_of_orders(state: State, orders: Sequence[Sequence[int]]) -> np.ndarray:
+    """Return sines, then cosines, (n, J, 2 k) of k whole multiples of the positions of each joint.
+    """
+    exponents = np.array(orders, dtype=np.int64)
+    columns = np.empty((*state.q.shape, 2 * exponents.shape[1]))
+    _power_rows(state.phasor, exponents, columns)
+    return columns
 
 
 def _waves(state: State, periods: float) -> np.ndarray:
     """Return sine and cosine of so many times the joint positions, (n, J, 2)."""
     if periods < 0 or periods != int(periods):  # a model file may have any number
         return np.stack((np.sin(periods * state.q), np.cos(periods * state.q)), axis=-1)
-    columns = np.empty((*state.q.shape, 2))
-    _power_rows(state.phasor, int(periods), columns)
-    return columns
+    return waves_of_orders(state, [(int(periods),)] * state.joints)
 
 
 def lowest_order(state: State, span: float, least_turns: float = LEAST_TURNS) -> int:

@@ -177,7 +177,7 @@ def explained(readings: Sequence[Reading], before: Parameters, after: np.ndarray
     """
     difference = _Difference(readings, before, after, covariance)
     nothing, size = difference.none, after.size
-    p_value = float(scipy.stats.chi2.sf(nothing.squares, size))
+    p_value = _chance(nothing.squares, size)
     best = _fewest(difference)  # one direction may show what all together drown
     places = sorted(range(len(best.chosen)), key=lambda place: _without(
         difference, best, place).squares, reverse=True)  # chances of many are zero
@@ -204,7 +204,7 @@ def _fewest(difference: _Difference) -> _Fit:
         fits = sorted(difference.fits(larger), key=lambda fit: fit.squares)
         kept = fits[:KEPT]
         wrong = READING_ERROR ** 2 * (difference.none.squares - best.squares)
-        needed = float(scipy.stats.chi2.isf(CHANCE / count, 1)) + wrong
+        needed = float(scipy.special.chdtri(1, CHANCE / count)) + wrong
         if best.squares - kept[0].squares <= needed:
             # one more may be worth nothing by itself and two much: only while chance is left
             break
@@ -225,8 +225,13 @@ def _allowed(difference: _Difference, fit: _Fit) -> float:
 
 def _left_p(difference: _Difference, fit: _Fit) -> float:
     """Return the chance that what a fit leaves is none."""
-    return float(scipy.stats.chi2.sf(fit.squares / _allowed(difference, fit),
-                                     max(difference.after.size - len(fit.chosen), 1)))
+    return _chance(fit.squares / _allowed(difference, fit),
+                   max(difference.after.size - len(fit.chosen), 1))
+
+
+def _chance(squares: float, size: int) -> float:
+    """Return the chance that so many standard normal numbers have larger squares."""
+    return float(scipy.special.chdtrc(size, max(squares, 0.0)))
 
 
 def _without(difference: _Difference, fit: _Fit, place: int) -> _Fit:
@@ -246,7 +251,7 @@ def _read(difference: _Difference, best: _Fit, place: int) -> Read:
     return Read(
         difference.readings[best.chosen[place]], float(best.sizes[place]),
         float(np.sqrt(best.covariance[place, place])),
-        min(1.0, count * float(scipy.stats.chi2.sf(gain, 1))),
+        min(1.0, count * _chance(gain, 1)),
         tuple(difference.readings[index] for index in twins))
 
 

@@ -17,8 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
-import scipy.stats
+import scipy
 
 from par4_dynamics.base_terms import (
     FRICTION,
@@ -151,8 +150,8 @@ def gains_of_payloads(runs: Sequence[Run], payloads: Mapping[str, float],
         raise InputError(f'the recorded torque comes out {ratio.min():.2g} times that of the known '
                          f'payload; check which bag carried it')
     slope = np.diag(-nominal / ratio ** 2)
-    return DriveGains(nominal / ratio, slope @ covariance @ slope, nominal,
-                      np.zeros(joints), float(scipy.stats.chi2.sf(misfit, 2 * joints - 2)))
+    return DriveGains(nominal / ratio, slope @ covariance @ slope, nominal, np.zeros(joints),
+                      float(scipy.special.chdtrc(2 * joints - 2, max(misfit, 0.0))))
 
 
 def _common_masses(products: np.ndarray, covariance: np.ndarray

@@ -103,17 +103,17 @@ def _jackknife(slopes: np.ndarray, residual: np.ndarray, cluster: np.ndarray, be
     fitted = np.column_stack((beside, own))
     order = np.argsort(cluster, kind='stable')
     ends = np.flatnonzero(np.diff(cluster[order])) + 1
-    changes = []
-    for rows in np.split(order, ends):
-        part = fitted[rows]
-        rest = np.eye(part.shape[1]) - part.T @ part
-        try:
-            np.linalg.cholesky(rest - ALONE * np.eye(len(rest)))
-        except np.linalg.LinAlgError:
-            return None
-        changes.append(np.linalg.solve(rest, part.T @ residual[rows]))
+    parts, residuals = np.split(fitted[order], ends), np.split(residual[order], ends)
+    unit = np.eye(fitted.shape[1])
+    rest = unit - np.stack([part.T @ part for part in parts])
+    try:
+        np.linalg.cholesky(rest - ALONE * unit)
+    except np.linalg.LinAlgError:
+        return None
+    moments = np.stack([part.T @ left for part, left in zip(parts, residuals)])
+    changes = np.linalg.solve(rest, moments[..., None])[..., 0]
     inverse = np.linalg.pinv(triangle, rcond=1e-10)
-    of_values = np.array(changes)[:, -slopes.shape[1]:] @ inverse.T
+    of_values = changes[:, -slopes.shape[1]:] @ inverse.T
     std = np.sqrt(np.sum(of_values ** 2, axis=0))
     weight = np.add.reduceat((own @ inverse.T)[order] ** 2, np.r_[0, ends], axis=0)
     alike = weight.sum(axis=0) ** 2 / np.maximum((weight ** 2).sum(axis=0), 1e-300)
@@ -123,4 +123,4 @@ def _jackknife(slopes: np.ndarray, residual: np.ndarray, cluster: np.ndarray, be
         np.asarray(std * scipy.special.stdtrit(freedom, scipy.special.ndtr(FAR)) / FAR), alike,
         cluster[order][np.r_[0, ends]][heaviest],
         np.abs(of_values[heaviest, np.arange(len(std))]),
-        -np.stack([fitted @ changes[index] for index in heaviest]))
+        -changes[heaviest] @ fitted.T)

@@ -259,17 +259,30 @@ def equations_of(stretches: Sequence[Stretch], geometry: Geometry | None, filter
     """
     parts = []
     for part in stretches:
-        state = state_of_joints(geometry, part.t, part.q, part.qd, part.qdd)
-        columns, tau = columns_of(state), part.tau
-        speed = np.abs(part.qd)
+        speed, tau = np.abs(part.qd), part.tau
         valid = speed >= (SLOW if geometry is not None else slow_of_axis(part))
-        if filtered and len(part.t) > 40:
-            columns = low_pass(columns, part.cutoff_hz, part.period)
+        if filtered and _is_long(part):
             tau = low_pass(tau, part.cutoff_hz, part.period)
             valid = ~near(~valid, round(0.9 / (part.cutoff_hz * part.period)))
-        parts.append((np.full(len(part.t), part.log), part.t, part.q, columns, tau,
-                      valid & part.known))
-    return Equations(*(np.concatenate(rows) for rows in zip(*parts, strict=True)))
+        parts.append((np.full(len(part.t), part.log), part.t, part.q, tau, valid & part.known))
+    log, t, q, tau, valid = (np.concatenate(rows) for rows in zip(*parts, strict=True))
+    return Equations(log, t, q, columns_at(stretches, geometry, filtered, columns_of), tau, valid)
+
+
+def columns_at(stretches: Sequence[Stretch], geometry: Geometry | None, filtered: bool = True,
+               columns_of: Callable[[State], np.ndarray] = base_columns) -> np.ndarray:
+    """Return the columns (m, J, p) of `equations_of` alone, which takes the same arguments."""
+    found = []
+    for part in stretches:
+        columns = columns_of(state_of_joints(geometry, part.t, part.q, part.qd, part.qdd))
+        found.append(low_pass(columns, part.cutoff_hz, part.period)
+                     if filtered and _is_long(part) else columns)
+    return np.concatenate(found)
+
+
+def _is_long(part: Stretch) -> bool:
+    """Return whether a filter has the samples that it needs."""
+    return len(part.t) > 40
 
 
 def equations_or_none(stretches: Sequence[Stretch], geometry: Geometry | None

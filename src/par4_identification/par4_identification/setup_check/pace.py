@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from par4_identification.logs.log import Log
 from par4_identification.setup_check.equations import Stretch, equations_of
@@ -90,8 +90,8 @@ def pace_of(stretches: Sequence[Stretch], geometry: Geometry) -> Pace | None:
     lowest = int(np.argmin(left))
     if lowest in (0, len(PLACES) - 1):
         return None  # no bottom within reach
-    found = minimize_scalar(error, bounds=PLACES[[lowest - 1, lowest + 1]], method='bounded',
-                            options={'xatol': 1e-3})
+    found = scipy.optimize.minimize_scalar(
+        error, bounds=PLACES[[lowest - 1, lowest + 1]], method='bounded', options={'xatol': 1e-3})
     pace = Pace(float(np.exp(found.x)), before, float(found.fun)).rounded()
     if abs(np.log(pace.factor)) < np.log(LEAST) or pace.after > min(LEFT, FEWER * before):
         return None

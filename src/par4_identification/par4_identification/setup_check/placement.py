@@ -31,6 +31,7 @@ from par4_identification.setup_check.equations import (
     Equations,
     Stretch,
     closing,
+    columns_at,
     equations_of,
 )
 from par4_kinematics.errors import UnreachableError
@@ -109,7 +110,7 @@ class Placement:
         self._stretches, self._geometry = stretches, geometry
         part = stretches[0]
         every = max(1, round(SPACING * 0.5 / (part.cutoff_hz * part.period)))
-        loads = self._equations(start, _loads).columns
+        loads = self._columns_at(start, _loads)
         lever = np.abs(loads[..., :LEGS]).max(axis=1)
         near = (lever <= FAR * np.median(lever, axis=0)).all(axis=1)
         self.odd = open_share + float(1.0 - near.mean())
@@ -145,13 +146,13 @@ class Placement:
         Raises:
             UnreachableError: with these the mechanism does not close.
         """
-        return _stacked(self._equations(values, _platform_columns).columns, self._valid)
+        return _stacked(self._columns_at(values, _platform_columns), self._valid)
 
-    def _equations(self, values: np.ndarray, columns_of: Callable[[State], np.ndarray]
-                   ) -> Equations:
+    def _columns_at(self, values: np.ndarray, columns_of: Callable[[State], np.ndarray]
+                    ) -> np.ndarray:
         moved = [replace(part, q=part.q - values[:LEGS]) for part in self._stretches]
-        return equations_of(moved, with_dimensions(self._geometry, values[LEGS:]),
-                            columns_of=columns_of)
+        return columns_at(moved, with_dimensions(self._geometry, values[LEGS:]),
+                          columns_of=columns_of)
 
     def relative(self, solution: Solution) -> float:
         """Return |residual| / |torque| of a solution, the residual for each degree of freedom."""
@@ -212,19 +213,19 @@ class Placement:
         """
         free = list(free)
         now = self.fitted(start)
+        slopes = self._slopes(now, free)
         for _ in range(STEPS):
-            slopes = self._slopes(now, free)
             step = np.linalg.lstsq(slopes, now.residual, rcond=1e-6)[0]
             step *= min(1.0, float(np.min(LONGEST_STEP[free] / np.maximum(np.abs(step), 1e-12))))
             ahead = self._descended(now, free, step)
             if ahead is None:
                 break
             settled = np.abs(ahead.values - now.values).max() < SETTLED
-            now = ahead
+            now, slopes = ahead, self._slopes(ahead, free)
             if settled:
                 break
         std = np.zeros(ERRORS)
-        std[free] = self._std(now, self._slopes(now, free), now.residual)
+        std[free] = self._std(now, slopes, now.residual)
         return replace(now, std=std)
 
     def _descended(self, now: Solution, free: Sequence[int], step: np.ndarray) -> Solution | None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
+import scipy
 
 from par4_identification.logs.jumps import (
     AROUND,
@@ -259,7 +259,7 @@ def spikes(log: Log, column: str) -> np.ndarray:
             continue
         for joint in range(part.shape[1]):
             size = np.ascontiguousarray(part[:, joint])
-            own = np.abs(size - median_filter(size, 2 * WIDEST + 1, mode='mirror'))
+            own = np.abs(size - scipy.ndimage.median_filter(size, 2 * WIDEST + 1, mode='mirror'))
             scatter = max(1.4826 * float(np.median(own)), float(np.quantile(own, 0.99)) / 2.6)
             least = max(BEYOND * scatter, max(SMALLEST, COUNTS * resolution(size))
                         if column == 'q' else

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numba
 import numpy as np
 
@@ -72,6 +74,7 @@ def passed(frequency: np.ndarray, cutoff_hz: float, period: float, order: int = 
     return np.asarray(1.0 / (1.0 + ratio ** (2 * order)))
 
 
+@lru_cache(maxsize=64)
 def _butterworth(cutoff: float, order: int) -> np.ndarray:
     """Return the second-order sections b0, a1, a2 (order / 2, 3) of a digital low-pass.
 

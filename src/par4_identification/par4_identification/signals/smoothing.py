@@ -16,8 +16,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import convolve1d
 
 WINDOW = 0.25
 """Seconds over which spectra are taken and the filter remembers, half to each side."""
@@ -181,5 +181,5 @@ def _filtered(values: np.ndarray, taps: np.ndarray) -> np.ndarray:
     if reach == 0:
         return values
     wide = np.pad(values, ((reach, reach), (0, 0)), mode='reflect', reflect_type='odd')
-    return np.stack([convolve1d(line, own)[reach:-reach]
+    return np.stack([scipy.ndimage.convolve1d(line, own)[reach:-reach]
                      for line, own in zip(wide.T, taps.T)], axis=1)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints
@@ -51,7 +51,7 @@ def jerk_limited(robot: Robot, model: Model, profile: Profile, torque: float, ac
             low, high = (middle, high) if keeps else (low, middle)
         return Averaged(profile, window, low)
 
-    found = minimize_scalar(
+    found = scipy.optimize.minimize_scalar(
         lambda log_window: quickest(log_window).duration, method='bounded',
         bounds=(math.log(SHORTEST), math.log(profile.duration)), options={'xatol': RESOLUTION})
     return quickest(found.x)

@@ -106,6 +106,7 @@ class Evidence:
         missing = [shape for shape in shapes if key_of(effect, shape) not in self._kept]
         if not missing:
             return
+        self.observations.keep(effect, [part for shape in missing for part in effect.parts(shape)])
         rows = [self.observations.effect_rows(effect, shape) for shape in missing]
         white = [np.asfortranarray(part) for part in self.whitener.whiten(
             [np.concatenate(parts, axis=2) for parts in zip(*rows)])]

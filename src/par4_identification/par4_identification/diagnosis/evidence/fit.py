@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -22,19 +23,21 @@ def prior_weights(evidence: Evidence, hypotheses: Sequence[Hypothesis], coeffici
 
     Only what has no name has one, see `Kind.prior`.
     """
-    weights = np.zeros(coefficients)
-    last = coefficients
-    for item in reversed(hypotheses):
-        acting = 1 if item.effect.shared else len(item.joints)
-        first = last - acting * item.width(evidence.width(item.effect, item.shape))
-        if isinstance(item.effect, Kind):
-            block, = evidence.blocks(item.effect, item.shape)
-            squares = np.einsum('jkk->jk', block.gram)
-            own = squares.sum(axis=0) if item.effect.shared else squares[list(item.joints)]
-            rows = evidence.rows if item.effect.shared else evidence.rows / len(squares)
-            weights[first:last] = item.effect.prior(own, rows).ravel()
-        last = first
-    return weights
+    own = [evidence.once((item.effect, ('prior', *item.key[1:])), partial(_prior, evidence, item))
+           for item in hypotheses]
+    return np.concatenate((np.zeros(coefficients - sum(map(len, own))), *own))
+
+
+def _prior(evidence: Evidence, item: Hypothesis) -> np.ndarray:
+    """Return these weights of the coefficients of a hypothesis, (k,)."""
+    if not isinstance(item.effect, Kind):
+        return np.zeros(item.width(evidence.width(item.effect, item.shape))
+                        * (1 if item.effect.shared else len(item.joints)))
+    block, = evidence.blocks(item.effect, item.shape)
+    squares = np.einsum('jkk->jk', block.gram)
+    own = squares.sum(axis=0) if item.effect.shared else squares[list(item.joints)]
+    rows = evidence.rows if item.effect.shared else evidence.rows / len(squares)
+    return item.effect.prior(own, rows).ravel()
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,7 @@ class Kind:
 
 def shape_key(shape: Shape) -> Key:
     """Return a key that no other shape has."""
-    return tuple(sorted(shape.items()))
+    return tuple(shape.items()) if len(shape) < 2 else tuple(sorted(shape.items()))
 
 
 def key_of(effect: Effect | Kind, shape: Shape) -> Key:

@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 from numpy.polynomial.legendre import legvander
 
+from par4_dynamics.effects.cogging import waves_of_orders
 from par4_dynamics.effects.rest import fading_sign
 from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
@@ -130,17 +131,12 @@ def platform(state: State, ranges: Ranges) -> np.ndarray:
     return np.broadcast_to(features[:, None, :], (*state.q.shape, features.shape[1]))
 
 
-def _waves(state: State, periods: Periods) -> np.ndarray:
-    angle = np.array(periods, dtype=float) * state.q[..., None]  # (n, J, k)
-    return np.concatenate((np.sin(angle), np.cos(angle)), axis=-1)
-
-
 def periodic(state: State, ranges: Ranges) -> np.ndarray:
-    return _waves(state, ranges.periods)
+    return waves_of_orders(state, ranges.periods)
 
 
 def torque(state: State, ranges: Ranges) -> np.ndarray:
-    return state.known.delivered[..., None] * _waves(state, ranges.periods)
+    return state.known.delivered[..., None] * waves_of_orders(state, ranges.periods)
 
 
 def rate(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
@@ -175,7 +171,7 @@ def place(state: State, ranges: Ranges) -> np.ndarray:
 
 def uneven(state: State, ranges: Ranges) -> np.ndarray:
     """A level and waves around it."""
-    waves = _waves(state, ranges.periods)
+    waves = waves_of_orders(state, ranges.periods)
     level = np.ones_like(waves[..., :1])
     return np.concatenate((level, waves), axis=-1) * state.direction[..., None]
 

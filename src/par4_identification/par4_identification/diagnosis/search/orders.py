@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.fft import next_fast_len
+import scipy
 
 from par4_dynamics.effects.effect import Effect, Shape, single
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
@@ -254,8 +254,8 @@ class Lines:
             [run.state.q for run in runs], [self.effect.height(run.state) for run in runs]))
         weighted = height * np.concatenate(evidence.sent_back(self.projection.residual))
         cell = np.pi / (4.0 * self.highest)
-        count = int(next_fast_len(int(np.ceil(PADDED * np.max(np.ptp(q, axis=0)) / cell)) + 1,
-                                  real=True))
+        count = int(scipy.fft.next_fast_len(
+            int(np.ceil(PADDED * np.max(np.ptp(q, axis=0)) / cell)) + 1, real=True))
         step = 2.0 * np.pi / (cell * count)
         orders = step * np.arange(count // 2 + 1)
         gains = np.zeros(len(orders))

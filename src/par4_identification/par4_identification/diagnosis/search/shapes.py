@@ -26,7 +26,8 @@ def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
     name = order_name(effect)
     if name is None or run.state.geometry is not None or not run.valid.any():
         return shapes
-    return tuple(shape for shape in shapes if single(shape[name]) <= highest_order(run))
+    highest = highest_order(run)
+    return tuple(shape for shape in shapes if single(shape[name]) <= highest)
 
 
 def highest_order(run: Run) -> float:

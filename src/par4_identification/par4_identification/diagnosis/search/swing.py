@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from par4_dynamics.effects.elastic_transmission import (
     DAMPING_RATIOS,
@@ -199,7 +199,7 @@ def _descended(left: Callable[[np.ndarray], np.ndarray], slopes: Callable[[np.nd
     lowest, highest = believed
     start = np.where(start < lowest + AT_BOUND, lowest, start)
     start = np.where(start > highest - AT_BOUND, highest, start)
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         lambda change: left(_of_logarithms(start + change)), np.zeros_like(start),
         lambda change: slopes(_of_logarithms(start + change)), method='dogbox',
         bounds=(lowest - start, highest - start), x_scale=WIDEST, ftol=SETTLED, max_nfev=TRIALS)
