@@ -603,7 +603,7 @@ def test_wandering_noise_hides_a_gain_in_plain_rows_only():
 def reasons_of(log):
     rows = observe(runs_of_log(log, REFERENCE), REFERENCE, 'paper', None)
     fit = identify_runs(list(rows.runs), rows.target, rows.base, 'paper')
-    return unusable(rows, fit, REFERENCE), fit.estimate.relative_error
+    return [reason.text for reason in unusable(rows, fit, REFERENCE)], fit.estimate.relative_error
 
 
 @pytest.fixture(scope='module')
