@@ -16,7 +16,7 @@ from par4_identification.commands.bag import make_bag
 from par4_identification.commands.identify import identify_bags
 from par4_identification.fitting.identification import identify
 from par4_identification.jobs.beside_causes import beside_causes
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis

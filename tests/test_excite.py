@@ -23,7 +23,7 @@ from par4_identification.excitation.request import DesignRequest
 from par4_identification.excitation.transition import DURATIONS, shortest_durations, transition
 from par4_identification.fitting.identification import identify as fit_parameters
 from par4_identification.logs.log import Log
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.conditioning import Conditioning
 from par4_kinematics.acceleration import half_plate_accelerations
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion_file import read_motion

@@ -18,7 +18,8 @@ from par4_identification.fitting.identification import identify
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
 from par4_identification.reports.outcome.gravity import gravity_remarks
 from par4_identification.setup_check.check import check_setup
-from par4_identification.signals.rows import Conditioning, runs_of_log
+from par4_identification.signals.conditioning import Conditioning
+from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.scales import conditioning_for
 from par4_sim.report.words import number
 

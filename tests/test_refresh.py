@@ -13,7 +13,7 @@ from par4_identification.fitting.identification import identify
 from par4_identification.logs.measured import Measured
 from par4_identification.logs.refresh import refresh_of
 from par4_identification.setup_check.check import check_setup
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.scales import conditioning_for
 
 T, Q, QD, QDD = swings()

@@ -23,8 +23,9 @@ from par4_identification.diagnosis.search.orders import Lines, _Orders, best_ord
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.verdict.floor import encoder_noise, noise_floor
 from par4_identification.logs.log import Log
+from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.noise import ArNoise
-from par4_identification.signals.rows import Conditioning, runs_of_log
+from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis

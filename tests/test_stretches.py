@@ -23,7 +23,7 @@ from par4_identification.logs.stretches import (
     seconds_of,
     spread_over,
 )
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.conditioning import Conditioning
 from par4_kinematics.robot import Axis
 from robots import REFERENCE
 

@@ -14,7 +14,8 @@ from par4_identification.estimators.problem import Problem, Series, problem_of, 
 from par4_identification.estimators.robust import robust
 from par4_identification.estimators.weighted import weighted
 from par4_identification.fitting.physical import physical_constraints
-from par4_identification.signals.rows import Conditioning, Run, runs_of_log
+from par4_identification.signals.conditioning import Conditioning
+from par4_identification.signals.rows import Run, runs_of_log
 from recording import Recording
 
 CONDITIONING = Conditioning(low_speed=0.005)

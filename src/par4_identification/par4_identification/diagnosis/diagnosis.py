@@ -74,7 +74,8 @@ from par4_identification.diagnosis.verdict.settled import settle
 from par4_identification.diagnosis.verdict.sure import is_no_noise
 from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, unrelated
 from par4_identification.logs.log import Log
-from par4_identification.signals.rows import Conditioning, Run
+from par4_identification.signals.conditioning import Conditioning
+from par4_identification.signals.rows import Run
 from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.robot import Axis, Robot
 

@@ -19,7 +19,7 @@ from par4_identification.excitation.motion_limits import MotionLimits, largest_l
 from par4_identification.excitation.path_optimisation import PathProblem, optimised_path
 from par4_identification.excitation.request import FEWEST_PERIODS, DesignRequest
 from par4_identification.excitation.transition import shortest_durations, transition
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.conditioning import Conditioning
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import MARGIN, SLOW_ACCELERATION, SLOW_JOINT_SPEED
 from par4_kinematics.motion import Motion, check_limits, motion_of_platform, sample_times

@@ -24,7 +24,7 @@ from par4_dynamics.model import Model
 from par4_dynamics.state import State, state_of_platform
 from par4_identification.excitation.fourier_path import FourierPath, fourier_basis
 from par4_identification.excitation.motion_limits import MotionLimits
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.conditioning import Conditioning
 from par4_kinematics.geometry import Geometry
 
 SAMPLES_PER_HARMONIC = 24

@@ -10,8 +10,9 @@ from par4_dynamics.base_terms import base_columns, base_terms
 from par4_dynamics.model import Model
 from par4_identification.logs.accounts import accounts_of_motion
 from par4_identification.logs.log import Log
+from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.filtering import low_pass
-from par4_identification.signals.rows import Conditioning, runs_of_log
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 

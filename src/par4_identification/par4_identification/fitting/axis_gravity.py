@@ -10,7 +10,7 @@ from par4_dynamics.base_terms import HANGING_TERMS
 from par4_identification.estimators.estimate import Estimate
 from par4_identification.fitting.identification import identify
 from par4_identification.logs.log import Log
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.conditioning import Conditioning
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 

@@ -38,7 +38,8 @@ from par4_identification.fitting.physical import physical_constraints
 from par4_identification.fitting.simulated import simulated_log
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import in_pieces
-from par4_identification.signals.rows import Conditioning, Run, runs_of_log, runs_of_logs
+from par4_identification.signals.conditioning import Conditioning
+from par4_identification.signals.rows import Run, runs_of_log, runs_of_logs
 from par4_kinematics.errors import InputError
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot

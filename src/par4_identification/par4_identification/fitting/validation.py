@@ -8,7 +8,8 @@ import numpy as np
 
 from par4_dynamics.model import Model
 from par4_identification.logs.log import Log
-from par4_identification.signals.rows import Conditioning, runs_of_log
+from par4_identification.signals.conditioning import Conditioning
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.robot import Axis, Robot
 
 LARGEST_ERROR = 0.3

@@ -23,7 +23,8 @@ from par4_identification.reports.outcome.identification import (
 )
 from par4_identification.setup_check.finding import SetupCheck
 from par4_identification.setup_check.unusable import SINGULAR
-from par4_identification.signals.rows import Conditioning, Run, runs_of_log
+from par4_identification.signals.conditioning import Conditioning
+from par4_identification.signals.rows import Run, runs_of_log
 from par4_identification.signals.scales import conditioning_for
 from par4_identification.trend.bag_values import EARLIEST
 from par4_identification.trend.drift import MOVING

@@ -44,7 +44,7 @@ from par4_identification.reports.outcome.setup import setup_json, setup_lines, w
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.total import total_lines
 from par4_identification.setup_check.unusable import diagnosed_if_sound, sound_or_refused
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.limits import limits_not_given

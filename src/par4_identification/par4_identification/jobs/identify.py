@@ -33,7 +33,7 @@ from par4_identification.reports.outcome.results import model_in_units, provenan
 from par4_identification.reports.outcome.setup import setup_json, with_setup
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.unusable import sound_or_refused
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot, read_machine

@@ -17,7 +17,8 @@ from par4_identification.reports.outcome.setup import setup_json, with_setup
 from par4_identification.reports.outcome.validation import outcome_of_validation, validation_json
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.unusable import sound_or_refused
-from par4_identification.signals.rows import Conditioning, runs_of_log
+from par4_identification.signals.conditioning import Conditioning
+from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.robot import read_machine
 from par4_sim.report.results import refuse_unwritable, write_results

@@ -21,6 +21,7 @@ from par4_identification.logs.log import Log
 from par4_identification.logs.masks import near
 from par4_identification.logs.stamps import FASTEST
 from par4_identification.logs.stretches import SHORTEST
+from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.filtering import (
     central_difference,
     fewest_samples,
@@ -31,6 +32,10 @@ from par4_identification.signals.filtering import (
 from par4_identification.signals.plateaus import plateaus_of
 from par4_identification.signals.position_noise import position_noise
 from par4_identification.signals.smoothing import UNCHANGED, Smoother, smoother_of, speed_noise
+from par4_identification.signals.timing import (
+    timing_error,
+    turning_error,
+)
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
@@ -44,51 +49,6 @@ BAND_ORDER = 8
 """Of the filters that part these bands."""
 FINE_HZ = 1000.0
 """Rate of the samples of an axis from which columns are computed, at the least."""
-READ_WITHIN = 0.01
-"""Time from the instants at which torque and positions are read to their stamps, over that between
-samples (standard deviation)."""
-TURNED_WITHIN = 0.01
-"""Error of the times at which joints turn back, over the period of the positions' cut-off. Friction
-changes an acceleration there, and the low-pass rounds it off."""
-JUMP, LARGE = 5.0, 0.2
-"""Change of the slope of a torque from sample to sample, in standard deviations of the usual ones,
-and over the largest torque, from which it is a jump."""
-
-
-@dataclass(frozen=True)
-class Conditioning:
-    """How measured signals become rows.
-
-    Attributes:
-        position_cutoff_hz: low-pass of positions before they are differentiated; four times the
-            torque's, so that it does not distort what the torque's lets through: at twice, the
-            reversals bias i_act by 0.04 %.
-        torque_cutoff_hz: low-pass of the torque and of every column.
-        row_rate_hz: rate of the rows kept.
-        low_speed: below this joint speed (rad/s) friction is not known. Creeping before a joint
-            sticks biases i_act by 0.03 % if it is 0.02.
-        steady: whether an axis holds one speed after the other, so that each plateau of its speed
-            is a row and nothing is filtered.
-    """
-
-    position_cutoff_hz: float = 160.0
-    torque_cutoff_hz: float = 40.0
-    row_rate_hz: float = 100.0
-    low_speed: float = 0.05
-    steady: bool = False
-
-    @property
-    def reach(self) -> float:
-        """Half the time over which the low-passes remember, s."""
-        return 0.9 / min(self.torque_cutoff_hz, 0.5 * self.position_cutoff_hz)
-
-    def passed(self, frequency: np.ndarray) -> np.ndarray:
-        """Return the share of a wave's amplitude that the low-pass of the torque lets through.
-
-        Args:
-            frequency: Hz, well below half the sample rate.
-        """
-        return 1.0 / (1.0 + (frequency / self.torque_cutoff_hz) ** 8)
 
 
 @dataclass(frozen=True)
@@ -371,53 +331,9 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
         _first=first, _every=every, period=sampled, smoother=smoother,
         likely=low_pass(smoother.likely(log.q[segment]), conditioning.position_cutoff_hz, period),
         coarse=coarse, counts=counts, position_noise=noise,
-        timing_error=_timing_error(log.tau[segment], conditioning, period, round(
+        timing_error=timing_error(log.tau[segment], conditioning, period, round(
             sampled / period))[window],
-        turning_error=_turning_error(qd, conditioning, period)[window])
-
-
-def _timing_error(torque: np.ndarray, conditioning: Conditioning, period: float, parts: int
-                  ) -> np.ndarray:
-    """Return the standard deviation (n, J), N m, of filtered torque by the times of its readings.
-
-    A torque that jumps between two samples is wrong by the jump until its reading comes. Over the
-    time by which readings may come early or late that makes an impulse, which the filter spreads.
-    A torque that goes on as it did is told by its neighbours, so its change of slope counts where
-    it stands out of the noise and is no small part of the torque, as that of friction is at a
-    reversal.
-
-    Args:
-        torque: (n, J), N m.
-        conditioning: filters.
-        period: of the torque, s.
-        parts: samples of `torque` that are one of the log.
-    """
-    jump = np.zeros_like(torque)
-    jump[parts:-parts] = torque[2 * parts:] - 2.0 * torque[parts:-parts] + torque[:-2 * parts]
-    size = np.abs(jump)
-    jump[size < np.maximum(JUMP * 1.4826 * np.median(size, axis=0),
-                           LARGE * np.abs(torque).max(axis=0))] = 0.0
-    return READ_WITHIN * _filtered_size(np.sqrt(parts) * jump, conditioning, period)
-
-
-def _turning_error(qd: np.ndarray, conditioning: Conditioning, period: float) -> np.ndarray:
-    """Return the standard deviation (n, J) of filtered friction of 1 by the times of turning.
-
-    Until a joint that has turned back is seen to have, friction is wrong by twice its size.
-    """
-    turns = np.zeros_like(qd)
-    turns[1:] = np.signbit(qd[1:]) != np.signbit(qd[:-1])
-    samples = TURNED_WITHIN / (conditioning.position_cutoff_hz * period)
-    return _filtered_size(2.0 * samples * turns, conditioning, period)
-
-
-def _filtered_size(impulses: np.ndarray, conditioning: Conditioning, period: float) -> np.ndarray:
-    """Return the standard deviation (n, J) of filtered impulses whose signs are anyone's."""
-    reach = max(int(np.ceil(conditioning.reach / period)), fewest_samples())
-    impulse = np.zeros((2 * reach + 1, 1))
-    impulse[reach] = 1.0
-    answer = low_pass(impulse, conditioning.torque_cutoff_hz, period)[:, 0]
-    return np.sqrt(scipy.ndimage.convolve1d(impulses ** 2, answer ** 2, axis=0, mode='constant'))
+        turning_error=turning_error(qd, conditioning, period)[window])
 
 
 def _noise_edges(conditioning: Conditioning, period: float, machine: Robot | Axis) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import in_pieces
+from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.filtering import (
     central_difference,
     fewest_samples,
@@ -21,7 +22,7 @@ from par4_identification.signals.position_noise import (
     noise_variance,
     second_difference_gain,
 )
-from par4_identification.signals.rows import SLOWEST_HZ, Conditioning, are_coarse, runs_of_log
+from par4_identification.signals.rows import SLOWEST_HZ, are_coarse, runs_of_log
 from par4_identification.signals.smoothing import smoother_of
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.robot import Axis, Robot

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from par4_identification.fitting.axis_gravity import unsaid_load
 from par4_identification.logs.log import Log
-from par4_identification.signals.rows import Conditioning
+from par4_identification.signals.conditioning import Conditioning
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Remark
