@@ -32,7 +32,7 @@ from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Remark
-from par4_sim.report.words import in_words
+from par4_sim.report.words import capital, in_words
 
 VISCOUS = FRICTION[1]
 
@@ -85,24 +85,17 @@ def beside_causes(alone: Identification, logs: Sequence[Log], machine: Robot | A
                 False, f'Base parameters alone do not explain these data: {impossible}. So the '
                        f'model also has what par4_diagnose names: {causes}.',
                 'Run par4_diagnose on these bags: its report shows how sure that is.'))
-    without = _without_viscous(alone, logs, machine, conditioning)
-    if without is not None and impossible.startswith(VISCOUS):
-        return BesideCauses(without, Remark(
-            False, f'V{impossible.replace(VISCOUS, in_words(VISCOUS))[1:]}: at these speeds '
-                   f'friction does not grow with the speed. It is left out and counts as zero.',
-            'Record motions at several speeds in both directions.'))
+    if isinstance(machine, Axis) and impossible.startswith(VISCOUS):
+        without = identify(list(logs), machine, alone.rigid_body, conditioning=conditioning,
+                           fitting=alone.fitting, left_out=(VISCOUS,))
+        if without.impossible(machine) is None:
+            why = capital(impossible.replace(VISCOUS, in_words(VISCOUS)))
+            return BesideCauses(without, Remark(
+                False, f'{why}: at these speeds friction does not grow with the speed. It is left '
+                       f'out and counts as zero.',
+                'Record motions at several speeds in both directions.'))
     raise InputError(f'{impossible}, and so it remains beside all that par4_diagnose names; '
                      f'{WHAT_TO_DO}')
-
-
-def _without_viscous(alone: Identification, logs: Sequence[Log], machine: Robot | Axis,
-                     conditioning: Conditioning) -> Identification | None:
-    """Return the identification of an axis without viscous friction, None if that helps nothing."""
-    if not isinstance(machine, Axis):
-        return None
-    found = identify(list(logs), machine, alone.rigid_body, conditioning=conditioning,
-                     fitting=alone.fitting, left_out=(VISCOUS,))
-    return found if found.impossible(machine) is None else None
 
 
 def _widened(beside: Identification, known: ModelFile) -> Identification:
