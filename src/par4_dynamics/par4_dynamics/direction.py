@@ -12,7 +12,8 @@ def mean_sign(qd, qdd, period):
 
     A joint that turns back does so between two samples. Accelerations that are told by sampled
     positions are means over that time, so that of the friction belongs to them. A sign that changes
-    at a sample comes up to half a sample early or late: at 15 G a few percent of a joint's noise.
+    at a sample comes up to half a sample early or late: at 15 G rows beside such a turn are then
+    half as loud again as the noise of the torque.
 
     Args:
         qd, qdd: at the instant, rad/s, rad/s2.
