@@ -12,7 +12,7 @@ from par4_kinematics.robot import Robot
 from par4_sim.laws import KNOWING
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import in_words, number, percent
+from par4_sim.report.words import capital, in_words, number, percent
 from par4_sim.tracking.case import Case
 from par4_sim.tracking.metrics import first_limited_torque
 
@@ -23,7 +23,7 @@ def outcome_of_tracking(cases: Sequence[Case], motion: Motion, machine: str, rob
                         ) -> Outcome:
     """Return what a comparison found, in words; at least one case."""
     best, worst = (choose(cases, key=lambda case: case.tracking.rms) for choose in (min, max))
-    sentence = (f'{_sentence(best.label)} follows {motion.name} on {machine} with '
+    sentence = (f'{capital(best.label)} follows {motion.name} on {machine} with '
                 f'{_millimetres(best.tracking.rms)} rms and {_millimetres(best.tracking.peak)} '
                 f'peak error')
     if best is not worst:
@@ -32,14 +32,14 @@ def outcome_of_tracking(cases: Sequence[Case], motion: Motion, machine: str, rob
     limited = [case for case in cases if case.tracking.saturated > 0.0]
     lost = [case for case in cases if case.tracking.missing_effort > 0]
     remarks = [
-        *(Remark(False, f'{_sentence(case.label)}: torque or speed was limited in '
+        *(Remark(False, f'{capital(case.label)}: torque or speed was limited in '
                         f'{percent(case.tracking.saturated)} of all samples'
                         f'{_first_limited(case)}.',
                  'Slow the motion down, or raise the limits of the robot file.')
           for case in limited),
-        *(Remark(False, f'{_sentence(case.label)}: {case.tracking.missing_effort} reference points '
+        *(Remark(False, f'{capital(case.label)}: {case.tracking.missing_effort} reference points '
                         f'came without feedforward torque.') for case in lost),
-        *(Remark(False, f'{_sentence(case.label)}: {case.run.counts["unsolved_programs"]} looks '
+        *(Remark(False, f'{capital(case.label)}: {case.run.counts["unsolved_programs"]} looks '
                         f'ahead found no correction; it went on as computed torque.')
           for case in cases if case.run.counts['unsolved_programs']),
         *([] if limited else [Remark(True, 'No torque and no speed was limited.')]),
@@ -87,7 +87,7 @@ def _learning_in_words(case: Case, robot: Robot) -> Remark:
     size = (f'{number(last.joint_rms * counts / (2.0 * math.pi), 2)} encoder counts' if counts else
             f'{number(last.joint_rms, 2)} rad')
     return Remark(last.rms <= first.rms, (
-        f'{_sentence(case.label)}: within {len(case.learned)} cycles the error of D fell from '
+        f'{capital(case.label)}: within {len(case.learned)} cycles the error of D fell from '
         f'{_millimetres(first.rms)} to {_millimetres(last.rms)} rms, that of the joints to {size} '
         f'rms.'))
 
@@ -96,10 +96,6 @@ def _first_limited(case: Case) -> str:
     """Return where and when a torque was limited first, empty where only speeds were."""
     first = first_limited_torque(case.run)
     return f', first the {first[1]}' if first else ''
-
-
-def _sentence(text: str) -> str:
-    return text[0].upper() + text[1:]
 
 
 def _millimetres(value: float) -> str:
