@@ -293,7 +293,7 @@ def test_an_interrupt_of_all_at_once_leaves_no_robot_in_motion_and_a_whole_bag(b
     log = bench.folder / 'nodes.log'
     with running_cell(session, log, bench.environment) as cell:
         bench.wait(lambda: states and abs(joint_values(states[-1], 'position') - HOME_Q).max()
-                   > 0.1, 'a motion')
+                   > 0.2, 'a motion')  # the bag may end before what was heard last
         asked_ns = time_ns(states[-1].header.stamp)
         for _, process in cell.processes:
             process.send_signal(signal.SIGINT)
