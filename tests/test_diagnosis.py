@@ -22,6 +22,7 @@ from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.verdict import settled
 from par4_identification.diagnosis.verdict.answer import Unusable
 from par4_identification.signals.rows import runs_of_log
+from par4_identification.signals.timing import ROUNDED
 from par4_kinematics.adept import adept_motion
 from par4_sim.machine_effects import machine_of_model
 from par4_sim.noise import Noise
@@ -386,6 +387,9 @@ def test_equal_cycles_of_a_machine_that_obeys_the_model_are_clean(cycle):
     friction = result.base_before['coulomb_friction'].value
     run, = result.evidence.whitener.runs
     assert np.all(run.timing_error >= 0.99 * friction * run.turning_error)
+    # a joint moves its actuator and some of the platform, half as much again or twice as much
+    least = ROUNDED / run.conditioning.position_cutoff_hz * 2.0 * friction / 0.4
+    assert np.all((least < run.state.bend) & (run.state.bend < 0.4 / 0.113 * least))
 
 
 @pytest.fixture(scope='module')

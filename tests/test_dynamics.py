@@ -496,9 +496,20 @@ def test_direction_is_the_mean_of_the_sign_over_a_sample(period):
     instants = period * (np.arange(-2000, 2000) + 0.5) / 4000
     expected = np.mean(np.sign(qd[..., None] + qdd[..., None] * instants), axis=-1)
     assert np.mean((np.abs(expected) < 1.0).any(axis=1)) > 0.1
-    np.testing.assert_allclose(mean_signs(qd, qdd, period), expected, atol=1e-3)
-    np.testing.assert_array_equal(mean_signs(qd, qdd, 0.0), np.sign(qd))
-    assert mean_signs(np.zeros((1, 1)), np.zeros((1, 1)), period) == 0.0
+    bend = np.zeros(4)
+    np.testing.assert_allclose(mean_signs(qd, qdd, period, bend), expected, atol=1e-3)
+    np.testing.assert_array_equal(mean_signs(qd, qdd, 0.0, bend), np.sign(qd))
+    assert mean_signs(np.zeros((1, 1)), np.zeros((1, 1)), period, bend) == 0.0
+
+
+def test_a_joint_whose_speed_is_kept_up_where_it_turns_has_turned_before():
+    """From above and from below, by the time in which it loses that speed."""
+    time = np.linspace(-0.01, 0.01, 2001)[:, None]
+    for side in (1.0, -1.0):
+        qd, qdd = side * -200.0 * time, np.full_like(time, side * -200.0)
+        kept, bent = (mean_signs(qd, qdd, 1e-3, np.array([bend])) for bend in (0.0, 0.1))
+        turned = [float(time[np.argmin(np.abs(signs)), 0]) for signs in (kept, bent)]
+        assert turned == pytest.approx([0.0, -0.0005], abs=1e-5)
 
 
 @pytest.mark.parametrize(('robot', 'model'), MACHINES, ids=IDS)
@@ -509,13 +520,14 @@ def test_columns_of_friction_have_the_direction_of_their_state(robot, model):
                             period=2e-3)
     partly = (np.abs(state.direction) < 1.0) & (state.direction != 0.0)
     assert partly.sum() > 10
+    state = replace(state, bend=np.array([0.0, 0.05, 0.1, 0.2]))
     for found in (state, state.moved(state.q, state.qd, state.qdd),
                   state.nearby(robot.geometry, state.q, state.qd, state.qdd)):
         column = rigid_body_columns(found)[..., COLUMNS.index('coulomb_friction')]
         np.testing.assert_array_equal(column, state.direction)
     difference = JointFrictionDifference().columns(state, {})
     np.testing.assert_array_equal(difference[..., 0], state.direction)
-    at_instants = replace(state, period=0.0)
+    at_instants = replace(state, period=0.0, bend=0.0)
     torque = model.torque(state) - model.torque(at_instants)
     np.testing.assert_allclose(torque, model.values['coulomb_friction'] * (
         state.direction - np.sign(state.qd)), atol=1e-9)

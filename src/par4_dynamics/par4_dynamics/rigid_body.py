@@ -31,6 +31,8 @@ from par4_kinematics.position import forward_sample, turns_of
 COLUMNS = ('actuator_inertia', 'platform_mass_1', 'platform_mass_2', 'arm_gravity',
            'coulomb_friction', 'viscous_friction', 'rod_mass', 'bar_mass', 'theta_inertia')
 """Parameter of each column: those of (20) in the order of (23), then what (20) leaves out."""
+NO_BENDS = (0.0, 0.0, 0.0, 0.0)
+"""Of joints whose speeds are those of the instants."""
 
 
 @numba.njit(cache=True, error_model='numpy', forceinline=True)
@@ -45,7 +47,7 @@ def _stretch(packed, reach, b_x, b_y, b_z, qd, qdd, leg):
 
 
 @numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _leg_columns(packed, reach, column, loads, stretch, qd, qdd, period, leg):
+def _leg_columns(packed, reach, column, loads, stretch, qd, qdd, period, bend, leg):
     """Return the nine `COLUMNS` of one joint, N m per unit.
 
     Args:
@@ -57,20 +59,21 @@ def _leg_columns(packed, reach, column, loads, stretch, qd, qdd, period, leg):
         stretch: of `_stretch`.
         qd, qdd: of this joint.
         period: of the samples, s.
+        bend: of this joint's speed where it turns, rad/s.
         leg: its number.
     """
     mass_1, mass_2, moment_2, rods, moment_rods, moment_bars, moment_theta = loads
     lever = joint_lever(packed, reach[0], reach[1], reach[2], reach[3], reach[4], leg)
     return (qdd, lever * dot(column, mass_1),
             lever * (dot(column, mass_2) + column[3] * moment_2), -reach[3],
-            mean_sign(qd, qdd, period), qd,
+            mean_sign(qd, qdd, period, bend), qd,
             lever * (dot(column, rods) + column[3] * moment_rods)
             + dot(stretch, tangent(packed, reach[3], reach[4], leg)) / 3.0,
             lever * column[3] * moment_bars, lever * column[3] * moment_theta)
 
 
 @numba.njit(cache=True, error_model='numpy', forceinline=True)
-def columns_sample(packed, x, rate, xdd, qd, qdd, period, cosine, sine):
+def columns_sample(packed, x, rate, xdd, qd, qdd, period, bends, cosine, sine):
     """Return for each joint its nine `COLUMNS` of one sample, N m per unit.
 
     Args:
@@ -80,6 +83,7 @@ def columns_sample(packed, x, rate, xdd, qd, qdd, period, cosine, sine):
         xdd: acceleration of D and thetadd.
         qd, qdd: of the joints.
         period: of the samples, s; zero: an instant.
+        bends: of the joints' speeds where they turn, rad/s, a tuple of four.
         cosine, sine: of theta.
     """
     bar = packed[3]
@@ -101,13 +105,13 @@ def columns_sample(packed, x, rate, xdd, qd, qdd, period, cosine, sine):
              bar / 3.0 * (cosine * s_x + sine * s_y), bar / 3.0 * (cosine * r_x + sine * r_y),
              xdd[3])
     return (_leg_columns(packed, reaches[0], inverse[0], loads, stretch_0, qd[0], qdd[0],
-                         period, 0),
+                         period, bends[0], 0),
             _leg_columns(packed, reaches[1], inverse[1], loads, stretch_1, qd[1], qdd[1],
-                         period, 1),
+                         period, bends[1], 1),
             _leg_columns(packed, reaches[2], inverse[2], loads, stretch_2, qd[2], qdd[2],
-                         period, 2),
+                         period, bends[2], 2),
             _leg_columns(packed, reaches[3], inverse[3], loads, stretch_3, qd[3], qdd[3],
-                         period, 3))
+                         period, bends[3], 3))
 
 
 @numba.njit(cache=True, error_model='numpy', forceinline=True)
@@ -121,28 +125,28 @@ def _weighted(columns, table, leg):
 
 
 @numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _torque_sample(packed, table, x, rate, xdd, qd, qdd, period, cosine, sine):
+def _torque_sample(packed, table, x, rate, xdd, qd, qdd, period, bends, cosine, sine):
     """Return the four torques, N m, of one sample; table of `value_table`."""
-    joints = columns_sample(packed, x, rate, xdd, qd, qdd, period, cosine, sine)
+    joints = columns_sample(packed, x, rate, xdd, qd, qdd, period, bends, cosine, sine)
     return (_weighted(joints[0], table, 0), _weighted(joints[1], table, 1),
             _weighted(joints[2], table, 2), _weighted(joints[3], table, 3))
 
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
-def _torque_rows(packed, table, x, xd, xdd, turns, qd, qdd, period, torque):
+def _torque_rows(packed, table, x, xd, xdd, turns, qd, qdd, period, bends, torque):
     for row in range(x.shape[0]):
         cosine, sine = two(turns, row)
         put_four(torque, row, _torque_sample(
             packed, table, four(x, row), four(xd, row)[3], four(xdd, row), four(qd, row),
-            four(qdd, row), period, cosine, sine))
+            four(qdd, row), period, bends, cosine, sine))
 
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
-def _column_rows(packed, x, xd, xdd, turns, qd, qdd, period, columns):
+def _column_rows(packed, x, xd, xdd, turns, qd, qdd, period, bends, columns):
     for row in range(x.shape[0]):
         cosine, sine = two(turns, row)
         joints = columns_sample(packed, four(x, row), four(xd, row)[3], four(xdd, row),
-                                four(qd, row), four(qdd, row), period, cosine, sine)
+                                four(qd, row), four(qdd, row), period, bends, cosine, sine)
         for leg in range(4):
             for column in range(columns.shape[2]):
                 columns[row, leg, column] = joints[leg][column]
@@ -162,7 +166,7 @@ def torque_of_platform_sample(packed, table, motion, torque):
     x, xd, xdd = four(motion, 0), four(motion, 1), four(motion, 2)
     cosine, sine = math.cos(x[3]), math.sin(x[3])
     qd, qdd = joint_rates(packed, x, xd, xdd, cosine, sine)
-    result = _torque_sample(packed, table, x, xd[3], xdd, qd, qdd, 0.0, cosine, sine)
+    result = _torque_sample(packed, table, x, xd[3], xdd, qd, qdd, 0.0, NO_BENDS, cosine, sine)
     torque[0], torque[1], torque[2], torque[3] = result
     return math.isfinite(result[0] + result[1] + result[2] + result[3])
 
@@ -180,7 +184,7 @@ def torque_of_joints_sample(packed, table, motion, torque):
     pose = four(x, 0)
     cosine, sine = math.cos(pose[3]), math.sin(pose[3])
     xd, xdd = platform_rates(packed, pose, qd, qdd, cosine, sine)
-    result = _torque_sample(packed, table, pose, xd[3], xdd, qd, qdd, 0.0, cosine, sine)
+    result = _torque_sample(packed, table, pose, xd[3], xdd, qd, qdd, 0.0, NO_BENDS, cosine, sine)
     torque[0], torque[1], torque[2], torque[3] = result
     return math.isfinite(result[0] + result[1] + result[2] + result[3])
 
@@ -202,7 +206,7 @@ def rigid_body_torque(state: State, table: np.ndarray) -> np.ndarray:
     x, xd, xdd, qd, qdd = _motion(state)
     torque = np.empty_like(x)
     _torque_rows(state.platform.geometry.packed, table, x, xd, xdd, turns_of(x), qd, qdd,
-                 state.period, torque)
+                 state.period, state.bends, torque)
     return torque
 
 
@@ -214,7 +218,7 @@ def rigid_body_columns(state: State, count: int = len(COLUMNS)) -> np.ndarray:
     x, xd, xdd, qd, qdd = _motion(state)
     columns = np.empty((len(x), LEGS, count))
     _column_rows(state.platform.geometry.packed, x, xd, xdd, turns_of(x), qd, qdd, state.period,
-                 columns)
+                 state.bends, columns)
     return columns
 
 

@@ -88,6 +88,8 @@ class State:
         hanging: how gravity loads a single axis; None if it does not, and with a geometry.
         period: time between samples whose positions tell speeds and accelerations, s; zero where
             these are those of the instants.
+        bend: speed, rad/s, that the low-pass of the positions leaves where a joint turns back. Its
+            friction bends the speed there, and the low-pass rounds the bend. (J,), or of all.
         told_hz: frequency, Hz, up to which a model may let the positions swing a load. Beyond it
             motors follow the noise of their encoders. Infinite if the data show no such noise.
     """
@@ -103,6 +105,7 @@ class State:
     nominal: Nominal | None = None
     hanging: Hanging | None = None
     period: float = 0.0
+    bend: np.ndarray | float = 0.0
     told_hz: float = np.inf
 
     @property
@@ -140,10 +143,15 @@ class State:
         """
         return self.known.halfway or self
 
+    @property
+    def bends(self) -> tuple[float, ...]:
+        """`bend` of each joint, (J,) rad/s."""
+        return tuple(np.broadcast_to(self.bend, self.joints).astype(float).tolist())
+
     @cached_property
     def direction(self) -> np.ndarray:
         """sign(qd), (n, J); where a joint turns back between two samples, its mean there."""
-        return mean_signs(self.qd, self.qdd, self.period)
+        return mean_signs(self.qd, self.qdd, self.period, np.array(self.bends))
 
     @cached_property
     def phasor(self) -> np.ndarray:
@@ -197,7 +205,8 @@ class State:
                      else inverse_kinematics(geometry, platform.x))
         x = platform.x + np.einsum('nij,nj->ni', self.jacobian, shift)
         moved = platform_motion_at(geometry, x, qd, qdd)
-        return State(self.t, q, qd, qdd, geometry, x, moved.xd, moved.xdd, period=self.period)
+        return State(self.t, q, qd, qdd, geometry, x, moved.xd, moved.xdd, period=self.period,
+                     bend=self.bend)
 
     def moved(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray,
               geometry: Geometry | None = None) -> State:
@@ -207,7 +216,7 @@ class State:
             UnreachableError: joint positions with which the mechanism does not close.
         """
         moved = state_of_joints(geometry or self.geometry, self.t, q, qd, qdd, self.period)
-        return replace(moved, hanging=self.hanging, told_hz=self.told_hz)
+        return replace(moved, bend=self.bend, hanging=self.hanging, told_hz=self.told_hz)
 
     def part(self, rows: slice) -> State:
         """Return the motion of some of the samples, without its nominal torque."""

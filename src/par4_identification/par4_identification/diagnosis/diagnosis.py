@@ -11,6 +11,7 @@ from par4_dynamics.base_terms import INERTIA
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
+from par4_dynamics.model import Model as DynamicModel
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.evidence.dithered import Dithered, dithered
@@ -41,6 +42,7 @@ from par4_identification.diagnosis.nominal.start import (
     start_beside,
     start_of,
 )
+from par4_identification.diagnosis.nominal.turning import turning
 from par4_identification.diagnosis.progress import Progress, silent
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.causes import (
@@ -137,8 +139,16 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
     observations = observe(fit_runs, machine, rigid_body, known)
     heldout = observe(holdout_runs, machine, rigid_body, known)
     progress('fitting the base model')
-    start = start_of(observations, machine, rigid_body, rules,
-                     None if known is None else known.values[INERTIA])
+    inertia = None if known is None else known.values[INERTIA]
+    start = start_of(observations, machine, rigid_body, rules, inertia)
+    if not start.reasons:
+        told = isinstance(machine, Robot) and not (start.left_out or start.unless_mended)
+        fit_runs, holdout_runs = (
+            turning(runs, _base_model(start, machine, baseline), told)
+            for runs in (fit_runs, holdout_runs))
+        observations, heldout = (observe(runs, machine, rigid_body, known)
+                                 for runs in (fit_runs, holdout_runs))
+        start = start_of(observations, machine, rigid_body, rules, inertia)
     reasons = list(start.reasons)
     if not any(run.valid.any() for run in shown(heldout, start).runs):
         reasons.append('no joint moves in the held-out data; give a bag of another motion')
@@ -176,8 +186,7 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
                           effect.needs_platform or effect.against_the_others
                           or (slides and effect.needs_turning))
                   and (effect.told_by_speeds or not observations.steady)}
-    base_model = build_model(machine, baseline_with(
-        baseline, rigid_body, identification.parameters, observations.terms, ()))
+    base_model = _base_model(start, machine, baseline)
     sigma = identification.estimate.rms
     # of a torque that the base terms hardly explain, they do not say when it was read, nor what
     # goes on through a transmission
@@ -185,10 +194,7 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
              if not (start.bound and (effect.retimes or effect.needs_nominal))}
     base_model = beside_retimed(base_model, observations, machine, baseline, rigid_body,
                                  sigma, first)
-    friction = base_model.values['coulomb_friction']
-    observations, heldout = (with_nominal(replace(part, runs=tuple(
-        run.with_friction(friction) for run in part.runs)), base_model)
-        for part in (observations, heldout))
+    observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
     moved = dithered(observations)
     progress('searching the library for the noise model')
     kinds = Kinds(observations)
@@ -218,6 +224,14 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
         model = search.run(tuple(named))
     answer = _answer(search, model, machine, baseline, rigid_body, effects, fit_runs, progress)
     return replace(answer, left_out=start.left_out)
+
+
+def _base_model(start: Start, machine: Robot | Axis, baseline: ModelFile | None
+                ) -> DynamicModel:
+    """Return the base parameters of a start, and the effects of a baseline, as a model."""
+    return build_model(machine, baseline_with(
+        baseline, baseline.rigid_body if baseline else 'paper', start.fitted.parameters,
+        start.observations.terms, ()))
 
 
 def _search(observations: Observations, heldout: Observations, whitener: Whitener,

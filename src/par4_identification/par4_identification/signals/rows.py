@@ -32,10 +32,7 @@ from par4_identification.signals.filtering import (
 from par4_identification.signals.plateaus import plateaus_of
 from par4_identification.signals.position_noise import position_noise
 from par4_identification.signals.smoothing import UNCHANGED, Smoother, smoother_of, speed_noise
-from par4_identification.signals.timing import (
-    timing_error,
-    turning_error,
-)
+from par4_identification.signals.timing import ROUNDED, timing_error, turning_error
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
@@ -134,13 +131,17 @@ class Run:
         """Joint positions at the rows, (m, J)."""
         return self.at_rows(self.state.q)
 
-    def with_friction(self, coulomb: float | np.ndarray) -> Run:
-        """Return the same run, in whose timing error times of turning count, too.
+    def with_friction(self, coulomb: np.ndarray, inertia: np.ndarray) -> Run:
+        """Return the same run with joints that turn back when such friction lets them.
+
+        What is left of the error of these times counts as the times of readings do.
 
         Args:
-            coulomb: friction, N m, of all joints or of each, (J,).
+            coulomb: friction of each joint, (J,) N m.
+            inertia: that each joint moves, (J,) kg m2.
         """
-        return replace(self, timing_error=np.hypot(
+        bend = ROUNDED / self.conditioning.position_cutoff_hz * 2.0 * coulomb / inertia
+        return replace(self, state=replace(self.state, bend=bend), timing_error=np.hypot(
             self.timing_error, coulomb * self.turning_error))
 
     def part(self, rows: slice | np.ndarray) -> Run:

@@ -14,6 +14,9 @@ samples (standard deviation)."""
 TURNED_WITHIN = 0.01
 """Error of the times at which joints turn back, over the period of the positions' cut-off. Friction
 changes an acceleration there, and the low-pass rounds it off."""
+ROUNDED = 0.032
+"""Time by which the low-pass of the positions rounds off a bend of the speed, over the period of
+its cut-off: its first moment on one side, where speeds are read, on average over the samples."""
 JUMP, LARGE = 5.0, 0.2
 """Change of the slope of a torque from sample to sample, in standard deviations of the usual ones,
 and over the largest torque, from which it is a jump."""

@@ -247,7 +247,7 @@ class Trial:
 
     def exact(self, motions: Programme, times: int = 1) -> float:
         """Return the expected separation of motions run so often; the rival may have any shape."""
-        return min(self._least_rest(number, motions, times) for number in self._truths)
+        return min(self.if_true(number, motions, times) for number in self._truths)
 
     @property
     def _truths(self) -> tuple[int, ...]:
@@ -268,7 +268,8 @@ class Trial:
         side = self._sides[number]
         return {} if side is None else side.shape
 
-    def _least_rest(self, number: int, motions: Programme, times: int) -> float:
+    def if_true(self, number: int, motions: Programme, times: int = 1) -> float:
+        """Return the expected separation if the first (0) or second (1) explanation is true."""
         rival = self._sides[1 - number]
         if rival is None:
             return 0.5 * self._rest(number, {}, motions, times)

@@ -28,15 +28,18 @@ def weak_causes(search: Search, model: Model) -> list[Hypothesis]:
     """Return the effects that may act beside a model, although they are not named in it.
 
     A machine can have them, and they gain more than chance gives to so many numbers and to the best
-    of so many shapes. The list is empty if the model has no name.
+    of so many shapes. The list is empty if the model has no name. A lag beside a delay is none of
+    them: both are the same torque but for what the twin's margin tells, and either can stand for
+    any part of the other.
     """
     found: list[Hypothesis] = []
     if not named_of(model):
         return found
+    retimed = any(cause.named.retimes for cause in named_of(model))
     for item in search.candidates.all_of(search.weighing.beside(model), set(names_of(model))):
         hypothesis = item.hypothesis
         by_chance = BY_CHANCE * search.pool.numbers(hypothesis) + price_of_shapes(item)
-        if (item.gain > by_chance
+        if (item.gain > by_chance and not (retimed and hypothesis.named.retimes)
                 and search.belief.objection(hypothesis, model) is None
                 and search.weighing.sound_gains(hypothesis, model)[0] > by_chance):
             found.append(hypothesis)
