@@ -17,7 +17,7 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.ros import parameters
 from par4_kinematics.ros.motion_parameters import MotionParameters
 from par4_kinematics.ros.node import Par4Node
-from par4_kinematics.ros.parameters import ALIKE, declare
+from par4_kinematics.ros.parameters import ALIKE, declare, tell_unknown_overrides
 from par4_kinematics.ros.process import _initialise
 
 
@@ -81,6 +81,31 @@ def test_every_node_tells_a_misspelt_parameter(bench):
         bench.start(node, robot_fiel='reference')
     bench.wait(lambda: all(f'[{node}]: unknown parameter robot_fiel' in bench.said()
                            for node in MODULES), 'a warning of each node')
+
+
+def test_an_override_of_quality_of_service_that_no_topic_takes_is_told(bench):
+    bench.start('par4_kinematics', **{
+        'qos_overrides./joint_statez.subscription.depth': 5,
+        'qos_overrides./joint_states.subscription.depth': 6})
+    bench.wait(lambda: 'qos_overrides./joint_statez' in bench.said(), 'a warning')
+    warning, = (line for line in bench.said().splitlines() if 'qos_overrides' in line)
+    assert ('unknown parameter qos_overrides./joint_statez.subscription.depth (did you mean '
+            'qos_overrides./joint_states.subscription.depth?) ignored; known are ') in warning
+    assert warning.endswith('/platform_pose.publisher with history, depth, reliability')
+
+
+def test_an_override_for_another_node_of_a_file_is_no_warning(monkeypatch):
+    monkeypatch.setattr(parameters.sys, 'argv', ['par4_motion', '--ros-args', '--params-file', 'a'])
+    node = mock.Mock(publishers=[SimpleNamespace(topic_name='/reference')],
+                     subscriptions=[SimpleNamespace(topic_name='/joint_states')])
+    node.get_parameters_by_prefix.return_value = [
+        '/reference.publisher.depth', '/reference.subscription.depth', '/voltage.publisher.depth']
+    tell_unknown_overrides(node)
+    log = node.get_logger.return_value
+    log.warning.assert_not_called()
+    log.info.assert_called_once_with(
+        'no parameters of this node, ignored: qos_overrides./reference.subscription.depth, '
+        'qos_overrides./voltage.publisher.depth')
 
 
 @pytest.mark.parametrize('line', ['motion:=circle', '-p motion:=circle', '/a:=/b',

@@ -39,6 +39,11 @@ _LARGEST = 2 ** 53
 ALIKE = 0.65
 """Likeness of two names, of 0 to 1, from which on one is taken for the other misspelt. The names of
 two nodes are less alike."""
+ALIKE_OVERRIDES = 0.9
+"""The same of overrides of a quality of service, most of whose name is that of any other."""
+POLICIES = ('history', 'depth', 'reliability')
+"""What can be overridden of a topic of the nodes (`QoSOverridingOptions.with_default_policies`)."""
+_OF_QOS = 'qos_overrides.'
 _WORDS = {str: 'a string', float: 'a number', int: 'a whole number', bool: 'true or false'}
 
 
@@ -62,8 +67,9 @@ def declare(node: Node, parameters: type[Parameters]) -> Parameters:
     given = {name: node.get_parameter(name).value for name in node.get_parameters_by_prefix('')}
     unknown = sorted(name for name in given
                      if name not in {field.name for field in fields}
-                     and name not in _OF_ROS and not name.startswith('qos_overrides.'))
-    _tell_unknown(node, unknown, [field.name for field in fields])
+                     and name not in _OF_ROS and not name.startswith(_OF_QOS))
+    names = [field.name for field in fields]
+    _tell_unknown(node, unknown, names, ALIKE, ', '.join(names))
     values = {}
     for field in fields:
         value = _checked(field, given.get(field.name, field.default))
@@ -74,18 +80,33 @@ def declare(node: Node, parameters: type[Parameters]) -> Parameters:
     return parameters(**values)
 
 
-def _tell_unknown(node: Node, unknown: Sequence[str], known: Sequence[str]) -> None:
+def tell_unknown_overrides(node: Node) -> None:
+    """Tell of overrides of a quality of service (`qos_overrides.*`) that nothing here takes.
+
+    Call it when the node has its topics.
+    """
+    sides = sorted({f'{_OF_QOS}{own.topic_name}.{side}' for side, all_own in (
+        ('publisher', node.publishers), ('subscription', node.subscriptions)) for own in all_own})
+    known = [f'{side}.{policy}' for side in sides for policy in POLICIES]
+    given = node.get_parameters_by_prefix(_OF_QOS.rstrip('.'))
+    _tell_unknown(node, sorted({f'{_OF_QOS}{name}' for name in given} - {*known}), known,
+                  ALIKE_OVERRIDES, f'{", ".join(sides)} with {", ".join(POLICIES)}')
+
+
+def _tell_unknown(node: Node, unknown: Sequence[str], known: Sequence[str], alike: float,
+                  exist: str) -> None:
     """Warn of names that are misspelt or were given to this node alone; note all others.
 
-    A parameter file may be one for several nodes, and then holds names of the others.
+    A parameter file may be one for several nodes, and then holds names of the others. `exist` says
+    which names are known, `alike` from which likeness on one is meant.
     """
-    meant = {name: difflib.get_close_matches(name, known, 1, ALIKE) for name in unknown}
+    meant = {name: difflib.get_close_matches(name, known, 1, alike) for name in unknown}
     of_others = [name for name in unknown if not meant[name] and not _on_command_line(name)]
     mistaken = [f'{name} (did you mean {meant[name][0]}?)' if meant[name] else name
                 for name in unknown if name not in of_others]
     if mistaken:
         node.get_logger().warning(
-            f'unknown parameter {", ".join(mistaken)} ignored; known are {", ".join(known)}')
+            f'unknown parameter {", ".join(mistaken)} ignored; known are {exist}')
     if of_others:
         node.get_logger().info(f'no parameters of this node, ignored: {", ".join(of_others)}')
 
