@@ -87,7 +87,7 @@ docs: setup
 	$(BIN)/python -m par4_kinematics.motion_recipes > docs/motion_file.md
 	$(BIN)/python -m par4_dynamics.model_keys > docs/model_file.md
 	$(BIN)/python -m par4_dynamics.effects.catalogue > docs/effects.md
-	$(BIN)/python -m par4_sim.layouts src/par4_sim/layouts
+	$(BIN)/python -m par4_sim.cell.layouts src/par4_sim/layouts
 	$(BIN)/python site/manifests.py
 	$(BIN)/par4_kinematics --config > src/par4_kinematics/config/par4_kinematics.yaml
 	$(BIN)/par4_motion --config > src/par4_kinematics/config/par4_motion.yaml

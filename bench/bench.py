@@ -27,9 +27,9 @@ from par4_identification.logs.bag import read_bag
 from par4_identification.logs.read_log import read_log
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.robot import JOINT_NAMES, Robot, read_robot
-from par4_sim.bag_writer import BagWriter
-from par4_sim.offline import simulate_to_bag
-from par4_sim.simulation import build_simulation
+from par4_sim.bags.bag_writer import BagWriter
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import build_simulation
 
 SAMPLES = 600_000
 MILLISECOND = 1_000_000

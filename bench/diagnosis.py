@@ -40,8 +40,8 @@ from par4_identification.logs.read_log import read_log
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot, read_robot
-from par4_sim.offline import simulate_to_bag
-from par4_sim.simulation import build_simulation
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import build_simulation
 from robots import model_with
 
 LENGTHS = (15.0, 30.0, 60.0, 120.0)

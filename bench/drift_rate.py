@@ -20,7 +20,7 @@ from par4_identification.trend.drift import DriftWatch, projections
 from par4_identification.trend.windows import LEARNING, WINDOW
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
-from par4_sim.simulation import build_simulation
+from par4_sim.closed_loop.simulation import build_simulation
 
 BLOCK = 10
 

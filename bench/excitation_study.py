@@ -32,7 +32,7 @@ from par4_identification.fitting.identification import identify
 from par4_identification.logs.log import Log
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
-from par4_sim.simulation import build_simulation
+from par4_sim.closed_loop.simulation import build_simulation
 from robots import OTHER, REFERENCE, other_model
 
 FIRST_SEED = 20_000

@@ -16,7 +16,7 @@ from par4_dynamics.model import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.motion import Motion, waypoints_motion
 from par4_kinematics.robot import read_robot
-from par4_sim.predictive import Predictive
+from par4_sim.drives.predictive import Predictive
 from par4_sim.tracking.case import Plan
 
 ROBOT = read_robot('reference')

@@ -29,14 +29,19 @@ from par4_kinematics.geometry import LEGS
 from par4_kinematics.interface import BASE_FRAME
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot, read_robot
-from par4_sim.chains import PLATE_CHAINS, chains, leg_chain, link_positions
-from par4_sim.drive import DriveLoops
-from par4_sim.exact import ExactPlant
-from par4_sim.friction import Friction
-from par4_sim.machine import Machine
-from par4_sim.machine_effects import machine_of_model
-from par4_sim.plant import STEP, Plant
-from par4_sim.simulation import build_plant
+from par4_sim.closed_loop.simulation import build_plant
+from par4_sim.description.chains import (
+    PLATE_CHAINS,
+    chains,
+    leg_chain,
+    link_positions,
+)
+from par4_sim.drives.drive import DriveLoops
+from par4_sim.machines.friction import Friction
+from par4_sim.machines.machine import Machine
+from par4_sim.machines.machine_effects import machine_of_model
+from par4_sim.plants.exact import ExactPlant
+from par4_sim.plants.plant import STEP, Plant
 
 ROUND_TRIP = 0.25
 """s"""

@@ -23,7 +23,7 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.interface import BASE_FRAME
 from par4_kinematics.robot import Robot, read_robot
-from par4_sim.chains import chains
+from par4_sim.description.chains import chains
 
 TIMINGS = 7
 """Runs of which the fastest counts, against what else the computer does."""

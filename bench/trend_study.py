@@ -35,8 +35,8 @@ from par4_identification.signals.rows import runs_of_log
 from par4_identification.trend.life import Life, life_of
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.stamps import SECOND
-from par4_sim.offline import simulate_to_bag
-from par4_sim.simulation import build_simulation
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import build_simulation
 from robots import REFERENCE
 
 SCORING_SEED = 8_950_000

@@ -18,7 +18,7 @@ from par4_kinematics.adept import adept_motion
 from par4_kinematics.files import written_atomically
 from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import Robot, read_robot
-from par4_sim.view import View
+from par4_sim.pictures.view import View
 
 SLOWER = 12.0
 """Times slower than the real cycle of a quarter of a second."""

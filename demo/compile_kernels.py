@@ -23,9 +23,9 @@ from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.serialised_trajectory import SerialisedTrajectory, serialised_rest
 from par4_kinematics.velocity import jacobian_rate
-from par4_sim.offline import simulate_to_bag
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import build_simulation
 from par4_sim.ros.compiled_limits import compiled_limits
-from par4_sim.simulation import build_simulation
 
 ROBOT = read_robot('reference')
 MODEL = read_model('table1', ROBOT)

@@ -20,8 +20,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from par4_dynamics.model_file import read_model_file
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_yaml
-from par4_sim.cell import COMPOSITIONS
-from par4_sim.running_cell import running_cell
+from par4_sim.cell.cell import COMPOSITIONS
+from par4_sim.cell.running_cell import running_cell
 
 BIN = Path(sys.executable).parent
 CONSOLE = Console(highlight=False, soft_wrap=True)

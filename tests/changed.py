@@ -23,8 +23,8 @@ from par4_identification.logs.log import Log
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 from par4_kinematics.velocity import jacobian
-from par4_sim.machine import Machine
-from par4_sim.noise import Noise, NoiseSource
+from par4_sim.machines.machine import Machine
+from par4_sim.machines.noise import Noise, NoiseSource
 
 KINDS = ('payload 1', 'payload 2', 'friction of all', 'Coulomb friction of one',
          'viscous friction of one', 'gain of all', 'gain of one', 'inertia of one')

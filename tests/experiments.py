@@ -19,10 +19,10 @@ from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.geometry import Geometry
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import Robot
-from par4_sim.machine import Machine
-from par4_sim.machine_effects import machine_of_model
-from par4_sim.plant import Plant
-from par4_sim.simulation import Simulation, build_plant
+from par4_sim.closed_loop.simulation import Simulation, build_plant
+from par4_sim.machines.machine import Machine
+from par4_sim.machines.machine_effects import machine_of_model
+from par4_sim.plants.plant import Plant
 from robots import REFERENCE
 
 FIDELITIES = ('exact', 'fast', 'accurate')

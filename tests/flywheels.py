@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from par4_kinematics.robot import Robot
-from par4_sim.amplifier import Amplifier
-from par4_sim.noise import Noise
-from par4_sim.sensors import Sensors
-from par4_sim.simulation import Simulation
+from par4_sim.closed_loop.simulation import Simulation
+from par4_sim.machines.amplifier import Amplifier
+from par4_sim.machines.noise import Noise
+from par4_sim.machines.sensors import Sensors
 from robots import REFERENCE
 
 

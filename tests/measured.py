@@ -13,10 +13,10 @@ from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 from par4_kinematics.workspace import home_pose
-from par4_sim.machine import Machine
-from par4_sim.machine_effects import machine_of_model
-from par4_sim.noise import Noise
-from par4_sim.simulation import Simulation, build_plant
+from par4_sim.closed_loop.simulation import Simulation, build_plant
+from par4_sim.machines.machine import Machine
+from par4_sim.machines.machine_effects import machine_of_model
+from par4_sim.machines.noise import Noise
 from robots import OTHER, REFERENCE
 
 DWELL = 0.5

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flywheels import Flywheels, played, spinning
 
-from par4_sim.amplifier import Amplifier, deliver, lag_shares
+from par4_sim.machines.amplifier import Amplifier, deliver, lag_shares
 from robots import REFERENCE
 
 DT = 0.25e-3

@@ -27,8 +27,8 @@ from par4_identification.logs.sqlite_pages import rows_of_leaves
 from par4_identification.logs.stamps import BLOCK, Losses
 from par4_identification.logs.topic_columns import JOINT_ARRAYS, AlikeMessages, TopicColumns
 from par4_kinematics.errors import InputError
-from par4_sim import bag_writer
-from par4_sim.bag_writer import BagWriter
+from par4_sim.bags import bag_writer
+from par4_sim.bags.bag_writer import BagWriter
 from par4_sim.choices import STORAGES
 
 JOINTS = ('arm_joint_0', 'arm_joint_1', 'arm_joint_2', 'arm_joint_3')
@@ -416,8 +416,8 @@ def run_and_kill(code: str, *arguments: str) -> None:
 
 WRITE = """
 import sys
-from par4_sim import bag_writer
-from par4_sim.bag_writer import BagWriter
+from par4_sim.bags import bag_writer
+from par4_sim.bags.bag_writer import BagWriter
 bag_writer.FLUSH_PERIOD = 1e9  # however slow this machine is, nothing is flushed by itself
 sys.path.insert(0, sys.argv[3])
 from test_bag import fill
@@ -694,7 +694,7 @@ def test_repair_refuses_in_one_line_and_leaves_no_output(tmp_path):
 FULL_DISK = """
 import resource, sys
 from par4_kinematics.errors import InputError
-from par4_sim.bag_writer import BagWriter
+from par4_sim.bags.bag_writer import BagWriter
 sys.path.insert(0, sys.argv[3])
 from test_bag import fill
 resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))

@@ -16,13 +16,13 @@ from par4_kinematics.leg import plate_joint
 from par4_kinematics.position import forward_kinematics, inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.velocity import joint_velocity
-from par4_sim.bullet import BulletPlant
-from par4_sim.exact import ExactPlant
-from par4_sim.friction import Friction
-from par4_sim.machine import Machine
-from par4_sim.robot_tree import tree_joint_positions
-from par4_sim.view import View, render
-from par4_sim.window import Window, follow
+from par4_sim.description.robot_tree import tree_joint_positions
+from par4_sim.machines.friction import Friction
+from par4_sim.machines.machine import Machine
+from par4_sim.pictures.view import View, render
+from par4_sim.pictures.window import Window, follow
+from par4_sim.plants.bullet import BulletPlant
+from par4_sim.plants.exact import ExactPlant
 from robots import REFERENCE, UNEVEN, other_model, random_poses
 
 FIDELITIES = ['accurate', 'fast']

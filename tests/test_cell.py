@@ -531,7 +531,7 @@ def test_a_driver_does_not_stand_at_its_first_reference_to_compile(bench):
         [sys.executable, '-c',
          f'import sys; sys.path.insert(0, {str(DRIVER.parent)!r})\n'
          'import driver, rclpy\n'
-         'from par4_sim import reference, waiting_torque\n'
+         'from par4_sim.drives import reference, waiting_torque\n'
          'rclpy.init()\n'
          'driver.Driver()\n'
          'print(len(waiting_torque._give.signatures), len(reference._pass.signatures))'],

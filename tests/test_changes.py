@@ -56,7 +56,7 @@ from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.robot import Axis
-from par4_sim.noise import Noise
+from par4_sim.machines.noise import Noise
 from par4_sim.report.outcome import Outcome
 from robots import REFERENCE
 

@@ -16,8 +16,8 @@ from par4_identification.diagnosis.diagnosis import LIBRARY
 from par4_identification.jobs import diagnose as jobs
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
-from par4_sim.offline import simulate_to_bag
-from par4_sim.simulation import build_simulation
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import build_simulation
 from robots import REFERENCE
 
 PAYLOAD, COULOMB = 0.61, 0.4

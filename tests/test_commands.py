@@ -65,14 +65,14 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_text, written_atomically
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
-from par4_sim.bag_writer import BagWriter
+from par4_sim.bags.bag_writer import BagWriter
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import build_simulation
 from par4_sim.commands import simulate
 from par4_sim.commands.entry import run as run_command
 from par4_sim.commands.numbers import Numbers
-from par4_sim.offline import simulate_to_bag
 from par4_sim.report.results import plain, write_results
 from par4_sim.report.words import listed, number, percent, typeset, with_std
-from par4_sim.simulation import build_simulation
 from robots import REFERENCE, model_with
 
 TABLE_1 = read_model('table1', REFERENCE)

@@ -26,10 +26,10 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.files import read_yaml
 from par4_kinematics.ros.convert import joint_values, time_ns
 from par4_kinematics.ros.node import Par4Node
-from par4_sim.cell import CLOCK, COMPOSITIONS, NodePart, Session, ToolPart
+from par4_sim.cell.cell import CLOCK, COMPOSITIONS, NodePart, Session, ToolPart
+from par4_sim.cell.running_cell import RunningCell, command_of, run_session, running_cell
 from par4_sim.choices import POSITION_LAWS
 from par4_sim.ros.simulation_parameters import SimulationParameters
-from par4_sim.running_cell import RunningCell, command_of, run_session, running_cell
 from robots import REFERENCE
 
 SOURCES = Path(__file__).parents[1] / 'src'

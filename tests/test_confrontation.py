@@ -37,10 +37,10 @@ from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis
-from par4_sim.machine_effects import machine_of_model
-from par4_sim.noise import Noise
-from par4_sim.offline import simulate_to_bag
-from par4_sim.simulation import Simulation, build_plant, build_simulation
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import Simulation, build_plant, build_simulation
+from par4_sim.machines.machine_effects import machine_of_model
+from par4_sim.machines.noise import Noise
 from robots import REFERENCE
 
 TABLE_FILE = read_model_file('table1')

@@ -16,8 +16,8 @@ from par4_identification.fitting.identification import Fitting, identify
 from par4_identification.fitting.lumping_bias import lumping_bias, lumping_of
 from par4_identification.logs.read_log import read_log
 from par4_kinematics.motion_file import named_motion
-from par4_sim.offline import simulate_to_bag
-from par4_sim.simulation import build_simulation
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import build_simulation
 from robots import REFERENCE
 
 LEVELS = (0.683, 0.95)

@@ -32,12 +32,12 @@ from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.workspace import home_pose
-from par4_sim.bag_writer import BagWriter
+from par4_sim.bags.bag_writer import BagWriter
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import build_simulation
 from par4_sim.commands import simulate
-from par4_sim.offline import simulate_to_bag
 from par4_sim.report.results import plain
 from par4_sim.report.words import number
-from par4_sim.simulation import build_simulation
 from robots import REFERENCE
 
 TRUTH, TWIN = 'theta_friction', 'passive_joint_friction'

@@ -24,8 +24,8 @@ from par4_identification.diagnosis.verdict.answer import Unusable
 from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.timing import ROUNDED
 from par4_kinematics.adept import adept_motion
-from par4_sim.machine_effects import machine_of_model
-from par4_sim.noise import Noise
+from par4_sim.machines.machine_effects import machine_of_model
+from par4_sim.machines.noise import Noise
 from robots import REFERENCE, model_with
 
 FIT, HELD_OUT = 10.0, 7.0

@@ -10,10 +10,10 @@ from flywheels import spinning
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_platform
 from par4_kinematics.errors import InputError
-from par4_sim.drive import DriveLoops
-from par4_sim.reference import TARGET, ReferenceQueue, interpolate
-from par4_sim.simulation import build_simulation
-from par4_sim.waiting_torque import MOST_WAITING
+from par4_sim.closed_loop.simulation import build_simulation
+from par4_sim.drives.drive import DriveLoops
+from par4_sim.drives.reference import TARGET, ReferenceQueue, interpolate
+from par4_sim.drives.waiting_torque import MOST_WAITING
 from robots import REFERENCE, growing_waves
 
 

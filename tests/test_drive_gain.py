@@ -35,10 +35,10 @@ from par4_kinematics.files import write_yaml
 from par4_kinematics.position import forward_kinematics, inverse_kinematics
 from par4_kinematics.robot import Axis
 from par4_kinematics.workspace import home_pose
-from par4_sim.force_plate import ForcePlate
-from par4_sim.machine_effects import machine_of_model
-from par4_sim.simulation import build_plant
-from par4_sim.static_push import push_poses, simulate_push
+from par4_sim.closed_loop.force_plate import ForcePlate
+from par4_sim.closed_loop.simulation import build_plant
+from par4_sim.closed_loop.static_push import push_poses, simulate_push
+from par4_sim.machines.machine_effects import machine_of_model
 from robots import OTHER, REFERENCE, model_with, other_model
 
 ERRORS = np.array((0.03, -0.05, 0.08, -0.02))

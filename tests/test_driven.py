@@ -12,15 +12,15 @@ from measured import holding_torque
 from par4_dynamics.model import read_model
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.workspace import home_pose
-from par4_sim.driven import can_be_driven
-from par4_sim.elastic import ElasticPlant, split_machine
-from par4_sim.exact import ExactPlant
-from par4_sim.force_plate import ForcePlate
-from par4_sim.held_load import HeldLoad
-from par4_sim.noise import Noise
-from par4_sim.plant import STEP
-from par4_sim.reference_curve import ReferenceLimits
-from par4_sim.simulation import Simulation, Told
+from par4_sim.closed_loop.driven import can_be_driven
+from par4_sim.closed_loop.force_plate import ForcePlate
+from par4_sim.closed_loop.simulation import Simulation, Told
+from par4_sim.drives.held_load import HeldLoad
+from par4_sim.drives.reference_curve import ReferenceLimits
+from par4_sim.machines.noise import Noise
+from par4_sim.plants.elastic import ElasticPlant, split_machine
+from par4_sim.plants.exact import ExactPlant
+from par4_sim.plants.plant import STEP
 from robots import REFERENCE
 
 TABLE_1 = read_model('table1', REFERENCE)

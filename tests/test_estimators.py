@@ -40,8 +40,8 @@ from par4_identification.reports.outcome.estimator import (
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion_file import named_motion
-from par4_sim.offline import simulate_to_bag
-from par4_sim.simulation import build_simulation
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import build_simulation
 from robots import REFERENCE, model_with
 
 TABLE_1 = read_model('table1', REFERENCE)

@@ -13,11 +13,11 @@ from par4_dynamics.state import state_of_platform
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES
-from par4_sim.exact import ExactPlant
-from par4_sim.friction import Friction
-from par4_sim.machine import Machine
-from par4_sim.machine_effects import machine_of_model
-from par4_sim.robot_tree import tree_joint_positions
+from par4_sim.description.robot_tree import tree_joint_positions
+from par4_sim.machines.friction import Friction
+from par4_sim.machines.machine import Machine
+from par4_sim.machines.machine_effects import machine_of_model
+from par4_sim.plants.exact import ExactPlant
 from robots import REFERENCE, UNEVEN, growing_waves, model_with, other_model
 
 HOME = np.array((0.0, 0.0, -0.78, 0.0))

@@ -28,8 +28,8 @@ from par4_kinematics.acceleration import half_plate_accelerations
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion_file import read_motion
 from par4_kinematics.workspace import home_pose, inside
+from par4_sim.closed_loop.simulation import build_simulation
 from par4_sim.commands import simulate
-from par4_sim.simulation import build_simulation
 from robots import OTHER, REFERENCE, model_with, other_model
 
 TABLE_1 = read_model('table1', REFERENCE)

@@ -41,10 +41,10 @@ from par4_kinematics.ros.goal_server import goal_motion, tolerances
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.parameters import declare
 from par4_kinematics.ros.serialised_trajectory import read_serialised_trajectory
-from par4_sim.bag_writer import BagWriter
-from par4_sim.cell import COMPOSITIONS
+from par4_sim.bags.bag_writer import BagWriter
+from par4_sim.cell.cell import COMPOSITIONS
 from par4_sim.commands import entry
-from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.drives.reference_curve import ReferenceLimits
 
 JOINTS = ROBOT.joint_names
 BUILTIN = Path(robot.__file__).parent / 'builtin' / 'reference.yaml'

@@ -27,7 +27,7 @@ from hidden.truth import (
 
 from par4_dynamics.state import GRAVITY, state_of_joints
 from par4_kinematics.excitation import excitation_motion
-from par4_sim.noise import Noise
+from par4_sim.machines.noise import Noise
 
 ALL = np.arange(4)
 

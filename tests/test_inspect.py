@@ -21,9 +21,9 @@ from par4_identification.setup_check.check import check_setup
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import Axis
-from par4_sim.bag_writer import BagWriter
-from par4_sim.offline import simulate_to_bag
-from par4_sim.simulation import build_simulation
+from par4_sim.bags.bag_writer import BagWriter
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import build_simulation
 from robots import REFERENCE
 
 DATE = 1_780_000_000 * 10 ** 9

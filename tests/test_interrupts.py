@@ -95,7 +95,7 @@ def test_an_interrupt_while_a_cell_starts_its_nodes_ends_them_all(bench):
     code = """
 import os, signal, sys
 from par4_sim_start import cell
-from par4_sim import running_cell
+from par4_sim.cell import running_cell
 spawn = running_cell.subprocess.Popen
 def spawned(*arguments, **options):
     process = spawn(*arguments, **options)

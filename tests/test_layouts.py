@@ -11,7 +11,7 @@ import pytest
 
 from par4_kinematics import interface
 from par4_kinematics.ros.qos import message_type
-from par4_sim.layouts import FOXGLOVE, PLOTJUGGLER, absolute, foxglove, plotjuggler
+from par4_sim.cell.layouts import FOXGLOVE, PLOTJUGGLER, absolute, foxglove, plotjuggler
 
 PACKAGE = Path(__file__).parents[1] / 'src' / 'par4_sim'
 READ_BY_FOXGLOVE = {

@@ -16,7 +16,7 @@ from par4_identification.logs.read_log import read_log
 from par4_identification.logs.stamps import CROWDED
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import JOINT_NAMES, Axis, read_robot
-from par4_sim.bag_writer import BagWriter
+from par4_sim.bags.bag_writer import BagWriter
 
 ROBOT = read_robot('reference')
 GAIN = np.array(ROBOT.drive_gain)

@@ -17,8 +17,8 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_joints
 from par4_kinematics.errors import InputError, UnreachableError
-from par4_sim.machine_effects import machine_of_model
-from par4_sim.simulation import build_plant, build_simulation
+from par4_sim.closed_loop.simulation import build_plant, build_simulation
+from par4_sim.machines.machine_effects import machine_of_model
 from robots import REFERENCE
 
 EXAMPLES = {

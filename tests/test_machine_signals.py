@@ -22,8 +22,8 @@ from experiments import (
 )
 
 from par4_kinematics.position import inverse_kinematics
-from par4_sim.simulation import build_simulation
-from par4_sim.transmission import Transmission
+from par4_sim.closed_loop.simulation import build_simulation
+from par4_sim.machines.transmission import Transmission
 from robots import REFERENCE
 
 GEOMETRY = REFERENCE.geometry

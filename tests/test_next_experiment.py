@@ -32,10 +32,10 @@ from par4_kinematics.motion import check_limits
 from par4_kinematics.motion_file import read_motion, write_motion
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.workspace import home_pose
-from par4_sim.held_load import HeldLoad
-from par4_sim.machine import Harmonic
-from par4_sim.machine_effects import machine_of_model
-from par4_sim.platform_forces import PlatformForces
+from par4_sim.drives.held_load import HeldLoad
+from par4_sim.machines.machine import Harmonic
+from par4_sim.machines.machine_effects import machine_of_model
+from par4_sim.machines.platform_forces import PlatformForces
 from robots import OTHER, REFERENCE, model_with, other_model
 
 NOISE = 0.3

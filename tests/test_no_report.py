@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from par4_identification.commands.identify import identify_bags
-from par4_sim.bag_writer import BagWriter
+from par4_sim.bags.bag_writer import BagWriter
 
 RUN = """
 import sys

@@ -71,7 +71,7 @@ from par4_kinematics.ros.convert import (
 from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
-from par4_sim.robot_tree import tree_joint_positions
+from par4_sim.description.robot_tree import tree_joint_positions
 from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.tracking.metrics import tracking_of
 from par4_sim.tracking.run import feedforward_of, record_run

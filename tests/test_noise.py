@@ -10,7 +10,7 @@ from flywheels import played, spinning
 from par4_identification.logs.bag import read_bag
 from par4_kinematics.errors import InputError
 from par4_sim.commands.simulate import simulate
-from par4_sim.noise import Noise, NoiseSource
+from par4_sim.machines.noise import Noise, NoiseSource
 
 PERIOD = 1e-3
 

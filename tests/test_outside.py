@@ -16,7 +16,7 @@ from hidden.truth import VISIBLE, Truth
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.velocity import jacobian
 from par4_kinematics.workspace import home_pose
-from par4_sim.noise import Noise
+from par4_sim.machines.noise import Noise
 
 KNOWN = known_machine('reference')
 STEP = 1e-3

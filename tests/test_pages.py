@@ -25,7 +25,7 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion_file import RECIPES, named_motion, write_motion
 from par4_kinematics.robot import Axis, Robot, read_machine
-from par4_sim.cell import COMPOSITIONS
+from par4_sim.cell.cell import COMPOSITIONS
 from robots import REFERENCE
 
 DOCS = Path(__file__).parents[1] / 'docs'

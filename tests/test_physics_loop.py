@@ -18,14 +18,14 @@ from par4_kinematics.ros.convert import Trajectory
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
-from par4_sim.reference_curve import ReferenceLimits
-from par4_sim.reference_points import ROOM
+from par4_sim.closed_loop.simulation import Sample, Simulation, build_simulation
+from par4_sim.drives.reference_curve import ReferenceLimits
+from par4_sim.drives.reference_points import ROOM
 from par4_sim.ros import simulation_node
 from par4_sim.ros.inbox import MOST, Inbox
 from par4_sim.ros.pace import Pace
 from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.simulation_node import SimulationNode
-from par4_sim.simulation import Sample, Simulation, build_simulation
 from robots import REFERENCE
 
 PERIOD_NS = 2_000_000
@@ -487,7 +487,7 @@ def test_all_that_a_reference_needs_is_compiled_before_a_node_can_be_found():
     told = subprocess.run(
         [sys.executable, '-c',
          'from par4_kinematics.robot import read_robot\n'
-         'from par4_sim import reference, waiting_torque\n'
+         'from par4_sim.drives import reference, waiting_torque\n'
          'from par4_sim.ros.simulation_node import compiled_limits\n'
          'compiled_limits(read_robot("reference"))\n'
          'print(len(waiting_torque._give.signatures), len(reference._pass.signatures))'],

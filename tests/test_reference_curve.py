@@ -17,9 +17,9 @@ from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.limits import check_torque
 from par4_kinematics.position import forward_kinematics, inverse_kinematics
 from par4_kinematics.workspace import home_pose, inside
-from par4_sim.reference import ReferenceQueue
-from par4_sim.reference_curve import HARDEST, ReferenceLimits, between
-from par4_sim.simulation import build_simulation
+from par4_sim.closed_loop.simulation import build_simulation
+from par4_sim.drives.reference import ReferenceQueue
+from par4_sim.drives.reference_curve import HARDEST, ReferenceLimits, between
 from robots import REFERENCE
 
 LIMITS = ReferenceLimits(REFERENCE)

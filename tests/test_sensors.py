@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flywheels import Flywheels, played, spinning, wave
 
-from par4_sim.sensors import Sensors, read_encoders
+from par4_sim.machines.sensors import Sensors, read_encoders
 from robots import REFERENCE
 
 IDEAL = REFERENCE.model_copy(update={

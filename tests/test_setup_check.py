@@ -41,9 +41,9 @@ from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.geometry import Geometry
 from par4_kinematics.position import closes
 from par4_kinematics.robot import Axis, Drives
-from par4_sim.noise import Noise
+from par4_sim.closed_loop.simulation import build_simulation
+from par4_sim.machines.noise import Noise
 from par4_sim.report.outcome import Outcome
-from par4_sim.simulation import build_simulation
 from robots import REFERENCE
 
 TABLE = read_model('table1', REFERENCE)

@@ -16,7 +16,7 @@ from par4_identification.commands import diagnose, identify, validate
 from par4_identification.logs.bag import read_bag
 from par4_identification.logs.raw_bag import RawBag
 from par4_identification.logs.read_log import read_log
-from par4_sim.bag_writer import BagWriter
+from par4_sim.bags.bag_writer import BagWriter
 from robots import REFERENCE
 
 FIRST = 'Before anything else: '

@@ -27,11 +27,11 @@ from par4_identification.reports.outcome.simplification import outcome_of_simpli
 from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.motion import Motion
 from par4_kinematics.position import forward_kinematics
-from par4_sim.bullet import BulletPlant
-from par4_sim.chains import engine_bodies
-from par4_sim.friction import Friction
-from par4_sim.imposed import imposed_run
-from par4_sim.machine import Machine
+from par4_sim.closed_loop.imposed import imposed_run
+from par4_sim.description.chains import engine_bodies
+from par4_sim.machines.friction import Friction
+from par4_sim.machines.machine import Machine
+from par4_sim.plants.bullet import BulletPlant
 from robots import OTHER, REFERENCE
 
 TABLE_1 = read_model_file('table1')
@@ -193,9 +193,9 @@ def test_the_single_bodies_of_the_robot_show_the_same(study, motion, monkeypatch
     The plant's own bodies are heavier, with the same lumped and distributed masses; these here
     only need far more sweeps.
     """
-    monkeypatch.setattr('par4_sim.chains.ROD_SHARE', 0.0)
-    monkeypatch.setattr('par4_sim.chains.BAR_SHARE', 0.0)
-    monkeypatch.setattr('par4_sim.bullet.IMPOSED_ITERATIONS', 2000)
+    monkeypatch.setattr('par4_sim.description.chains.ROD_SHARE', 0.0)
+    monkeypatch.setattr('par4_sim.description.chains.BAR_SHARE', 0.0)
+    monkeypatch.setattr('par4_sim.plants.bullet.IMPOSED_ITERATIONS', 2000)
     single = engine_bodies(REFERENCE.geometry, WHOLE.lumped_bodies())
     assert (single.rod_mass, single.bar_mass) == (0.04, 0.03)
     found = imposed_run(REFERENCE.geometry, WHOLE.lumped_bodies(), motion, 'accurate', COARSE)

@@ -23,18 +23,24 @@ from par4_kinematics.motion_file import RECIPES
 ROOT = Path(__file__).parents[1]
 CHAIN = ('par4_kinematics', 'par4_dynamics', 'par4_sim', 'par4_identification')
 HOMES = {
-    'rosbags': ('par4_sim/bag_writer.py', 'par4_identification/logs/bag.py'),
+    'rosbags': ('par4_sim/bags/bag_writer.py', 'par4_identification/logs/bag.py'),
     'matplotlib': ('par4_sim/report/drawing.py',),
-    'pybullet': ('par4_sim/engine.py',),
+    'pybullet': ('par4_sim/plants/engine.py',),
     'jinja2': ('par4_sim/report/page.py',),
 }
 MESSAGES = ('rclpy', 'builtin_interfaces', 'diagnostic_msgs', 'geometry_msgs', 'rosgraph_msgs',
             'sensor_msgs', 'std_msgs', 'std_srvs', 'trajectory_msgs', 'rcl_interfaces')
-ROOMS = ('logs', 'signals', 'estimators', 'fitting', 'gains', 'excitation', 'diagnosis/evidence',
-         'diagnosis/search', 'diagnosis/nominal', 'diagnosis/verdict', 'diagnosis',
-         'diagnosis/experiment', 'setup_check', 'changes', 'confrontation', 'trend',
-         'reports/outcome', 'inspection', 'reports', 'jobs', 'commands', 'ros')
-"""Of par4_identification; each may import from those in front of it."""
+ROOMS = {
+    'par4_sim': ('machines', 'description', 'plants', 'drives', 'bags', 'closed_loop', 'pictures',
+                 'report', 'tracking', 'cell', 'jobs', 'commands', 'ros'),
+    'par4_identification': (
+        'logs', 'signals', 'estimators', 'fitting', 'gains', 'excitation', 'diagnosis/evidence',
+        'diagnosis/search', 'diagnosis/nominal', 'diagnosis/verdict', 'diagnosis',
+        'diagnosis/experiment', 'setup_check', 'changes', 'confrontation', 'trend',
+        'reports/outcome', 'inspection', 'reports', 'jobs', 'commands', 'ros')}
+"""Of packages; each may import from those in front of it."""
+ROOMLESS = ('__init__.py', 'choices.py')
+"""The door of a package, and names that all of its rooms use."""
 SOURCES = sorted(path for package in CHAIN
                  for path in (ROOT / 'src' / package / package).rglob('*.py'))
 
@@ -75,31 +81,36 @@ def test_imports(path):
         assert 'click' not in tops, 'command lines live under <package>/commands'
 
 
-def room(place: tuple[str, ...]) -> str:
-    """Return the innermost room of a place below par4_identification."""
-    inside = [name for name in ROOMS if place[:len(name.split('/'))] == tuple(name.split('/'))]
+def room(package: str, place: tuple[str, ...]) -> str:
+    """Return the innermost room of a place below a package."""
+    inside = [name for name in ROOMS[package]
+              if place[:len(name.split('/'))] == tuple(name.split('/'))]
     assert inside, f'{"/".join(place)} stands in no room; tests/test_structure.py lists them'
     return max(inside, key=len)
 
 
-@pytest.mark.parametrize('path', [path for path in SOURCES if inner(path).parts[0] == CHAIN[3]],
+@pytest.mark.parametrize('path', [path for path in SOURCES if inner(path).parts[0] in ROOMS],
                          ids=lambda path: str(inner(path)))
 def test_rooms(path):
-    place = inner(path).parts[1:]
-    if place == ('__init__.py',):
+    package, *place = inner(path).parts
+    if len(place) == 1:
+        assert place[0] in ROOMLESS
         return
-    own = ROOMS.index(room(place[:-1]))
+    rooms = ROOMS[package]
+    own = rooms.index(room(package, tuple(place[:-1])))
     for name in imported(path):
-        if name.startswith(f'{CHAIN[3]}.'):
-            other = room(tuple(name.split('.')[1:]))
-            assert ROOMS.index(other) <= own, f'{ROOMS[own]} stands below {other}'
+        if name.startswith(f'{package}.') and f'{name.partition(".")[2]}.py' not in ROOMLESS:
+            other = room(package, tuple(name.split('.')[1:]))
+            assert rooms.index(other) <= own, f'{rooms[own]} stands below {other}'
 
 
-def test_every_room_is_described():
+@pytest.mark.parametrize('package', ROOMS)
+def test_every_room_is_described(package):
     page = (ROOT / 'docs' / 'architecture.md').read_text(encoding='utf-8')
-    for name in ROOMS:
+    page = page.partition(f'## Rooms of {package}\n')[2].partition('\n## ')[0]
+    for name in ROOMS[package]:
         assert f'| `{name}/` |' in page, name
-        door = ROOT / 'src' / CHAIN[3] / CHAIN[3] / name / '__init__.py'
+        door = ROOT / 'src' / package / package / name / '__init__.py'
         assert ast.get_docstring(ast.parse(door.read_text(encoding='utf-8'))), door
 
 

@@ -28,7 +28,7 @@ from par4_identification.diagnosis.search.swing import Swing, _descended, swing_
 from par4_identification.diagnosis.verdict.swinging_loads import unbiased
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.robot import Axis
-from par4_sim.noise import Noise
+from par4_sim.machines.noise import Noise
 
 AXIS = Axis(schema='par4/axis/1', name='arm', joint='arm', kind='revolute', gain=1.0)
 INERTIA, COULOMB, VISCOUS = 0.2, 1.5, 0.8

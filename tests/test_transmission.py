@@ -13,13 +13,13 @@ from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_platform
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.workspace import home_pose
-from par4_sim.elastic import ElasticPlant, Motors, split_machine
-from par4_sim.exact import ExactPlant
-from par4_sim.friction import Friction
-from par4_sim.machine_effects import machine_of_model
-from par4_sim.noise import Noise
-from par4_sim.simulation import Simulation, build_plant
-from par4_sim.transmission import Transmission
+from par4_sim.closed_loop.simulation import Simulation, build_plant
+from par4_sim.machines.friction import Friction
+from par4_sim.machines.machine_effects import machine_of_model
+from par4_sim.machines.noise import Noise
+from par4_sim.machines.transmission import Transmission
+from par4_sim.plants.elastic import ElasticPlant, Motors, split_machine
+from par4_sim.plants.exact import ExactPlant
 from robots import REFERENCE, growing_waves
 
 MACHINE = machine_of_model(REFERENCE, read_model('table1_full', REFERENCE))

@@ -40,8 +40,8 @@ from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.files import write_yaml
 from par4_kinematics.robot import Axis
 from par4_kinematics.stamps import SECOND
-from par4_sim.offline import simulate_to_bag
-from par4_sim.simulation import build_simulation
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import build_simulation
 from robots import REFERENCE
 
 STD = np.array([2e-4, 8e-4, 8e-4, 3e-3, 3e-3, 2e-3])

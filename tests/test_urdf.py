@@ -16,8 +16,12 @@ from par4_kinematics.files import read_yaml
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.interface import BASE_FRAME, PLATFORM_POSE, ROBOT_DESCRIPTION, TOOL_FRAME
 from par4_kinematics.robot import JOINT_NAMES
-from par4_sim.chains import chains, engine_bodies, link_positions
-from par4_sim.robot_tree import passive_joint_positions, robot_description, tree_joint_positions
+from par4_sim.description.chains import chains, engine_bodies, link_positions
+from par4_sim.description.robot_tree import (
+    passive_joint_positions,
+    robot_description,
+    tree_joint_positions,
+)
 from robots import REFERENCE, UNEVEN, random_poses
 
 ROBOTS = [REFERENCE, UNEVEN]

@@ -36,7 +36,7 @@ from par4_kinematics.ros.convert import read_trajectory, write_joint_state
 from par4_kinematics.ros.qos import qos_of
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
-from par4_sim.reference import ReferenceQueue
+from par4_sim.drives.reference import ReferenceQueue
 from par4_sim.ros.compiled_limits import compiled_limits
 
 PERIOD = 2e-3

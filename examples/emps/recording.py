@@ -13,7 +13,7 @@ from par4_identification.signals.filtering import central_difference, second_dif
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, REFERENCE
 from par4_kinematics.robot import Axis
-from par4_sim.bag_writer import BagWriter
+from par4_sim.bags.bag_writer import BagWriter
 
 VARIABLE = 'PAR4_EMPS_DATA'
 """Environment variable with the path of DATA_EMPS.mat."""

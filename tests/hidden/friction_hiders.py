@@ -17,7 +17,7 @@ from hidden.hider import (
 )
 from hidden.machines import Known
 from par4_kinematics.geometry import LEGS
-from par4_sim.machine import Machine
+from par4_sim.machines.machine import Machine
 
 
 def coulomb(known: Known) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from hidden.machines import Known
 from par4_kinematics.geometry import LEGS
-from par4_sim.machine import Machine
+from par4_sim.machines.machine import Machine
 
 Values = dict[str, np.ndarray | float]
 """Parameter -> one number, or (4,) for the joints."""

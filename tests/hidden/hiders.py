@@ -33,7 +33,7 @@ from hidden.hider import (
     signs,
 )
 from par4_kinematics.geometry import LEGS
-from par4_sim.machine import Harmonic, Machine
+from par4_sim.machines.machine import Harmonic, Machine
 
 RATED = 20.0
 """N m: motors of this size; their cogging and ripple are shares of it."""

@@ -23,6 +23,8 @@ from par4_kinematics.robot import Robot
 
 SCORING = ('scoring.py', 'kept.py', '__init__.py')
 """Files of this package that draw, record and judge nothing."""
+MAKING = ('machines', 'plants', 'drives', 'closed_loop')
+"""Rooms of the simulation by which recordings are made."""
 
 
 def hash_of(paths: Iterable[Path]) -> str:
@@ -39,7 +41,9 @@ def generator_hash() -> str:
     """Return the hash of the sources that make recordings: generator and simulation."""
     here = Path(__file__).parent
     return hash_of([*(path for path in here.glob('*.py') if path.name not in SCORING),
-                    here.parent / 'robots.py', *Path(par4_sim.__file__).parent.glob('*.py')])
+                    here.parent / 'robots.py', *(
+                        path for room in MAKING for path in
+                        (Path(par4_sim.__file__).parent / room).glob('*.py'))])
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ import numpy as np
 
 from par4_dynamics.model import Model, read_model
 from par4_kinematics.robot import Robot
-from par4_sim.friction import Friction
-from par4_sim.machine import Machine
+from par4_sim.machines.friction import Friction
+from par4_sim.machines.machine import Machine
 from robots import OTHER, REFERENCE, other_model
 
 

@@ -23,7 +23,7 @@ from par4_kinematics.geometry import LEGS
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.velocity import jacobian
 from par4_kinematics.workspace import home_pose
-from par4_sim.plant import Plant
+from par4_sim.plants.plant import Plant
 
 Act = Callable[[Plant, np.ndarray], np.ndarray]
 """(plant at the step's beginning, torque delivered (4,)) -> torque lost on the way (4,), N m."""

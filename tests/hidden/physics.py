@@ -26,9 +26,7 @@ from par4_kinematics.acceleration import platform_motion
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.position import forward_kinematics
-from par4_sim.elastic import split_machine, spring_torque
-from par4_sim.exact import FREE, MODE, QD, WORK_ROWS, Q, X, advance, machine_constants
-from par4_sim.friction import (
+from par4_sim.machines.friction import (
     LOAD_COEFFICIENT,
     PRESLIDING_DISTANCE,
     Friction,
@@ -38,8 +36,10 @@ from par4_sim.friction import (
     flowing_friction,
     friction_at,
 )
-from par4_sim.machine import Machine
-from par4_sim.platform_forces import add_pivot_force, platform_force_sample
+from par4_sim.machines.machine import Machine
+from par4_sim.machines.platform_forces import add_pivot_force, platform_force_sample
+from par4_sim.plants.elastic import split_machine, spring_torque
+from par4_sim.plants.exact import FREE, MODE, QD, WORK_ROWS, Q, X, advance, machine_constants
 
 RIGID = 1e5
 """N m/rad: of a spring that stands for a rigid joint beside elastic ones."""

@@ -21,11 +21,11 @@ from par4_identification.logs.log import Log
 from par4_kinematics.approach import with_approach
 from par4_kinematics.motion import Motion
 from par4_kinematics.workspace import home_pose
-from par4_sim.held_load import HeldLoad
-from par4_sim.machine import Machine
-from par4_sim.noise import Noise, NoiseSource
-from par4_sim.plant import Plant
-from par4_sim.simulation import Simulation, build_plant
+from par4_sim.closed_loop.simulation import Simulation, build_plant
+from par4_sim.drives.held_load import HeldLoad
+from par4_sim.machines.machine import Machine
+from par4_sim.machines.noise import Noise, NoiseSource
+from par4_sim.plants.plant import Plant
 
 DWELL = 0.5
 """s of rest before and after."""

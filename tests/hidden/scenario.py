@@ -18,9 +18,9 @@ from hidden.recording import PERIOD, Recording, Wander, loaded, record, simulati
 from hidden.truth import BAND, CHAOTIC, EVERY, Truth, base_variants, build, usable
 from par4_identification.logs.read_log import read_log
 from par4_kinematics.motion import Motion
-from par4_sim.machine import Machine
-from par4_sim.noise import Noise
-from par4_sim.offline import simulate_to_bag
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.machines.machine import Machine
+from par4_sim.machines.noise import Noise
 
 KINDS = ('single', 'pair', 'removed', 'clean', 'below', 'rods', 'triple', 'company', 'outside',
          'realistic', 'wander', 'lines', 'bursts', 'coarse', 'large')

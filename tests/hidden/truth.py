@@ -26,7 +26,7 @@ from hidden.hiders import HIDERS
 from hidden.machines import Known
 from hidden.physics import OutOfReach, Torques, in_band, rate
 from hidden.recording import PERIOD, Recording
-from par4_sim.machine import Machine
+from par4_sim.machines.machine import Machine
 
 VISIBLE = 50.0
 """Log-likelihood ratio over the base model at which an effect counts as visible."""

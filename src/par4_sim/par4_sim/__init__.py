@@ -10,6 +10,6 @@ What is named here is public; it is loaded when it is first used.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    'offline': ['simulate_to_bag'],
-    'simulation': ['build_plant', 'build_simulation'],
+    'closed_loop.offline': ['simulate_to_bag'],
+    'closed_loop.simulation': ['build_plant', 'build_simulation'],
 })

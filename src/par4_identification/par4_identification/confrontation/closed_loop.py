@@ -15,9 +15,9 @@ from par4_kinematics.approach import with_approach
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.motion import motion_of_joints
 from par4_kinematics.robot import Robot
-from par4_sim.reference import TARGET, interpolate
-from par4_sim.reference_curve import COLUMNS
-from par4_sim.simulation import build_simulation
+from par4_sim.closed_loop.simulation import build_simulation
+from par4_sim.drives.reference import TARGET, interpolate
+from par4_sim.drives.reference_curve import COLUMNS
 
 PERIOD = 1e-3
 """s, of the simulated samples."""

@@ -15,7 +15,7 @@ from par4_identification.signals.rows import Run, runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import Robot
-from par4_sim.drive import DriveLoops
+from par4_sim.drives.drive import DriveLoops
 
 SHORTEST = 2.0
 """Seconds below which a stretch says too little."""

@@ -16,7 +16,7 @@ from par4_kinematics.approach import with_approach
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion import motion_of_joints
 from par4_kinematics.robot import Axis, Robot
-from par4_sim.simulation import build_simulation
+from par4_sim.closed_loop.simulation import build_simulation
 
 PERIOD = 1e-3
 """s, of the simulated samples."""

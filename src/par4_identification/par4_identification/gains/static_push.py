@@ -30,7 +30,7 @@ from par4_identification.logs.masks import stretches
 from par4_identification.signals.filtering import low_pass
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Robot
-from par4_sim.static_push import FORCE_COLUMNS
+from par4_sim.closed_loop.static_push import FORCE_COLUMNS
 
 CUTOFF_HZ = 5.0
 """Low-pass of torque, force and direction: pushes last seconds."""

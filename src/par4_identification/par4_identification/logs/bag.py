@@ -1,7 +1,7 @@
 """Reading bags: rosbag2 folders or single files, MCAP or sqlite3, with or without compression.
 
 Messages leave here as columns of numpy arrays; joints and topics are found by name. What writes
-bags is `par4_sim.bag_writer`; each of the two knows the bag library.
+bags is `par4_sim.bags.bag_writer`; each of the two knows the bag library.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from par4_identification.logs.topic_columns import (
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES, REFERENCE
 from par4_kinematics.stamps import SECOND
-from par4_sim.message_layout import joint_state_layout, trajectory_layout
+from par4_sim.bags.message_layout import joint_state_layout, trajectory_layout
 
 JOINT_STATE_TYPE = JOINT_STATES.type
 TRAJECTORY_TYPE = REFERENCE.type

@@ -25,7 +25,7 @@ from par4_identification.logs.bag_files import STORAGE_SUFFIXES, ZSTD_SUFFIX, st
 from par4_identification.logs.sqlite_pages import rows_of_leaves
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
-from par4_sim.bag_writer import BagWriter
+from par4_sim.bags.bag_writer import BagWriter
 
 _MCAP_MAGIC = b'\x89MCAP0\r\n'
 _SQLITE_MAGIC = b'SQLite format 3\0'

@@ -10,7 +10,7 @@ from pathlib import Path
 from par4_identification.logs.stamps import Losses
 from par4_kinematics.interface import JOINT_STATES
 from par4_kinematics.stamps import SECOND
-from par4_sim.bag_writer import BagWriter
+from par4_sim.bags.bag_writer import BagWriter
 
 
 @dataclass(frozen=True)

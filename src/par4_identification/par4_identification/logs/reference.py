@@ -11,7 +11,7 @@ from par4_identification.logs.log import Reference
 from par4_identification.logs.raw_bag import RawBag, TrajectoryPoints
 from par4_identification.logs.stamps import nearest_stamp
 from par4_kinematics.interface import FEEDFORWARD_TORQUE, REFERENCE, START_DELAY
-from par4_sim.waiting_torque import MATCH
+from par4_sim.drives.waiting_torque import MATCH
 
 
 def reference_of(bag: RawBag, joints: Sequence[str], clock: Clock) -> tuple[Reference | None, str]:

@@ -14,7 +14,7 @@ import numba
 import numpy as np
 
 from par4_kinematics.stamps import SECOND
-from par4_sim.message_layout import ENCAPSULATION, Layout
+from par4_sim.bags.message_layout import ENCAPSULATION, Layout
 
 _MESSAGE = 0x05
 _MESSAGE_HEAD = 22

@@ -17,7 +17,7 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
 from par4_kinematics.stamps import SECOND
-from par4_sim.bag_writer import BagWriter
+from par4_sim.bags.bag_writer import BagWriter
 
 LATEST = 2.0 ** 31
 """Seconds that a stamp of ROS holds."""

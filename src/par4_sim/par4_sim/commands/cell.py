@@ -9,9 +9,9 @@ from pathlib import Path
 import click
 
 from par4_kinematics.errors import InputError
-from par4_sim.cell import COMPOSITIONS, Composition
+from par4_sim.cell.cell import COMPOSITIONS, Composition
+from par4_sim.cell.running_cell import run_session
 from par4_sim.commands.entry import run
-from par4_sim.running_cell import run_session
 from par4_start import STOPPED, tool_is_interrupted
 
 

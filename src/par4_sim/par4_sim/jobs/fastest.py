@@ -12,7 +12,7 @@ from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion_file import is_untouched, write_motion
 from par4_sim.choices import OWN, TIME_OPTIMAL
 from par4_sim.jobs.comparison import read_asked
-from par4_sim.plant import STEP
+from par4_sim.plants.plant import STEP
 from par4_sim.report.results import origin, write_results
 from par4_sim.report.terminal import print_table
 from par4_sim.tracking.fastest import fastest_cases

@@ -8,7 +8,7 @@ from pathlib import Path
 from par4_dynamics.model import read_model
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.robot import read_robot
-from par4_sim.static_push import simulate_push
+from par4_sim.closed_loop.static_push import simulate_push
 
 
 def pushed(robot: str, model: str, output: Path, force: float, fidelity: str, seed: int,

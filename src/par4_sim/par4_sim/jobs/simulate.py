@@ -11,8 +11,8 @@ from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
 from par4_kinematics.stamps import SECOND
-from par4_sim.offline import simulate_to_bag
-from par4_sim.simulation import build_simulation
+from par4_sim.closed_loop.offline import simulate_to_bag
+from par4_sim.closed_loop.simulation import build_simulation
 
 
 def simulated(motion: str, robot: str, model: str, output: Path, fidelity: str,

@@ -9,8 +9,8 @@ from par4_kinematics.robot import Robot
 from par4_kinematics.ros.serialised_trajectory import read_serialised_trajectory, serialised_rest
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
-from par4_sim.reference import ReferenceQueue
-from par4_sim.reference_curve import ReferenceLimits
+from par4_sim.drives.reference import ReferenceQueue
+from par4_sim.drives.reference_curve import ReferenceLimits
 
 
 def compiled_limits(robot: Robot) -> ReferenceLimits:

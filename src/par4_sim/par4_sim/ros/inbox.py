@@ -9,7 +9,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 
 from par4_kinematics.stamps import SECOND
-from par4_sim.reference_points import ROOM
+from par4_sim.drives.reference_points import ROOM
 
 MOST = 1000
 """Points that are taken at a time: a flood of them must not stop the physics."""

@@ -22,9 +22,9 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from par4_kinematics.robot import read_robot
-from par4_sim.cell import COMPOSITIONS, Argument, NodePart, Session
-from par4_sim.description import complete_description
-from par4_sim.running_cell import executable_path
+from par4_sim.cell.cell import COMPOSITIONS, Argument, NodePart, Session
+from par4_sim.cell.running_cell import executable_path
+from par4_sim.description.robot_description import complete_description
 
 PICTURES_HZ = 31.0
 """Of robot_state_publisher: with a shorter period than that of the passive joints in joint_states,

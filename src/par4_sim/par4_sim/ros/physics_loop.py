@@ -13,10 +13,10 @@ from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import Trajectory
 from par4_kinematics.stamps import SECOND
-from par4_sim.reference_points import ReferencePoints
+from par4_sim.closed_loop.simulation import Sample, Simulation
+from par4_sim.drives.reference_points import ReferencePoints
 from par4_sim.ros.inbox import MOST, Inbox, Torques, joined
 from par4_sim.ros.pace import Pace
-from par4_sim.simulation import Sample, Simulation
 
 BACKLOG = 0.5
 """Seconds behind the wall clock that are caught up; what is beyond is let go."""

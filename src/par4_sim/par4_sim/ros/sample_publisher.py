@@ -34,9 +34,9 @@ from par4_kinematics.ros.convert import write_pose, write_time
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.qos import message_type
 from par4_kinematics.workspace import home_pose
-from par4_sim.message_layout import JointStateTemplate
-from par4_sim.robot_tree import tree_joint_positions
-from par4_sim.simulation import Sample
+from par4_sim.bags.message_layout import JointStateTemplate
+from par4_sim.closed_loop.simulation import Sample
+from par4_sim.description.robot_tree import tree_joint_positions
 
 CLOCK_PERIOD_NS = 10_000_000
 PATIENCE = Duration(seconds=0.5)

@@ -31,8 +31,10 @@ from par4_kinematics.ros.serialised_trajectory import (
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
 from par4_sim.choices import LOOKED_AHEAD, PREDICTIVE
-from par4_sim.description import complete_description
-from par4_sim.laws import KNOWING
+from par4_sim.closed_loop.simulation import Sample, Simulation, build_simulation
+from par4_sim.description.robot_description import complete_description
+from par4_sim.drives.laws import KNOWING
+from par4_sim.pictures.window import Window
 from par4_sim.ros.compiled_limits import compiled_limits
 from par4_sim.ros.kept_memory import keep_memory
 from par4_sim.ros.pace import Pace
@@ -40,8 +42,6 @@ from par4_sim.ros.physics_loop import PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.simulation_parameters import SimulationParameters
 from par4_sim.ros.zero_stamp import ZeroStamps
-from par4_sim.simulation import Sample, Simulation, build_simulation
-from par4_sim.window import Window
 
 SWITCH_INTERVAL = 2e-4
 """Seconds for which the thread of the callbacks may run while that of the physics waits."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
-from par4_sim.laws import KNOWING
+from par4_sim.drives.laws import KNOWING
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
 from par4_sim.report.words import capital, in_words, number, percent

@@ -1,0 +1,1 @@
+"""Pictures of the robot, offscreen or in a window."""
