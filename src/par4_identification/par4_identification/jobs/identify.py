@@ -126,7 +126,7 @@ def identify_bags(asked: Asked) -> None:
                                                    asked.rigid_body)
         mass_remarks, mass_fields = weighed_payload(
             identification.runs, [log for log in logs if log.name in loaded], machine,
-            asked.rigid_body)
+            asked.rigid_body, conditioning)
         found = (*gain_remarks, *mass_remarks)
         outcome = outcome_of_identification(identification, floor, machine, bare,
                                             bool(check.useless))
