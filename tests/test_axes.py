@@ -264,6 +264,7 @@ def test_what_a_user_sets_rules_and_what_samples_do_not_carry_is_refused():
 @pytest.mark.parametrize(('chosen', 'told', 'other'), [
     (Chosen(low_speed=1e9), '--low-speed 1e+09: joint 0', 'lower'),
     (Chosen(cutoff_hz=0.2), '--cutoff 0.2: joint 0', 'higher'),
+    (Chosen(cutoff_hz=1e-9), '--cutoff 1e-09: joint 0', 'higher'),  # remembers thirty years
     (Chosen(cutoff_hz=0.2, row_rate_hz=100.0), '--cutoff 0.2: joint 0', 'higher'),
     (Chosen(cutoff_hz=40.0, low_speed=50.0), '--low-speed 50: joint 0', 'lower'),
 ])
