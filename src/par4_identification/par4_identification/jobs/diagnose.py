@@ -53,6 +53,7 @@ from par4_kinematics.motion_file import free_motion_path, is_untouched, write_mo
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.outcome import Remark
 from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.terminal import say
 from par4_sim.report.words import number, shortened
 
 TOOL = 'par4_diagnose'
@@ -194,18 +195,13 @@ def diagnose_bags(asked: Asked) -> None:
     if outdated is not None:
         for file in (outdated, outdated.with_suffix('.csv')):
             file.unlink(missing_ok=True)
-    console = Console(highlight=False)
-    for line in (*outcome.first, *(f'{remark.text} {remark.advice}'.rstrip() for remark in beside)):
-        console.print(line, soft_wrap=not console.is_terminal, markup=False)
+    say(*outcome.first, *(f'{remark.text} {remark.advice}'.rstrip() for remark in beside))
     if isinstance(diagnosis, Diagnosis) and changes is not None:
-        console.print(errors_in_lines(changes, diagnosis, machine), soft_wrap=True, markup=False)
-    console.print(f'{verdict}: {outcome.sentence}',
-                  soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results{" and report" if asked.report else ""}: {asked.output}',
-                  soft_wrap=True, markup=False)
+        say(errors_in_lines(changes, diagnosis, machine), whole=True)
+    say(f'{verdict}: {outcome.sentence}')
+    say(f'results{" and report" if asked.report else ""}: {asked.output}', whole=True)
     if isinstance(machine, Robot) and experiment is not None and experiment.motion is not None:
-        for line in limits_not_given(machine):  # which the proposed motion keeps
-            console.print(line, soft_wrap=True, markup=False)
+        say(*limits_not_given(machine), whole=True)  # which the proposed motion keeps
 
 
 def motion_of_earlier_run(folder: Path) -> Path | None:

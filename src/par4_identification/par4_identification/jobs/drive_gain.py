@@ -21,7 +21,7 @@ from par4_identification.reports.outcome.results import provenance
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import read_robot
 from par4_sim.report.results import refuse_unwritable, write_results
-from par4_sim.report.terminal import print_table
+from par4_sim.report.terminal import print_table, say
 
 
 def find_gains(pushes: tuple[str, ...], robot: str, output: Path,
@@ -61,12 +61,10 @@ def find_gains(pushes: tuple[str, ...], robot: str, output: Path,
     for row in gains_rows(gains, machine):
         table.add_row(*row)
     print_table(table)
-    console = Console(highlight=False)
     reservations = [f'- {remark.text} {remark.advice}'.rstrip() for remark in outcome.remarks
                     if not remark.good]
-    for line in (outcome.sentence, *reservations):
-        console.print(line, soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results and report: {output}', soft_wrap=True, markup=False)
+    say(outcome.sentence, *reservations)
+    say(f'results and report: {output}', whole=True)
 
 
 def bags_with_readings(pushes: Sequence[str]) -> list[tuple[str, str]]:

@@ -38,7 +38,7 @@ from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.results import refuse_unwritable, write_results
-from par4_sim.report.terminal import print_table
+from par4_sim.report.terminal import print_table, say
 from par4_sim.report.words import in_words, listed, percent, with_std
 
 
@@ -148,18 +148,14 @@ def identify_bags(asked: Asked) -> None:
                                     'setup': setup_json(check),
                                     **gain_fields, **mass_fields},
             'report.html': page})
-    console = Console(highlight=False)
-    for line in outcome.first:
-        console.print(line, soft_wrap=not console.is_terminal, markup=False)
+    say(*outcome.first)
     print_table(terminal_table(table))
     findings = [remark.text for remark in (*estimator_remarks(identification, machine), *found)
                 if remark.good]
     reservations = [f'- {remark.text} {remark.advice}'.rstrip() for remark in outcome.remarks
                     if not remark.good]
-    for line in (*findings, outcome.sentence, *reservations):
-        console.print(line, soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results{" and report" if asked.report else ""}: {asked.output}',
-                  soft_wrap=True, markup=False)
+    say(*findings, outcome.sentence, *reservations)
+    say(f'results{" and report" if asked.report else ""}: {asked.output}', whole=True)
 
 
 def distinct_bags(bags: Sequence[str]) -> Sequence[str]:
