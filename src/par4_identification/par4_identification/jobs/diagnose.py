@@ -23,9 +23,8 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.experiment.next_experiment import next_experiment
 from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_identification.fitting.axis_gravity import with_gravity_told
-from par4_identification.jobs.identify import distinct_bags, distinct_readings
+from par4_identification.jobs.read_bags import read_bags
 from par4_identification.logs.log import Log
-from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.changes import (
     diagnosis_json_with_changes,
     error_rows,
@@ -113,11 +112,7 @@ def diagnose_bags(asked: Asked) -> None:
                        read_file_and_model(asked.model, machine))
     refuse_unwritable(asked.output)
     with Console(stderr=True).status('reading the bags') as status:
-        logs: Sequence[Log] = ()
-        for bag in distinct_bags(asked.every_bag):
-            status.update(f'reading {bag}')
-            logs = (*logs, read_log(bag, machine, asked.namespace))
-        distinct_readings(logs, asked.every_bag)
+        logs = read_bags(asked.every_bag, machine, asked.namespace, status.update)
         status.update('looking for mistakes of the setup')
         own = len(asked.bags) + len(asked.holdout)
         conditioning = conditioning_for(logs, machine, CONDITIONING, asked.chosen)

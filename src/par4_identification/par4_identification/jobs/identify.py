@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from hashlib import sha256
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -18,8 +17,7 @@ from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import Fitting, identify
 from par4_identification.jobs.beside_causes import beside_causes
-from par4_identification.logs.log import Log
-from par4_identification.logs.read_log import read_log
+from par4_identification.jobs.read_bags import read_bags
 from par4_identification.reports.outcome.estimator import estimator_remarks
 from par4_identification.reports.outcome.gravity import gravity_remarks
 from par4_identification.reports.outcome.identification import (
@@ -96,11 +94,7 @@ def identify_bags(asked: Asked) -> None:
     refuse_payloads(machine, masses, loaded)
     refuse_unwritable(asked.output)
     with Console(stderr=True).status('reading the bags') as status:
-        logs: Sequence[Log] = ()
-        for bag in distinct_bags(asked.bags):
-            status.update(f'reading {bag}')
-            logs = (*logs, read_log(bag, machine, asked.namespace))
-        distinct_readings(logs, asked.bags)
+        logs = read_bags(asked.bags, machine, asked.namespace, status.update)
         status.update('looking for mistakes of the setup')
         check = check_setup(logs, machine)
         logs = check.logs
@@ -156,34 +150,6 @@ def identify_bags(asked: Asked) -> None:
                     if not remark.good]
     say(*findings, outcome.sentence, *reservations)
     say(f'results{" and report" if asked.report else ""}: {asked.output}', whole=True)
-
-
-def distinct_bags(bags: Sequence[str]) -> Sequence[str]:
-    """Return the bags.
-
-    Raises:
-        InputError: one is there twice; its rows would count twice.
-    """
-    found = [Path(bag).resolve() for bag in bags]
-    for index, path in enumerate(found):
-        if path in found[:index]:
-            raise InputError(f'{bags[index]}: given twice; give every bag once')
-    return bags
-
-
-def distinct_readings(logs: Sequence[Log], bags: Sequence[str]) -> None:
-    """Refuse a bag that holds the readings of another one: rows that were fitted confirm nothing.
-
-    Raises:
-        InputError: names both.
-    """
-    seen: dict[bytes, str] = {}
-    for log, bag in zip(logs, bags, strict=True):
-        readings = sha256(log.q.tobytes() + log.tau.tobytes()).digest()
-        if readings in seen:
-            raise InputError(f'{bag}: holds the same readings as {seen[readings]}; give another '
-                             f'recording, or leave it out')
-        seen[readings] = bag
 
 
 def payload_masses(payloads: Sequence[str], bags: Sequence[str]) -> dict[str, float]:
