@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 
+from par4_identification.diagnosis.progress import Progress
 from par4_identification.logs.log import Log
 from par4_identification.logs.read_log import read_log
 from par4_kinematics.errors import InputError
@@ -13,7 +14,7 @@ from par4_kinematics.robot import Axis, Robot
 
 
 def read_bags(bags: Sequence[str], machine: Robot | Axis, namespace: str | None,
-              progress: Callable[[str], None]) -> tuple[Log, ...]:
+              progress: Progress) -> tuple[Log, ...]:
     """Return the logs of bags.
 
     Args:
