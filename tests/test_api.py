@@ -33,6 +33,13 @@ def test_a_door_is_quick(package):
     assert told.stdout.split() == ['False']
 
 
+@pytest.mark.parametrize('page', sorted(PAGE.parent.glob('*.md')), ids=lambda page: page.stem)
+def test_pages_show_only_what_is_public(page):
+    """A reader may copy them: what no package names may move."""
+    shown = '\n'.join(re.findall(r'```python\n(.*?)```', page.read_text(), re.DOTALL))
+    assert not re.findall(r'^(?:from|import) par4_\w+\.[\w.]+', shown, re.MULTILINE)
+
+
 def test_the_page_runs_and_names_the_effect_of_its_own(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     scope = {}

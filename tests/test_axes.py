@@ -264,6 +264,7 @@ def test_what_a_user_sets_rules_and_what_samples_do_not_carry_is_refused():
 @pytest.mark.parametrize(('chosen', 'told', 'other'), [
     (Chosen(low_speed=1e9), '--low-speed 1e+09: joint 0', 'lower'),
     (Chosen(cutoff_hz=0.2), '--cutoff 0.2: joint 0', 'higher'),
+    (Chosen(cutoff_hz=1e-9), '--cutoff 1e-09: joint 0', 'higher'),  # remembers thirty years
     (Chosen(cutoff_hz=0.2, row_rate_hz=100.0), '--cutoff 0.2: joint 0', 'higher'),
     (Chosen(cutoff_hz=40.0, low_speed=50.0), '--low-speed 50: joint 0', 'lower'),
 ])
@@ -438,7 +439,14 @@ def test_what_holds_an_axis_is_named_with_its_course(held):
     ('position_torque', {'coefficients': (0.0, 1.0), 'range': (1.0, 1.0)}, 'the lower one first'),
     ('position_torque', {'coefficients': (0.0, 1.0), 'range': (1.0, -1.0)}, 'found 1, -1'),
     ('position_torque', {'coefficients': (0.0, 1.0), 'range': 1.0}, 'expected 2 numbers'),
-    ('stribeck', {'stribeck_torque': 1.0, 'stribeck_velocity': 0.0}, 'more than 0 rad/s')])
+    ('stribeck', {'stribeck_torque': 1.0, 'stribeck_velocity': 0.0}, 'more than 0 rad/s'),
+    ('stribeck', {'stribeck_torque': 1.0, 'stribeck_velocity': 0.1, 'exponent': -1.0},
+     'exponent: expected more than 0, found -1'),
+    ('friction_drift', {'drop': 0.3, 'time_constant': 0.0}, 'expected more than 0 s, found'),
+    ('presliding', {'distance': 0.0}, 'distance: expected more than 0 rad'),
+    ('nonlinear_viscous', {'torque': 1.0, 'exponent': -0.5}, 'exponent: expected more than 0'),
+    ('elastic_transmission', {'stiffness': 1e4, 'damping_ratio': -0.1},
+     'damping_ratio: expected more than 0')])
 def test_numbers_that_make_no_law_are_refused(effect, values, said):
     base = {term.name: Parameter(value=1.0) for term in BASE_TERMS if not term.needs_platform}
     entry = EffectEntry(effect=effect, parameters={

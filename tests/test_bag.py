@@ -22,9 +22,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from par4_identification.logs import bag as bag_module
 from par4_identification.logs.bag import read_bag
 from par4_identification.logs.bag_repair import repair_bag
-from par4_identification.logs.recorder import Recorder
 from par4_identification.logs.sqlite_pages import rows_of_leaves
-from par4_identification.logs.stamps import BLOCK, Losses
 from par4_identification.logs.topic_columns import JOINT_ARRAYS, AlikeMessages, TopicColumns
 from par4_kinematics.errors import InputError
 from par4_sim.bags import bag_writer
@@ -744,58 +742,24 @@ def test_metadata_that_tell_of_more_than_there_is_are_noticed(tmp_path):
 
 
 @pytest.mark.parametrize('storage', STORAGES)
-def test_recorder_writes_what_it_is_given_and_counts(tmp_path, storage):
-    recorder = Recorder(tmp_path / 'bag', storage)
-    missing = {30, 31, 77}
-    for index in range(100):
-        if index not in missing:
-            recorder.write('/arm/joint_states', JOINT_STATE, START + index,
-                           serialised(START + index * MILLISECOND, position=[index] * 4))
-    recorder.write('/arm/amplifier_voltage', JOINT_STATE, START + 100, serialised(START))
-    assert recorder.recording.messages['/arm/joint_states'] == 97
-    with pytest.raises(InputError, match='exists already'):
-        Recorder(tmp_path / 'bag')
-    recording = recorder.close()
-    assert recording.path == tmp_path / 'bag'
-    assert recording.messages == {'/arm/joint_states': 97, '/arm/amplifier_voltage': 1}
-    assert recording.lost == {'/arm/joint_states': 3, '/arm/amplifier_voltage': 0}
+def test_messages_are_written_as_they_came(tmp_path, storage):
+    kept = [index for index in range(100) if index not in {30, 31, 77}]
+    with BagWriter(tmp_path / 'bag', storage) as writer:
+        for index in kept:
+            writer.write_raw('/arm/joint_states', JOINT_STATE, START + index,
+                             serialised(START + index * MILLISECOND, position=[index] * 4))
+        writer.write_raw('/arm/amplifier_voltage', JOINT_STATE, START + 100, serialised(START))
+        with pytest.raises(InputError, match='exists already'):
+            BagWriter(tmp_path / 'bag')
     samples = read_bag(tmp_path / 'bag').joints['joint_states']
-    np.testing.assert_array_equal(samples.position[:, 0],
-                                  [index for index in range(100) if index not in missing])
-
-
-def test_recorder_reads_stamps_of_either_byte_order(tmp_path):
-    recorder = Recorder(tmp_path / 'bag')
-    for index in (0, 1, 2, 5):
-        recorder.write('/joint_states', JOINT_STATE, START + index,
-                       serialised(START + index * MILLISECOND, little_endian=False))
-    assert recorder.close().lost == {'/joint_states': 2}
-
-
-@pytest.mark.parametrize('block', [50, BLOCK])
-def test_losses_of_a_recording_of_any_length_are_counted(monkeypatch, block):
-    """With jitter, in a wrong order here and there, of two runs; it is known what was lost."""
-    monkeypatch.setattr('par4_identification.logs.stamps.BLOCK', block)
-    random, losses = np.random.default_rng(3), Losses()
-    kept, longest = random.random(2000) < 0.9, 0
-    stamps = np.arange(2000) * MILLISECOND + random.integers(-100_000, 100_000, 2000)
-    kept[[0, 999, 1000, -1]] = True
-    stamps[1000:] -= 3_000_000 * MILLISECOND
-    sent = stamps[kept]
-    sent[[50, 51, 300, 301]] = sent[[51, 50, 301, 300]]
-    for stamp in sent.tolist():
-        losses.take(stamp)
-        longest = max(longest, len(losses._waiting))
-    assert losses.count == np.count_nonzero(~kept)
-    assert longest <= 2 * block
+    np.testing.assert_array_equal(samples.position[:, 0], kept)
 
 
 def test_recording_in_progress_survives_a_kill(tmp_path):
-    recorder = Recorder(tmp_path / 'bag')
-    recorder.write('/joint_states', JOINT_STATE, START, serialised(START, position=[1] * 4))
-    recorder.flush()
-    shutil.copytree(tmp_path / 'bag', tmp_path / 'as_killed')
-    recorder.close()
+    with BagWriter(tmp_path / 'bag') as writer:
+        writer.write_raw('/joint_states', JOINT_STATE, START, serialised(START, position=[1] * 4))
+        writer.flush()
+        shutil.copytree(tmp_path / 'bag', tmp_path / 'as_killed')
     assert repair_bag(tmp_path / 'as_killed', tmp_path / 'mended').messages == {'/joint_states': 1}
 
 

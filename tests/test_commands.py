@@ -72,6 +72,7 @@ from par4_sim.commands import simulate
 from par4_sim.commands.entry import run as run_command
 from par4_sim.commands.numbers import Numbers
 from par4_sim.report.results import plain, write_results
+from par4_sim.report.terminal import say
 from par4_sim.report.words import listed, number, percent, typeset, with_std
 from robots import REFERENCE, model_with
 
@@ -920,6 +921,20 @@ def test_a_folder_behind_a_link_is_replaced_or_stays(tmp_path):
     assert link.is_symlink()
     assert os.listdir(target) == ['new']
     assert sorted(os.listdir(tmp_path)) == ['link', 'target']
+
+
+def test_a_terminal_breaks_sentences_between_words_and_never_a_path(capsys, monkeypatch):
+    monkeypatch.setenv('FORCE_COLOR', '1')  # as a terminal
+    monkeypatch.setenv('COLUMNS', '30')
+    say(*['a sentence of many [bold] words'] * 2)
+    say('results and report: ' + '/a/long/path' * 5, whole=True)
+    first, second, *again, path = capsys.readouterr().out.splitlines()
+    assert [first.rstrip(), second] == ['a sentence of many [bold]', 'words']
+    assert [again[0].rstrip(), again[1]] == [first.rstrip(), second]
+    assert path.endswith('/a/long/path' * 5)
+    monkeypatch.delenv('FORCE_COLOR')
+    say('a sentence of many [bold] words')
+    assert capsys.readouterr().out == 'a sentence of many [bold] words\n'
 
 
 def test_too_much_data_is_said_in_a_line(capsys, monkeypatch):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from unittest import mock
 
@@ -206,8 +207,10 @@ def test_the_command_writes_gains_and_report(pushed, tmp_path):
     check_in_browser(tmp_path / 'report.html', 0)
     assert 'All joints slid both ways' in page
     assert 'Write the gains into drives.gain' in page
+    copy = shutil.copytree(bag, tmp_path / 'copy')
     for arguments, message in (((bag,), 'expected BAG=FORCE.csv'),
-                               ((f'{bag}={readings}', f'{bag}={readings}'), 'given twice')):
+                               ((f'{bag}={readings}', f'{bag}={readings}'), 'given twice'),
+                               ((f'{bag}={readings}', f'{copy}={readings}'), 'same readings')):
         done = run(drive_gain, *arguments, '--robot', named, '--output', tmp_path)
         assert done.code == 2
         assert message in done.err

@@ -169,6 +169,20 @@ def test_the_command_weighs_an_unknown_payload(bags, tmp_path):
     assert content['parameters']['platform_mass_2']['value'] == pytest.approx(0.8594, rel=0.01)
 
 
+def test_bags_with_the_payload_pass_the_same_filters(bags, tmp_path, monkeypatch):
+    seen = []
+
+    def weighed(runs, *arguments):
+        seen.extend(runs)
+        return payload_of_runs(runs, *arguments)
+
+    monkeypatch.setattr('par4_identification.reports.outcome.loads.payload_of_runs', weighed)
+    identified(tmp_path, bags['bare'], bags['other'], '--unknown-payload', bags['other'],
+               '--cutoff', '20')
+    assert {run.name for run in seen} == {str(bags['bare']), str(bags['other'])}
+    assert {run.conditioning.torque_cutoff_hz for run in seen} == {20.0}
+
+
 @pytest.mark.parametrize(('options', 'message'), [
     (('--payload', 'none=1'), 'one of the bags given'),
     (('--payload', '{tool}=-1'), 'a mass of 0 kg or more'),

@@ -22,7 +22,7 @@ from singular_log import singular_log
 
 from par4_dynamics.model import read_model
 from par4_dynamics.parameters import Parameter
-from par4_identification.logs.log import Log
+from par4_identification.logs.log import Log, Reference
 from par4_identification.reports.outcome.setup import with_setup
 from par4_identification.setup_check import calibration
 from par4_identification.setup_check.check import check_setup
@@ -187,6 +187,22 @@ def test_zeros_of_several_joints_with_both_signs_are_measured(offsets, name, req
     kinds, check = found(mistakes.zero_off(log, np.radians(offsets)))
     assert kinds == [('zero_error', tuple(int(joint) for joint in np.flatnonzero(offsets)))]
     assert np.abs(np.mean(check.logs[0].q - log.q, axis=0)).max() < np.radians(0.8)
+
+
+def test_a_reference_counts_from_the_zeros_of_the_encoders(clean):
+    """Drives follow what encoders read: how far they are behind is the same with zeros mended."""
+    offsets = np.array((0.0, 0.05, 0.0, -0.04))
+    behind = 1e-3 * np.sin(clean.t)[:, None]
+    still = np.zeros_like(clean.q)
+    found = calibration.Calibration(np.append(offsets, np.zeros(calibration.ERRORS - 4)),
+                                    np.zeros(calibration.ERRORS), 0.2, 0.01)
+    log = replace(clean, q=clean.q + offsets, reference=Reference(
+        clean.t, clean.q + offsets + behind, still, still))
+    mended = found.mended(log)
+    np.testing.assert_allclose(mended.q, clean.q, atol=1e-12)
+    np.testing.assert_allclose(mended.reference.q - mended.q, np.broadcast_to(
+        behind, clean.q.shape), atol=1e-12)
+    assert found.mended(replace(log, reference=None)).reference is None
 
 
 def test_a_value_is_told_in_all():

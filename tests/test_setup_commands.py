@@ -103,7 +103,7 @@ def test_diagnosis_says_it_too_and_finds_a_clean_machine(bag, tmp_path):
 
 @pytest.mark.usefixtures('unrendered')
 def test_useless_data_are_unusable_with_the_finding_as_reason(bag, tmp_path, monkeypatch):
-    monkeypatch.setattr('par4_identification.jobs.diagnose.read_log',
+    monkeypatch.setattr('par4_identification.jobs.read_bags.read_log',
                         lambda *arguments: mistakes.standing(read_log(*arguments)))
     done = run(diagnose, bag, '--robot', 'reference', '--output', tmp_path)
     finding = said_first(done, tmp_path, 'not_moving', 'diagnosis.json')

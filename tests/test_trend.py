@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -524,6 +525,20 @@ def test_no_bag_that_can_be_used(tmp_path):
     assert done.code == 2
     assert done.err.splitlines()[-1].startswith('error: none of 1 bags can be used')
     assert not (tmp_path / 'life' / 'trend.json').exists()
+
+
+def test_workers_of_this_machine_that_do_not_answer(monkeypatch):
+    """Nobody asked for a scheduler, so none is spoken of."""
+    def refuse(*_, **__):
+        raise TimeoutError
+
+    monkeypatch.setattr(tasks, 'ONE_THREAD', ())  # this process goes on to other tests
+    monkeypatch.setattr('dask.distributed.LocalCluster', lambda **_: SimpleNamespace(
+        close=lambda: None))
+    monkeypatch.setattr('dask.distributed.Client', refuse)
+    with pytest.raises(InputError, match='^the workers on this machine do not answer; ') as told:
+        next(tasks.results_of(str.upper, [str(number) for number in range(tasks.FEW + 1)], None))
+    assert 'scheduler' not in str(told.value)
 
 
 def test_no_scheduler(monkeypatch):

@@ -11,8 +11,10 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     'effects.catalogue': ['CATALOGUE'],
-    'effects.effect': ['Effect', 'EffectParameter', 'Signature'],
+    'effects.effect': [
+        'Base', 'Effect', 'EffectParameter', 'Shape', 'Signature', 'Values', 'beyond'],
     'model': ['Model', 'build_model', 'read_model'],
-    'model_file': ['ModelFile', 'read_model_file', 'write_model_file'],
+    'model_file': ['EffectEntry', 'ModelFile', 'read_model_file', 'write_model_file'],
+    'parameters': ['Parameter'],
     'state': ['State', 'state_of_joints', 'state_of_platform'],
 })

@@ -18,6 +18,18 @@ RISE_TIME = 0.5
 """Seconds in which the approach would reach its peak speed at its peak acceleration."""
 
 
+def approach_to(point: np.ndarray, robot: Robot, q: ArrayLike, period: float, name: str) -> Motion:
+    """Return a move from rest at q (4,) to rest at a point (4,), rad, sampled every `period` s.
+
+    Raises:
+        As `with_approach`, which calls the motion at the point by this name.
+    """
+    still = np.zeros((2, len(point)))
+    rest = motion_of_joints(name, robot.geometry, np.array((0.0, period)), np.tile(point, (2, 1)),
+                            still, still)
+    return with_approach(rest, robot, q)
+
+
 def with_approach(motion: Motion, robot: Robot, q: ArrayLike) -> Motion:
     """Return the motion behind a straight quintic move in joint space from rest at q (4,), rad.
 

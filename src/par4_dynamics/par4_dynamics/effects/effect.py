@@ -47,6 +47,8 @@ class EffectParameter:
         at_unit_speed: whether it is what a power of the speed is at 1 rad/s. How large that is goes
             with the exponent where the machine moves at other speeds, whether it is zero does not.
         nonnegative: whether no plant takes it below zero. An estimate may come out there by chance.
+        positive: whether no law has it at zero or below, such as a time constant. A model file with
+            such a value is refused.
     """
 
     name: str
@@ -61,6 +63,7 @@ class EffectParameter:
     qualifies: bool = False
     at_unit_speed: bool = False
     nonnegative: bool = False
+    positive: bool = False
 
     @property
     def is_size(self) -> bool:
@@ -252,6 +255,11 @@ class Effect(ABC):
         A model file with such values is refused. `implausible` judges whether a machine may have
         them.
         """
+        for parameter in self.parameters:
+            least = float(np.min(values[parameter.name])) if parameter.positive else np.inf
+            if least <= 0.0:
+                unit = '' if parameter.unit == '1' else f' {parameter.unit}'
+                return f'{parameter.name}: expected more than 0{unit}, found {least:g}'
         return None
 
     @abstractmethod

@@ -63,7 +63,8 @@ class ElasticTransmission(Effect):
     phrase = 'elasticity of the transmission'
     parameters = (
         EffectParameter('stiffness', 'N m/rad', 'joint', nonnegative=True),  # 0 is a rigid joint
-        EffectParameter('damping_ratio', '1', 'machine', default=DAMPING_RATIO, is_shape=True))
+        EffectParameter('damping_ratio', '1', 'machine', default=DAMPING_RATIO, is_shape=True,
+                        positive=True))
     shared = True
     separable = ((0,), (1,), (2,), (3,))
     needs_nominal = True

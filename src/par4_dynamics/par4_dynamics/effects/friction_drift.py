@@ -33,7 +33,7 @@ class FrictionDrift(Effect):
     phrase = 'friction that changes while the machine warms up'
     parameters = (EffectParameter('drop', '1', 'machine'),
                   EffectParameter('viscous_drop', '1', 'machine', default='drop'),
-                  EffectParameter('time_constant', 's', 'machine', is_shape=True))
+                  EffectParameter('time_constant', 's', 'machine', is_shape=True, positive=True))
     shared = True
     needs_nominal = True
     variables = 2

@@ -44,8 +44,8 @@ class NonlinearViscous(Effect):
     parameters = (EffectParameter('quadratic', 'N m s2/rad2', 'joint', default=0.0,
                                   at_unit_speed=True),
                   EffectParameter('torque', 'N m', 'joint', default=0.0, at_unit_speed=True),
-                  EffectParameter('exponent', '1', 'joint', default=QUADRATIC,
-                                  qualifies=True))
+                  EffectParameter('exponent', '1', 'joint', default=QUADRATIC, qualifies=True,
+                                  positive=True))
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         return tuple({'exponent': exponent} for exponent in EXPONENTS)

@@ -81,7 +81,7 @@ class Presliding(Effect):
 
     name = 'presliding'
     phrase = 'elastic presliding before friction breaks away'
-    parameters = (EffectParameter('distance', 'rad', 'machine', is_shape=True),)
+    parameters = (EffectParameter('distance', 'rad', 'machine', is_shape=True, positive=True),)
     needs_nominal = True
     fixed_coefficients = True
     variables = 2

@@ -37,8 +37,10 @@ class Stribeck(Effect):
     law = 'exponent'
     phrase = 'Stribeck friction'
     parameters = (EffectParameter('stribeck_torque', 'N m', 'joint'),
-                  EffectParameter('stribeck_velocity', 'rad/s', 'joint', is_shape=True),
-                  EffectParameter('exponent', '1', 'joint', default=USUAL, is_shape=True))
+                  EffectParameter('stribeck_velocity', 'rad/s', 'joint', is_shape=True,
+                                  positive=True),
+                  EffectParameter('exponent', '1', 'joint', default=USUAL, is_shape=True,
+                                  positive=True))
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         fastest = float(np.max(np.abs(state.qd)))
@@ -65,11 +67,6 @@ class Stribeck(Effect):
         shape = super().shape_of({'exponent': np.array(USUAL), **values})
         return {name: value for name, value in shape.items()
                 if name != 'exponent' or value != USUAL}
-
-    def senseless(self, values: Values) -> str | None:
-        slowest = float(np.min(values['stribeck_velocity']))
-        return None if slowest > 0.0 else (
-            f'Stribeck velocity: expected more than 0 rad/s, found {slowest:g}')
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         torque, level = values['stribeck_torque'], base['coulomb_friction']

@@ -11,9 +11,8 @@ from par4_dynamics.base_terms import FRICTION
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints
 from par4_identification.logs.log import Reference
-from par4_kinematics.approach import with_approach
+from par4_kinematics.approach import approach_to
 from par4_kinematics.geometry import LEGS
-from par4_kinematics.motion import motion_of_joints
 from par4_kinematics.robot import Robot
 from par4_sim.closed_loop.simulation import build_simulation
 from par4_sim.drives.reference import TARGET, interpolate
@@ -37,11 +36,8 @@ def closed_loop(robot: Robot, model: Model, path: Reference, t: np.ndarray, fide
     """
     from scipy.interpolate import CubicSpline  # slow to load and only needed here
 
-    still = np.zeros((2, LEGS))
-    rest = motion_of_joints('the stretch', robot.geometry, np.array((0.0, PERIOD)),
-                            np.repeat(path.q[:1], 2, axis=0), still, still)
     home = build_simulation(robot, model, 'exact', PERIOD)
-    approach = with_approach(rest, robot, home.q)
+    approach = approach_to(path.q[0], robot, home.q, PERIOD, 'the stretch')
     there = home.time + approach.duration + BLEND
     home.close()
     # a whole number of samples, so that samples of an even log fall on simulated ones

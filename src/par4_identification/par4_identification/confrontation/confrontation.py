@@ -27,13 +27,13 @@ from par4_identification.confrontation.followed import (
     UNEXPLAINED,
     path_followed,
     stretch_of,
-    with_ideal_encoders,
 )
 from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.progress import Progress, silent
 from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_identification.diagnosis.verdict.floor import noise_floor, torque_noise
 from par4_identification.fitting.realisable import realisable
+from par4_identification.fitting.simulated import with_ideal_encoders
 from par4_identification.logs.log import Log, Reference
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError, Par4Error

@@ -120,8 +120,3 @@ def _measured_path(measured: Run) -> Reference:
     """Return the measured motion, filtered as everywhere, as drives can follow it."""
     state = measured.state
     return Reference(state.t, state.q, state.qd, state.qdd)
-
-
-def with_ideal_encoders(robot: Robot) -> Robot:
-    return robot.model_copy(update={
-        'drives': robot.drives.model_copy(update={'encoder_counts': 0})})

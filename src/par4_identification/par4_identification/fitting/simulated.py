@@ -12,9 +12,8 @@ import numpy as np
 
 from par4_dynamics.model import Model
 from par4_identification.logs.log import Log
-from par4_kinematics.approach import with_approach
+from par4_kinematics.approach import approach_to
 from par4_kinematics.errors import InputError
-from par4_kinematics.motion import motion_of_joints
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.closed_loop.simulation import build_simulation
 
@@ -50,13 +49,8 @@ def simulated_log(log: Log, machine: Robot | Axis, model: Model) -> Log:
                          f'{log.t[-1]:.1f} s; record both on one clock')
     from scipy.interpolate import CubicSpline  # slow to load and only needed here
 
-    ideal = machine.model_copy(update={
-        'drives': machine.drives.model_copy(update={'encoder_counts': 0})})
-    simulation = build_simulation(ideal, model, 'exact', PERIOD)
-    still = np.zeros((2, len(machine.joint_names)))
-    rest = motion_of_joints('the reference', machine.geometry, np.array((0.0, PERIOD)),
-                            np.repeat(reference.q[:1], 2, axis=0), still, still)
-    approach = with_approach(rest, machine, simulation.q)
+    simulation = build_simulation(with_ideal_encoders(machine), model, 'exact', PERIOD)
+    approach = approach_to(reference.q[0], machine, simulation.q, PERIOD, 'the reference')
     times = simulation.time + approach.t
     lead = max(reference.t[0] - log.t[0], 0.0) + SETTLING
     # a whole number of samples, so that samples of an even log fall on simulated ones
@@ -69,3 +63,9 @@ def simulated_log(log: Log, machine: Robot | Axis, model: Model) -> Log:
     q = simulation.next_samples(count).q
     simulation.close()
     return replace(log, q=CubicSpline(t, q)(log.t))
+
+
+def with_ideal_encoders(robot: Robot) -> Robot:
+    """Return the robot with drives that read positions without rounding them to counts."""
+    return robot.model_copy(update={
+        'drives': robot.drives.model_copy(update={'encoder_counts': 0})})

@@ -13,6 +13,7 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import JOINT_NAMES, Axis, Robot, read_machine
+from par4_sim.report.terminal import say
 
 ALIKE = 0.01
 """Share by which two statements of one gain may differ."""
@@ -42,13 +43,9 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
                              f'mend --columns or the robot file')
         counts = write_measured(measured, names, output, storage, lambda share: status.update(
             f'writing {output}: {share:.0%}'))
-    console = Console(highlight=False)
-    for line in measured.account():
-        console.print(line, soft_wrap=True, markup=False)
-    for finding in measured.findings():
-        console.print(f'look at this: {finding}', soft_wrap=True, markup=False)
-    console.print(f'{output}: ' + ', '.join(f'{topic} {count}' for topic, count in counts.items())
-                  + f' of {", ".join(names)}', soft_wrap=True, markup=False)
+    written = ', '.join(f'{topic} {count}' for topic, count in counts.items())
+    say(*measured.account(), *(f'look at this: {finding}' for finding in measured.findings()),
+        f'{output}: {written} of {", ".join(names)}', whole=True)
 
 
 def gain_of_motor(given: tuple[float, ...], choices: dict[str, Choice],

@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.console import Console
 
-from par4_dynamics.model import build_model, read_file_and_model
+from par4_dynamics.model import Model, build_model, read_file_and_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.changes.changes import (
     Changes,
@@ -18,14 +18,22 @@ from par4_identification.changes.changes import (
     changes_since_model,
     model_of_bags,
 )
-from par4_identification.confrontation.confrontation import confront_diagnosis, model_after
+from par4_identification.confrontation.confrontation import (
+    Confrontation,
+    Unsimulated,
+    confront_diagnosis,
+    model_after,
+)
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
-from par4_identification.diagnosis.experiment.next_experiment import next_experiment
-from par4_identification.diagnosis.verdict.answer import Diagnosis
+from par4_identification.diagnosis.experiment.next_experiment import (
+    NextExperiment,
+    next_experiment,
+)
+from par4_identification.diagnosis.progress import Progress
+from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis, Unusable
 from par4_identification.fitting.axis_gravity import with_gravity_told
-from par4_identification.jobs.identify import distinct_bags, distinct_readings
+from par4_identification.jobs.read_bags import read_bags
 from par4_identification.logs.log import Log
-from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.changes import (
     diagnosis_json_with_changes,
     error_rows,
@@ -42,6 +50,7 @@ from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.outcome.results import model_in_units, provenance
 from par4_identification.reports.outcome.setup import setup_json, setup_lines, with_setup
 from par4_identification.setup_check.check import check_setup
+from par4_identification.setup_check.finding import SetupCheck
 from par4_identification.setup_check.total import total_lines
 from par4_identification.setup_check.unusable import diagnosed_if_sound, sound_or_refused
 from par4_identification.signals.conditioning import Conditioning
@@ -51,8 +60,9 @@ from par4_kinematics.limits import limits_not_given
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.motion_file import free_motion_path, is_untouched, write_motion
 from par4_kinematics.robot import Axis, Robot, read_machine
-from par4_sim.report.outcome import Remark
+from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.terminal import say
 from par4_sim.report.words import number, shortened
 
 TOOL = 'par4_diagnose'
@@ -104,108 +114,189 @@ class Asked:
             'namespace': self.namespace, **asdict(conditioning)})
 
 
+@dataclass(frozen=True)
+class Measured:
+    """What a diagnosis rests on.
+
+    Attributes:
+        check: of the setup of the bags to diagnose and to confirm on, whose logs are mended.
+        fitted: how many of its logs are fitted; the others confirm.
+        conditioning: of all logs.
+        baseline: the model that was believed, or what the earlier bags tell; None without both.
+        earlier: bags of the machine as it was, if any.
+    """
+
+    check: SetupCheck
+    fitted: int
+    conditioning: Conditioning
+    baseline: ModelFile | None
+    earlier: Earlier | None
+
+    @property
+    def machine(self) -> Robot | Axis:
+        """The machine with what the check mended."""
+        return self.check.machine
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What `par4_diagnose` found.
+
+    Attributes:
+        diagnosis: or what makes the data unusable.
+        beside: what else is to be told: of gravity, and why changes are not.
+        experiment: the motion that would tell twins apart, if there are some.
+        changes: against the baseline, if there is one.
+        confrontation: of the diagnosis with the simulation, if one was asked for.
+    """
+
+    diagnosis: Diagnosis | Unusable
+    beside: tuple[Remark, ...]
+    experiment: NextExperiment | None = None
+    changes: Changes | None = None
+    confrontation: Confrontation | Unsimulated | None = None
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        """The causes of the diagnosis; none where the data are unusable."""
+        return self.diagnosis.causes if isinstance(self.diagnosis, Diagnosis) else ()
+
+    @property
+    def verdict(self) -> str:
+        """The verdict, with what has changed."""
+        if isinstance(self.diagnosis, Diagnosis) and self.changes is not None:
+            return verdict_with_changes(self.diagnosis.verdict, self.changes)
+        return self.diagnosis.verdict
+
+
 def diagnose_bags(asked: Asked) -> None:
     """Name what a model gets wrong about the machine that made the bags."""
     machine = read_machine(asked.robot)
     # refuses a model of another machine before any long work
-    baseline, known = ((None, None) if asked.model is None else
-                       read_file_and_model(asked.model, machine))
+    believed = None if asked.model is None else read_file_and_model(asked.model, machine)
     refuse_unwritable(asked.output)
     with Console(stderr=True).status('reading the bags') as status:
-        logs: Sequence[Log] = ()
-        for bag in distinct_bags(asked.every_bag):
-            status.update(f'reading {bag}')
-            logs = (*logs, read_log(bag, machine, asked.namespace))
-        distinct_readings(logs, asked.every_bag)
-        status.update('looking for mistakes of the setup')
-        own = len(asked.bags) + len(asked.holdout)
-        conditioning = conditioning_for(logs, machine, CONDITIONING, asked.chosen)
-        for group in (logs[:own], logs[own:]) if asked.before else (logs,):
-            machine = machine if _hangs(machine) else with_gravity_told(
-                read_machine(asked.robot), group, conditioning)
-        earlier = Earlier.of(logs[own:], machine, baseline, conditioning) if asked.before else None
-        if earlier is not None:
-            baseline, known = earlier.model_file, build_model(machine, earlier.model_file)
-        check = check_setup(logs[:own], machine, known)
-        logs, machine = check.logs, check.machine
-        if earlier is None:
-            conditioning = conditioning_for(logs, machine, CONDITIONING, asked.chosen)
-        diagnosis = diagnosed_if_sound(check, lambda sound: diagnose(
-            sound.logs[:len(asked.bags)], sound.machine, baseline, sound.logs[len(asked.bags):],
-            conditioning=conditioning, progress=status.update))
-        experiment = confrontation = extended = changes = None
-        beside = () if check.useless else gravity_remarks(
-            machine, logs[:len(asked.bags)], conditioning)
-        if isinstance(diagnosis, Diagnosis):
-            status.update('looking for the motion that would tell twins apart')
-            experiment = next_experiment(diagnosis, machine)
-            if experiment is not None:
-                experiment = replace(experiment, file=free_motion_path(
-                    asked.output / experiment.file, TOOL).name)
-            extended = model_after(diagnosis)
-            if baseline is not None:
-                status.update('looking for what has changed')
-                try:
-                    changes = (changes_since_model(diagnosis, machine, baseline, str(asked.model))
-                               if earlier is None else
-                               changes_between(diagnosis, machine, earlier.logs, baseline,
-                                               shortened(asked.before), conditioning))
-                except InputError as error:
-                    beside += (Remark(False, f'What has changed could not be told: {error}.'),)
-            if asked.simulate:
-                confrontation = confront_diagnosis(diagnosis, machine, logs,
-                                                   progress=status.update)
-        outcome = outcome_of_diagnosis(diagnosis, machine, experiment)
-        verdict: str = diagnosis.verdict
-        if isinstance(diagnosis, Diagnosis) and changes is not None:
-            outcome = with_changes(outcome, changes, diagnosis, machine)
-            verdict = verdict_with_changes(diagnosis.verdict, changes)
-        outcome = replace(outcome, remarks=(
-            *beside, *outcome.remarks,
-            *(Remark(True, line) for line in total_lines(
-                check, diagnosis.causes if isinstance(diagnosis, Diagnosis) else ())),
-            *remarks_of_confrontation(confrontation)))
-        outcome = with_setup(outcome, check, 'diagnosis')
-        if earlier is not None:
-            outcome = replace(outcome, first=(*outcome.first, *earlier.setup_lines))
-        origin = asked.provenance(machine, conditioning)
-        page = None
-        if asked.report:
-            status.update('drawing the report')
-            # the plot library is slow to load, and some homes make it talk on stderr
-            from par4_identification.reports.diagnosis_report import report_of_diagnosis
-            page = report_of_diagnosis(diagnosis, outcome, machine, logs, origin, experiment,
-                                       confrontation, changes)
-        results = {
-            'diagnosis.json': {**diagnosis_json_with_changes(
-                                   diagnosis_json(diagnosis, machine, experiment), changes,
-                                   machine),
-                               'setup': setup_json(check),
-                               'simulation': simulation_json(confrontation)},
-            'extended_model.yaml': extended and model_in_units(
-                extended.model_copy(update={'provenance': origin}), machine),
-            'report.html': page}
-        outdated = motion_of_earlier_run(asked.output)
-        if experiment is not None and experiment.motion is not None:  # before what names it
-            place = asked.output / experiment.file
-            write_motion(place, experiment.motion, 'platform', TOOL)
-            outdated = None if outdated == place else outdated
-        write_results(asked.output, results)
+        measured = _measured(asked, machine, believed, status.update)
+        answer = _answer(asked, measured, status.update)
+        outcome = _outcome(measured, answer)
+        _write(asked, measured, answer, outcome, status.update)
+    say(*outcome.first, *(f'{remark.text} {remark.advice}'.rstrip() for remark in answer.beside))
+    if isinstance(answer.diagnosis, Diagnosis) and answer.changes is not None:
+        say(errors_in_lines(answer.changes, answer.diagnosis, measured.machine), whole=True)
+    say(f'{answer.verdict}: {outcome.sentence}')
+    say(f'results{" and report" if asked.report else ""}: {asked.output}', whole=True)
+    if (isinstance(measured.machine, Robot) and answer.experiment is not None
+            and answer.experiment.motion is not None):
+        # which the proposed motion keeps
+        say(*limits_not_given(measured.machine), whole=True)
+
+
+def _measured(asked: Asked, machine: Robot | Axis, believed: tuple[ModelFile, Model] | None,
+              progress: Progress) -> Measured:
+    """Read all bags and look for mistakes of the setup."""
+    baseline, known = believed or (None, None)
+    logs = read_bags(asked.every_bag, machine, asked.namespace, progress)
+    progress('looking for mistakes of the setup')
+    own = len(asked.bags) + len(asked.holdout)
+    conditioning = conditioning_for(logs, machine, CONDITIONING, asked.chosen)
+    as_given = machine
+    for group in (logs[:own], logs[own:]) if asked.before else (logs,):
+        machine = machine if _hangs(machine) else with_gravity_told(as_given, group, conditioning)
+    earlier = Earlier.of(logs[own:], machine, baseline, conditioning) if asked.before else None
+    if earlier is not None:
+        baseline, known = earlier.model_file, build_model(machine, earlier.model_file)
+    check = check_setup(logs[:own], machine, known)
+    if earlier is None:
+        conditioning = conditioning_for(check.logs, check.machine, CONDITIONING, asked.chosen)
+    return Measured(check, len(asked.bags), conditioning, baseline, earlier)
+
+
+def _answer(asked: Asked, measured: Measured, progress: Progress) -> Answer:
+    """Diagnose, and look for what the diagnosis leads to."""
+    check, machine, conditioning = measured.check, measured.machine, measured.conditioning
+    diagnosis = diagnosed_if_sound(check, lambda sound: diagnose(
+        sound.logs[:measured.fitted], sound.machine, measured.baseline,
+        sound.logs[measured.fitted:], conditioning=conditioning, progress=progress))
+    beside = () if check.useless else gravity_remarks(
+        machine, check.logs[:measured.fitted], conditioning)
+    if not isinstance(diagnosis, Diagnosis):
+        return Answer(diagnosis, beside)
+    progress('looking for the motion that would tell twins apart')
+    experiment = next_experiment(diagnosis, machine)
+    if experiment is not None:
+        experiment = replace(experiment, file=free_motion_path(
+            asked.output / experiment.file, TOOL).name)
+    changes = None
+    if measured.baseline is not None:
+        progress('looking for what has changed')
+        try:
+            changes = _changes(asked, measured, measured.baseline, diagnosis)
+        except InputError as error:
+            beside += (Remark(False, f'What has changed could not be told: {error}.'),)
+    confrontation = confront_diagnosis(
+        diagnosis, machine, check.logs, progress=progress) if asked.simulate else None
+    return Answer(diagnosis, beside, experiment, changes, confrontation)
+
+
+def _changes(asked: Asked, measured: Measured, baseline: ModelFile, diagnosis: Diagnosis
+             ) -> Changes:
+    """Return what has changed since the earlier bags or, without them, since the model.
+
+    Raises:
+        InputError: it cannot be told.
+    """
+    if measured.earlier is None:
+        return changes_since_model(diagnosis, measured.machine, baseline, str(asked.model))
+    return changes_between(diagnosis, measured.machine, measured.earlier.logs, baseline,
+                           shortened(asked.before), measured.conditioning)
+
+
+def _outcome(measured: Measured, answer: Answer) -> Outcome:
+    """Return the answer in words."""
+    diagnosis, machine = answer.diagnosis, measured.machine
+    outcome = outcome_of_diagnosis(diagnosis, machine, answer.experiment)
+    if isinstance(diagnosis, Diagnosis) and answer.changes is not None:
+        outcome = with_changes(outcome, answer.changes, diagnosis, machine)
+    totals = (Remark(True, line) for line in total_lines(measured.check, answer.causes))
+    outcome = with_setup(replace(outcome, remarks=(
+        *answer.beside, *outcome.remarks, *totals,
+        *remarks_of_confrontation(answer.confrontation))), measured.check, 'diagnosis')
+    if measured.earlier is None:
+        return outcome
+    return replace(outcome, first=(*outcome.first, *measured.earlier.setup_lines))
+
+
+def _write(asked: Asked, measured: Measured, answer: Answer, outcome: Outcome, progress: Progress
+           ) -> None:
+    """Write all files in one step, and remove the motion that an earlier run proposed there."""
+    machine, diagnosis, experiment = measured.machine, answer.diagnosis, answer.experiment
+    origin = asked.provenance(machine, measured.conditioning)
+    page = None
+    if asked.report:
+        progress('drawing the report')
+        # the plot library is slow to load, and some homes make it talk on stderr
+        from par4_identification.reports.diagnosis_report import report_of_diagnosis
+        page = report_of_diagnosis(diagnosis, outcome, machine, measured.check.logs, origin,
+                                   experiment, answer.confrontation, answer.changes)
+    extended = model_after(diagnosis) if isinstance(diagnosis, Diagnosis) else None
+    results = {
+        'diagnosis.json': {**diagnosis_json_with_changes(
+                               diagnosis_json(diagnosis, machine, experiment), answer.changes,
+                               machine),
+                           'setup': setup_json(measured.check),
+                           'simulation': simulation_json(answer.confrontation)},
+        'extended_model.yaml': extended and model_in_units(
+            extended.model_copy(update={'provenance': origin}), machine),
+        'report.html': page}
+    outdated = motion_of_earlier_run(asked.output)
+    if experiment is not None and experiment.motion is not None:  # before what names it
+        place = asked.output / experiment.file
+        write_motion(place, experiment.motion, 'platform', TOOL)
+        outdated = None if outdated == place else outdated
+    write_results(asked.output, results)
     if outdated is not None:
         for file in (outdated, outdated.with_suffix('.csv')):
             file.unlink(missing_ok=True)
-    console = Console(highlight=False)
-    for line in (*outcome.first, *(f'{remark.text} {remark.advice}'.rstrip() for remark in beside)):
-        console.print(line, soft_wrap=not console.is_terminal, markup=False)
-    if isinstance(diagnosis, Diagnosis) and changes is not None:
-        console.print(errors_in_lines(changes, diagnosis, machine), soft_wrap=True, markup=False)
-    console.print(f'{verdict}: {outcome.sentence}',
-                  soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results{" and report" if asked.report else ""}: {asked.output}',
-                  soft_wrap=True, markup=False)
-    if isinstance(machine, Robot) and experiment is not None and experiment.motion is not None:
-        for line in limits_not_given(machine):  # which the proposed motion keeps
-            console.print(line, soft_wrap=True, markup=False)
 
 
 def motion_of_earlier_run(folder: Path) -> Path | None:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from par4_identification.gains.force_timing import late_readings
 from par4_identification.gains.static_push import gains_of_pushes, pushes_of_log, read_force
-from par4_identification.logs.read_log import read_log
+from par4_identification.jobs.read_bags import read_bags
 from par4_identification.reports.outcome.drive_gain import (
     drive_gain_json,
     gains_rows,
@@ -21,7 +21,7 @@ from par4_identification.reports.outcome.results import provenance
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import read_robot
 from par4_sim.report.results import refuse_unwritable, write_results
-from par4_sim.report.terminal import print_table
+from par4_sim.report.terminal import print_table, say
 
 
 def find_gains(pushes: tuple[str, ...], robot: str, output: Path,
@@ -34,12 +34,10 @@ def find_gains(pushes: tuple[str, ...], robot: str, output: Path,
     pairs = bags_with_readings(pushes)
     refuse_unwritable(output)
     with Console(stderr=True).status('reading the bags') as status:
-        logs, forces, found = [], [], []
-        for bag, readings in pairs:
-            status.update(f'reading {bag}')
-            logs.append(read_log(bag, machine, namespace))
-            forces.append(read_force(readings))
-            found += pushes_of_log(logs[-1], forces[-1], machine)
+        forces = [read_force(readings) for _, readings in pairs]
+        logs = read_bags([bag for bag, _ in pairs], machine, namespace, status.update)
+        found = [push for log, force in zip(logs, forces, strict=True)
+                 for push in pushes_of_log(log, force, machine)]
         status.update('estimating')
         gains = gains_of_pushes(found, machine, coulomb_friction)
         status.update('comparing the times of force and torque')
@@ -61,19 +59,17 @@ def find_gains(pushes: tuple[str, ...], robot: str, output: Path,
     for row in gains_rows(gains, machine):
         table.add_row(*row)
     print_table(table)
-    console = Console(highlight=False)
     reservations = [f'- {remark.text} {remark.advice}'.rstrip() for remark in outcome.remarks
                     if not remark.good]
-    for line in (outcome.sentence, *reservations):
-        console.print(line, soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results and report: {output}', soft_wrap=True, markup=False)
+    say(outcome.sentence, *reservations)
+    say(f'results and report: {output}', whole=True)
 
 
 def bags_with_readings(pushes: Sequence[str]) -> list[tuple[str, str]]:
     """Return bag and file of readings of each argument BAG=FORCE.csv.
 
     Raises:
-        InputError: another form, or a bag given twice.
+        InputError: another form.
     """
     pairs: list[tuple[str, str]] = []
     for push in pushes:
@@ -81,7 +77,5 @@ def bags_with_readings(pushes: Sequence[str]) -> list[tuple[str, str]]:
         if not bag or not readings:
             raise InputError(f'{push}: expected BAG=FORCE.csv, the bag and the readings of the '
                              f'force sensor')
-        if Path(bag).resolve() in [Path(other).resolve() for other, _ in pairs]:
-            raise InputError(f'{bag}: given twice; give every bag once')
         pairs.append((bag, readings))
     return pairs

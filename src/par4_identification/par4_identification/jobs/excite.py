@@ -29,7 +29,7 @@ from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion_file import write_motion
 from par4_kinematics.robot import read_robot
 from par4_sim.report.results import refuse_unwritable
-from par4_sim.report.terminal import print_table
+from par4_sim.report.terminal import print_table, say
 from par4_sim.report.words import in_words, number, percent
 
 
@@ -59,10 +59,9 @@ def excite(robot: str, model: str, output: Path, duration: float, joint_speed: f
     write_motion(output, design.motion, 'platform')
     print_table(precision_table(designed, undesigned))
     print_table(limits_table(limits, design, largest_loads(limits, random, machine, truth)))
-    console = Console(highlight=False)
-    console.print(sentence(design, designed, undesigned, noise), soft_wrap=not console.is_terminal)
-    for line in (f'motion: {output} and {output.with_suffix(".csv")}', *limits_not_given(machine)):
-        console.print(line, soft_wrap=True, markup=False)
+    say(sentence(design, designed, undesigned, noise))
+    say(f'motion: {output} and {output.with_suffix(".csv")}', *limits_not_given(machine),
+        whole=True)
 
 
 def noise_of(given: tuple[float, ...], joints: int) -> np.ndarray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from hashlib import sha256
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -18,8 +17,7 @@ from par4_identification.diagnosis.verdict.floor import noise_floor
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import Fitting, identify
 from par4_identification.jobs.beside_causes import beside_causes
-from par4_identification.logs.log import Log
-from par4_identification.logs.read_log import read_log
+from par4_identification.jobs.read_bags import read_bags
 from par4_identification.reports.outcome.estimator import estimator_remarks
 from par4_identification.reports.outcome.gravity import gravity_remarks
 from par4_identification.reports.outcome.identification import (
@@ -38,7 +36,7 @@ from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.results import refuse_unwritable, write_results
-from par4_sim.report.terminal import print_table
+from par4_sim.report.terminal import print_table, say
 from par4_sim.report.words import in_words, listed, percent, with_std
 
 
@@ -96,11 +94,7 @@ def identify_bags(asked: Asked) -> None:
     refuse_payloads(machine, masses, loaded)
     refuse_unwritable(asked.output)
     with Console(stderr=True).status('reading the bags') as status:
-        logs: Sequence[Log] = ()
-        for bag in distinct_bags(asked.bags):
-            status.update(f'reading {bag}')
-            logs = (*logs, read_log(bag, machine, asked.namespace))
-        distinct_readings(logs, asked.bags)
+        logs = read_bags(asked.bags, machine, asked.namespace, status.update)
         status.update('looking for mistakes of the setup')
         check = check_setup(logs, machine)
         logs = check.logs
@@ -126,7 +120,7 @@ def identify_bags(asked: Asked) -> None:
                                                    asked.rigid_body)
         mass_remarks, mass_fields = weighed_payload(
             identification.runs, [log for log in logs if log.name in loaded], machine,
-            asked.rigid_body)
+            asked.rigid_body, conditioning)
         found = (*gain_remarks, *mass_remarks)
         outcome = outcome_of_identification(identification, floor, machine, bare,
                                             bool(check.useless))
@@ -148,46 +142,14 @@ def identify_bags(asked: Asked) -> None:
                                     'setup': setup_json(check),
                                     **gain_fields, **mass_fields},
             'report.html': page})
-    console = Console(highlight=False)
-    for line in outcome.first:
-        console.print(line, soft_wrap=not console.is_terminal, markup=False)
+    say(*outcome.first)
     print_table(terminal_table(table))
     findings = [remark.text for remark in (*estimator_remarks(identification, machine), *found)
                 if remark.good]
     reservations = [f'- {remark.text} {remark.advice}'.rstrip() for remark in outcome.remarks
                     if not remark.good]
-    for line in (*findings, outcome.sentence, *reservations):
-        console.print(line, soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results{" and report" if asked.report else ""}: {asked.output}',
-                  soft_wrap=True, markup=False)
-
-
-def distinct_bags(bags: Sequence[str]) -> Sequence[str]:
-    """Return the bags.
-
-    Raises:
-        InputError: one is there twice; its rows would count twice.
-    """
-    found = [Path(bag).resolve() for bag in bags]
-    for index, path in enumerate(found):
-        if path in found[:index]:
-            raise InputError(f'{bags[index]}: given twice; give every bag once')
-    return bags
-
-
-def distinct_readings(logs: Sequence[Log], bags: Sequence[str]) -> None:
-    """Refuse a bag that holds the readings of another one: rows that were fitted confirm nothing.
-
-    Raises:
-        InputError: names both.
-    """
-    seen: dict[bytes, str] = {}
-    for log, bag in zip(logs, bags, strict=True):
-        readings = sha256(log.q.tobytes() + log.tau.tobytes()).digest()
-        if readings in seen:
-            raise InputError(f'{bag}: holds the same readings as {seen[readings]}; give another '
-                             f'recording, or leave it out')
-        seen[readings] = bag
+    say(*findings, outcome.sentence, *reservations)
+    say(f'results{" and report" if asked.report else ""}: {asked.output}', whole=True)
 
 
 def payload_masses(payloads: Sequence[str], bags: Sequence[str]) -> dict[str, float]:

@@ -13,7 +13,7 @@ from rich.table import Table
 from par4_identification.inspection.inspection import Inspection, inspect_bag
 from par4_kinematics.robot import read_machine
 from par4_sim.report.results import plain
-from par4_sim.report.terminal import print_table
+from par4_sim.report.terminal import print_table, say
 
 
 def inspect(bag: Path, robot: str, namespace: str | None, as_json: bool) -> None:
@@ -24,13 +24,10 @@ def inspect(bag: Path, robot: str, namespace: str | None, as_json: bool) -> None
     if as_json:
         print(json.dumps(plain(found.to_json()), indent=2))
         return
-    _show(found, Console(highlight=False))
+    _show(found)
 
 
-def _show(found: Inspection, console: Console) -> None:
-    def say(line: str) -> None:
-        console.print(line, soft_wrap=not console.is_terminal, markup=False)
-
+def _show(found: Inspection) -> None:
     length = '' if found.duration is None else f', {found.duration:.4g} s'
     say(f'{found.bag}: read as a recording of {found.machine}{length}')
     if found.cut_off is not None:

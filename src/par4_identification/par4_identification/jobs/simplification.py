@@ -21,6 +21,7 @@ from par4_identification.reports.outcome.simplification import (
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.robot import read_robot
 from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.terminal import say
 
 
 def simplify(robot: str, model: str, output: Path, motion: str | None,
@@ -42,6 +43,5 @@ def simplify(robot: str, model: str, output: Path, motion: str | None,
         write_results(output, {
             'simplification.json': simplification_json(study, machine, imposed, fidelity, origin),
             'report.html': report_of_simplification(study, outcome, machine, imposed, origin)})
-    console = Console(highlight=False)
-    console.print(outcome.sentence, soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results and report: {output}', soft_wrap=True, markup=False)
+    say(outcome.sentence)
+    say(f'results and report: {output}', whole=True)

@@ -22,6 +22,7 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import origin, refuse_unwritable, write_results
+from par4_sim.report.terminal import say
 
 
 def trend_of_bags(bags: tuple[str, ...], robot: str, output: Path, scheduler: str | None,
@@ -58,10 +59,8 @@ def trend_of_bags(bags: tuple[str, ...], robot: str, output: Path, scheduler: st
     write_results(output, {
         'trend.json': trend_json(life, refused, machine, outcome.sentence),
         'report.html': report_of_life(life, outcome, refused, machine, provenance)})
-    console = Console(highlight=False)
-    for line in (*lines_of_refused(refused), outcome.sentence,
-                 f'results and report: {output}'):
-        console.print(line, soft_wrap=not console.is_terminal, markup=False)
+    say(*lines_of_refused(refused), outcome.sentence)
+    say(f'results and report: {output}', whole=True)
 
 
 def _results(bags: Sequence[str], machine: Robot | Axis, model_file: ModelFile | None,

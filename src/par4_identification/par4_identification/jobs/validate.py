@@ -22,6 +22,7 @@ from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.robot import read_machine
 from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.terminal import say
 
 
 def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str | None,
@@ -59,9 +60,5 @@ def validate_bag(bag: str, model: str, robot: str, output: Path, namespace: str 
         write_results(output, {
             'validation.json': {**validation_json(validation, log), 'setup': setup_json(check)},
             'report.html': page})
-    console = Console(highlight=False)
-    for line in outcome.first:
-        console.print(line, soft_wrap=not console.is_terminal, markup=False)
-    console.print(outcome.sentence, soft_wrap=not console.is_terminal, markup=False)
-    console.print(f'results{" and report" if report else ""}: {output}', soft_wrap=True,
-                  markup=False)
+    say(*outcome.first, outcome.sentence)
+    say(f'results{" and report" if report else ""}: {output}', whole=True)

@@ -13,7 +13,7 @@ import numpy as np
 from par4_identification.logs.accounts import held_words
 from par4_identification.logs.refresh import refresh_of
 from par4_identification.logs.stamps import FASTEST, GAP
-from par4_identification.logs.units import Kind, si_unit
+from par4_identification.logs.units import JointKind, si_unit
 
 FEW = 10.0
 """Spacings up to so many usual ones tell the rate: rounded stamps and jitter average out."""
@@ -47,7 +47,7 @@ class Measured:
         untimed: of them without a time, left out.
     """
 
-    kind: Kind
+    kind: JointKind
     stamp: np.ndarray
     values: dict[str, np.ndarray]
     rows: int

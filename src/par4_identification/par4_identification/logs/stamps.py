@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from array import array
 from dataclasses import dataclass
 
 import numpy as np
-
-from par4_kinematics.stamps import SECOND
 
 FASTEST = 5e-6
 """s between samples; no logger records faster, so that times count another unit."""
@@ -15,8 +12,6 @@ GAP = 1.5
 """Spacing in periods above which samples are missing."""
 CROWDED = 0.25
 """Spacing in periods below which the later of two samples is dropped: splines would swing."""
-BLOCK = 50_000
-"""Stamps that are counted at a time; as many more may come out of order."""
 
 
 @dataclass(frozen=True)
@@ -57,33 +52,6 @@ def spacing_counts(stamp: np.ndarray, run: np.ndarray | None = None) -> Spacing:
         gaps=len(gaps), longest_gap=1e-9 * float(gaps.max(initial=0)),
         lost=int(np.sum(np.round(gaps / period) - 1)), period=1e-9 * period,
         jitter_rms=1e-9 * float(np.sqrt(np.mean((others - period) ** 2))))
-
-
-class Losses:
-    """Samples that are missing between stamps, counted while these come, however many."""
-
-    def __init__(self) -> None:
-        self._counted = 0
-        self._waiting: array[int] = array('q')
-
-    def take(self, stamp: int) -> None:
-        """Take the stamp, ns, of a sample; one far back begins another run."""
-        if self._waiting and stamp < self._waiting[-1] - SECOND:
-            self._counted, self._waiting = self.count, array('q')
-        self._waiting.append(stamp)
-        if len(self._waiting) > 2 * BLOCK:
-            ordered = self._ordered()
-            end = max(0, len(ordered) - BLOCK)
-            self._counted += spacing_counts(ordered[:end + 1]).lost
-            self._waiting = array('q', ordered[end:].tobytes())
-
-    @property
-    def count(self) -> int:
-        """How many are missing so far."""
-        return self._counted + spacing_counts(self._ordered()).lost
-
-    def _ordered(self) -> np.ndarray:
-        return np.unique(np.frombuffer(self._waiting, dtype=np.int64))
 
 
 def nearest_stamp(stamp: np.ndarray, times: np.ndarray) -> np.ndarray:

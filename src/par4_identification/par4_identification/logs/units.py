@@ -8,7 +8,7 @@ from typing import Literal
 
 from par4_kinematics.errors import InputError
 
-Kind = Literal['revolute', 'linear']
+JointKind = Literal['revolute', 'linear']
 DATES = 'iso'
 """The unit of times that are dates of ISO 8601, which are read as s since 1970."""
 TURN = 2.0 * math.pi
@@ -28,7 +28,7 @@ class Unit:
     """
 
     factor: float
-    kind: Kind | None = None
+    kind: JointKind | None = None
     scale: Literal['counts_per_turn', 'motor_gain'] | None = None
 
 
@@ -73,6 +73,6 @@ def unit_named(quantity: str, name: str) -> Unit:
     return known[name.replace(' ', '')]
 
 
-def si_unit(quantity: str, kind: Kind) -> str:
+def si_unit(quantity: str, kind: JointKind) -> str:
     """Return the SI unit of a quantity of a joint of that kind, for messages."""
     return SI[quantity][kind == 'linear']

@@ -20,34 +20,30 @@ from par4_sim.report.page import rendered
 from par4_sim.report.words import capital, in_words, number, typeset
 
 
-def report_of_life(life: Life | None, outcome: Outcome, refused: Mapping[str, str],
+def report_of_life(life: Life, outcome: Outcome, refused: Mapping[str, str],
                    machine: Robot | Axis, provenance: dict[str, Any]) -> str:
     """Return the report.
 
     Args:
-        life: None where no bag could be used.
+        life: of the bags that could be used.
         outcome: in words.
         refused: bags that could not be used, with the reasons.
         machine: whose life it is.
         provenance: of the results.
     """
-    content: dict[str, Any] = {'life_picture': '', 'events': [], 'table': [], 'dates': ('', '')}
-    if life is not None:
-        dates = np.array([date_of(life, index).replace(tzinfo=None)
-                          for index in range(len(life.bags))], dtype='datetime64[s]')
-        content = {
-            'life_picture': drawn_life(dates, panels_of(life, machine),
-                                  [dates[event.index] for event in life.events]),
-            'events': [(str(place), day(life, event.index),
-                        'drift' if event.is_drift else 'step',
-                        sentence_of_event(life, event, machine))
-                       for place, event in enumerate(life.events, start=1)],
-            'table': [_cells(channel, course, machine)
-                      for channel, course in zip(life.channels, life.courses)],
-            'dates': (day(life, 0), day(life, -1))}
+    dates = np.array([date_of(life, index).replace(tzinfo=None)
+                      for index in range(len(life.bags))], dtype='datetime64[s]')
     return rendered(
         'par4_identification.reports', 'trend.html', outcome, f'The life of {machine.name}',
-        'What it rests on', provenance, refused=list(refused.items()), **content)
+        'What it rests on', provenance, refused=list(refused.items()),
+        life_picture=drawn_life(dates, panels_of(life, machine),
+                                [dates[event.index] for event in life.events]),
+        events=[(str(place), day(life, event.index), 'drift' if event.is_drift else 'step',
+                 sentence_of_event(life, event, machine))
+                for place, event in enumerate(life.events, start=1)],
+        table=[_cells(channel, course, machine)
+               for channel, course in zip(life.channels, life.courses)],
+        dates=(day(life, 0), day(life, -1)))
 
 
 def panels_of(life: Life, machine: Robot | Axis) -> list[Panel]:

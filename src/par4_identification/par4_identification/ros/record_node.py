@@ -13,7 +13,6 @@ from typing import Any
 
 from rclpy.subscription import Subscription
 
-from par4_identification.logs.recorder import Recorder
 from par4_identification.ros.record_parameters import RecordParameters
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, RECORDED_TOPICS, Topic
@@ -21,6 +20,7 @@ from par4_kinematics.ros.node import REPORT_PERIOD, SILENCE, Par4Node, State
 from par4_kinematics.ros.numbering import Numbering
 from par4_kinematics.ros.process import run
 from par4_kinematics.stamps import SECOND
+from par4_sim.bags.bag_writer import BagWriter
 
 BUFFER = 20000
 """Messages of a topic that wait while this process is held up."""
@@ -37,8 +37,8 @@ class RecordNode(Par4Node):
 
     def __init__(self) -> None:
         super().__init__()
-        self._bags = 0
-        self._recorder: Recorder | None = None
+        self._begun_bags = 0
+        self._bag: BagWriter | None = None
         self._path = Path(self.parameters.output)
         self._received: Counter[str] = Counter()
         self._numbering: defaultdict[str, Numbering] = defaultdict(Numbering)
@@ -68,7 +68,7 @@ class RecordNode(Par4Node):
                     self._write(topic, *waiting)
 
     def _write(self, topic: Topic, data: bytes, info: dict[str, Any]) -> None:
-        if self._recorder is None:
+        if self._bag is None:
             return
         name = topic.name
         self._numbering[name].take(info['publication_sequence_number'])
@@ -76,16 +76,16 @@ class RecordNode(Par4Node):
         self._newest[name] = time.monotonic()
         if not self._began_ns:  # simulated time is 0 until the first clock message
             self._began_ns = self.get_clock().now().nanoseconds
-        self._recorder.write(self._recorded[topic].topic_name, topic.type,
-                             info['received_timestamp'], data)
+        self._bag.write_raw(self._recorded[topic].topic_name, topic.type,
+                            info['received_timestamp'], data)
 
     def _start(self) -> str:
-        if self._recorder is not None:
+        if self._bag is not None:
             return f'recording {self._path} already'
-        if self._bags > 0:
-            self._path = Path(f'{self.parameters.output}_{self._bags + 1}')
-        self._recorder = Recorder(self._path, self.parameters.storage)
-        self._bags += 1
+        if self._begun_bags > 0:
+            self._path = Path(f'{self.parameters.output}_{self._begun_bags + 1}')
+        self._bag = BagWriter(self._path, self.parameters.storage)
+        self._begun_bags += 1
         self._received.clear()
         self._numbering.clear()
         self._newest.clear()
@@ -93,11 +93,11 @@ class RecordNode(Par4Node):
         return f'recording {self._path}'
 
     def _stop(self) -> str:
-        if self._recorder is None:
+        if self._bag is None:
             raise InputError('nothing is being recorded; call ~/start first')
         self._write_waiting()
-        recorder, self._recorder = self._recorder, None
-        recorder.close()
+        bag, self._bag = self._bag, None
+        bag.close()
         topics = ', '.join(f'{name} {count}' for name, count in sorted(self._received.items()))
         line = f'{self._path}: {self._received.total()} messages ({topics}), {self._lost()} lost'
         if not topics:  # what has failed to start is started again, to the same path
@@ -111,17 +111,17 @@ class RecordNode(Par4Node):
 
     def _stop_in_time(self) -> None:
         duration_ns, began_ns = self.parameters.duration * SECOND, self._began_ns
-        if duration_ns > 0.0 and began_ns and self._recorder is not None and (
+        if duration_ns > 0.0 and began_ns and self._bag is not None and (
                 self.get_clock().now().nanoseconds - began_ns >= duration_ns):
             self.finished = True
 
     def _flush(self) -> None:
-        if self._recorder is not None:
-            self._recorder.flush()
+        if self._bag is not None:
+            self._bag.flush()
 
     def clock_jumped_back(self) -> None:
         """Count the duration from here; the bag goes on and holds two runs."""
-        if self._recorder is not None and self._began_ns:
+        if self._bag is not None and self._began_ns:
             self._began_ns = self.get_clock().now().nanoseconds
             self.get_logger().warning(f'{self._path} holds more than one run: record each by its '
                                       f'own to identify from them',
@@ -130,7 +130,7 @@ class RecordNode(Par4Node):
 
     def dead_inputs(self) -> list[str]:
         """Return which topics of the robot, or the clock, came and come no more."""
-        if self._recorder is None:
+        if self._bag is None:
             return []
         return [name for name in (JOINT_STATES.name, AMPLIFIER_VOLTAGE.name)
                 if time.monotonic() - self._newest.get(name, math.inf) > SILENCE
@@ -141,7 +141,7 @@ class RecordNode(Par4Node):
         state = super().state()
         if state.level != State.OK:
             return state
-        if self._recorder is None:
+        if self._bag is None:
             return State(State.OK, 'stopped')
         if JOINT_STATES.name not in self._newest:
             return State(State.OK, f'waiting for {JOINT_STATES.name}')
@@ -162,7 +162,7 @@ class RecordNode(Par4Node):
 
     def close(self) -> None:
         """Complete the bag."""
-        if self._recorder is not None and not self._recorder.failed:
+        if self._bag is not None and not self._bag.failed:
             self._stop()
 
 

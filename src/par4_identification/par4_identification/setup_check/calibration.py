@@ -102,8 +102,14 @@ class Calibration:
         return self.values[:LEGS]
 
     def mended(self, log: Log) -> Log:
-        """Return the log with the zeros taken off."""
-        return replace(log, q=log.q - self.zeros) if self.zeros.any() else log
+        """Return the log with the zeros taken off.
+
+        They are taken off its reference, too: the drives follow what the encoders read.
+        """
+        if not self.zeros.any():
+            return log
+        reference = log.reference and replace(log.reference, q=log.reference.q - self.zeros)
+        return replace(log, q=log.q - self.zeros, reference=reference)
 
     def right_robot(self, robot: Robot) -> Robot:
         """Return the robot with the dimensions that were found."""

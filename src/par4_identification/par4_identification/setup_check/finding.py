@@ -11,9 +11,10 @@ from par4_identification.logs.log import Log
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Remark
 
-Kind = Literal['joints_exchanged', 'sign_reversed', 'wrong_unit', 'common_gain', 'zero_error',
-               'delay', 'wrong_dimensions', 'frozen_encoder', 'encoder_slip', 'held_samples',
-               'spikes', 'clipped', 'clock_drift', 'singular_pose', 'not_moving']
+FindingName = Literal[
+    'joints_exchanged', 'sign_reversed', 'wrong_unit', 'common_gain', 'zero_error', 'delay',
+    'wrong_dimensions', 'frozen_encoder', 'encoder_slip', 'held_samples', 'spikes', 'clipped',
+    'clock_drift', 'singular_pose', 'not_moving']
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Finding:
         amount: what was mended, where the diagnosis may find the rest of it.
     """
 
-    finding: Kind
+    finding: FindingName
     joints: tuple[int, ...]
     when: tuple[float, float] | None
     evidence: str

@@ -158,10 +158,13 @@ def _rows_of_joints(logs: Sequence[Log], machine: Robot | Axis, conditioning: Co
                     ) -> np.ndarray:
     """Return how many rows of each joint (J,) say something; none where the filters need more."""
     count = np.zeros(logs[0].q.shape[1], dtype=int)
-    for log in logs:
+    for log in map(in_pieces, logs):
+        longest = log.period * max((part.stop - part.start for part in log.segments), default=0)
+        # filters that remember longer than any stretch lasts would only take time and memory
+        if not conditioning.steady and longest <= 4.0 * conditioning.reach:
+            continue
         try:
-            count += sum(run.valid.sum(axis=0)
-                         for run in runs_of_log(in_pieces(log), machine, conditioning))
+            count += sum(run.valid.sum(axis=0) for run in runs_of_log(log, machine, conditioning))
         except Par4Error:
             continue
     return count

@@ -16,9 +16,9 @@ from typing import Literal
 import numpy as np
 import scipy
 
-Kind = Literal['step', 'slope', 'both', 'odd']
-KINDS: tuple[Kind, ...] = ('step', 'slope', 'both', 'odd')
-LASTING: tuple[Kind, ...] = ('step', 'slope', 'both')
+BreakKind = Literal['step', 'slope', 'both', 'odd']
+KINDS: tuple[BreakKind, ...] = ('step', 'slope', 'both', 'odd')
+LASTING: tuple[BreakKind, ...] = ('step', 'slope', 'both')
 YEAR = 365.25
 """Days."""
 WHOLE = 0.8 * YEAR
@@ -44,7 +44,7 @@ class Break:
     """
 
     index: int
-    kind: Kind
+    kind: BreakKind
     step: float = 0.0
     slope: float = 0.0
     std: tuple[float, float] = (0.0, 0.0)
@@ -173,7 +173,7 @@ def _cost(series: _Series, breaks: list[Break], each: float) -> float:
     return left + sum(_needed(2 if item.kind == 'both' else 1, freedom, each) for item in breaks)
 
 
-def _grown(series: _Series, start: list[Break], each: float, kinds: tuple[Kind, ...]
+def _grown(series: _Series, start: list[Break], each: float, kinds: tuple[BreakKind, ...]
            ) -> list[Break]:
     """Return breaks to which those worth taking are added, and of which the others are dropped."""
     breaks = list(start)
@@ -193,7 +193,7 @@ def _grown(series: _Series, start: list[Break], each: float, kinds: tuple[Kind, 
     return breaks
 
 
-def _moved(series: _Series, breaks: list[Break], each: float, kinds: tuple[Kind, ...]
+def _moved(series: _Series, breaks: list[Break], each: float, kinds: tuple[BreakKind, ...]
            ) -> list[Break]:
     """Return the breaks, each where and of the kind that explains most beside the others."""
     for _ in range(ROUNDS):
@@ -221,7 +221,7 @@ def _needed(own: int, freedom: int, each: float) -> float:
     return own * float(scipy.stats.f.isf(each, own, max(freedom, 1)))
 
 
-def _best(series: _Series, others: list[Break], each: float, kinds: tuple[Kind, ...]
+def _best(series: _Series, others: list[Break], each: float, kinds: tuple[BreakKind, ...]
           ) -> tuple[float, Break | None]:
     """Return the break that gains most beside others, with its gain beyond chance."""
     basis, _ = np.linalg.qr(_regular(series.design(others)))

@@ -53,19 +53,19 @@ def results_of(work: Callable[[str], dict[str, Any]], bags: Sequence[str], sched
         try:
             client = Client(cluster or scheduler, timeout=REACHED)
         except (OSError, ValueError, TimeoutError) as error:
-            raise InputError(f'--scheduler {scheduler}: no dask scheduler answers there; give an '
-                             f'address as tcp://HOST:8786, or leave it out') from error
+            raise _refusal(scheduler, 'no dask scheduler answers there; give an address as '
+                                      'tcp://HOST:8786, or leave it out') from error
         with client:
             try:
                 client.wait_for_workers(1, timeout=REACHED)
             except TimeoutError as error:
-                raise InputError(f'--scheduler {scheduler}: it has no workers; start some with '
-                                 f'`dask worker {scheduler} --nthreads 1`') from error
+                raise _refusal(scheduler, f'it has no workers; start some with `dask worker '
+                                          f'{scheduler} --nthreads 1`') from error
             futures = {client.submit(work, bag, pure=False): bag for bag in bags}
             for future in as_completed(futures):
                 if future.cancelled():
-                    raise InputError(f'--scheduler {scheduler}: the connection to it was lost; the '
-                                     f'bags done so far are kept, so call again')
+                    raise _refusal(scheduler, 'the connection to it was lost; the bags done so '
+                                              'far are kept, so call again')
                 lost = future.exception()
                 outcome = future.result() if lost is None else {
                     'error': f'{futures[future]}: its task was lost ({type(lost).__name__})'}
@@ -74,3 +74,11 @@ def results_of(work: Callable[[str], dict[str, Any]], bags: Sequence[str], sched
     finally:
         if cluster is not None:
             cluster.close()
+
+
+def _refusal(scheduler: str | None, fault: str) -> InputError:
+    """Return the error of a scheduler that was asked for, else of the workers of this machine."""
+    return InputError(
+        'the workers on this machine do not answer; the bags done so far are kept, so end what '
+        'else is busy here and call again' if scheduler is None else
+        f'--scheduler {scheduler}: {fault}')

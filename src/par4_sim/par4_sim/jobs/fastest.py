@@ -14,7 +14,7 @@ from par4_sim.choices import OWN, TIME_OPTIMAL
 from par4_sim.jobs.comparison import read_asked
 from par4_sim.plants.plant import STEP
 from par4_sim.report.results import origin, write_results
-from par4_sim.report.terminal import print_table
+from par4_sim.report.terminal import print_table, say
 from par4_sim.tracking.fastest import fastest_cases
 
 TOOL = 'par4_fastest'
@@ -71,7 +71,5 @@ def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | No
     for names, cells in rows_of_fastest(found, bound):
         table.add_row(*names, *cells)
     print_table(table)
-    console = Console(highlight=False)
-    for text in (outcome.sentence, f'results and report: {asked.output}',
-                 *limits_not_given(robot)):
-        console.print(text, soft_wrap=True, markup=False)
+    say(outcome.sentence)
+    say(f'results and report: {asked.output}', *limits_not_given(robot), whole=True)

@@ -10,7 +10,7 @@ from rich.table import Table
 from par4_kinematics.limits import limits_not_given
 from par4_sim.jobs.comparison import read_asked
 from par4_sim.report.results import origin, write_results
-from par4_sim.report.terminal import print_table
+from par4_sim.report.terminal import print_table, say
 from par4_sim.report.words import in_words
 from par4_sim.tracking.case import Case, compared, model_name
 from par4_sim.tracking.comparison import (
@@ -39,10 +39,8 @@ def track(band: float, **options: Any) -> None:
                                            provenance),
             'report.html': report_of_tracking(cases, outcome, robot, plan.band, provenance)})
     print_table(_table(cases))
-    console = Console(highlight=False)
-    for text in (outcome.sentence, f'results and report: {asked.output}',
-                 *limits_not_given(robot)):
-        console.print(text, soft_wrap=True, markup=False)
+    say(outcome.sentence)
+    say(f'results and report: {asked.output}', *limits_not_given(robot), whole=True)
 
 
 def _table(cases: list[Case]) -> Table:

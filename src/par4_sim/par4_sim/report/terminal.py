@@ -1,4 +1,4 @@
-"""How commands print tables."""
+"""How commands print tables and sentences."""
 
 from __future__ import annotations
 
@@ -19,3 +19,14 @@ def print_table(table: Table) -> None:
     whole = Measurement.get(console, console.options.update(max_width=WIDEST), table).maximum
     console.width = max(console.width, whole)
     console.print(table)
+
+
+def say(*lines: str, whole: bool = False) -> None:
+    """Print lines, which a terminal shows broken between words, and files and pipes as they are.
+
+    Args:
+        whole: not broken on a terminal either, so that a path in it can be copied.
+    """
+    console = Console(highlight=False)
+    for line in lines:
+        console.print(line, soft_wrap=whole or not console.is_terminal, markup=False)

@@ -38,25 +38,25 @@ class Torques:
     rows: np.ndarray
 
 
-Kind = TypeVar('Kind', bound=Timed)
+TimedRows = TypeVar('TimedRows', bound=Timed)
 
 
-class Inbox(Generic[Kind]):
-    """Rows from one thread for another, in the order in which they came."""
+class Inbox(Generic[TimedRows]):
+    """TimedRows from one thread for another, in the order in which they came."""
 
     def __init__(self) -> None:
-        self._waiting: SimpleQueue[tuple[int, Kind]] = SimpleQueue()
+        self._waiting: SimpleQueue[tuple[int, TimedRows]] = SimpleQueue()
 
-    def put(self, epoch_ns: int, rows: Kind) -> None:
+    def put(self, epoch_ns: int, rows: TimedRows) -> None:
         """Leave rows whose times count from `epoch_ns`."""
         self._waiting.put((epoch_ns, rows))
 
-    def take(self, epoch_ns: int) -> list[list[Kind]]:
+    def take(self, epoch_ns: int) -> list[list[TimedRows]]:
         """Return what waits, with times from `epoch_ns` on: groups that go on in time.
 
         Many rows are a group of their own, which need not be put together.
         """
-        groups: list[list[Kind]] = []
+        groups: list[list[TimedRows]] = []
         end, count = np.inf, 0
         while count < MOST:
             try:
@@ -75,7 +75,7 @@ class Inbox(Generic[Kind]):
         return groups
 
 
-def joined(group: list[Kind]) -> tuple[np.ndarray, np.ndarray]:
+def joined(group: list[TimedRows]) -> tuple[np.ndarray, np.ndarray]:
     """Return the times and rows of a group as one."""
     if len(group) == 1:
         return group[0].times, group[0].rows

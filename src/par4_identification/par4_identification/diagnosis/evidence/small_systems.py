@@ -10,10 +10,10 @@ ROUNDING = 1e-11
 """Eigenvalues of scaled normal equations below which a direction is not told by the data."""
 DISTINCT = 1e-7
 """Least square of a pivot of the scaled normal equations that needs no look at their directions."""
-IMITATED = 1e-7
-"""The same two of what a design leaves of more columns: here for directions,"""
-CLEAR = 1e-3
-"""and for pivots."""
+LEFT_ROUNDING = 1e-7
+"""As `ROUNDING`, for what a projection has left of columns, scaled by their sizes before it."""
+LEFT_DISTINCT = 1e-3
+"""As `DISTINCT`, for the same."""
 
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
@@ -68,7 +68,7 @@ def quadratic(gram: np.ndarray, moment: np.ndarray, size: np.ndarray) -> np.ndar
     if doubtful.any():
         values, vectors = np.linalg.eigh(gram[doubtful])
         along = np.einsum('...kl,...k->...l', vectors, moment[doubtful])
-        kept = values > IMITATED
+        kept = values > LEFT_ROUNDING
         found[doubtful] = np.sum(
             np.where(kept, along ** 2, 0.0) / np.where(kept, values, 1.0), axis=-1)
     return found
@@ -92,7 +92,7 @@ def _by_cholesky(grams, moments):
                 if row > column:
                     lower[row, column] = left / lower[column, column]
                 else:
-                    lower[row, row] = np.sqrt(left) if left > CLEAR else np.nan
+                    lower[row, row] = np.sqrt(left) if left > LEFT_DISTINCT else np.nan
             left = moments[number, row]
             for k in range(row):
                 left -= lower[row, k] * forward[k]

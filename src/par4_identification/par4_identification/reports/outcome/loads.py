@@ -9,9 +9,11 @@ from par4_dynamics.model_file import RigidBody
 from par4_identification.gains.known_payload import gains_of_payloads
 from par4_identification.gains.unknown_payload import payload_of_runs
 from par4_identification.logs.log import Log
+from par4_identification.logs.stretches import in_pieces
 from par4_identification.reports.outcome.drive_gain import gains_json, gains_remarks
 from par4_identification.reports.outcome.payload import payload_json, payload_remark
-from par4_identification.signals.rows import Run, runs_of_log
+from par4_identification.signals.conditioning import Conditioning
+from par4_identification.signals.rows import Run, runs_of_logs
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Remark
@@ -36,7 +38,8 @@ def known_payloads(runs: Sequence[Run], masses: Mapping[str, float], machine: Ro
 
 
 def weighed_payload(runs: Sequence[Run], loaded: Sequence[Log], machine: Robot | Axis,
-                    rigid_body: RigidBody) -> tuple[tuple[Remark, ...], dict[str, Any]]:
+                    rigid_body: RigidBody, conditioning: Conditioning
+                    ) -> tuple[tuple[Remark, ...], dict[str, Any]]:
     """Return the payload in words and as fields of `identification.json`; nothing without one.
 
     Args:
@@ -44,6 +47,7 @@ def weighed_payload(runs: Sequence[Run], loaded: Sequence[Log], machine: Robot |
         loaded: bags with it.
         machine: that was recorded.
         rigid_body: 'paper' or 'full'.
+        conditioning: filters and rates, those of `runs`.
 
     Raises:
         InputError: motions that do not tell the masses.
@@ -51,6 +55,6 @@ def weighed_payload(runs: Sequence[Run], loaded: Sequence[Log], machine: Robot |
     if not loaded:
         return (), {}
     names = [log.name for log in loaded]
-    with_it = [run for log in loaded for run in runs_of_log(log, machine)]
+    with_it = runs_of_logs([in_pieces(log) for log in loaded], machine, conditioning)
     payload = payload_of_runs([*runs, *with_it], names, machine, rigid_body)
     return (payload_remark(payload, names),), {'payload': payload_json(payload, names)}
