@@ -716,6 +716,33 @@ def test_a_motion_that_changes_its_speed_or_has_one_alone_is_no_set_of_steady_sp
     assert not conditioning_for([log], axis(), CONDITIONING).steady
 
 
+def held_in_turn(speeds, each):
+    """Return positions at one speed after the other, each held for a time."""
+    def reference(t):
+        number = np.minimum((t / each).astype(int), len(speeds) - 1)
+        return np.cumsum(np.array(speeds)[number]) * (t[1] - t[0])
+    return reference
+
+
+@pytest.mark.parametrize(('motor', 'speeds', 'facts'), [
+    (Motor(1e-3, 0.07, 1e-3, {6: (0.05, -2.9), 3: (0.013, -1.9)}),
+     [sign * speed for sign in (1, -1) for speed in (1.2, 1.5, 1.9, 2.3, 2.8, 3.3, 2.5, 1.6)], {}),
+    (PENDULUM, [sign * speed for speed in (0.2, 0.3, 0.4, 0.6) for sign in (1, -1)] * 2,
+     {'gravity': 'vertical'})])
+def test_steady_speeds_do_not_hide_a_torque_that_follows_the_position(motor, speeds, facts):
+    """Means over a speed would leave cogging out, and the weight of an arm."""
+    log = recorded(motor, held_in_turn(speeds, 4.0), 4.0 * len(speeds), 100.0, noise=5e-3)
+    smooth = replace(motor, lines={}, hanging=0.0)
+    flat = recorded(smooth, held_in_turn(speeds, 4.0), 4.0 * len(speeds), 100.0, noise=5e-3)
+    assert conditioning_for([flat], axis(), CONDITIONING).steady
+    assert not conditioning_for([log], axis(), CONDITIONING).steady
+    found = diagnosed([log], [], axis(**facts))
+    told = {cause.effect.name: cause for cause in found.causes}
+    assert set(told) == ({'cogging'} if motor.lines else set())
+    if motor.lines:
+        assert {3.0, 6.0} <= set(told['cogging'].parameters['periods'].value)
+
+
 def test_steady_speeds_identify_friction_and_leave_the_inertia_out():
     logs = held_speeds(lambda speed: math.copysign(4.7e-3, speed) + 3e-5 * speed, SPEEDS, 3e-4)
     conditioning = conditioning_for(logs, axis(), Conditioning())

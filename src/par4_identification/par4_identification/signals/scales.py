@@ -16,7 +16,7 @@ from par4_identification.signals.filtering import (
     low_pass,
     second_difference,
 )
-from par4_identification.signals.plateaus import hold_speeds
+from par4_identification.signals.plateaus import follow_the_position, hold_speeds
 from par4_identification.signals.position_noise import (
     mean_spectrum,
     noise_variance,
@@ -77,7 +77,8 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
     usual one or, where its torque reaches higher above its noise, so high that it passes; its
     positions pass as far as their noise lets the acceleration be told; its low speed goes with its
     speeds and with the steps of its positions. Where it holds one speed after the other, and no
-    filter is asked for, each plateau of its speed is a row.
+    filter is asked for, each plateau of its speed is a row, unless its torque follows the position
+    within them.
 
     Args:
         logs: of the machine.
@@ -92,7 +93,8 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
     rate = min(1.0 / log.period for log in logs)
     cutoff, low_speed = usual.torque_cutoff_hz, usual.low_speed
     if (isinstance(machine, Axis) and chosen.cutoff_hz is None and chosen.row_rate_hz is None
-            and hold_speeds(logs, SLOWEST_HZ)):
+            and hold_speeds(logs, SLOWEST_HZ)
+            and (rate < SLOWEST_HZ or not follow_the_position(logs, machine.kind == 'revolute'))):
         return replace(usual, steady=True, low_speed=chosen.low_speed or 0.0)
     if isinstance(machine, Robot):
         cutoff = max(min(LEAST_CUTOFF, cutoff), min(cutoff, _known_hz(logs, machine, usual)))
