@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from par4_identification.logs.jumps import count_of
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import in_pieces
 from par4_identification.signals.conditioning import Conditioning
@@ -234,12 +235,4 @@ def _low_speeds(log: Log, cutoff: float) -> tuple[float, float]:
     step, speed = np.concatenate(steps), np.concatenate(speeds)
     moved = step[step > 1e-12]
     return (SLOWEST * float(np.quantile(speed, 0.95)),
-            cutoff * _count(moved) if len(moved) else 0.0)
-
-
-def _count(steps: np.ndarray) -> float:
-    """Return the step (> 0) of which all steps of a position are multiples, 0 if there is none."""
-    least = float(np.quantile(steps, 0.01))
-    multiples = steps / max(least, 1e-15)
-    whole = np.abs(multiples - np.round(multiples)) < 0.1
-    return least if np.mean(whole) > 0.8 else 0.0
+            cutoff * count_of(moved) if len(moved) else 0.0)
