@@ -351,7 +351,21 @@ def test_noise_is_still_junk():
     noise = 0.05 * np.random.default_rng(0).standard_normal(log.tau.shape)
     found = diagnosed([replace(log, tau=noise)], [], axis())
     assert found.verdict == 'unusable_data'
-    assert any('explain only' in reason for reason in found.reasons)
+    assert any('inertia, friction and weight explain only' in reason for reason in found.reasons)
+
+
+def test_the_log_of_one_joint_of_an_arm_is_told_that_others_move_it():
+    """The weight of what hangs on it goes with the angles of joints that the axis does not know."""
+    log = recorded(PENDULUM, lambda t: 0.4 * np.sin(1.3 * t), 20.0, 200.0)
+    other = 3.0 * np.sin(0.9 * log.t) + 2.0 * np.sin(2.3 * log.t)
+    arm = replace(log, tau=log.tau + other[:, None])
+    for facts in ({}, {'gravity': 'vertical'}):
+        found = diagnosed([arm], [], axis(**facts))
+        assert found.verdict == 'unusable_data'
+        assert not any('order' in reason or 'rigid bodies' in reason for reason in found.reasons)
+        assert any('whether other joints moved' in reason for reason in found.reasons)
+    with pytest.raises(InputError, match='which is impossible; .*whether other joints moved'):
+        identify([replace(log, tau=-log.tau)], axis()).model_file({}, axis())
 
 
 def test_no_time_is_right_for_a_torque_that_no_time_explains():
