@@ -47,15 +47,16 @@ def resolution(q: np.ndarray) -> float:
     return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
 
 
-def count_of(steps: np.ndarray) -> float:
+def count_of(steps: np.ndarray, within: float = 0.1) -> float:
     """Return the step (> 0) of which all steps (n,) are multiples, 0 if there is none.
 
     Args:
         steps: of a reading, above 0, at least one.
+        within: part of that step by which they may miss.
     """
     least = float(np.quantile(steps, 0.01))
     multiples = steps / max(least, 1e-15)
-    whole = np.abs(multiples - np.round(multiples)) < 0.1
+    whole = np.abs(multiples - np.round(multiples)) < within
     return least if np.mean(whole) > 0.8 else 0.0
 
 
