@@ -352,7 +352,21 @@ def test_noise_is_still_junk():
     noise = 0.05 * np.random.default_rng(0).standard_normal(log.tau.shape)
     found = diagnosed([replace(log, tau=noise)], [], axis())
     assert found.verdict == 'unusable_data'
-    assert any('explain only' in reason for reason in found.reasons)
+    assert any('inertia, friction and weight explain only' in reason for reason in found.reasons)
+
+
+def test_the_log_of_one_joint_of_an_arm_is_told_that_others_move_it():
+    """The weight of what hangs on it goes with the angles of joints that the axis does not know."""
+    log = recorded(PENDULUM, lambda t: 0.4 * np.sin(1.3 * t), 20.0, 200.0)
+    other = 3.0 * np.sin(0.9 * log.t) + 2.0 * np.sin(2.3 * log.t)
+    arm = replace(log, tau=log.tau + other[:, None])
+    for facts in ({}, {'gravity': 'vertical'}):
+        found = diagnosed([arm], [], axis(**facts))
+        assert found.verdict == 'unusable_data'
+        assert not any('order' in reason or 'rigid bodies' in reason for reason in found.reasons)
+        assert any('whether other joints moved' in reason for reason in found.reasons)
+    with pytest.raises(InputError, match='which is impossible; .*whether other joints moved'):
+        identify([replace(log, tau=-log.tau)], axis()).model_file({}, axis())
 
 
 def test_no_time_is_right_for_a_torque_that_no_time_explains():
@@ -722,6 +736,33 @@ def test_one_log_may_hold_several_speeds():
 def test_a_motion_that_changes_its_speed_or_has_one_alone_is_no_set_of_steady_speeds(reference):
     log = recorded(DRIVER, reference, 12.0, 1000.0)
     assert not conditioning_for([log], axis(), CONDITIONING).steady
+
+
+def held_in_turn(speeds, each):
+    """Return positions at one speed after the other, each held for a time."""
+    def reference(t):
+        number = np.minimum((t / each).astype(int), len(speeds) - 1)
+        return np.cumsum(np.array(speeds)[number]) * (t[1] - t[0])
+    return reference
+
+
+@pytest.mark.parametrize(('motor', 'speeds', 'facts'), [
+    (Motor(1e-3, 0.07, 1e-3, {6: (0.05, -2.9), 3: (0.013, -1.9)}),
+     [sign * speed for sign in (1, -1) for speed in (1.2, 1.5, 1.9, 2.3, 2.8, 3.3, 2.5, 1.6)], {}),
+    (PENDULUM, [sign * speed for speed in (0.2, 0.3, 0.4, 0.6) for sign in (1, -1)] * 2,
+     {'gravity': 'vertical'})])
+def test_steady_speeds_do_not_hide_a_torque_that_follows_the_position(motor, speeds, facts):
+    """Means over a speed would leave cogging out, and the weight of an arm."""
+    log = recorded(motor, held_in_turn(speeds, 4.0), 4.0 * len(speeds), 100.0, noise=5e-3)
+    smooth = replace(motor, lines={}, hanging=0.0)
+    flat = recorded(smooth, held_in_turn(speeds, 4.0), 4.0 * len(speeds), 100.0, noise=5e-3)
+    assert conditioning_for([flat], axis(), CONDITIONING).steady
+    assert not conditioning_for([log], axis(), CONDITIONING).steady
+    found = diagnosed([log], [], axis(**facts))
+    told = {cause.effect.name: cause for cause in found.causes}
+    assert set(told) == ({'cogging'} if motor.lines else set())
+    if motor.lines:
+        assert {3.0, 6.0} <= set(told['cogging'].parameters['periods'].value)
 
 
 def test_steady_speeds_identify_friction_and_leave_the_inertia_out():

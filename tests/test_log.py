@@ -464,6 +464,13 @@ def test_two_machines_on_one_topic_are_told(tmp_path):
         read_log(bag(tmp_path / 'bag', stamp, position), ROBOT)
 
 
+def test_a_coarse_potentiometer_that_trembles_is_one_machine(tmp_path):
+    stamp, count = even(), np.radians(1.0)
+    noise = 0.4 * count * np.random.default_rng(0).standard_normal((len(stamp), 4))
+    position = count * np.round((true_position(stamp) + noise) / count)
+    assert len(read_log(bag(tmp_path / 'bag', stamp, position), ROBOT).t) == len(stamp)
+
+
 def test_too_few_samples_are_refused(tmp_path):
     read_log(bag(tmp_path / 'enough', even(20)), ROBOT)
     for name, stamp, voltage_stamp in (

@@ -473,6 +473,20 @@ def test_a_joint_that_rests_is_not_frozen(clean):
     assert held_stretches(replace(clean, q=q)) == []
 
 
+def test_a_reading_with_a_fixed_number_of_digits_is_not_frozen_where_it_turns_round():
+    """Of 100 degrees five digits leave steps of 0.01 degrees, of small angles finer ones."""
+    t = 2e-4 * np.arange(20000)
+    degrees = 110.0 * np.sin(2.0 * np.pi * 0.6 * t) ** 5
+    q = np.radians([float(f'{value:.5g}') for value in degrees])[:, None]
+    log = Log('written', ('motor',), 1, 2e-4, t, q, np.sin(7.0 * t)[:, None],
+              (slice(0, len(t)),), None, None)
+    assert held_stretches(log) == []
+    q = q.copy()
+    q[6500:6700] = q[6500]
+    held, = held_stretches(replace(log, q=q))
+    assert (held.start, held.end) == (6500, 6700)
+
+
 def test_a_payload_and_warm_friction_are_no_common_factor(sticky):
     for values in ({'platform_mass_1': 1.4}, {'coulomb_friction': 1.5, 'viscous_friction': 1.2}):
         model = replace(TABLE, values=TABLE.values | {

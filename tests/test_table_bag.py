@@ -148,6 +148,12 @@ def test_a_part_of_a_log_and_an_encoder_that_wraps(tool, tmp_path):
     told = tool(*common, '--output', tmp_path / 'wrapped')
     assert 'jumps by 0.99' in told.out
     assert '--unwrap' in told.out
+    speed = np.full(len(T), 3.0 / T[-1])
+    told = tool(csv(tmp_path / 'fast.csv', t=T, q=turns % 1.0, qd=speed, tau=TAU), '--columns',
+                'time=t:s position=q:turn velocity=qd:turn/s torque=tau:Nm', '--joints', 'motor',
+                '--between', 0.4, 0.6, '--output', tmp_path / 'fast')
+    assert re.search(r'jumps by [0-9.]+ turns at row \d+; where', told.out)
+    assert 'not the slope' not in told.out
     told = tool(*common, '--output', tmp_path / 'bag', '--unwrap')
     assert 'look at this' not in told.out
     log, rows = read_log(tmp_path / 'bag', axis()), (T >= 0.2) & (T <= 0.6)

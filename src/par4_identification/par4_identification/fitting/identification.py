@@ -46,8 +46,9 @@ from par4_kinematics.robot import Axis, Robot
 
 INSIGNIFICANT = 3.0
 """Standard deviations within which a negative value is taken for zero."""
-WHAT_TO_DO = 'check the sign, order and gains of the joints, or record a richer motion'
-"""About a value that no machine can have."""
+OTHER_JOINTS = ('whether other joints moved at the same time, whose weight and inertia an axis '
+                'does not know')
+"""What spoils the log of an axis and cannot be seen in it."""
 PLAIN: Mapping[str, Callable[[Problem], Estimate]] = {
     'weighted': weighted, 'ordinary': ordinary, 'robust': robust}
 """Estimators that need nothing but the rows."""
@@ -156,7 +157,7 @@ class Identification:
             term.name: Parameter(value=0.0, unit=term.unit) for term in self.left_out}}
         impossible = self.impossible(machine)
         if impossible is not None:
-            raise InputError(f'{impossible}; {WHAT_TO_DO}')
+            raise InputError(f'{impossible}; {what_to_do(machine)}')
         for term in self.terms:
             value = np.atleast_1d(np.asarray(parameters[term.name].value, dtype=float))
             if not term.nonnegative or np.all(value >= 0.0):
@@ -186,6 +187,14 @@ class Identification:
                 return (f'{term.name}{joint} identified as {value[worst]:.4g} {unit}, which is '
                         f'impossible')
         return None
+
+
+def what_to_do(machine: Robot | Axis | None) -> str:
+    """Return what to do about a value that no machine can have."""
+    if isinstance(machine, Axis):
+        return (f'check the sign of torque and position and {OTHER_JOINTS}, or record a richer '
+                f'motion')
+    return 'check the sign, order and gains of the joints, or record a richer motion'
 
 
 def known_torque(machine: Robot | Axis, rigid_body: RigidBody, state: State) -> np.ndarray:

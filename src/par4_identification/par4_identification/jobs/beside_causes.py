@@ -21,9 +21,9 @@ from par4_identification.diagnosis.progress import Progress
 from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_identification.fitting.identification import (
     PLAIN,
-    WHAT_TO_DO,
     Identification,
     identify,
+    what_to_do,
 )
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.diagnosis import phrase_of_causes
@@ -95,7 +95,7 @@ def beside_causes(alone: Identification, logs: Sequence[Log], machine: Robot | A
                        f'out and counts as zero.',
                 'Record motions at several speeds in both directions.'))
     raise InputError(f'{impossible}, and so it remains beside all that par4_diagnose names; '
-                     f'{WHAT_TO_DO}')
+                     f'{what_to_do(machine)}')
 
 
 def _widened(beside: Identification, known: ModelFile) -> Identification:

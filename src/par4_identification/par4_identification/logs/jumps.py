@@ -47,6 +47,19 @@ def resolution(q: np.ndarray) -> float:
     return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
 
 
+def count_of(steps: np.ndarray, within: float = 0.1) -> float:
+    """Return the step (> 0) of which all steps (n,) are multiples, 0 if there is none.
+
+    Args:
+        steps: of a reading, above 0, at least one.
+        within: part of that step by which they may miss.
+    """
+    least = float(np.quantile(steps, 0.01))
+    multiples = steps / max(least, 1e-15)
+    whole = np.abs(multiples - np.round(multiples)) < within
+    return least if np.mean(whole) > 0.8 else 0.0
+
+
 def jumps_of(q: np.ndarray, width: np.ndarray | float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """Return by how much each step of a reading differs from those around it, and which jump.
 

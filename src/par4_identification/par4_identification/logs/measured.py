@@ -154,14 +154,14 @@ class Measured:
             if len(rows) < 2:
                 continue  # said elsewhere
             q, apart = column[rows], np.diff(rows)
-            jumps = np.abs(np.diff(q)) / (2.0 * np.pi)
-            jumped = rows[1:][(jumps > max(JUMP, 20.0 * np.median(jumps)))
-                              & (apart <= GAP * np.median(apart))]
+            jumped = np.flatnonzero(_wraps(q) & (apart <= GAP * np.median(apart)))
             if len(jumped):
-                turns = jumps[np.searchsorted(rows, jumped[0]) - 1]
-                found.append(f'position of joint {joint}: jumps by {turns:.3g} turns at '
-                             f'row {jumped[0] + 1} and {len(jumped) - 1} times more; where the '
-                             f'encoder wraps around, give --unwrap')
+                turns = f'{abs(q[jumped[0] + 1] - q[jumped[0]]) / (2.0 * np.pi):.3g}'
+                again = {1: '', 2: ' and once more'}.get(
+                    len(jumped), f' and {len(jumped) - 1} times more')
+                found.append(f'position of joint {joint}: jumps by {turns} '
+                             f'turn{"" if turns == "1" else "s"} at row {rows[jumped[0] + 1] + 1}'
+                             f'{again}; where the encoder wraps around, give --unwrap')
             elif np.abs(q).max() > 2.0 * np.pi * PLAIN_TURNS and np.array_equal(q, np.rint(q)):
                 found.append(f'position of joint {joint}: whole numbers up to '
                              f'{np.abs(q).max():.4g} rad; are they counts?')
@@ -204,6 +204,8 @@ class Measured:
             q, qd = (column[known] for column in columns)
             spacing = 1e-9 * np.diff(self.stamp[known])
             whole = (spacing > 0.0) & (spacing <= GAP * np.median(spacing))
+            if self.kind == 'revolute':
+                whole &= ~_wraps(q)
             q, way = (np.cumsum(np.where(whole, steps, 0.0)) for steps in (
                 np.diff(q), 0.5 * (qd[1:] + qd[:-1]) * spacing))
             if np.ptp(q) == 0.0 or np.ptp(way) == 0.0:
@@ -218,6 +220,12 @@ class Measured:
                 found.append(f'velocity of joint {joint}: not the slope of the position (their '
                              f'correlation is {alike:.2f}); check the columns')
         return found
+
+
+def _wraps(q: np.ndarray) -> np.ndarray:
+    """Return which steps of positions (n,), rad, are as large as those of an encoder that wraps."""
+    turns = np.abs(np.diff(q)) / (2.0 * np.pi)
+    return turns > max(JUMP, 20.0 * float(np.median(turns)))
 
 
 def are_readings(values: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from par4_identification.logs.jumps import count_of
 from par4_identification.logs.masks import stretches, taken
 from par4_identification.logs.stamped_rows import StampedRows
 from par4_kinematics.stamps import SECOND
@@ -24,6 +25,9 @@ FEWEST_CHANGES, OFTEN = 20, 0.04
 the messages with the rarer clock. A clock that is set back changes once, a wrong stamp twice."""
 JUMP = 1e-2
 """rad of a jump to and fro, from sample to sample."""
+JUMP_COUNTS, EXACT = 2.5, 1e-4
+"""The same in counts: a potentiometer read in steps of a degree trembles by one or two. And how
+exactly steps are counts: jumps from one machine to the other have much the same size, too."""
 AROUND, DENSE = 50, 0.3
 """Samples over which jumps are counted, and share of them where two sources talk; the jumps of
 single wrong readings are rarer."""
@@ -145,8 +149,10 @@ def to_and_fro(values: np.ndarray) -> np.ndarray:
     found = np.zeros(max(len(values) - 2, 0), dtype=bool)
     for own in values.T:  # joint by joint: an hour of all of them is half a gigabyte
         step = np.diff(own)
+        moved = np.abs(step[step != 0.0])
+        least = max(JUMP, JUMP_COUNTS * count_of(moved, EXACT)) if len(moved) else JUMP
         smaller = np.minimum(np.abs(step[:-1]), np.abs(step[1:]))
-        found |= (np.abs(step[:-1] + step[1:]) < 0.3 * smaller) & (smaller > JUMP)
+        found |= (np.abs(step[:-1] + step[1:]) < 0.3 * smaller) & (smaller > least)
     return found
 
 

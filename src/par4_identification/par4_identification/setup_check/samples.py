@@ -20,6 +20,7 @@ from par4_identification.logs.jumps import (
     COUNTS,
     SMALLEST,
     WIDEST,
+    count_of,
     jumps_of,
     resolution,
 )
@@ -37,6 +38,11 @@ BESIDE = 0.2
 """Most that other joints travel, in the jump, while a joint rested before it slipped."""
 STOPPED = 3.0
 """Encoder counts a sample: from a higher speed no drive stops a joint within a sample."""
+CHANGES = 6
+"""Changes of a reading beside a run that tell how coarse it is there: a file with a fixed number of
+digits writes large values in larger steps than small ones."""
+SLOWLY = 400
+"""Samples within which they must come."""
 TRAVEL = 0.1
 """rad that other joints travel while a reading that stopped at once stands still."""
 LONG_TRAVEL = 0.4
@@ -203,12 +209,13 @@ def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, in
 
     With each goes whether its end is so sudden that the joint cannot have moved so far meanwhile.
     """
-    own, count = q[:, joint], resolution(q[:, joint])
+    own, finest = q[:, joint], resolution(q[:, joint])
     found = []
     for start, last in stretches(np.diff(own) == 0.0):
         end = last + 1  # the first row with another reading
         if end - start < FEWEST:
             continue
+        count = max(finest, _count_beside(own, start, end))
         before = abs(own[start] - own[max(start - AROUND, 0)]) / AROUND
         if end < len(own):
             jump = abs(own[end] - own[end - 1])
@@ -228,6 +235,17 @@ def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, in
                 end - start == len(own) and travel > LONG_TRAVEL):
             found.append((start, end, False))
     return found
+
+
+def _count_beside(own: np.ndarray, start: int, end: int) -> float:
+    """Return the count of a reading (n,) before or after rows, rad, where most samples repeat."""
+    counts = [0.0]
+    for beside in (own[start::-1], own[end:]):
+        steps = np.abs(np.diff(beside[:SLOWLY]))
+        moved = np.flatnonzero(steps)[:CHANGES]
+        if len(moved) == CHANGES <= 0.5 * moved[-1]:
+            counts.append(count_of(steps[moved]))
+    return max(counts)
 
 
 def _travel_beside(q: np.ndarray, joint: int) -> float:

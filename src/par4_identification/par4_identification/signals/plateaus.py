@@ -7,7 +7,7 @@ plateau is one row, however many samples it has.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +33,11 @@ APART = 0.05
 """Share by which speeds differ that count as different."""
 BATCHES = 10
 """Parts of a plateau whose means tell how well the mean torque of all is known."""
+PLACES = 360
+"""Places of a turn, or of the way of a slide, at which torques of plateaus are compared."""
+IN_COMMON = 0.5
+"""Share of the squares of what a torque does within plateaus that it must do again at the same
+places in other plateaus to be one that follows the position."""
 
 
 @dataclass(frozen=True)
@@ -57,22 +62,59 @@ class Plateau:
 def plateaus_of(log: Log) -> list[Plateau]:
     """Return the plateaus of the log of one joint, in the order of time."""
     found = []
+    for time, t, q, torque in _samples_of_plateaus(log):
+        slope, _ = np.polyfit(t - t[0], q, 1)
+        means = [float(part.mean()) for part in np.array_split(torque, BATCHES)]
+        found.append(Plateau(time, float(q.mean()), float(slope), float(np.mean(means)),
+                             float(np.std(means, ddof=1) / np.sqrt(BATCHES))))
+    return found
+
+
+def follow_the_position(logs: Sequence[Log], turns: bool) -> bool:
+    """Return whether torques within plateaus are the same again at the same places in others.
+
+    Their means then leave out most of what they tell: cogging, or the weight of an arm.
+
+    Args:
+        logs: of one joint.
+        turns: whether it turns, so that a place comes again after a turn.
+    """
+    parts = [(q, torque - torque.mean()) for log in logs
+             for _, _, q, torque in _samples_of_plateaus(log)]
+    if len(parts) < 2:
+        return False
+    everywhere = np.concatenate([q for q, _ in parts])
+    start, way = (0.0, 2.0 * np.pi) if turns else (everywhere.min(), np.ptp(everywhere) + 1e-12)
+    count, total = np.zeros((2, len(parts), PLACES))
+    for part, (q, torque) in enumerate(parts):
+        place = ((q - start) / way % 1.0 * PLACES).astype(int)
+        count[part] = np.bincount(place, minlength=PLACES)
+        total[part] = np.bincount(place, torque, minlength=PLACES)
+    mean = total / np.maximum(count, 1.0)
+    squares = left = 0.0
+    for own, others in ((slice(0, None, 2), slice(1, None, 2)),
+                        (slice(1, None, 2), slice(0, None, 2))):
+        told = mean[others].sum(axis=0) / np.maximum((count[others] > 0.0).sum(axis=0), 1)
+        there = count[own] > 0.0
+        squares += float(np.sum(mean[own][there] ** 2))
+        left += float(np.sum((mean[own] - told)[there] ** 2))
+    return left < (1.0 - IN_COMMON) * squares
+
+
+def _samples_of_plateaus(log: Log) -> Iterator[tuple[float, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield how long each plateau lasts, s, with times, positions and torques (n,) of its inside.
+
+    Samples in doubt are left out.
+    """
     for segment in log.segments:
         t, q, torque = log.t[segment], log.q[segment, 0], log.tau[segment, 0]
         sound = (np.ones(len(t), dtype=bool) if log.doubtful is None
                  else ~log.doubtful[segment, 0])
         for first, last in _held(t, q):
             cut = round(ENDS * (last - first))
-            inner = slice(first + cut, last - cut)
-            if sound[inner].sum() < LEAST_SAMPLES:
-                continue
-            slope, _ = np.polyfit(t[inner] - t[first], q[inner], 1)
-            means = [float(part.mean()) for part in np.array_split(torque[inner][sound[inner]],
-                                                                   BATCHES)]
-            found.append(Plateau(
-                float(t[last - 1] - t[first]), float(q[inner].mean()), float(slope),
-                float(np.mean(means)), float(np.std(means, ddof=1) / np.sqrt(BATCHES))))
-    return found
+            inner = np.flatnonzero(sound[first + cut:last - cut]) + first + cut
+            if len(inner) >= LEAST_SAMPLES:
+                yield float(t[last - 1] - t[first]), t[inner], q[inner], torque[inner]
 
 
 def hold_speeds(logs: Sequence[Log], slowest_hz: float) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from par4_identification.logs.jumps import count_of
 from par4_identification.logs.log import Log
 from par4_identification.logs.stretches import in_pieces
 from par4_identification.signals.conditioning import Conditioning
@@ -16,7 +17,7 @@ from par4_identification.signals.filtering import (
     low_pass,
     second_difference,
 )
-from par4_identification.signals.plateaus import hold_speeds
+from par4_identification.signals.plateaus import follow_the_position, hold_speeds
 from par4_identification.signals.position_noise import (
     mean_spectrum,
     noise_variance,
@@ -77,7 +78,8 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
     usual one or, where its torque reaches higher above its noise, so high that it passes; its
     positions pass as far as their noise lets the acceleration be told; its low speed goes with its
     speeds and with the steps of its positions. Where it holds one speed after the other, and no
-    filter is asked for, each plateau of its speed is a row.
+    filter is asked for, each plateau of its speed is a row, unless its torque follows the position
+    within them.
 
     Args:
         logs: of the machine.
@@ -92,7 +94,8 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
     rate = min(1.0 / log.period for log in logs)
     cutoff, low_speed = usual.torque_cutoff_hz, usual.low_speed
     if (isinstance(machine, Axis) and chosen.cutoff_hz is None and chosen.row_rate_hz is None
-            and hold_speeds(logs, SLOWEST_HZ)):
+            and hold_speeds(logs, SLOWEST_HZ)
+            and (rate < SLOWEST_HZ or not follow_the_position(logs, machine.kind == 'revolute'))):
         return replace(usual, steady=True, low_speed=chosen.low_speed or 0.0)
     if isinstance(machine, Robot):
         cutoff = max(min(LEAST_CUTOFF, cutoff), min(cutoff, _known_hz(logs, machine, usual)))
@@ -235,12 +238,4 @@ def _low_speeds(log: Log, cutoff: float) -> tuple[float, float]:
     step, speed = np.concatenate(steps), np.concatenate(speeds)
     moved = step[step > 1e-12]
     return (SLOWEST * float(np.quantile(speed, 0.95)),
-            cutoff * _count(moved) if len(moved) else 0.0)
-
-
-def _count(steps: np.ndarray) -> float:
-    """Return the step (> 0) of which all steps of a position are multiples, 0 if there is none."""
-    least = float(np.quantile(steps, 0.01))
-    multiples = steps / max(least, 1e-15)
-    whole = np.abs(multiples - np.round(multiples)) < 0.1
-    return least if np.mean(whole) > 0.8 else 0.0
+            cutoff * count_of(moved) if len(moved) else 0.0)

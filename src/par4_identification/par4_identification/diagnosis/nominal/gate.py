@@ -10,7 +10,7 @@ import numpy as np
 
 from par4_dynamics.base_terms import FRICTION, INERTIA
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.fitting.identification import Identification
+from par4_identification.fitting.identification import OTHER_JOINTS, Identification
 from par4_identification.signals.rows import Run
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
@@ -58,27 +58,34 @@ def unusable(observations: Observations, identification: Identification, machine
             because the rest is known to be bound to the position.
     """
     reasons = [Reason(text) for text in too_few(observations)]
+    alone = isinstance(machine, Axis)
+    signs = f'the sign of torque and position, and {OTHER_JOINTS}'
     estimate = identification.estimate
     values = {term.name: (value, std) for term, value, std in
               zip(identification.terms, estimate.values, estimate.std)}
     friction = values['coulomb_friction'][0] + _usual_speed(observations) * values[
         'viscous_friction'][0]
     if friction < 0:
-        reasons.append(Reason('friction comes out driving the joints instead of braking them; '
-                              'check the sign of torque and position', is_of_cause=True))
+        reasons.append(Reason(
+            f'friction comes out driving the joint instead of braking it; check {signs}' if alone
+            else 'friction comes out driving the joints instead of braking them; check the sign of '
+                 'torque and position', is_of_cause=True))
     bound = target is not None
     error = _error_beside(observations, identification) if bound else estimate.relative_error
     if error > WORST_ERROR and (bound or _error_in_motion(observations) > WORST_ERROR):
-        reasons.append(Reason(f'the rigid bodies explain only {1 - error:.0%} of the torque; check '
-                              f'order, sign and zero of the joints, the gains and the robot file'))
+        share = f'explain only {1 - error:.0%} of the torque'
+        reasons.append(Reason(
+            f'inertia, friction and weight {share}; check gravity in the robot file, {signs}'
+            if alone else f'the rigid bodies {share}; check order, sign and zero of the joints, '
+                          f'the gains and the robot file'))
     for term in identification.terms:
         # a lag of the drives can turn the slope of friction over; together it must brake, see above
         friction_term = term.name in FRICTION
         value, std = values[term.name]
         if term.nonnegative and not friction_term and value < -5.0 * std:
-            reasons.append(Reason(f'{term.name} comes out as {value:.3g} '
-                                  f'{unit_on(machine, term.unit)}; check order and sign of the '
-                                  f'joints'))
+            reasons.append(Reason(
+                f'{term.name} comes out as {value:.3g} {unit_on(machine, term.unit)}; check '
+                f'{signs if alone else "order and sign of the joints"}'))
         if term.name == INERTIA and is_vague(value, std):
             reasons.append(Reason(f'the motion does not excite {term.name} (standard deviation '
                                   f'{std / max(abs(value), 1e-12):.0%}); record faster motions',
