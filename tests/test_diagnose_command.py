@@ -284,7 +284,7 @@ def test_limits_of_a_proposed_motion_that_no_file_gives_are_told(again, machine,
     del content['limits'], content['drives']['torque_limit']
     write_yaml(tmp_path / 'robot.yaml', plain(content))
     asked = (machine / 'narrow', '--holdout', machine / 'held_out', '--output', again,
-             '--no-simulate', '--robot')
+             '--no-simulate', '--no-report', '--robot')
     *_, last = run(diagnose, *asked, tmp_path / 'robot.yaml').out.splitlines()
     assert last.startswith('limits that the file of robot reference leaves out')
     assert 'limits that' not in run(diagnose, *asked, 'reference').out
@@ -415,7 +415,7 @@ def test_the_motion_of_the_paper_again_and_again_tells_no_ripple(tmp_path):
                '--torque-noise', 0.05, '--output', tmp_path / 'cycles')
     assert not done.code, done.err
     done = run(diagnose, tmp_path / 'cycles', '--robot', 'reference', '--output',
-               tmp_path / 'found', '--no-report')
+               tmp_path / 'found', '--no-report', '--no-simulate')
     assert not done.code, done.err
     found = json.loads((tmp_path / 'found' / 'diagnosis.json').read_text(encoding='utf-8'))
     assert [cause['effect'] for cause in found['causes']] == ['distributed_rods']

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from par4_dynamics.model_file import read_model_file
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
+from par4_identification.diagnosis.search.search import Journal
 from par4_identification.diagnosis.verdict import settled
 from par4_identification.diagnosis.verdict.answer import Unusable
 from par4_identification.signals.rows import runs_of_log
@@ -64,6 +67,39 @@ def cogged_and_sticky():
             ((FIT, 31), (HELD_OUT, 32))]
 
 
+class SearchedError(Exception):
+    """A search is done; its arguments are those of the answer."""
+
+
+@pytest.fixture(scope='module')
+def answered(cogged_and_sticky):
+    """Return what diagnoses the two logs by some names, by all without any.
+
+    The search is done once for the same names; what a test changes is what is made of it.
+    """
+    answer_of = diagnosis._answer
+
+    def stop(*given):
+        raise SearchedError(*given)
+
+    @cache
+    def searched(*names):
+        fit, heldout = cogged_and_sticky
+        library = {name: diagnosis.LIBRARY[name] for name in names or diagnosis.LIBRARY}
+        with pytest.MonkeyPatch.context() as patch, pytest.raises(SearchedError) as found:
+            patch.setattr(diagnosis, '_answer', stop)
+            diagnose([fit], REFERENCE, holdout_logs=[heldout], library=library)
+        return found.value.args
+
+    def answer(*names):
+        search, *others = searched(*names)
+        search = copy(search)
+        search.journal = Journal(list(search.journal.rejected))
+        return answer_of(search, *others)
+
+    return answer
+
+
 @pytest.fixture(scope='module')
 def pulled():
     """Return a robot and two logs: it moves so slowly beside a cable that its inertia is vague."""
@@ -89,16 +125,15 @@ def test_data_that_show_the_inertia_beside_the_causes_found_are_not_refused(
         assert 'does not excite actuator_inertia' in result.reasons[0]
 
 
-def test_two_effects_are_both_named(cogged_and_sticky):
-    fit, heldout = cogged_and_sticky
-    result = diagnose([fit], REFERENCE, holdout_logs=[heldout])
+def test_two_effects_are_both_named(answered):
+    result = answered()
     assert set(names(result)) == {'cogging', 'stribeck'}
     cogging, = (cause for cause in result.causes if cause.effect.name == 'cogging')
     assert cogging.joints == (0, 1)
     assert not any(cause.is_nothing for cause in result.causes)
 
 
-def test_a_joint_that_weak_causes_may_make_zero_is_not_told(cogged_and_sticky, monkeypatch):
+def test_a_joint_that_weak_causes_may_make_zero_is_not_told(answered, monkeypatch):
     """On joints 0 and 1 there is cogging; what else may act leaves joint 1 in doubt."""
     def doubted(_search, causes, _named, _weak):
         return [replace(cause, parameters={**cause.parameters, 'amplitude': replace_std(
@@ -108,23 +143,21 @@ def test_a_joint_that_weak_causes_may_make_zero_is_not_told(cogged_and_sticky, m
     def replace_std(parameter, std):
         return parameter.model_copy(update={'std': tuple(std)})
 
-    fit, heldout = cogged_and_sticky
-    library = {'cogging': diagnosis.LIBRARY['cogging']}
-    both, = diagnose([fit], REFERENCE, holdout_logs=[heldout], library=library).causes
+    both, = answered('cogging').causes
     assert both.joints == (0, 1)
     monkeypatch.setattr(settled, 'widened', doubted)
-    one, = diagnose([fit], REFERENCE, holdout_logs=[heldout], library=library).causes
+    one, = answered('cogging').causes
     assert one.joints == (0,)
 
 
-def test_a_collision_in_the_fitted_data_alone_is_not_explained(cogged_and_sticky):
+def test_a_collision_in_the_fitted_data_alone_is_not_explained(cogged_and_sticky, answered):
     """Rows held out do not show what struck the machine before."""
     fit, heldout = cogged_and_sticky
     tau = fit.tau.copy()
     tau[(fit.t > 4.0) & (fit.t < 4.3), 3] += 40.0
-    free, struck = (diagnose([log], REFERENCE, holdout_logs=[heldout], library={
+    free = answered('cogging', 'stribeck')
+    struck = diagnose([replace(fit, tau=tau)], REFERENCE, holdout_logs=[heldout], library={
         name: diagnosis.LIBRARY[name] for name in ('cogging', 'stribeck')})
-        for log in (fit, replace(fit, tau=tau)))
     assert (free.verdict, struck.verdict) == ('explained', 'partly_explained')
     assert set(names(struck)) == {'cogging', 'stribeck'}
     assert struck.fitted_unlike
@@ -155,23 +188,20 @@ def stribeck_within(deviations):
     return doubted
 
 
-def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(cogged_and_sticky, monkeypatch):
+def test_a_cause_whose_sizes_may_all_be_zero_has_no_name(answered, monkeypatch):
     """What two motions say of it may contradict each other; what it explains stays to be told."""
     monkeypatch.setattr(settled, 'with_disagreement', stribeck_within(2.0))
-    fit, heldout = cogged_and_sticky
-    result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
-        name: diagnosis.LIBRARY[name] for name in ('cogging', 'stribeck')})
+    result = answered('cogging', 'stribeck')
     assert names(result) == ['cogging']
     assert result.verdict == 'partly_explained'
     assert any(item.label.startswith('stribeck') and 'zero within' in item.reason
                for item in result.rejected)
 
 
-def test_a_cause_of_which_the_joints_are_in_doubt_keeps_its_name(cogged_and_sticky, monkeypatch):
+def test_a_cause_of_which_the_joints_are_in_doubt_keeps_its_name(answered, monkeypatch):
     """Without its joints told it may have any size on each; that it acts is no less certain."""
     monkeypatch.setattr(settled, 'with_doubt_of_choice', stribeck_within(2.0))
-    fit, heldout = cogged_and_sticky
-    result = diagnose([fit], REFERENCE, holdout_logs=[heldout])
+    result = answered()
     told, = (cause for cause in result.causes if cause.effect.name == 'stribeck')
     size = told.parameters['stribeck_torque']
     assert np.all(np.asarray(size.std) >= (2.0 - 1e-6) * np.abs(size.value))  # fitted once more
@@ -184,7 +214,7 @@ def test_a_cause_of_which_the_joints_are_in_doubt_keeps_its_name(cogged_and_stic
     (-5.0, 'nonlinear_viscous', 'with_disagreement', True),
     (-5.0, 'a function of joint speed', 'with_doubt_of_law', True)])
 def test_a_cause_that_may_be_zero_is_told_only_if_nothing_else_explains_as_much(
-        cogged_and_sticky, monkeypatch, margin, rival, doubt, is_told):
+        answered, monkeypatch, margin, rival, doubt, is_told):
     """Its sizes are zero within two deviations; a twin that explains as much is told with it.
 
     How large it is by another law says nothing against it.
@@ -198,13 +228,11 @@ def test_a_cause_that_may_be_zero_is_told_only_if_nothing_else_explains_as_much(
 
     monkeypatch.setattr(settled, doubt, stribeck_within(0.7))
     monkeypatch.setattr(settled, 'judge', judged)
-    fit, heldout = cogged_and_sticky
-    result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
-        name: diagnosis.LIBRARY[name] for name in ('cogging', 'stribeck')})
+    result = answered('cogging', 'stribeck')
     assert ('stribeck' in names(result)) == is_told
 
 
-def test_a_joint_whose_size_may_be_zero_is_not_named(cogged_and_sticky, monkeypatch):
+def test_a_joint_whose_size_may_be_zero_is_not_named(answered, monkeypatch):
     """A mechanic opens the drive that is named; the name and its other joint stay."""
     def doubted(parameters, *_):
         amplitude = parameters.get('amplitude')
@@ -214,9 +242,7 @@ def test_a_joint_whose_size_may_be_zero_is_not_named(cogged_and_sticky, monkeypa
         return {**parameters, 'amplitude': amplitude.model_copy(update={'std': (own, other)})}
 
     monkeypatch.setattr(settled, 'with_disagreement', doubted)
-    fit, heldout = cogged_and_sticky
-    result = diagnose([fit], REFERENCE, holdout_logs=[heldout], library={
-        name: diagnosis.LIBRARY[name] for name in ('cogging', 'stribeck')})
+    result = answered('cogging', 'stribeck')
     assert {cause.effect.name: cause.joints for cause in result.causes} == {
         'cogging': (0,), 'stribeck': (0, 1, 2, 3)}
 

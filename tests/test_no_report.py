@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 
@@ -12,11 +13,15 @@ from par4_identification.commands.identify import identify_bags
 from par4_sim.bags.bag_writer import BagWriter
 
 RUN = """
-import sys
-from par4_identification.commands import {command}
-{command}.{function}.main(sys.argv[1:], standalone_mode=False)
-print('loaded:', *sorted({{'matplotlib', 'jinja2', 'scipy.signal'}} & set(sys.modules)))
+import json, sys
+from par4_identification.commands import diagnose, identify, validate
+for command, words in zip((identify.identify_bags, diagnose.diagnose_bags, validate.validate_bag),
+                          json.loads(sys.argv[1])):
+    command.main(words, standalone_mode=False)
+    print('loaded:', *sorted({'matplotlib', 'jinja2', 'scipy.signal'} & set(sys.modules)))
 """
+FILES = {'identify': {'identification.json', 'model.yaml'},
+         'diagnose': {'diagnosis.json', 'extended_model.yaml'}, 'validate': {'validation.json'}}
 
 
 @pytest.mark.usefixtures('unrendered')
@@ -39,23 +44,16 @@ def test_without_report_the_numbers_are_the_same_and_nothing_draws(tmp_path, cap
         return [str(tmp_path / 'bag'), '--robot', str(tmp_path / 'axis.yaml'), '--output',
                 str(tmp_path / command), *options]
 
-    def run(command: str, function: str, *options: str) -> str:
-        return subprocess.run(
-            [sys.executable, '-c', RUN.format(command=command, function=function),
-             *words(command, *options)], capture_output=True, text=True, check=True).stdout
-
     results = tmp_path / 'identify' / 'identification.json'
     identify_bags.main(words('identify', '--report'), standalone_mode=False)
     assert 'results and report:' in capsys.readouterr().out
     with_report = results.read_text()
-    said = run('identify', 'identify_bags', '--no-report')
-    assert 'results:' in said
+    asked = [words('identify', '--no-report'), words('diagnose', '--no-report'), words(
+        'validate', '--no-report', '--model', str(tmp_path / 'identify' / 'model.yaml'))]
+    lines = subprocess.run([sys.executable, '-c', RUN, json.dumps(asked)], capture_output=True,
+                           text=True, check=True).stdout.splitlines()
     assert results.read_text() == with_report
-    for command, lines, files in (
-            ('identify', said, {'identification.json', 'model.yaml'}),
-            ('diagnose', run('diagnose', 'diagnose_bags', '--no-report'),
-             {'diagnosis.json', 'extended_model.yaml'}),
-            ('validate', run('validate', 'validate_bag', '--no-report', '--model',
-                             str(tmp_path / 'identify' / 'model.yaml')), {'validation.json'})):
-        assert lines.splitlines()[-1] == 'loaded:'
+    assert [line for line in lines if line.startswith('loaded:')] == 3 * ['loaded:']
+    assert any(line.startswith('results:') for line in lines[:lines.index('loaded:')])
+    for command, files in FILES.items():
         assert {path.name for path in (tmp_path / command).iterdir()} == files

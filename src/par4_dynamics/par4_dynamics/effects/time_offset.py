@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
 from par4_dynamics.effects.effect import (
@@ -68,14 +69,24 @@ def _earlier(state: State, values: np.ndarray, delay: float) -> np.ndarray:
 
     Cubic through four samples: a straight line between two would low-pass fast torque.
     """
-    t = state.t
-    asked = np.clip(t - delay, t[0], t[-1])
-    left = np.clip(np.searchsorted(t, asked, side='right') - 1, 0, len(t) - 2)
-    span = t[left + 1] - t[left]
-    share = ((asked - t[left]) / span)[:, None]
-    slope = time_rate(state, values)
-    start, end = values[left], values[left + 1]
-    bend = span[:, None] * slope[left], span[:, None] * slope[left + 1]
-    return (start + share * (bend[0] + share * (
-        3.0 * (end - start) - 2.0 * bend[0] - bend[1]
-        + share * (2.0 * (start - end) + bend[0] + bend[1]))))
+    earlier = np.empty(values.shape)
+    _earlier_rows(state.t, values, time_rate(state, values), delay, earlier)
+    return earlier
+
+
+@numba.njit(cache=True, error_model='numpy', nogil=True)
+def _earlier_rows(t, values, slope, delay, earlier):
+    """Write values (n, J) at t - delay, of a cubic by values and slopes at the samples around."""
+    left = 0
+    for row in range(len(t)):
+        asked = min(max(t[row] - delay, t[0]), t[-1])
+        while left < len(t) - 2 and t[left + 1] <= asked:
+            left += 1
+        span = t[left + 1] - t[left]
+        share = (asked - t[left]) / span
+        for joint in range(values.shape[1]):
+            start, end = values[left, joint], values[left + 1, joint]
+            first, last = span * slope[left, joint], span * slope[left + 1, joint]
+            earlier[row, joint] = start + share * (first + share * (
+                3.0 * (end - start) - 2.0 * first - last
+                + share * (2.0 * (start - end) + first + last)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
 from par4_dynamics.state import State
@@ -15,6 +16,34 @@ def time_rate(state: State, values: np.ndarray) -> np.ndarray:
     """
     if len(state.t) < 2:
         return np.zeros_like(values)
-    slope = np.gradient(values, state.t, axis=0)
-    slope[2:-2] -= np.diff(slope[1:-1], n=2, axis=0) / 6.0
-    return slope
+    columns = np.asarray(values, dtype=float).reshape(len(values), -1)
+    rate = np.empty(columns.shape)
+    _rate_rows(state.t, columns, np.empty(columns.shape), rate)
+    return rate.reshape(values.shape)
+
+
+@numba.njit(cache=True, error_model='numpy', nogil=True)
+def _rate_rows(t, values, slope, rate):
+    """Write the derivatives (n, k) of second order, and those of fourth order where there are any.
+
+    Those of second order are right whatever the distances of the samples, one-sided at the ends.
+    """
+    last = len(t) - 1
+    for column in range(values.shape[1]):
+        slope[0, column] = (values[1, column] - values[0, column]) / (t[1] - t[0])
+        slope[last, column] = (values[last, column] - values[last - 1, column]) / (
+            t[last] - t[last - 1])
+    for row in range(1, last):
+        before, after = t[row] - t[row - 1], t[row + 1] - t[row]
+        a = -after / (before * (before + after))
+        b = (after - before) / (before * after)
+        c = before / (after * (before + after))
+        for column in range(values.shape[1]):
+            slope[row, column] = (a * values[row - 1, column] + b * values[row, column]
+                                  + c * values[row + 1, column])
+    rate[:] = slope
+    for row in range(2, last - 1):
+        for column in range(values.shape[1]):
+            here = slope[row, column]
+            rate[row, column] = here - ((slope[row + 1, column] - here)
+                                        - (here - slope[row - 1, column])) / 6.0

@@ -14,6 +14,8 @@ AT_ONCE = 32
 NO_DENORMAL = 1e-200
 """Added to what is filtered, in its unit: where a filter forgets, states decay to it, not to
 numbers below 1e-308, with which processors take many times as long."""
+NO_SECTION = 1.0, 2.0, 1.0
+"""b0, a1, a2 of a section that changes nothing: 1 + 2 / z + 1 / z^2 over itself."""
 
 
 def fewest_samples(order: int = 4) -> int:
@@ -76,36 +78,42 @@ def passed(frequency: np.ndarray, cutoff_hz: float, period: float, order: int = 
 
 @lru_cache(maxsize=64)
 def _butterworth(cutoff: float, order: int) -> np.ndarray:
-    """Return the second-order sections b0, a1, a2 (order / 2, 3) of a digital low-pass.
+    """Return the second-order sections b0, a1, a2 (m, 3) of a digital low-pass, m even.
 
     Bilinear transform of 1 / (s^2 + 2 d s + 1), prewarped; b1 = 2 b0, b2 = b0, a0 = 1; `cutoff` is
-    in cycles a sample.
+    in cycles a sample. An odd number of sections is made even by one that changes no bit.
     """
     warped = np.tan(np.pi * cutoff)
     damping = np.sin(np.pi * (2.0 * np.arange(order // 2) + 1.0) / (2.0 * order))
     scale = 1.0 / (1.0 + 2.0 * damping * warped + warped ** 2)
-    return np.stack((warped ** 2 * scale, 2.0 * (warped ** 2 - 1.0) * scale,
-                     (1.0 - 2.0 * damping * warped + warped ** 2) * scale), axis=1)
+    sections = np.stack((warped ** 2 * scale, 2.0 * (warped ** 2 - 1.0) * scale,
+                         (1.0 - 2.0 * damping * warped + warped ** 2) * scale), axis=1)
+    return sections if len(sections) % 2 == 0 else np.vstack((sections, NO_SECTION))
 
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
 def _forward_backward(lines, sections):
     """Filter columns (n, k) in place, forward and then backward."""
-    for section in sections:
-        _sweep(lines, section, 0, len(lines), 1)
-    for section in sections:
-        _sweep(lines, section, len(lines) - 1, -1, -1)
+    for first in range(0, len(sections), 2):
+        _sweep(lines, sections[first:first + 2], 0, len(lines), 1)
+    for first in range(0, len(sections), 2):
+        _sweep(lines, sections[first:first + 2], len(lines) - 1, -1, -1)
 
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
-def _sweep(lines, section, start, stop, step):
-    """Run one section over the rows from `start` on, in place.
+def _sweep(lines, sections, start, stop, step):
+    """Run two sections over the rows from `start` on, in place.
 
     Direct form II transposed, at rest on the first row. A row waits for the row before it, a column
-    for no other: columns are the inner loop, which the compiler turns into vector instructions.
+    for no other: columns are the inner loop, which the compiler turns into vector instructions. The
+    second section works on a row while the first one is at the next.
     """
-    gain, a1, a2 = section
-    near, far = (1.0 - gain) * lines[start], (gain - a2) * lines[start]
+    gain, a1, a2 = sections[0]
+    next_gain, next_a1, next_a2 = sections[1]
+    first = lines[start]
+    near, far = (1.0 - gain) * first, (gain - a2) * first
+    passed_on = gain * first + near
+    next_near, next_far = (1.0 - next_gain) * passed_on, (next_gain - next_a2) * passed_on
     for row in range(start, stop, step):
         line = lines[row]
         for column in range(len(line)):
@@ -113,6 +121,10 @@ def _sweep(lines, section, start, stop, step):
             out = value + near[column]
             near[column] = (2.0 * value + far[column]) - a1 * out
             far[column] = value - a2 * out
+            value = next_gain * out
+            out = value + next_near[column]
+            next_near[column] = (2.0 * value + next_far[column]) - next_a1 * out
+            next_far[column] = value - next_a2 * out
             line[column] = out
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -62,6 +62,7 @@ class Stack:
 
 AT_ONCE = 4
 """Torques that are filtered and whitened together."""
+Result = TypeVar('Result')
 BASE: Key = ('base',)
 """The columns of the base terms."""
 
@@ -188,7 +189,7 @@ class Evidence:
             self._kept.update(zip(some, np.ascontiguousarray(white.T)))
         return np.stack([self._kept[key] for key in keys], axis=1)
 
-    def once(self, key: Key, make: Callable[[], np.ndarray]) -> np.ndarray:
+    def once(self, key: Key, make: Callable[[], Result]) -> Result:
         """Return what `make` returns; it is called once for each key, an effect and words."""
         if key not in self._kept:
             self._kept[key] = make()

@@ -250,24 +250,29 @@ class Lines:
         """Step from order to order, and twice the gains of the orders 0, step, 2 step ..."""
         evidence = self.projection.evidence
         runs = evidence.observations.runs
-        q, height = (np.concatenate(parts) for parts in (
-            [run.state.q for run in runs], [self.effect.height(run.state) for run in runs]))
+        height = np.concatenate([self.effect.height(run.state) for run in runs])
         weighted = height * np.concatenate(evidence.sent_back(self.projection.residual))
         cell = np.pi / (4.0 * self.highest)
-        count = int(scipy.fft.next_fast_len(
-            int(np.ceil(PADDED * np.max(np.ptp(q, axis=0)) / cell)) + 1, real=True))
+        cells, count = evidence.once((self.effect, ('cells', self.highest)),
+                                     lambda: self._cells(cell))
         step = 2.0 * np.pi / (cell * count)
         orders = step * np.arange(count // 2 + 1)
         gains = np.zeros(len(orders))
         coarse = np.linspace(0.0, self.highest, SPECTRUM)
         squares = evidence.once((self.effect, ('squares', self.highest)), lambda: np.stack(
-            [self._squares(joint, coarse) for joint in range(q.shape[1])]))
+            [self._squares(joint, coarse) for joint in range(len(cells))]))
         for joint, own in enumerate(squares):
-            cells = ((q[:, joint] - q[:, joint].min()) / cell).astype(int)
-            products = np.abs(np.fft.rfft(np.bincount(cells, weighted[:, joint], count))) ** 2
+            products = np.abs(np.fft.rfft(np.bincount(cells[joint], weighted[:, joint], count))) ** 2
             least = max(FAINTEST * float(np.max(own)), TINY)
             gains += products / np.interp(orders, coarse, np.maximum(own, least))
         return step, gains
+
+    def _cells(self, cell: float) -> tuple[np.ndarray, int]:
+        """Return the cell of each sample, (J, n), and how many cells a transform takes."""
+        q = np.concatenate([run.state.q for run in self.projection.evidence.observations.runs]).T
+        span = float(np.max(np.ptp(q, axis=1)))
+        return ((q - q.min(axis=1, keepdims=True)) / cell).astype(int, order='C'), int(
+            scipy.fft.next_fast_len(int(np.ceil(PADDED * span / cell)) + 1, real=True))
 
     def _squares(self, joint: int, orders: np.ndarray) -> np.ndarray:
         """Return the whitened squares of the sine (or cosine) of each order on a joint, (k,)."""
