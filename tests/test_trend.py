@@ -533,12 +533,17 @@ def test_workers_of_this_machine_that_do_not_answer(monkeypatch):
         raise TimeoutError
 
     monkeypatch.setattr(tasks, 'ONE_THREAD', ())  # this process goes on to other tests
-    monkeypatch.setattr('dask.distributed.LocalCluster', lambda **_: SimpleNamespace(
-        close=lambda: None))
+    started = []
+    monkeypatch.setattr('dask.distributed.LocalCluster', lambda n_workers, **_: (
+        started.append(n_workers), SimpleNamespace(close=lambda: None))[1])
     monkeypatch.setattr('dask.distributed.Client', refuse)
+    # a container or taskset may leave few of many processors
+    monkeypatch.setattr('os.cpu_count', lambda: 64)
+    monkeypatch.setattr('os.sched_getaffinity', lambda _: {5, 6}, raising=False)
     with pytest.raises(InputError, match='^the workers on this machine do not answer; ') as told:
         next(tasks.results_of(str.upper, [str(number) for number in range(tasks.FEW + 1)], None))
     assert 'scheduler' not in str(told.value)
+    assert started == [2]
 
 
 def test_no_scheduler(monkeypatch):

@@ -1,4 +1,4 @@
-"""Bags as independent tasks on dask: on all cores, or on the machines of a cluster."""
+"""Bags as independent tasks on dask: on the cores of this process, or on a cluster."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from multiprocessing import resource_tracker
 from typing import Any
 
+from par4_identification.diagnosis.evidence.side_by_side import processors
 from par4_kinematics.errors import InputError
 from par4_kinematics.held_signals import held_back
 
@@ -47,7 +48,7 @@ def results_of(work: Callable[[str], dict[str, Any]], bags: Sequence[str], sched
         resource_tracker.ensure_running()
         with held_back(signal.SIGINT):  # Ctrl-C is for this process, which ends the others
             cluster = LocalCluster(
-                threads_per_worker=1, n_workers=min(len(bags), os.cpu_count() or 1),
+                threads_per_worker=1, n_workers=min(len(bags), processors()),
                 dashboard_address=FREE_PORT, silence_logs=logging.ERROR)
     try:
         try:

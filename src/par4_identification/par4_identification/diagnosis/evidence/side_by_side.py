@@ -53,6 +53,11 @@ def threads_of_process() -> int:
     asked = os.environ.get('OMP_NUM_THREADS', '')
     if asked.isdecimal() and int(asked) > 0:
         return int(asked)
+    return processors()
+
+
+def processors() -> int:
+    """Return how many processors of this machine this process may use."""
     if hasattr(os, 'sched_getaffinity'):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -293,28 +293,7 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
             True, f'The extended model closes {share}, on rows that took no part in any fit.',
             'Simulate and feed forward with extended_model.yaml in place of the old model.'))
     for cause in diagnosis.causes:
-        if not cause.predictable:
-            remarks.append(Remark(
-                False, f'{capital(cause.effect.phrase)} is read off where the residual is large, '
-                f'not off its course; the size is good to a third.',
-                'Preload or adjust the transmission; feedforward alone does not remove it.'))
-        if cause.effect.name == 'time_offset' and (
-                late := float(np.max(cause.parameters['delay'].value))) > 0.0:
-            remarks.append(Remark(
-                True, f'A first-order low pass of the logged torque or current, with a time '
-                f'constant of {number(late, 2)} s, looks like this delay.',
-                'See whether the drive filters what it logs.'))
-        if _is_relative(cause, machine):
-            remarks.append(Remark(
-                True, f'{capital(cause.effect.phrase)} is measured against the joints that are '
-                f'not named: what all joints have in common belongs to the base parameters.'))
-        if cause.twins:
-            remarks.append(Remark(
-                False, f'On this motion {cause.effect.phrase} cannot be told from '
-                f'{listed([in_words(name) for name in cause.twins])}.',
-                advice(cause.effect.name, experiment)
-                or 'To tell such names apart, add a bag of slow wide sweeps and one with a known '
-                'payload.'))
+        remarks += _remarks_of_cause(cause, machine, experiment)
     unit, left = unit_on(machine, 'N m'), over_joints(diagnosis.holdout.extended_rms)
     if diagnosis.fitted_unlike:
         remarks.append(Remark(
@@ -338,23 +317,58 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
             False, f'The motion does not show the {names}; it is left out and counts as zero.',
             'Record faster motions, or give a model that knows it.'))
     if isinstance(machine, Axis):
-        used = diagnosis.fit_runs[0].conditioning
-        count = len({float(speed) for run in (*diagnosis.fit_runs, *diagnosis.holdout.runs)
-                     for speed in run.speed[run.valid]})
-        remarks.append(Remark(
-            True, f'These logs hold one speed after the other: the mean torque of each of the '
-            f'{count} plateaus is a row.', 'Record a motion that goes faster and slower to see the '
-            'inertia and what depends on the position.') if used.steady else Remark(
-            True, f'Filters chosen for these data: torque below {number(used.torque_cutoff_hz, 3)} '
-            f'Hz, positions below {number(used.position_cutoff_hz, 3)} Hz, '
-            f'{number(used.row_rate_hz, 3)} rows a second, friction above '
-            f'{number(used.low_speed, 2)} {unit_on(machine, "rad/s")}; --cutoff, --rows and '
-            f'--low-speed set them.'))
-        remarks += _unseen_orders(diagnosis.fit_runs, machine)
+        remarks += [_remark_of_filters(diagnosis, machine),
+                    *_unseen_orders(diagnosis.fit_runs, machine)]
     if diagnosis.verdict == 'clean':
         remarks.append(Remark(True, 'Effects below the noise floor of these data, and those that '
                                     'the base parameters swallow, are not excluded.'))
     return tuple(remarks)
+
+
+def _remarks_of_cause(cause: Cause, machine: Robot | Axis, experiment: NextExperiment | None
+                      ) -> list[Remark]:
+    """Return what is to be said of a cause beside its size."""
+    remarks = []
+    if not cause.predictable:
+        remarks.append(Remark(
+            False, f'{capital(cause.effect.phrase)} is read off where the residual is large, '
+            f'not off its course; the size is good to a third.',
+            'Preload or adjust the transmission; feedforward alone does not remove it.'))
+    if cause.effect.name == 'time_offset' and (
+            late := float(np.max(cause.parameters['delay'].value))) > 0.0:
+        remarks.append(Remark(
+            True, f'A first-order low pass of the logged torque or current, with a time '
+            f'constant of {number(late, 2)} s, looks like this delay.',
+            'See whether the drive filters what it logs.'))
+    if _is_relative(cause, machine):
+        remarks.append(Remark(
+            True, f'{capital(cause.effect.phrase)} is measured against the joints that are '
+            f'not named: what all joints have in common belongs to the base parameters.'))
+    if cause.twins:
+        remarks.append(Remark(
+            False, f'On this motion {cause.effect.phrase} cannot be told from '
+            f'{listed([in_words(name) for name in cause.twins])}.',
+            advice(cause.effect.name, experiment)
+            or 'To tell such names apart, add a bag of slow wide sweeps and one with a known '
+            'payload.'))
+    return remarks
+
+
+def _remark_of_filters(diagnosis: Diagnosis, machine: Axis) -> Remark:
+    """Return how the data of an axis became rows."""
+    used = diagnosis.fit_runs[0].conditioning
+    if used.steady:
+        count = len({float(speed) for run in (*diagnosis.fit_runs, *diagnosis.holdout.runs)
+                     for speed in run.speed[run.valid]})
+        return Remark(
+            True, f'These logs hold one speed after the other: the mean torque of each of the '
+            f'{count} plateaus is a row.', 'Record a motion that goes faster and slower to see the '
+            'inertia and what depends on the position.')
+    return Remark(
+        True, f'Filters chosen for these data: torque below {number(used.torque_cutoff_hz, 3)} Hz, '
+        f'positions below {number(used.position_cutoff_hz, 3)} Hz, {number(used.row_rate_hz, 3)} '
+        f'rows a second, friction above {number(used.low_speed, 2)} {unit_on(machine, "rad/s")}; '
+        f'--cutoff, --rows and --low-speed set them.')
 
 
 def _unseen_orders(runs: Sequence[Run], machine: Axis) -> list[Remark]:
