@@ -27,7 +27,7 @@ from par4_identification.estimators.weighted import weighted
 from par4_identification.gains.known_payload import DriveGains
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import stretches
-from par4_identification.signals.filtering import low_pass
+from par4_identification.signals.filtering import low_pass, reach_of
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Robot
 from par4_sim.closed_loop.static_push import FORCE_COLUMNS
@@ -161,7 +161,7 @@ def _pushes(log: Log, rows: slice, force: np.ndarray, peak: float, robot: Robot)
     carried = smooth(-state.torque_of_force(np.column_stack((force, np.zeros(len(force))))))
     slides = (np.abs(speed) > SLIDING) & (np.abs(speed) < FASTEST)
     direction = np.where(slides, np.sign(speed), 0.0)
-    reach = int(np.ceil(0.9 / (CUTOFF_HZ * log.period)))
+    reach = int(np.ceil(reach_of(CUTOFF_HZ * log.period)))
     sure = (_least(direction, reach) == 1.0) | (_least(-direction, reach) == 1.0)
     sure &= _travel(q, direction) > SETTLED
     every = max(1, round(1.0 / (ROW_RATE_HZ * log.period)))

@@ -13,16 +13,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations_with_replacement
 
 import numpy as np
 
 from par4_dynamics.base_terms import BASE_TERMS, base_columns
 from par4_dynamics.state import State, state_of_joints
+from par4_identification.estimators.quadratic import quadratic_columns
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import near
 from par4_identification.logs.stretches import spread_over
-from par4_identification.signals.filtering import central_difference, low_pass, second_difference
+from par4_identification.signals.filtering import (
+    central_difference,
+    low_pass,
+    reach_of,
+    second_difference,
+)
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import Geometry
 from par4_kinematics.position import closes
@@ -101,7 +106,7 @@ def stretches_of(logs: Sequence[Log]) -> list[Stretch]:
             if (segment.stop - segment.start) * log.period < SHORTEST:
                 continue
             q = low_pass(log.q[segment], scale * POSITION_HZ, log.period)
-            reach = round(0.9 / (scale * TORQUE_HZ * log.period))
+            reach = round(reach_of(scale * TORQUE_HZ * log.period))
             known = np.ones_like(q, dtype=bool)
             if log.doubtful is not None:
                 known = ~near(log.doubtful[segment], reach)
@@ -125,7 +130,7 @@ def closing(stretch: Stretch, geometry: Geometry) -> Stretch:
     rows = np.maximum.accumulate(np.where(closed, np.arange(len(closed)), 0))
     rows = np.where(closed[rows], rows, int(np.argmax(closed)))
     q = stretch.q[rows]
-    reach = round(0.9 / (stretch.cutoff_hz * stretch.period))
+    reach = round(reach_of(stretch.cutoff_hz * stretch.period))
     open_too = near(np.repeat(~closed[:, None], q.shape[1], axis=1), reach)
     return replace(stretch, q=q, known=stretch.known & ~open_too)
 
@@ -158,7 +163,7 @@ class Equations:
     @cached_property
     def slack(self) -> tuple[np.ndarray, ...]:
         """Orthonormal functions of the pose over the valid rows of each joint, (m_i, k)."""
-        shape = _quadratic(self.q)
+        shape = quadratic_columns(self.q)
         return tuple(np.linalg.qr(shape[rows])[0] for rows in self.valid.T)
 
     def without_slack(self, values: np.ndarray, joint: int) -> np.ndarray:
@@ -263,7 +268,7 @@ def equations_of(stretches: Sequence[Stretch], geometry: Geometry | None, filter
         valid = speed >= (SLOW if geometry is not None else slow_of_axis(part))
         if filtered and _is_long(part):
             tau = low_pass(tau, part.cutoff_hz, part.period)
-            valid = ~near(~valid, round(0.9 / (part.cutoff_hz * part.period)))
+            valid = ~near(~valid, round(reach_of(part.cutoff_hz * part.period)))
         parts.append((np.full(len(part.t), part.log), part.t, part.q, tau, valid & part.known))
     log, t, q, tau, valid = (np.concatenate(rows) for rows in zip(*parts, strict=True))
     return Equations(log, t, q, columns_at(stretches, geometry, filtered, columns_of), tau, valid)
@@ -300,11 +305,3 @@ def equations_or_none(stretches: Sequence[Stretch], geometry: Geometry | None
 def slow_of_axis(part: Stretch) -> float:
     """Return the speed of an axis below which the sign of its friction is not known."""
     return max(SLOW_SHARE * float(np.quantile(np.abs(part.qd), 0.95)), TINY)
-
-
-def _quadratic(q: np.ndarray) -> np.ndarray:
-    """Return 1, the joint positions (m, J) and their products, (m, k)."""
-    centred = q - q.mean(axis=0)
-    products = [centred[:, one] * centred[:, two]
-                for one, two in combinations_with_replacement(range(q.shape[1]), 2)]
-    return np.column_stack((np.ones(len(q)), centred, *products))

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from par4_identification.signals.filtering import reach_of
+
 
 @dataclass(frozen=True)
 class Conditioning:
@@ -32,7 +34,7 @@ class Conditioning:
     @property
     def reach(self) -> float:
         """Half the time over which the low-passes remember, s."""
-        return 0.9 / min(self.torque_cutoff_hz, 0.5 * self.position_cutoff_hz)
+        return reach_of(min(self.torque_cutoff_hz, 0.5 * self.position_cutoff_hz))
 
     def passed(self, frequency: np.ndarray) -> np.ndarray:
         """Return the share of a wave's amplitude that the low-pass of the torque lets through.

@@ -18,6 +18,15 @@ NO_SECTION = 1.0, 2.0, 1.0
 """b0, a1, a2 of a section that changes nothing: 1 + 2 / z + 1 / z^2 over itself."""
 
 
+def reach_of(cutoff: float) -> float:
+    """Return half the time over which `low_pass` remembers.
+
+    Args:
+        cutoff: in Hz for a time in s, or in cycles a sample for one in samples.
+    """
+    return 0.9 / cutoff
+
+
 def fewest_samples(order: int = 4) -> int:
     """Return how many samples `low_pass` of an order needs."""
     return 3 * order

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
 
 from par4_dynamics.base_terms import FRICTION, INERTIA
 from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.estimators.quadratic import quadratic_columns
 from par4_identification.fitting.identification import OTHER_JOINTS, Identification
-from par4_identification.signals.rows import Run
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 
@@ -140,7 +139,7 @@ def _error_in_motion(observations: Observations) -> float:
     target, base = [], []
     for joint in range(observations.joints):
         valid = [run.valid[:, joint] for run in observations.runs]
-        static = np.concatenate([_quadratic(run)[rows]
+        static = np.concatenate([quadratic_columns(run.q)[rows]
                                  for run, rows in zip(observations.runs, valid)])
         both = np.concatenate([
             np.column_stack((tau[rows, joint], columns[rows, joint]))
@@ -153,10 +152,3 @@ def _error_in_motion(observations: Observations) -> float:
     size = max(float(np.linalg.norm(tau)), 1e-30)
     left = tau - columns @ np.linalg.lstsq(columns, tau, rcond=None)[0]
     return float(np.linalg.norm(left)) / size
-
-
-def _quadratic(run: Run) -> np.ndarray:
-    """Return 1, the joint positions and their products at the rows, (m, k)."""
-    products = [run.q[:, one] * run.q[:, two]
-                for one, two in combinations_with_replacement(range(run.q.shape[1]), 2)]
-    return np.column_stack((np.ones(len(run.q)), run.q, *products))
