@@ -296,6 +296,9 @@ def test_a_load_that_swings_the_other_way_is_no_spring():
 def machine():
     """Return a machine with swinging arms, made from its physics, and its diagnosis."""
     scenario = draw_scenario(Task('single', 30031, 'elastic_transmission', False))
+    scenario = replace(scenario, motions=tuple(
+        draw_motion('excitation', scenario.known.robot, duration, seed)
+        for seed, duration in ((1, 9.0), (2, 6.5))))
     return scenario, diagnosis_of(scenario, *record_scenario(scenario))
 
 

@@ -22,6 +22,8 @@ from par4_dynamics.state import State
 LOWEST_PERIODS, HIGHEST_PERIODS = 4, 160
 MOST_PERIODS = 4000
 """Of an axis: the teeth of a motor's gear, some tens of turns of which make one of the joint."""
+AT_ONCE = 256
+"""Rows of which powers are computed together."""
 LEAST_TURNS = 1.5
 """Periods in the range of a joint below which they cannot be told from gravity. An axis that makes
 as many turns tells what returns with each turn from any other function of its position."""
@@ -30,19 +32,33 @@ as many turns tells what returns with each turn from any other function of its p
 @numba.njit(cache=True, error_model='numpy', nogil=True)
 def _power_rows(phasor, exponents, columns):
     """Write sines, then cosines, (n, J, 2 k) of multiples (J, k) of the angles of exp(i q) (n, J).
+
+    Each power is a product by the binary digits of its exponent, of many rows in each of its steps:
+    so the compiler turns them into vector instructions.
     """
     count = exponents.shape[1]
-    for row in range(phasor.shape[0]):
-        for joint in range(phasor.shape[1]):
-            for place in range(count):
-                power, square, left = 1.0 + 0.0j, phasor[row, joint], exponents[joint, place]
-                while left:  # the binary digits of the exponent
+    square, square_i, power, power_i = (np.empty(AT_ONCE), np.empty(AT_ONCE), np.empty(AT_ONCE),
+                                        np.empty(AT_ONCE))  # real and imaginary parts
+    for joint in range(phasor.shape[1]):
+        for place in range(count):
+            for first in range(0, phasor.shape[0], AT_ONCE):
+                rows, left = min(AT_ONCE, phasor.shape[0] - first), exponents[joint, place]
+                for row in range(rows):
+                    unit = phasor[first + row, joint]
+                    square[row], square_i[row] = unit.real, unit.imag
+                    power[row], power_i[row] = 1.0, 0.0
+                while left:
                     if left & 1:
-                        power *= square
-                    square *= square
+                        for row in range(rows):
+                            a, b, c, d = power[row], power_i[row], square[row], square_i[row]
+                            power[row], power_i[row] = a * c - b * d, a * d + b * c
                     left >>= 1
-                columns[row, joint, place] = power.imag
-                columns[row, joint, count + place] = power.real
+                    for row in range(rows):
+                        a, b = square[row], square_i[row]
+                        square[row], square_i[row] = a * a - b * b, a * b + b * a
+                for row in range(rows):
+                    columns[first + row, joint, place] = power_i[row]
+                    columns[first + row, joint, count + place] = power[row]
 
 
 def waves_of_orders(state: State, orders: Sequence[Sequence[int]]) -> np.ndarray:

@@ -93,10 +93,11 @@ class Evidence:
     def blocks(self, effect: Effect | Kind, shape: Shape) -> list[Block]:
         """Return the whitened columns of the parts of an effect; computed once."""
         parts = effect.parts(shape)
-        for part in parts:
-            if key_of(effect, part) not in self._kept:
+        keys = [key_of(effect, part) for part in parts]
+        for key, part in zip(keys, parts):
+            if key not in self._kept:
                 self.keep(effect, (part,))
-        return [self._kept[key_of(effect, part)] for part in parts]
+        return [self._kept[key] for key in keys]
 
     def width(self, effect: Effect | Kind, shape: Shape) -> int:
         """Return the number of columns of an effect on a joint."""
@@ -143,13 +144,16 @@ class Evidence:
 
         The columns of a hypothesis, or of several shapes, must have been made before.
         """
-        if (first, second) not in self._products:
-            if (second, first) in self._products:
-                return tuple(part.T for part in self._products[second, first])
-            self._products[first, second] = tuple(
+        pair = first, second
+        found = self._products.get(pair)
+        if found is None:
+            turned = self._products.get((second, first))
+            if turned is not None:
+                return tuple(part.T for part in turned)
+            found = self._products[pair] = tuple(
                 own.T @ other for own, other in zip(self._of_joints(first),
                                                     self._of_joints(second)))
-        return self._products[first, second]
+        return found
 
     def moments(self, key: Key) -> tuple[np.ndarray, ...]:
         """Return the products (k,) of columns with what base terms alone leave of the target."""

@@ -114,6 +114,21 @@ class Projection:
         return self._directions @ (self._directions.T @ self._target_moment)
 
     @cached_property
+    def _of_joints(self) -> list[tuple[list[tuple[int, np.ndarray | slice]], np.ndarray,
+                                       np.ndarray]]:
+        """Of each joint: which parts act on it and by which of their columns, the directions (r, c)
+        of these columns and their coefficients (c,)."""
+        found = []
+        for joint in range(self.evidence.observations.joints):
+            acting = [(number, part) for number, part in enumerate(self._parts)
+                      if joint in part.places]
+            rows = np.concatenate([np.arange(part.places[joint].start, part.places[joint].stop)
+                                   for _, part in acting])
+            found.append(([(number, part.columns) for number, part in acting],
+                          self._directions[rows].T, self._values[rows]))
+        return found
+
+    @cached_property
     def squares(self) -> float:
         """Whitened squares that the fit leaves of the target, with those of its prior."""
         left = self.evidence.target_left
@@ -175,17 +190,13 @@ class Projection:
         of_parts = [[self.evidence.products(part.key, key) for key in keys]
                     for part in self._parts]
         inside, moment = [], []
-        for joint in range(joints):
-            acting = [(part, own) for part, own in zip(self._parts, of_parts)
-                      if joint in part.places]
-            told = np.concatenate([part[joint] for part in moments])
-            products = np.concatenate([np.concatenate(
-                [part[joint] for part in own], axis=1)[item.columns] for item, own in acting])
-            rows = np.concatenate([np.arange(item.places[joint].start, item.places[joint].stop)
-                                   for item, _ in acting])
-            inside.append((self._directions[rows].T @ products).reshape(
-                -1, count, width).transpose(1, 0, 2))
-            moment.append((told - products.T @ self._values[rows]).reshape(count, width))
+        for joint, (acting, directions, values) in enumerate(self._of_joints):
+            told = _joined([part[joint] for part in moments])
+            products = _joined([
+                _joined([part[joint] for part in of_parts[number]], axis=1)[columns]
+                for number, columns in acting])
+            inside.append((directions @ products).reshape(-1, count, width).transpose(1, 0, 2))
+            moment.append((told - products.T @ values).reshape(count, width))
         if effect.shared:
             gram, along, left = grams.sum(axis=1), np.sum(inside, axis=0), np.sum(moment, axis=0)
         else:
@@ -219,6 +230,11 @@ class Projection:
         signal = columns @ coefficients
         return float(np.linalg.norm(self.rest(signal))) / max(
             float(np.linalg.norm(signal)), 1e-30)
+
+
+def _joined(parts: Sequence[np.ndarray], axis: int = 0) -> np.ndarray:
+    """Return arrays behind or beside each other; most often there is one."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=axis)
 
 
 KEPT = 16

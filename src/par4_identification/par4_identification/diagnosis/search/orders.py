@@ -262,9 +262,10 @@ class Lines:
         squares = evidence.once((self.effect, ('squares', self.highest)), lambda: np.stack(
             [self._squares(joint, coarse) for joint in range(len(cells))]))
         for joint, own in enumerate(squares):
-            products = np.abs(np.fft.rfft(np.bincount(cells[joint], weighted[:, joint], count))) ** 2
+            sums = np.bincount(cells[joint], weighted[:, joint], count)
             least = max(FAINTEST * float(np.max(own)), TINY)
-            gains += products / np.interp(orders, coarse, np.maximum(own, least))
+            gains += np.abs(np.fft.rfft(sums)) ** 2 / np.interp(
+                orders, coarse, np.maximum(own, least))
         return step, gains
 
     def _cells(self, cell: float) -> tuple[np.ndarray, int]:

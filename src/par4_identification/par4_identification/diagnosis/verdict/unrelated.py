@@ -247,8 +247,9 @@ def _bursts(runs: Sequence[Left], floor: np.ndarray, most: float
             firsts = range(0, len(left) - length + 1, length)
             own = np.sqrt(np.mean(left[valid, joint] ** 2)) if valid.any() else 1.0
             white /= np.sqrt(1.0 + (wrong[:, joint] / max(own, 1e-30)) ** 2)
-            count = np.array([valid[first:first + length].sum() for first in firsts])
-            squares = np.array([np.sum(white[first:first + length] ** 2) for first in firsts])
+            spans = slice(0, len(firsts) * length)
+            count = valid[spans].reshape(-1, length).sum(axis=1)
+            squares = np.sum((white[spans] ** 2).reshape(-1, length), axis=1)
             enough = count > length // 2
             if enough.sum() < 8:
                 continue
@@ -256,7 +257,9 @@ def _bursts(runs: Sequence[Left], floor: np.ndarray, most: float
                         np.mean(white[valid] ** 2) * (floor[joint] / max(own, 1e-30)) ** 2)
             if level > (most * floor[joint] / max(own, 1e-30)) ** 2 * np.mean(white[valid] ** 2):
                 continue
-            limit = scipy.stats.f.isf(CHANCE / len(firsts), length, enough.sum() * length // 4)
+            # of Fisher's distribution; `scipy.stats`, where it has a name, is slow to load
+            limit = scipy.special.fdtri(length, enough.sum() * length // 4,
+                                        1.0 - CHANCE / len(firsts))
             for first, size, rows in zip(firsts, squares, count):
                 if rows > length // 2 and size > 2.0 * limit * level * rows:
                     found.append((float(run.t[first]), float(run.t[first + length - 1])))
