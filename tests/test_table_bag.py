@@ -140,6 +140,25 @@ def test_a_speed_fits_its_position_in_every_unit_and_in_no_other(unit, tool, tmp
         assert ('times the slope of the position' in told.out) == (not right)
 
 
+def test_the_velocity_of_an_axis_will_do_for_a_position(tool, tmp_path):
+    slow, fast = QD.copy(), QD.copy()
+    fast[37] = np.nan
+    for name, velocity in (('whole', slow), ('gap', fast)):
+        told = tool(csv(tmp_path / f'{name}.csv', t=T, qd=velocity, tau=TAU), '--columns',
+                    'time=t:s velocity=qd:rad/s torque=tau:Nm', '--joints', 'motor', '--output',
+                    tmp_path / name)
+        assert told.code == 0, told.err
+        assert 'no position: it is the integral of the velocity' in told.out
+        assert 'position: 1 of' not in told.out
+        q = read_log(tmp_path / name, axis()).q[:, 0]
+        np.testing.assert_allclose(q - q[0], Q - Q[0], atol=2e-3 * np.ptp(Q))
+    told = tool(tmp_path / 'whole.csv', '--columns', 'time=t:s velocity=qd:rad/s torque=tau:Nm',
+                '--joints', 'motor', '--output', tmp_path / 'turned', '--unwrap')
+    assert 'these positions are the integral of the velocity' in told.err
+    with pytest.raises(InputError, match='found velocity, torque; needed are position'):
+        chosen_columns('velocity=1-4:rad/s torque=5-8:Nm')
+
+
 def test_a_part_of_a_log_and_an_encoder_that_wraps(tool, tmp_path):
     turns = 3.0 * T / T[-1]
     path = csv(tmp_path / 'log.csv', t=T, q=turns % 1.0, tau=TAU)

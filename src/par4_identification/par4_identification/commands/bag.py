@@ -20,10 +20,11 @@ from par4_sim.commands.numbers import ANY_SIGN, Number, Numbers
     "      --robot reference --output my_bag")
 @click.argument('files', nargs=-1, required=True, metavar='FILE...')
 @click.option('--columns', required=True, metavar="'QUANTITY=COLUMN:UNIT ...'",
-              help='what the columns are: time, position, velocity, torque, voltage; a column by '
-                   'its name or its number from 1, those of several joints as a,b,c,d or 2-5; '
-                   'units s ms us ns iso (dates), rad deg turn counts m mm, rad/s deg/s turn/s rpm '
-                   'counts/s m/s mm/s, Nm mNm N A mA, V mV')
+              help='what the columns are: time, position (of a single axis without one its '
+                   'velocity), velocity, torque, voltage; a column by its name or its number from '
+                   '1, those of several joints as a,b,c,d or 2-5; units s ms us ns iso (dates), '
+                   'rad deg turn counts m mm, rad/s deg/s turn/s rpm counts/s m/s mm/s, Nm mNm N A '
+                   'mA, V mV')
 @click.option('--output', required=True, type=click.Path(path_type=Path), metavar='BAG')
 @click.option('--robot', default=None,
               help='robot.yaml or built-in name: names the joints, and the columns must fit it')

@@ -7,7 +7,12 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from par4_identification.logs.column_choice import Choice, Scales, chosen_columns
+from par4_identification.logs.column_choice import (
+    Choice,
+    Scales,
+    chosen_columns,
+    motion_of,
+)
 from par4_identification.logs.table_bag import Part, measured_of_files, write_measured
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
@@ -29,7 +34,8 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
     """
     choices = chosen_columns(columns)
     machine = None if robot is None else read_machine(robot)
-    names = joint_names(machine, joints, len(choices['position'].columns))
+    motion = motion_of(choices)
+    names = joint_names(machine, joints, len(motion.columns))
     if output.exists():
         raise InputError(f'{output}: exists already; give another path or remove it')
     start, end = between or (-float('inf'), float('inf'))
@@ -39,8 +45,8 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
                                      Part(array, rate, start, end, unwrap))
         kind = machine.kind if isinstance(machine, Axis) else 'revolute'
         if machine is not None and measured.kind != kind:
-            raise InputError(f'position in {choices["position"].unit}: {robot} has {kind} joints; '
-                             f'mend --columns or the robot file')
+            raise InputError(f'{motion.quantity} in {motion.unit}: {robot} has {kind} joints; mend '
+                             f'--columns or the robot file')
         counts = write_measured(measured, names, output, storage, lambda share: status.update(
             f'writing {output}: {share:.0%}'))
     written = ', '.join(f'{topic} {count}' for topic, count in counts.items())

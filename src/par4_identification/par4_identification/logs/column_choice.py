@@ -89,15 +89,16 @@ def chosen_columns(text: str) -> dict[str, Choice]:
             raise InputError(f'--columns: {quantity} is given twice; part the columns of several '
                              f'joints by commas')
         choices[quantity] = Choice(quantity, _expanded(columns), unit)
-    if 'position' not in choices or not {'torque', 'voltage'} & set(choices):
-        raise InputError(f"--columns: found {', '.join(choices) or 'nothing'}; needed are position "
-                         f"and torque or voltage, for example '{EXAMPLE}'")
-    joints = len(choices['position'].columns)
+    motion = motion_of(choices)
+    if not {'torque', 'voltage'} & set(choices):
+        raise _incomplete(choices)
+    joints = len(motion.columns)
     for quantity, choice in choices.items():
         wanted = 1 if quantity == 'time' else joints
         if len(choice.columns) != wanted:
+            alike = '' if quantity == 'time' else f', as {motion.quantity} has'
             raise InputError(f'--columns: {quantity} has {len(choice.columns)} columns, expected '
-                             f'{wanted}' + ('' if quantity == 'time' else ', as position has'))
+                             f'{wanted}{alike}')
     for one, other in combinations(choices.values(), 2):
         common = [name for name in one.columns if name in other.columns]
         if common:
@@ -109,6 +110,25 @@ def chosen_columns(text: str) -> dict[str, Choice]:
                           if choice.meaning.kind)
         raise InputError(f'--columns: {units}; a joint turns or slides, not both')
     return choices
+
+
+def motion_of(choices: dict[str, Choice]) -> Choice:
+    """Return what tells the motion: the position or, of a single axis without one, its velocity.
+
+    Raises:
+        InputError: there is neither.
+    """
+    if 'position' in choices:
+        return choices['position']
+    if 'velocity' in choices and len(choices['velocity'].columns) == 1:
+        return choices['velocity']
+    raise _incomplete(choices)
+
+
+def _incomplete(choices: dict[str, Choice]) -> InputError:
+    return InputError(f"--columns: found {', '.join(choices) or 'nothing'}; needed are position "
+                      f"and torque or voltage (of a single axis without a position its velocity), "
+                      f"for example '{EXAMPLE}'")
 
 
 def _expanded(columns: str) -> tuple[str, ...]:

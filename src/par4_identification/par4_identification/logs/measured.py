@@ -45,6 +45,7 @@ class Measured:
         values: quantity -> (n, J).
         rows: that the files have.
         untimed: of them without a time, left out.
+        integrated: whether the position is the integral of the velocity.
     """
 
     kind: JointKind
@@ -52,6 +53,7 @@ class Measured:
     values: dict[str, np.ndarray]
     rows: int
     untimed: int
+    integrated: bool = False
 
     @property
     def joints(self) -> int:
@@ -86,13 +88,16 @@ class Measured:
 
     def findings(self) -> tuple[str, ...]:
         """Return what looks wrong, in words; nothing for good files."""
-        found = [f'{count} {words}' for count, words in (
+        found = [] if not self.integrated else [
+            'no position: it is the integral of the velocity from zero on; what it tells of places '
+            '(cogging, weight) drifts with the errors of the velocity']
+        found += [f'{count} {words}' for count, words in (
             (self.untimed, 'rows without a time, left out'),
             (np.count_nonzero(np.diff(self.stamp) == 0), 'stamps repeated'),
             (np.count_nonzero(np.diff(self.stamp) < 0), 'times the clock goes back')) if count]
         for quantity, values in self.values.items():
             empty = np.count_nonzero(~np.isfinite(values))
-            if empty:
+            if empty and not (self.integrated and quantity == 'position'):
                 found.append(f'{quantity}: {empty} of {values.size} cells hold no number')
             absurd = np.count_nonzero(np.isfinite(values) & ~are_readings(values))
             if absurd:

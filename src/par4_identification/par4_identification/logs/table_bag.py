@@ -8,7 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from par4_identification.logs.column_choice import Choice, Scales, refuse_unused, si_factors
+from par4_identification.logs.column_choice import (
+    Choice,
+    Scales,
+    motion_of,
+    refuse_unused,
+    si_factors,
+)
 from par4_identification.logs.log_table import read_columns
 from par4_identification.logs.measured import Measured, are_readings
 from par4_identification.logs.series import FEWEST_SAMPLES
@@ -65,7 +71,8 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
                          'is none, not both' if part.rate else 'no time: give its column in '
                          '--columns, such as time=1:s, or --rate in Hz')
     refuse_unused(scales, choices)
-    factors = {quantity: si_factors(choice, scales, len(choices['position'].columns))
+    motion = motion_of(choices)
+    factors = {quantity: si_factors(choice, scales, len(motion.columns))
                for quantity, choice in choices.items()}
     dates = [name for choice in choices.values() if choice.unit == DATES for name in choice.columns]
     blocks: dict[str, list[np.ndarray]] = {quantity: [] for quantity in choices}
@@ -78,7 +85,7 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
                 blocks[quantity].append(
                     np.stack([columns[name] for name in choice.columns], axis=1)
                     * factors[quantity])
-        lengths.append(len(blocks['position'][-1]))
+        lengths.append(len(blocks[motion.quantity][-1]))
         if not lengths[-1]:
             raise InputError(f'{file}: its columns are empty; leave it out')
     values = {quantity: np.concatenate(parts) for quantity, parts in blocks.items()}
@@ -95,19 +102,33 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
                          f'are left, at least {FEWEST_SAMPLES} are needed{spans}')
     time = time[kept]
     _refuse_rate(files, time)
-    kind = choices['position'].meaning.kind
+    kind = motion.meaning.kind
     if part.unwrap:
-        if kind == 'linear':
-            raise InputError('--unwrap is for joints that turn; these positions are lengths')
+        if kind == 'linear' or motion.quantity == 'velocity':
+            what = 'lengths' if motion.quantity == 'position' else 'the integral of the velocity'
+            raise InputError(f'--unwrap is for joints that turn; these positions are {what}')
         for q in values['position'].T:
             known = are_readings(q)
             q[known] = np.unwrap(q[known])
     start = time[0] if time[0] > EPOCH else 1.0
     stamp = round(start * SECOND) + np.rint((time - time[0]) * SECOND).astype(np.int64)
     if kind is None:
-        raise InputError('--columns: the unit of position tells neither an angle nor a length')
-    return Measured(kind, stamp, {name: column[kept] for name, column in values.items()}, rows,
-                    untimed)
+        raise InputError(f'--columns: the unit of {motion.quantity} tells neither an angle nor a '
+                         f'length')
+    values = {name: column[kept] for name, column in values.items()}
+    integrated = motion.quantity != 'position'
+    if integrated:
+        values = {'position': _integral(values['velocity'], time), **values}
+    return Measured(kind, stamp, values, rows, untimed, integrated)
+
+
+def _integral(velocity: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return the way (n, 1) that velocities (n, 1) make in times (n,), NaN where there is none."""
+    way, known = np.full_like(velocity, np.nan), are_readings(velocity[:, 0])
+    v, t = velocity[known, 0], time[known]
+    steps = 0.5 * (v[1:] + v[:-1]) * np.maximum(np.diff(t), 0.0)
+    way[known, 0] = np.cumsum(np.concatenate((np.zeros(min(len(v), 1)), steps)))
+    return way
 
 
 def _refuse_overlap(files: Sequence[str | Path], time: np.ndarray, lengths: Sequence[int]) -> None:
