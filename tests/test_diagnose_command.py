@@ -284,7 +284,7 @@ def test_limits_of_a_proposed_motion_that_no_file_gives_are_told(again, machine,
     del content['limits'], content['drives']['torque_limit']
     write_yaml(tmp_path / 'robot.yaml', plain(content))
     asked = (machine / 'narrow', '--holdout', machine / 'held_out', '--output', again,
-             '--no-simulate', '--no-report', '--robot')
+             '--no-simulate', '--robot')
     *_, last = run(diagnose, *asked, tmp_path / 'robot.yaml').out.splitlines()
     assert last.startswith('limits that the file of robot reference leaves out')
     assert 'limits that' not in run(diagnose, *asked, 'reference').out

@@ -9,6 +9,7 @@ import runpy
 import sys
 import tomllib
 import xml.etree.ElementTree as ElementTree
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -50,7 +51,8 @@ def inner(path: Path) -> Path:
     return path.relative_to(ROOT / 'src').relative_to(path.relative_to(ROOT / 'src').parts[0])
 
 
-def imported(path: Path) -> set[str]:
+@cache
+def imported(path: Path) -> frozenset[str]:
     """Return the modules that a file imports anywhere."""
     names = set()
     for item in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
@@ -58,7 +60,7 @@ def imported(path: Path) -> set[str]:
             names |= {alias.name for alias in item.names}
         elif isinstance(item, ast.ImportFrom):
             names.add(item.module)
-    return names
+    return frozenset(names)
 
 
 def test_there_are_sources():
