@@ -13,7 +13,8 @@ import pytest
 from axes import Motor, held_speeds, recorded
 from click.testing import CliRunner
 from planned import log_of
-from scipy.signal import lfilter
+from scipy.integrate import cumulative_trapezoid
+from scipy.signal import butter, lfilter
 
 from par4_dynamics.base_terms import BASE_TERMS, base_columns, base_terms, torque_of_values
 from par4_dynamics.effects.effect import FAST
@@ -32,6 +33,7 @@ from par4_identification.diagnosis.search.search import Rejected
 from par4_identification.diagnosis.verdict.sure import CHANCE
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import identify
+from par4_identification.logs.log import Log
 from par4_identification.reports.diagnosis_report import report_of_diagnosis
 from par4_identification.reports.outcome.changes import payload_causes_json, phrases_of_changes
 from par4_identification.reports.outcome.diagnosis import (
@@ -367,6 +369,22 @@ def test_the_log_of_one_joint_of_an_arm_is_told_that_others_move_it():
         assert any('whether other joints moved' in reason for reason in found.reasons)
     with pytest.raises(InputError, match='which is impossible; .*whether other joints moved'):
         identify([replace(log, tau=-log.tau)], axis()).model_file({}, axis())
+
+
+@pytest.mark.parametrize('seed', range(2))
+def test_a_controller_that_answers_disturbances_is_no_friction(seed):
+    """Something shakes a joint that is held at one speed: the torque is all that the drive says."""
+    period, random = 0.01, np.random.default_rng(seed)
+    shaken = lfilter(*butter(2, 6.0 * period), random.standard_normal(1200))
+    speed = 9.0 + 2.5 * shaken / shaken.std()
+    q = cumulative_trapezoid(speed, dx=period, initial=0.0)
+    torque = 0.04 - 0.0146 * (speed - 9.0) + 2e-3 * random.standard_normal(len(q))
+    log = Log('governed', ('motor',), 1, period, period * np.arange(len(q)), q[:, None],
+              torque[:, None], (slice(0, len(q)),), None, None)
+    found = diagnosed([log], [], axis())
+    assert found.verdict == 'unusable_data'
+    reason, = found.reasons
+    assert 'as where a controller answers a speed that something else disturbs' in reason
 
 
 def test_no_time_is_right_for_a_torque_that_no_time_explains():

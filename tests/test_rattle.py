@@ -12,10 +12,16 @@ from searches import log_with
 
 from par4_dynamics.effects.transmission import load_inertia, transmitted_torque
 from par4_dynamics.mechanism import joint_mass_matrix
+from par4_dynamics.model import build_model
+from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.diagnosis.evidence.fit import residuals, solve
+from par4_identification.diagnosis.evidence.observations import observe, with_nominal
 from par4_identification.diagnosis.verdict.rattle import gaps, rattle
+from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
+from par4_identification.signals.rows import runs_of_log
+from par4_kinematics.robot import Axis
 from robots import REFERENCE
 
 
@@ -66,6 +72,24 @@ def test_rows_that_are_slower_than_bounces_tell_of_none(loose):
     assert rattle([(slow, left)]) is None
     assert any(gaps(observations, left))
     assert not any(gaps(slow, left))
+
+
+@pytest.mark.parametrize('inertia', [0.0, 1e-3])
+def test_an_axis_whose_inertia_counts_as_zero_has_no_load_that_rattles(inertia):
+    machine = Axis.model_validate({'schema': 'par4/axis/1', 'name': 'axis', 'joint': 'motor',
+                                   'kind': 'revolute', 'gain': 1.0})
+    t = 2e-3 * np.arange(5000)
+    q, tau = np.sin(3.0 * t)[:, None], np.cos(3.0 * t)[:, None]
+    runs = runs_of_log(Log('axis', ('motor',), 1, 2e-3, t, q, tau, (slice(0, len(t)),), None, None),
+                       machine)
+    nominal = build_model(machine, ModelFile.model_validate({
+        'schema': 'par4/model/1', 'parameters': {name: {'value': value} for name, value in (
+            ('actuator_inertia', inertia), ('coulomb_friction', 0.1), ('viscous_friction', 0.0))}}))
+    observations = with_nominal(observe(runs, machine, 'paper', None), nominal)
+    random = np.random.default_rng(0)
+    left = [random.normal(size=run.tau.shape) for run in runs]
+    assert rattle([(observations, left)]) is None
+    assert bool(gaps(observations, left)[0]) == (inertia > 0.0)
 
 
 def test_every_part_of_the_data_must_rattle(loose):

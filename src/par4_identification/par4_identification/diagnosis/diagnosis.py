@@ -34,6 +34,7 @@ from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.side_by_side import plain_linear_algebra
 from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.evidence.whitener import Whitener
+from par4_identification.diagnosis.nominal.gate import driving_when_fast
 from par4_identification.diagnosis.nominal.retimed import beside_retimed
 from par4_identification.diagnosis.nominal.start import (
     Start,
@@ -169,6 +170,12 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
                             progress)
     if start.unless_mended and not (answer.causes and is_mended(answer.base_after)):
         return Unusable(start.unless_mended, tuple(fit_runs))
+    by_speed = any(cause.effect.told_by_speeds for cause in answer.causes) or (
+        baseline is not None and bool(baseline.effects))
+    if isinstance(machine, Axis) and answer.verdict in ('clean', 'explained') and not by_speed:
+        driving = driving_when_fast(answer.base_after, fit_runs)
+        if driving is not None:
+            return Unusable((driving,), tuple(fit_runs))
     return replace(answer, share=share)
 
 

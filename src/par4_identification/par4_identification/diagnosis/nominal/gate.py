@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from par4_dynamics.base_terms import FRICTION, INERTIA
+from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.estimators.quadratic import quadratic_columns
 from par4_identification.fitting.identification import OTHER_JOINTS, Identification
+from par4_identification.signals.rows import Run
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 
@@ -24,6 +26,11 @@ TORN = 10
 """Stretches of the logs from which on gaps are named as a reason for too few rows."""
 SLOW = 0.004
 """s from sample to sample from which filters are so slow that this may be the reason."""
+SIGNS = f'the sign of torque and position, and {OTHER_JOINTS}'
+"""What to check about an axis."""
+FAST_SHARE, CERTAIN = 0.95, 5.0
+"""Share of the motion that is slower than the speed at which friction must brake, too, and standard
+deviations below zero from which a value is negative."""
 WORST_ERROR = 0.6
 WORST_STD = 0.3
 
@@ -58,7 +65,6 @@ def unusable(observations: Observations, identification: Identification, machine
     """
     reasons = [Reason(text) for text in too_few(observations)]
     alone = isinstance(machine, Axis)
-    signs = f'the sign of torque and position, and {OTHER_JOINTS}'
     estimate = identification.estimate
     values = {term.name: (value, std) for term, value, std in
               zip(identification.terms, estimate.values, estimate.std)}
@@ -66,7 +72,7 @@ def unusable(observations: Observations, identification: Identification, machine
         'viscous_friction'][0]
     if friction < 0:
         reasons.append(Reason(
-            f'friction comes out driving the joint instead of braking it; check {signs}' if alone
+            f'friction comes out driving the joint instead of braking it; check {SIGNS}' if alone
             else 'friction comes out driving the joints instead of braking them; check the sign of '
                  'torque and position', is_of_cause=True))
     bound = target is not None
@@ -74,22 +80,45 @@ def unusable(observations: Observations, identification: Identification, machine
     if error > WORST_ERROR and (bound or _error_in_motion(observations) > WORST_ERROR):
         share = f'explain only {1 - error:.0%} of the torque'
         reasons.append(Reason(
-            f'inertia, friction and weight {share}; check gravity in the robot file, {signs}'
+            f'inertia, friction and weight {share}; check gravity in the robot file, {SIGNS}'
             if alone else f'the rigid bodies {share}; check order, sign and zero of the joints, '
                           f'the gains and the robot file'))
     for term in identification.terms:
         # a lag of the drives can turn the slope of friction over; together it must brake, see above
         friction_term = term.name in FRICTION
         value, std = values[term.name]
-        if term.nonnegative and not friction_term and value < -5.0 * std:
+        if term.nonnegative and not friction_term and value < -CERTAIN * std:
             reasons.append(Reason(
                 f'{term.name} comes out as {value:.3g} {unit_on(machine, term.unit)}; check '
-                f'{signs if alone else "order and sign of the joints"}'))
+                f'{SIGNS if alone else "order and sign of the joints"}'))
         if term.name == INERTIA and is_vague(value, std):
             reasons.append(Reason(f'the motion does not excite {term.name} (standard deviation '
                                   f'{std / max(abs(value), 1e-12):.0%}); record faster motions',
                                   is_of_cause=True))
     return reasons
+
+
+def driving_when_fast(base: Mapping[str, Parameter], runs: Sequence[Run]) -> str | None:
+    """Return why data of an axis are no use if its friction drives at its higher speeds, else None.
+
+    A controller of the speed raises the torque where the joint slows down. Where little else moves
+    it, as at a steady speed with cogging, torque and speed tell the controller and not the machine.
+
+    Args:
+        base: base parameters beside the causes found, of which none is a law of the speed.
+        runs: that were fitted.
+    """
+    speeds = np.concatenate([np.abs(run.speed[run.valid]) for run in runs])
+    fast = float(np.quantile(speeds, FAST_SHARE)) if len(speeds) else 0.0
+    level, std = 0.0, 0.0
+    for name, by in zip(FRICTION, (1.0, fast)):
+        level += by * float(np.max(np.asarray(base[name].value, dtype=float)))
+        std = float(np.hypot(std, by * np.max(np.asarray(base[name].std or 0.0, dtype=float))))
+    if level >= -CERTAIN * std:
+        return None
+    return (f'friction comes out driving the joint at its higher speeds, as where a controller '
+            f'answers a speed that something else disturbs; record a motion that goes faster and '
+            f'slower, and check {SIGNS}')
 
 
 def _usual_speed(observations: Observations) -> float:

@@ -92,7 +92,7 @@ class _Slip:
 def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle | None:
     """Return the joints whose loads rattle in every part of the data; None if there are none.
 
-    In logs whose rows are too slow for bounces none are found.
+    In logs whose rows are too slow for bounces, or beside a load without inertia, none are found.
 
     Args:
         parts: rows with a nominal torque and the torque that the model leaves of them, (m, J) of
@@ -131,8 +131,13 @@ def gaps(observations: Observations, left: Sequence[np.ndarray]
 
 
 def _carries_bounces(observations: Observations) -> bool:
-    """Return whether rows follow one another fast enough for bounces."""
-    return all(0.0 < run.row_time <= 1.0 / SLOWEST_ROWS_HZ for run in observations.runs)
+    """Return whether rows follow one another fast enough for bounces, of a load with an inertia.
+
+    That of an axis may have come out negative, which counts as zero.
+    """
+    return all(0.0 < run.row_time <= 1.0 / SLOWEST_ROWS_HZ and (
+        not observations.of_axis or load_inertia(run.state, run.t[:1])[0, 0, 0] > 0.0)
+        for run in observations.runs)
 
 
 def _slips(observations: Observations, left: Sequence[np.ndarray]) -> list[_Slip]:
