@@ -478,7 +478,7 @@ def test_what_holds_an_axis_is_named_with_its_course(held):
     ('presliding', {'distance': 0.0}, 'distance: expected more than 0 rad'),
     ('nonlinear_viscous', {'torque': 1.0, 'exponent': -0.5}, 'exponent: expected more than 0'),
     ('elastic_transmission', {'stiffness': 1e4, 'damping_ratio': -0.1},
-     'damping_ratio: expected more than 0')])
+     'damping_ratio: expected 0 or more, found -0.1')])
 def test_numbers_that_make_no_law_are_refused(effect, values, said):
     base = {term.name: Parameter(value=1.0) for term in BASE_TERMS if not term.needs_platform}
     entry = EffectEntry(effect=effect, parameters={

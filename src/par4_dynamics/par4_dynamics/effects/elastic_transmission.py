@@ -63,8 +63,7 @@ class ElasticTransmission(Effect):
     phrase = 'elasticity of the transmission'
     parameters = (
         EffectParameter('stiffness', 'N m/rad', 'joint', nonnegative=True),  # 0 is a rigid joint
-        EffectParameter('damping_ratio', '1', 'machine', default=DAMPING_RATIO, is_shape=True,
-                        positive=True))
+        EffectParameter('damping_ratio', '1', 'machine', default=DAMPING_RATIO, is_shape=True))
     shared = True
     separable = ((0,), (1,), (2,), (3,))
     needs_nominal = True
@@ -117,6 +116,10 @@ class ElasticTransmission(Effect):
     def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
         compliance = self.coefficients(values)[:, 0]
         return Springs(state).torque(compliance, float(values['damping_ratio'][0]))[1]
+
+    def senseless(self, values: Values) -> str | None:
+        least = float(np.min(values['damping_ratio']))
+        return None if least >= 0.0 else f'damping_ratio: expected 0 or more, found {least:g}'
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         compliance = _inverse(values['stiffness'])
