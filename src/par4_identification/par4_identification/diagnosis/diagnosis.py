@@ -138,18 +138,17 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
     fit_logs, holdout_logs, share = manageable(fit_logs, holdout_logs, machine, conditioning)
     fit_runs, holdout_runs = split_runs(fit_logs, holdout_logs, machine, conditioning)
     observations = observe(fit_runs, machine, rigid_body, known)
-    heldout = observe(holdout_runs, machine, rigid_body, known)
     progress('fitting the base model')
     inertia = None if known is None else known.values[INERTIA]
     start = start_of(observations, machine, rigid_body, rules, inertia)
     if not start.reasons:
         told = isinstance(machine, Robot) and not (start.left_out or start.unless_mended)
-        fit_runs, holdout_runs = (
-            turning(runs, _base_model(start, machine, baseline), told)
-            for runs in (fit_runs, holdout_runs))
-        observations, heldout = (observe(runs, machine, rigid_body, known)
-                                 for runs in (fit_runs, holdout_runs))
+        model = _base_model(start, machine, baseline)
+        del observations, start  # which are large for a long log, and made anew
+        fit_runs, holdout_runs = (turning(runs, model, told) for runs in (fit_runs, holdout_runs))
+        observations = observe(fit_runs, machine, rigid_body, known)
         start = start_of(observations, machine, rigid_body, rules, inertia)
+    heldout = observe(holdout_runs, machine, rigid_body, known)
     reasons = list(start.reasons)
     if not any(run.valid.any() for run in shown(heldout, start).runs):
         reasons.append('no joint moves in the held-out data; give a bag of another motion')
