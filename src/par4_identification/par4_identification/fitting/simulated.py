@@ -6,6 +6,7 @@ Vandanjon and Gautier 2014).
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -49,19 +50,19 @@ def simulated_log(log: Log, machine: Robot | Axis, model: Model) -> Log:
                          f'{log.t[-1]:.1f} s; record both on one clock')
     from scipy.interpolate import CubicSpline  # slow to load and only needed here
 
-    simulation = build_simulation(with_ideal_encoders(machine), model, 'exact', PERIOD)
-    approach = approach_to(reference.q[0], machine, simulation.q, PERIOD, 'the reference')
-    times = simulation.time + approach.t
-    lead = max(reference.t[0] - log.t[0], 0.0) + SETTLING
-    # a whole number of samples, so that samples of an even log fall on simulated ones
-    shift = PERIOD * np.ceil((times[-1] + lead - reference.t[0]) / PERIOD)
-    simulation.queue_reference(times, approach.q, approach.qd, approach.qdd)
-    simulation.queue_reference(shift + reference.t, *points)
+    with closing(build_simulation(with_ideal_encoders(machine), model, 'exact', PERIOD)
+                 ) as simulation:
+        approach = approach_to(reference.q[0], machine, simulation.q, PERIOD, 'the reference')
+        times = simulation.time + approach.t
+        lead = max(reference.t[0] - log.t[0], 0.0) + SETTLING
+        # a whole number of samples, so that samples of an even log fall on simulated ones
+        shift = PERIOD * np.ceil((times[-1] + lead - reference.t[0]) / PERIOD)
+        simulation.queue_reference(times, approach.q, approach.qd, approach.qdd)
+        simulation.queue_reference(shift + reference.t, *points)
 
-    count = int(np.ceil((shift + log.t[-1] - simulation.time) / PERIOD)) + 2
-    t = simulation.time - shift + PERIOD * np.arange(count)
-    q = simulation.next_samples(count).q
-    simulation.close()
+        count = int(np.ceil((shift + log.t[-1] - simulation.time) / PERIOD)) + 2
+        t = simulation.time - shift + PERIOD * np.arange(count)
+        q = simulation.next_samples(count).q
     return replace(log, q=CubicSpline(t, q)(log.t))
 
 
