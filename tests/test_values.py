@@ -258,6 +258,17 @@ def test_a_joint_that_no_machine_could_have_goes_if_the_error_of_the_cause_makes
     assert needed(replace(search.rules, named_error=0.0)) == (0, 2)
 
 
+@pytest.mark.parametrize(('third', 'true'), [(0.012, (0,)), (0.015, (0, 2))])
+def test_a_strong_cause_is_not_lost_for_a_small_joint_that_no_machine_could_have(third, true):
+    """The joint is worth more than its price, however doubtful, but an error may gain as much."""
+    search = search_of(('torque_offset', {'offset': (0.5, 0.0, third, 0.0)}),
+                       library=('torque_offset',))
+    belief = SimpleNamespace(rules=search.rules, objection=lambda item, _others: (
+        'impossible' if 2 in item.joints else None))
+    item = Hypothesis(CATALOGUE['torque_offset'], {}, EVERY)
+    assert with_needed_joints(search.pool, belief, item, ()).joints == true
+
+
 @pytest.mark.parametrize(('apart', 'told_as'), [(0.009, 'quadratic'), (0.011, 'torque')])
 def test_an_exponent_that_is_nearly_two_is_told_as_two(apart, told_as):
     search = search_of(('nonlinear_viscous', {

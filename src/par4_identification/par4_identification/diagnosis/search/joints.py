@@ -26,8 +26,8 @@ def with_needed_joints(pool: Pool, belief: Belief, hypothesis: Hypothesis, other
     have in common belongs to the base. Therefore every set of joints is tried. For a shared effect
     every choice of its separable sets is tried, because one wrong dimension looks like several. A
     set without which held-out rows fit much worse is kept, whatever its price. A joint that is
-    worth little more than its price is dropped if no machine could have its value: errors of a
-    strong cause look like that.
+    worth little more than its price, or no more than the errors of the named torques can gain, is
+    dropped if no machine could have its value: errors of a strong cause look like that.
 
     Args:
         pool: fits.
@@ -46,19 +46,29 @@ def with_needed_joints(pool: Pool, belief: Belief, hypothesis: Hypothesis, other
     fits = [pool.fit((*others, trial)) for trial in trials]
     least = min(fit.heldout_squares for fit in fits)
 
-    def ranked(doubt: float) -> list[Hypothesis]:
-        """Return the best sets, if what the causes get wrong enlarges a joint's price so much."""
+    def ranked(doubt: float, by_error: float = 0.0) -> list[Hypothesis]:
+        """Return the best sets, if what the causes get wrong enlarges a joint's price so much.
+
+        A set may explain less than the best by what tells no twins, and by `by_error`.
+        """
         losses = np.array([0.5 * fit.fit_squares + doubt * rules.price * pool.width(trial)
                            if fit.heldout_squares <= least + 2.0 * doubt * rules.margin
                            else np.inf for trial, fit in zip(trials, fits)]).round(6)
         ranks = np.argsort(losses, kind='stable')  # of equals the first
         return [_by_itself(trials[rank]) for rank in ranks
-                if losses[rank] <= losses[ranks[0]] + rules.twin]
+                if losses[rank] <= losses[ranks[0]] + rules.twin + by_error]
 
     # that may look like one more joint, though not all of it unless no machine has such a joint
     usual = ranked(np.sqrt(inflation))
-    return next((item for item in (*usual, *ranked(inflation))
+    by_error = (inflation - 1.0) * rules.evidence
+    fewer = [item for item in ranked(inflation, by_error) if _chosen(item) < _chosen(usual[0])]
+    return next((item for item in (*usual, *ranked(inflation), *fewer)
                  if belief.objection(item, others) is None), usual[0])
+
+
+def _chosen(hypothesis: Hypothesis) -> set[int]:
+    """Return the joints of a name, or its sets if it is shared."""
+    return set(hypothesis.joints if hypothesis.sets is None else hypothesis.sets)
 
 
 def _by_itself(hypothesis: Hypothesis) -> Hypothesis:
