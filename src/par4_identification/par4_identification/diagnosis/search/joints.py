@@ -26,7 +26,7 @@ def with_needed_joints(pool: Pool, belief: Belief, hypothesis: Hypothesis, other
     have in common belongs to the base. Therefore every set of joints is tried. For a shared effect
     every choice of its separable sets is tried, because one wrong dimension looks like several. A
     set without which held-out rows fit much worse is kept, whatever its price. A joint that is
-    worth little more than its price, or no more than the errors of the named torques can gain, is
+    worth little more than its price, or no more than the errors of the causes' torques can gain, is
     dropped if no machine could have its value: errors of a strong cause look like that.
 
     Args:
@@ -40,29 +40,30 @@ def with_needed_joints(pool: Pool, belief: Belief, hypothesis: Hypothesis, other
     rules = belief.rules
     hypothesis = _with_confirmed_terms(pool, rules, _with_confirmed_orders(
         pool, rules, hypothesis, others), others)
-    inflation = requirement_of(pool, (*others, hypothesis), rules).inflation
+    needed = requirement_of(pool, (*others, hypothesis), rules)
     everywhere = tuple(range(pool.evidence.observations.joints))
     trials = list(choices(hypothesis, everywhere)) or [hypothesis]
     fits = [pool.fit((*others, trial)) for trial in trials]
     least = min(fit.heldout_squares for fit in fits)
 
-    def ranked(doubt: float, by_error: float = 0.0) -> list[Hypothesis]:
+    def ranked(doubt: float, slack: float = 0.0) -> list[Hypothesis]:
         """Return the best sets, if what the causes get wrong enlarges a joint's price so much.
 
-        A set may explain less than the best by what tells no twins, and by `by_error`.
+        A set may explain less than the best by what tells no twins, and by `slack`.
         """
         losses = np.array([0.5 * fit.fit_squares + doubt * rules.price * pool.width(trial)
                            if fit.heldout_squares <= least + 2.0 * doubt * rules.margin
                            else np.inf for trial, fit in zip(trials, fits)]).round(6)
         ranks = np.argsort(losses, kind='stable')  # of equals the first
         return [_by_itself(trials[rank]) for rank in ranks
-                if losses[rank] <= losses[ranks[0]] + rules.twin + by_error]
+                if losses[rank] <= losses[ranks[0]] + rules.twin + slack]
 
     # that may look like one more joint, though not all of it unless no machine has such a joint
-    usual = ranked(np.sqrt(inflation))
-    by_error = (inflation - 1.0) * rules.evidence
-    fewer = [item for item in ranked(inflation, by_error) if _chosen(item) < _chosen(usual[0])]
-    return next((item for item in (*usual, *ranked(inflation), *fewer)
+    usual = ranked(np.sqrt(needed.inflation))
+    by_price = ranked(needed.inflation)
+    fewer = [item for item in ranked(needed.inflation, needed.by_causes)
+             if _chosen(item) < _chosen(usual[0])]
+    return next((item for item in (*usual, *by_price, *fewer)
                  if belief.objection(item, others) is None), usual[0])
 
 

@@ -31,7 +31,8 @@ class Requirement:
         fit: on the fitted rows, if the error of the named causes looks like the cause in question.
         heldout: the same on held-out rows.
         beside_law_error: the same two, if the error of the named causes is fitted beside them.
-        by_error: what the errors of the torques alone may gain on all rows.
+        by_causes: what the errors of the causes' torques alone may gain on the fitted rows.
+        by_error: what the errors of all torques alone may gain on all rows.
         inflation: factor by which the errors of the causes' torques enlarge the variances of fitted
             values.
     """
@@ -39,6 +40,7 @@ class Requirement:
     fit: float
     heldout: float
     beside_law_error: tuple[float, float]
+    by_causes: float
     by_error: float
     inflation: float
 
@@ -73,8 +75,8 @@ def requirement_of(pool: Pool, model: Sequence[Hypothesis], rules: Rules,
                                          + rules.unnamed_error ** 2 * counted + timing
                                          + rules.noise_error * rows))
     fit, heldout = rules.evidence + parts[0], rules.margin + parts[1]
-    return Requirement(fit, heldout, (fit - by_names[0], heldout - by_names[1]), sum(parts),
-                       1.0 + causes[0] / rules.evidence)
+    return Requirement(fit, heldout, (fit - by_names[0], heldout - by_names[1]), causes[0],
+                       sum(parts), 1.0 + causes[0] / rules.evidence)
 
 
 def torque_errors(evidence: Evidence, fit: Fit, rules: Rules) -> list[np.ndarray]:
