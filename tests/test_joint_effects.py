@@ -182,16 +182,18 @@ def test_one_sample_is_enough(case, name):
     assert np.isfinite(added(model, one, name, **EXAMPLES[name])).all()
 
 
+@pytest.mark.parametrize('joints', [(0, 1, 2, 3), (1, 3)])
 @pytest.mark.parametrize('name', EXAMPLES)
-def test_read_from_a_model_file(case, name):
+def test_read_from_a_model_file(case, name, joints):
     robot, _, state = case
     base = read_model_file('table1')
     effect = CATALOGUE[name]
     scopes = {parameter.name: parameter.scope for parameter in effect.parameters}
     values = {key: value if scopes[key] == 'joint' else float(np.max(value))
               for key, value in EXAMPLES[name].items()}
-    model = build_model(robot, base.model_copy(update={'effects': (entry(name, values),)}))
-    expected = added(model.without_effects(), state, name, **EXAMPLES[name])
+    model = build_model(robot, base.model_copy(update={
+        'effects': (entry(name, values, joints),)}))
+    expected = added(model.without_effects(), state, name, joints, **EXAMPLES[name])
     np.testing.assert_allclose(model.torque(state) - model.without_effects().torque(state),
                                expected, atol=1e-12)
 

@@ -385,6 +385,8 @@ def _numbers(parameter: EffectParameter, given: Number, acting: tuple[int, ...],
     if isinstance(given, tuple) and count != len(acting):
         raise InputError(f'expected one number, one for each of its {len(acting)} joints or '
                          f'{joints}, found {count}')
+    if parameter.scope == 'machine' and count == 1:  # the law reads it at any joint
+        return np.full(joints, given)
     full = np.zeros(joints)
     full[list(acting)] = given
     return full
