@@ -776,6 +776,14 @@ def test_what_is_left_is_told_with_what_was_taken_off(kind, taken_off):
     assert left in [remark.text for remark in outcome.remarks]
 
 
+def test_what_is_left_is_never_told_to_be_less_than_the_noise_floor():
+    """The floor that a report gives is at most what is left."""
+    given = diagnosis('explained', [COGS])
+    quiet = replace(given, remaining=replace(given.remaining, floor_excess=0.87))
+    told = [remark.text for remark in outcome_of_diagnosis(quiet, REFERENCE).remarks]
+    assert 'What is left is no more than the noise floor.' in told
+
+
 def test_fitted_recordings_that_leave_far_more_than_those_held_out_are_told():
     alike = outcome_of_diagnosis(replace(diagnosis('explained', [COGS]), fitted_rms=0.3),
                                  REFERENCE)

@@ -440,7 +440,10 @@ def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis,
             f'{", and more" if len(found.bursts) > 5 else ""}).',
             'Look at what happened then; leave the stretch out or record again.'))
     beside = ', with what has no name taken off,' if diagnosis.unnamed else ''
-    size = f'What is left{beside} is {number(remaining.floor_excess, 2)} times the noise floor'
+    # the noise floor that the report gives is never louder than what is left
+    excess = (f'{number(remaining.floor_excess, 2)} times' if remaining.floor_excess > 1.0
+              else 'no more than')
+    size = f'What is left{beside} is {excess} the noise floor'
     if remaining.no_noise:
         remarks.append(Remark(
             False, f'{size}, too much for noise.',
