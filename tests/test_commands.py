@@ -776,6 +776,12 @@ def test_what_is_left_is_told_with_what_was_taken_off(kind, taken_off):
     assert left in [remark.text for remark in outcome.remarks]
 
 
+def test_that_small_effects_are_not_excluded_speaks_neither_for_a_clean_machine_nor_against_it():
+    outcome = outcome_of_diagnosis(diagnosis('clean'), REFERENCE)
+    remark, = (remark for remark in outcome.remarks if 'not excluded' in remark.text)
+    assert (remark.mark, outcome.standing) == ('note', 'good')
+
+
 def test_what_is_left_is_never_told_to_be_less_than_the_noise_floor():
     """The floor that a report gives is at most what is left."""
     given = diagnosis('explained', [COGS])

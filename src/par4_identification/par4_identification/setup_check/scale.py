@@ -19,7 +19,7 @@ from par4_identification.setup_check.equations import Equations, equations_of, s
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.robot import Robot
-from par4_sim.report.outcome import Remark
+from par4_sim.report.outcome import Remark, note
 from par4_sim.report.words import listed, number, percent
 
 BEYOND_LIMIT = 1.1
@@ -36,8 +36,8 @@ NEAR_GAIN = 0.08
 """Deviation, in logarithm, within which a common factor is taken for the gain of the drives or
 for a thousand: then the torques are in a wrong unit."""
 THOUSAND = 1e3
-UNSEEN = Remark(
-    True, 'Whether all torques are too large or too small by one factor cannot be seen in these '
+UNSEEN = note(
+    'Whether all torques are too large or too small by one factor cannot be seen in these '
     'data: every parameter would be so by the same factor.',
     'To tell whether all torques are scaled alike, give a model of this machine (--model) or, to '
     'par4_identify, bags with and without a known payload (--payload).')

@@ -16,11 +16,24 @@ class Remark:
         good: False where it weakens the result.
         text: a sentence.
         advice: what to do next; empty if nothing follows from it.
+        is_note: whether it says only what was done, or what these data do not tell, which speaks
+            neither for the result nor against it.
     """
 
     good: bool
     text: str
     advice: str = ''
+    is_note: bool = False
+
+    @property
+    def mark(self) -> str:
+        """The class of its line in a report: 'good', 'poor' or 'note'."""
+        return 'note' if self.is_note else 'good' if self.good else 'poor'
+
+
+def note(text: str, advice: str = '') -> Remark:
+    """Return a remark that speaks neither for the result nor against it."""
+    return Remark(True, text, advice, is_note=True)
 
 
 @dataclass(frozen=True)

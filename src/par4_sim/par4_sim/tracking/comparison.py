@@ -10,7 +10,7 @@ from typing import Any
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 from par4_sim.drives.laws import KNOWING
-from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.outcome import Outcome, Remark, note
 from par4_sim.report.results import plain
 from par4_sim.report.words import capital, in_words, number, percent
 from par4_sim.tracking.case import Case
@@ -43,8 +43,8 @@ def outcome_of_tracking(cases: Sequence[Case], motion: Motion, machine: str, rob
                         f'ahead found no correction; it went on as computed torque.')
           for case in cases if case.run.counts['unsolved_programs']),
         *([] if limited else [Remark(True, 'No torque and no speed was limited.')]),
-        Remark(True, f'The largest torque was '
-                     f'{number(max(case.tracking.peak_torque for case in cases))} N m.'),
+        note(f'The largest torque was '
+             f'{number(max(case.tracking.peak_torque for case in cases))} N m.'),
         *_margins_in_words(cases),
         *(_learning_in_words(case, robot) for case in cases if case.learned)]
     return Outcome(f'{sentence}.', 'good' if not limited and not lost else 'fair', tuple(remarks))

@@ -17,7 +17,7 @@ from par4_identification.reports.outcome.outcome import FLOOR_EXCESS, LOUD, over
 from par4_identification.signals.rows import Run, longest_motion
 from par4_kinematics.machine_units import parameter_unit, unit_on
 from par4_kinematics.robot import Axis, Robot
-from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.outcome import Outcome, Remark, note
 from par4_sim.report.results import plain
 from par4_sim.report.words import (
     capital,
@@ -303,16 +303,16 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
             'Look at the fitted recordings for a sensor that failed, something that touched the '
             'machine or a load that swings; or diagnose others.'))
     if diagnosis.share < 1.0:
-        remarks.append(Remark(
-            True, f'Of these long logs {100.0 * diagnosis.share:.0f} % was looked at, in stretches '
+        remarks.append(note(
+            f'Of these long logs {100.0 * diagnosis.share:.0f} % was looked at, in stretches '
             f'spread over all of them.', 'What shows only elsewhere: give those parts as bags of '
             'their own.'))
     if diagnosis.left_out:
         names = listed([in_words(name) for name in diagnosis.left_out])
         given = any(np.any(diagnosis.extended_model.parameters[name].value)
                     for name in diagnosis.left_out)
-        remarks.append(Remark(
-            True, f'The motion does not show the {names}; it is taken from the model.',
+        remarks.append(note(
+            f'The motion does not show the {names}; it is taken from the model.',
             'Record faster motions to have it fitted.') if given else Remark(
             False, f'The motion does not show the {names}; it is left out and counts as zero.',
             'Record faster motions, or give a model that knows it.'))
@@ -320,8 +320,8 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
         remarks += [_remark_of_filters(diagnosis, machine),
                     *_unseen_orders(diagnosis.fit_runs, machine)]
     if diagnosis.verdict == 'clean':
-        remarks.append(Remark(True, 'Effects below the noise floor of these data, and those that '
-                                    'the base parameters swallow, are not excluded.'))
+        remarks.append(note('Effects below the noise floor of these data, and those that the base '
+                            'parameters swallow, are not excluded.'))
     return tuple(remarks)
 
 
@@ -336,13 +336,13 @@ def _remarks_of_cause(cause: Cause, machine: Robot | Axis, experiment: NextExper
             'Preload or adjust the transmission; feedforward alone does not remove it.'))
     if cause.effect.name == 'time_offset' and (
             late := float(np.max(cause.parameters['delay'].value))) > 0.0:
-        remarks.append(Remark(
-            True, f'A first-order low pass of the logged torque or current, with a time '
+        remarks.append(note(
+            f'A first-order low pass of the logged torque or current, with a time '
             f'constant of {number(late, 2)} s, looks like this delay.',
             'See whether the drive filters what it logs.'))
     if _is_relative(cause, machine):
-        remarks.append(Remark(
-            True, f'{capital(cause.effect.phrase)} is measured against the joints that are '
+        remarks.append(note(
+            f'{capital(cause.effect.phrase)} is measured against the joints that are '
             f'not named: what all joints have in common belongs to the base parameters.'))
     if cause.twins:
         remarks.append(Remark(
@@ -360,12 +360,12 @@ def _remark_of_filters(diagnosis: Diagnosis, machine: Axis) -> Remark:
     if used.steady:
         count = len({float(speed) for run in (*diagnosis.fit_runs, *diagnosis.holdout.runs)
                      for speed in run.speed[run.valid]})
-        return Remark(
-            True, f'These logs hold one speed after the other: the mean torque of each of the '
+        return note(
+            f'These logs hold one speed after the other: the mean torque of each of the '
             f'{count} plateaus is a row.', 'Record a motion that goes faster and slower to see the '
             'inertia and what depends on the position.')
-    return Remark(
-        True, f'Filters chosen for these data: torque below {number(used.torque_cutoff_hz, 3)} Hz, '
+    return note(
+        f'Filters chosen for these data: torque below {number(used.torque_cutoff_hz, 3)} Hz, '
         f'positions below {number(used.position_cutoff_hz, 3)} Hz, {number(used.row_rate_hz, 3)} '
         f'rows a second, friction above {number(used.low_speed, 2)} {unit_on(machine, "rad/s")}; '
         f'--cutoff, --rows and --low-speed set them.')
@@ -384,8 +384,8 @@ def _unseen_orders(runs: Sequence[Run], machine: Axis) -> list[Remark]:
     orders = listed([f'{order:.0f}' for order in sorted(set(unseen))])
     cutoff = longest.conditioning.torque_cutoff_hz
     slow = 2.0 * np.pi * cutoff / max(unseen)
-    return [Remark(
-        True, f'What the motor does with {orders} periods a turn of the joint is too quick for '
+    return [note(
+        f'What the motor does with {orders} periods a turn of the joint is too quick for '
         f'the filter of {number(cutoff, 3)} Hz at the speeds of this motion and was not looked '
         f'for.', f'To see it, move at {number(slow, 2)} rad/s and slower.')]
 

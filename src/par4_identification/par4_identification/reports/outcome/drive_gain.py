@@ -14,7 +14,7 @@ from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.outcome import data_remark
 from par4_identification.reports.outcome.results import data_of_logs
 from par4_kinematics.robot import Axis, Robot
-from par4_sim.report.outcome import Outcome, Remark, Standing
+from par4_sim.report.outcome import Outcome, Remark, Standing, note
 from par4_sim.report.results import plain
 from par4_sim.report.words import joint_labels, listed, number, percent, with_std
 
@@ -107,8 +107,8 @@ def outcome_of_gains(gains: DriveGains, machine: Robot, logs: Sequence[Log], pus
                'Let the pushes grow and fade slowly, on a sensor that yields a little.')
         if bounded else
         Remark(True, 'All joints slid both ways while they pushed, so that friction cancels.'))
-    sensor = Remark(True, 'An error of scale of the force sensor is one of the gains too: they are '
-                          'no better than its calibration and the geometry of the robot file.')
+    sensor = note('An error of scale of the force sensor is one of the gains too: they are no '
+                  'better than its calibration and the geometry of the robot file.')
     remarks = (*_late_remarks(late),
                *gains_remarks(gains, machine, f'By {pushes} static pushes',
                                'the force is in N and not in kN, the clocks of sensor and robot '

@@ -33,7 +33,7 @@ from par4_identification.reports.outcome.outcome import (
 from par4_identification.reports.outcome.results import data_of_logs
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot, read_robot
-from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.outcome import Outcome, Remark, note
 from par4_sim.report.results import plain
 from par4_sim.report.words import in_words, joint_labels, listed, number, percent, torque_name
 
@@ -192,8 +192,8 @@ def _bias_remarks(identification: Identification, machine: Robot | Axis) -> list
     if identification.rigid_body == 'paper' and any(values_of_bodies(machine.bodies).values()):
         remarks.append(_lumping_remark(identification, lumping_of(identification, machine)))
     if not isinstance(identification.estimate, InstrumentalEstimate):
-        remarks.append(Remark(
-            True, 'Whether noise of the positions biases the values was not tested.',
+        remarks.append(note(
+            'Whether noise of the positions biases the values was not tested.',
             'Record the topic reference too and identify once more with --estimator instrumental: '
             'it tells whether noise of the positions biases least squares.'))
     return remarks

@@ -17,7 +17,7 @@ from par4_identification.fitting.simplification_cost import (
 )
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
-from par4_sim.report.outcome import Outcome, Remark, Standing
+from par4_sim.report.outcome import Outcome, Remark, Standing, note
 from par4_sim.report.results import plain
 from par4_sim.report.words import listed, number, percent
 
@@ -57,7 +57,7 @@ def outcome_of_simplification(study: Simplification, motion: Motion) -> Outcome:
         Remark(True, f'The joints are where the motion wants them within '
                      f'{number(study.position_error, 2)} rad; the loops open by '
                      f'{number(study.opening, 2)} m.'),
-        Remark(True, 'Friction and effects take no part: they would be the same on both sides.'))
+        note('Friction and effects take no part: they would be the same on both sides.'))
     standing: Standing = 'good' if all(remark.good for remark in remarks) else (
         'fair' if factor > 1.0 else 'bad')
     return Outcome(sentence, standing, remarks)

@@ -13,7 +13,7 @@ from par4_identification.trend.course import FEWEST
 from par4_identification.trend.life import FALSE_ALARMS, Event, Happening, Life
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
-from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.outcome import Outcome, Remark, note
 from par4_sim.report.results import plain
 from par4_sim.report.words import capital, in_words, joint_labels, listed, number, percent
 
@@ -146,8 +146,8 @@ def outcome_of_life(life: Life, refused: Mapping[str, str], machine: Robot | Axi
     else:
         sentence = (f'{len(clauses)} changes over {span}; the last ones: '
                     f'{"; ".join(clauses[-2:])}.')
-    remarks = [Remark(True, f'Read from {span}. Where nothing changes, one false alarm in '
-                            f'{1.0 / FALSE_ALARMS:.0f} bags is to be expected at most.')]
+    remarks = [note(f'Read from {span}. Where nothing changes, one false alarm in '
+                    f'{1.0 / FALSE_ALARMS:.0f} bags is to be expected at most.')]
     for index in sorted({index for index, _ in life.odd}):
         names = listed([name_of_channel(life.channels[channel], machine)
                         for own, channel in life.odd if own == index][:3])

@@ -19,7 +19,7 @@ from par4_identification.reports.outcome.outcome import (
 from par4_identification.reports.outcome.results import data_of_logs
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
-from par4_sim.report.outcome import Outcome, Remark
+from par4_sim.report.outcome import Outcome, Remark, note
 from par4_sim.report.results import plain
 from par4_sim.report.words import number, percent, torque_name
 
@@ -48,8 +48,8 @@ def outcome_of_validation(validation: Validation, floor: np.ndarray, machine: Ro
                'Give a bag of another motion.') if seen else
         Remark(True, 'The model does not name this bag among those it was identified from.'),
         _floor_remark(rms / max(noise, 1e-12)),
-        Remark(True, f'Of the rows {percent(1.0 - float(validation.moving.mean()))} are near '
-                     f'standstill, where friction holds whatever is needed; they count apart.'),
+        note(f'Of the rows {percent(1.0 - float(validation.moving.mean()))} are near standstill, '
+             f'where friction holds whatever is needed; they count apart.'),
         data_remark([log]))
     sentence = (
         f'Over {number(duration([log]), 2)} s of recording the model calculates the {torque} to '
