@@ -191,11 +191,41 @@ def test_read_from_a_model_file(case, name, joints):
     scopes = {parameter.name: parameter.scope for parameter in effect.parameters}
     values = {key: value if scopes[key] == 'joint' else float(np.max(value))
               for key, value in EXAMPLES[name].items()}
-    model = build_model(robot, base.model_copy(update={
-        'effects': (entry(name, values, joints),)}))
-    expected = added(model.without_effects(), state, name, joints, **EXAMPLES[name])
+    content = base.model_copy(update={'effects': (entry(name, values, joints),)})
+    if effect.of_machine and len(joints) < 4:
+        with pytest.raises(InputError, match=f'{name} is of the whole machine, found joints .1, 3'):
+            build_model(robot, content)
+        return
+    model = build_model(robot, content)
+    acting = {key: np.where(np.isin(np.arange(4), joints), value, 0.0)
+              if scopes[key] == 'joint' else value for key, value in EXAMPLES[name].items()}
+    expected = added(model.without_effects(), state, name, joints, **acting)
     np.testing.assert_allclose(model.torque(state) - model.without_effects().torque(state),
                                expected, atol=1e-12)
+
+
+def test_a_number_of_the_whole_machine_is_one():
+    base = read_model_file('table1')
+
+    def delayed(delay):
+        return build_model(REFERENCE, base.model_copy(update={
+            'effects': (entry('time_offset', {'delay': delay}),)})).effects[0].values['delay']
+
+    np.testing.assert_array_equal(delayed((2e-3,) * 4), np.full(4, 2e-3))
+    for several in ((0.0, 0.0, 1e-2, 0.0), (1e-3, 2e-3)):
+        with pytest.raises(InputError, match='delay: expected one number, of the whole machine'):
+            delayed(several)
+
+
+def test_an_effect_of_no_joint_is_refused():
+    with pytest.raises(ValueError, match='no joint is listed; leave joints out'):
+        entry('stribeck', {'stribeck_torque': 1.0, 'stribeck_velocity': 0.1}, ())
+
+
+@pytest.mark.parametrize('name', EXAMPLES)
+def test_no_sample_is_enough(case, name):
+    _, model, state = case
+    assert added(model, state.part(slice(0, 0)), name, **EXAMPLES[name]).shape == (0, 4)
 
 
 @pytest.mark.parametrize('name', EXAMPLES)

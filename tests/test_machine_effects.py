@@ -63,6 +63,8 @@ EXAMPLES = {
     'backlash': {'gap': (4e-3, 6e-3, 5e-3, 3e-3)},
     'quantization': {'step': 1e-3},
 }
+SIZES = {name: {parameter.name for parameter in effect.parameters if parameter.is_size}
+         for name, effect in CATALOGUE.items()}
 OF_FIRST_ORDER = ('base_tilt',)
 APART = ('quantization', 'torque_saturation', 'elastic_transmission', 'backlash')
 READABLE = [name for name in EXAMPLES if name not in APART]
@@ -127,6 +129,47 @@ def test_what_is_recorded_beyond_the_model_is_the_torque_of_the_effect(name):
     expected = model.effects[0].torque(state)
     assert rms(expected, where) > 0.03
     assert_alike(found, expected, where, 0.05 if name in OF_FIRST_ORDER else 0.01)
+
+
+OF_SOME_JOINTS = [name for name in READABLE if not CATALOGUE[name].of_machine]
+ONLY_ONCE = {'stribeck', 'nonlinear_viscous', 'presliding', 'friction_drift', 'actuator_lag',
+             'encoder_eccentricity', 'cable_spring', 'torque_saturation', 'elastic_transmission',
+             'backlash', 'quantization'}
+"""Two of them with numbers of their own are no third one of these laws."""
+
+
+@pytest.mark.parametrize('name', OF_SOME_JOINTS)
+def test_on_some_joints_it_is_recorded_there_alone_as_in_the_model(name):
+    """Numbers that are listed for the other joints count for nothing."""
+    model = model_of(entry(name, joints=(1, 2), **EXAMPLES[name]))
+    _, state, found, where = recorded(model)
+    expected = model.effects[0].torque(state)
+    assert rms(expected, where) > 0.02
+    assert_alike(found, expected, where, 0.02)
+    everywhere = model_of(entry(name, **EXAMPLES[name])).effects[0].torque(state)
+    assert rms(everywhere - expected, where) > 0.005
+
+
+@pytest.mark.parametrize('name', [name for name in READABLE if name not in ONLY_ONCE])
+def test_an_effect_that_is_listed_twice_adds_to_itself(name):
+    smaller = {key: tuple(0.4 * np.array(value)) if isinstance(value, tuple) else 0.4 * value
+               for key, value in EXAMPLES[name].items() if key in SIZES[name]}
+    model = model_of(entry(name, **EXAMPLES[name]), entry(name, **{**EXAMPLES[name], **smaller}))
+    _, state, found, where = recorded(model)
+    expected = sum(active.torque(state) for active in model.effects)
+    assert_alike(found, expected, where, 0.05)
+
+
+@pytest.mark.parametrize('name', sorted(ONLY_ONCE))
+def test_an_effect_that_a_joint_has_once_is_refused_a_second_time(name):
+    unit = 'rad' if name == 'quantization' else ''
+    one = entry(name, unit=unit, **EXAMPLES[name])
+    with pytest.raises(InputError, match=f'{name} is listed twice for joints .*make one entry'):
+        machine_of(one, one)
+    if not CATALOGUE[name].of_machine:
+        apart = [entry(name, joints=joints, unit=unit, **EXAMPLES[name])
+                 for joints in ((0, 2), (1, 3))]
+        assert same(machine_of(*apart), machine_of(one))
 
 
 @pytest.mark.parametrize(('name', 'size', 'scale'), [('cogging', 'amplitude', 10.0),
@@ -250,7 +293,7 @@ def test_all_effects_at_once(fidelity):
     ('torque_ripple', {'relative': 1.2, 'periods': 8, 'phase': 0.0}, 'torque ripple'),
     ('torque_ripple', {'relative': (0.5, 0.6), 'periods': (8, 9), 'phase': 0.0}, 'torque ripple'),
     ('actuator_lag', {'time_constant': -1e-3}, 'time constant of the actuators'),
-    ('torque_saturation', {'limit': -5.0}, 'torque limit'),
+    ('torque_saturation', {'limit': -5.0}, 'torque_saturation, limit: .* found -5'),
     ('elastic_transmission', {'stiffness': -1e4}, 'stiffness'),
     ('backlash', {'gap': -1e-3}, 'gap'),
     ('joint_inertia_difference', {'inertia': (0.0, 0.0, -0.2, 0.0)},
@@ -274,7 +317,7 @@ def test_all_effects_at_once(fidelity):
      'stribeck, stribeck_velocity: .* found 0'),
     ('stribeck', {'stribeck_torque': -3.0, 'stribeck_velocity': 0.1}, 'friction at rest: -0.57'),
     ('nonlinear_viscous', {'torque': 0.3, 'exponent': -0.5}, 'exponent'),
-    ('quantization', {'step': -1e-3}, 'step'),
+    ('quantization', {'step': -1e-3}, 'quantization, step: .* found -0.001'),
 ])
 def test_a_size_that_no_machine_can_have_is_refused(name, values, message):
     unit = 'rad' if name == 'quantization' else ''

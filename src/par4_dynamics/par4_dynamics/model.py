@@ -309,6 +309,9 @@ def _active_effect(entry: EffectEntry, effect: Effect, machine: Robot | Axis) ->
     if any(not 0 <= joint < joints for joint in acting):
         raise InputError(f'effect {effect.name}: joints must be 0 to {joints - 1}, found '
                          f'{list(acting)}')
+    if effect.of_machine and len(acting) < joints:
+        raise InputError(f'effect {effect.name} is of the whole machine, found joints '
+                         f'{list(acting)}; leave the joints out')
     values, units, orders = {}, {}, _orders(effect, entry)
     for name, given in entry.parameters.items():
         other = known[name].other_unit
@@ -377,16 +380,18 @@ def _numbers(parameter: EffectParameter, given: Number, acting: tuple[int, ...],
             one = 'one number or ' if parameter.uniform else ''
             raise InputError(f'expected {one}{parameter.size} numbers, found {given}')
         return np.array(given)
+    if parameter.scope == 'machine':  # the law reads it at any joint
+        if isinstance(given, tuple) and len(set(given)) != 1:
+            raise InputError(f'expected one number, of the whole machine; found {given}')
+        return np.full(joints, given[0] if isinstance(given, tuple) else given)
     if isinstance(given, tuple) and count == joints:
         if len(acting) == joints and acting != tuple(range(joints)):
             raise InputError(f'{joints} numbers are those of joints 0 to {joints - 1}, but joints '
                              f'lists {list(acting)}; list the joints in ascending order')
-        return np.array(given)
+        return np.where(np.isin(np.arange(joints), acting), given, 0.0)
     if isinstance(given, tuple) and count != len(acting):
         raise InputError(f'expected one number, one for each of its {len(acting)} joints or '
                          f'{joints}, found {count}')
-    if parameter.scope == 'machine' and count == 1:  # the law reads it at any joint
-        return np.full(joints, given)
     full = np.zeros(joints)
     full[list(acting)] = given
     return full

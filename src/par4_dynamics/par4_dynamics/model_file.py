@@ -38,6 +38,8 @@ class EffectEntry(FileModel):
     def _each_once(cls, joints: tuple[int, ...] | None) -> tuple[int, ...] | None:
         if joints is not None and len(set(joints)) < len(joints):
             raise ValueError('a joint is listed twice; list each once')
+        if joints == ():
+            raise ValueError('no joint is listed; leave joints out for all, or the effect')
         return joints
 
 

@@ -16,7 +16,8 @@ KEYS = {
                    'file'),
     'parameters': ('**required**', 'the base parameters, all that the machine has'),
     'effects': ('none', 'what the machine does beyond (20): a list of `effect`, `joints` (all if '
-                'left out) and `parameters`; [effects](effects.md) lists the names'),
+                'left out; none are given for an effect of the whole machine, such as a payload) '
+                'and `parameters`; [effects](effects.md) lists the names'),
     'torque_limit': ('that of the robot file', 'of the drives, N m, where this machine needs '
                      'another one'),
     'provenance': ('none', 'where the model comes from; for readers'),

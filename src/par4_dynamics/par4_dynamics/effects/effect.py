@@ -166,6 +166,11 @@ class Effect(ABC):
     law: ClassVar[str | None] = None
     phrase: ClassVar[str]
 
+    @property
+    def of_machine(self) -> bool:
+        """Whether no joint can have it by itself, so that a model lists no joints for it."""
+        return self.shared and all(parameter.scope == 'machine' for parameter in self.parameters)
+
     def shapes(self, state: State) -> tuple[Shape, ...]:
         """Return the shapes worth trying on this motion: one, empty, if the torque is linear."""
         return ({},)

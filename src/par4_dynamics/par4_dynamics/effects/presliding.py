@@ -40,7 +40,7 @@ def dahl_sample(share, dq, distance):
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
 def _share_rows(q, distance, share):
-    share[0] = 0.0
+    share[:1] = 0.0
     for row in range(1, q.shape[0]):
         for joint in range(q.shape[1]):
             share[row, joint] = dahl_sample(share[row - 1, joint],

@@ -27,7 +27,8 @@ class Quantization(Effect):
 
     name = 'quantization'
     phrase = 'quantization of the recorded signal'
-    parameters = (EffectParameter('step', 'rad', 'joint', other_unit='N m', is_shape=True),)
+    parameters = (EffectParameter('step', 'rad', 'joint', other_unit='N m', is_shape=True,
+                                  positive=True),)
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         return ()

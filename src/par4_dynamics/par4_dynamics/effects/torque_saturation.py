@@ -27,7 +27,7 @@ class TorqueSaturation(Effect):
 
     name = 'torque_saturation'
     phrase = 'saturation of the drives'
-    parameters = (EffectParameter('limit', 'N m', 'joint', is_shape=True),)
+    parameters = (EffectParameter('limit', 'N m', 'joint', is_shape=True, positive=True),)
     needs_nominal = True
     fixed_coefficients = True
 

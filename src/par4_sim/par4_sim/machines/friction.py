@@ -36,7 +36,7 @@ def _zeros() -> np.ndarray:
 
 @dataclass(frozen=True)
 class Friction:
-    """Friction of the four joints, each (4,) but for warming and presliding.
+    """Friction of the four joints, each (4,) but for warming.
 
     Attributes:
         coulomb: f_c, N m, the mean of both directions.
@@ -64,7 +64,7 @@ class Friction:
     power_torque: np.ndarray = field(default_factory=_zeros)
     power_exponent: np.ndarray = field(default_factory=lambda: np.ones(LEGS))
     load_coefficient: np.ndarray = field(default_factory=_zeros)
-    presliding_distance: float = 0.0
+    presliding_distance: np.ndarray = field(default_factory=_zeros)
     dry_drop: float = 0.0
     flowing_drop: float = 0.0
     warming_time: float = 1.0

@@ -7,7 +7,7 @@ tests hold one against the other.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,10 +32,27 @@ def machine_of_model(robot: Robot, model: Model) -> Machine:
     machine = Machine(
         robot.geometry, model.lumped_bodies(),
         Friction(model.values['coulomb_friction'], model.values['viscous_friction']))
-    for active in model.effects:
+    for number, active in enumerate(model.effects):
+        _refuse_a_second(active, model.effects[:number])
         machine = _with_effect(machine, active)
     _refuse_the_impossible(machine)
     return machine
+
+
+ONCE = ('stribeck', 'nonlinear_viscous', 'friction_drift', 'presliding', 'actuator_lag',
+        'torque_saturation', 'elastic_transmission', 'backlash', 'encoder_eccentricity',
+        'cable_spring', 'quantization')
+"""Effects that a simulated joint, or machine, has once. All others add to themselves."""
+
+
+def _refuse_a_second(active: ActiveEffect, before: Sequence[ActiveEffect]) -> None:
+    """Raise an InputError where a joint has an effect again that it can have only once."""
+    name = active.effect.name
+    for other in before:
+        again = sorted(set(active.joints) & set(other.joints))
+        if name in ONCE and other.effect.name == name and other.units == active.units and again:
+            raise InputError(f'effect {name} is listed twice for joints {again}: a simulated '
+                             f'machine has it once; make one entry of the two')
 
 
 def _refuse_the_impossible(machine: Machine) -> None:
@@ -95,6 +112,7 @@ ON_JOINTS: dict[str, Fields] = {
     'nonlinear_viscous': ('friction', {'quadratic': 'quadratic', 'power_torque': 'torque',
                                        'power_exponent': 'exponent'}),
     'load_dependent_friction': ('friction', {'load_coefficient': 'coefficient'}),
+    'presliding': ('friction', {'presliding_distance': 'distance'}),
     'drive_gain_error': ('amplifier', {'gain_error': 'relative'}),
     'torque_saturation': ('amplifier', {'torque_limit': 'limit'}),
     'backlash': ('transmission', {'gap': 'gap'}),
@@ -106,7 +124,6 @@ ON_JOINTS: dict[str, Fields] = {
 OF_MACHINE: dict[str, Fields] = {
     'friction_drift': ('friction', {'dry_drop': 'drop', 'flowing_drop': 'viscous_drop',
                                     'warming_time': 'time_constant'}),
-    'presliding': ('friction', {'presliding_distance': 'distance'}),
     'theta_friction': ('platform', {'theta_coulomb': 'coulomb', 'theta_viscous': 'viscous'}),
     'passive_joint_friction': ('platform', {'pivot_coulomb': 'coulomb',
                                             'pivot_viscous': 'viscous'}),
@@ -123,11 +140,14 @@ def _with_effect(machine: Machine, active: ActiveEffect) -> Machine:
         part, fields = ON_JOINTS[name]
         return _changed(machine, part, **{
             field: _acting(active, parameter, getattr(getattr(machine, part), field))
+            if name in ONCE else getattr(getattr(machine, part), field) + _acting(active, parameter)
             for field, parameter in fields.items()})
     if name in OF_MACHINE:
         part, fields = OF_MACHINE[name]
-        return _changed(machine, part, **{field: _whole(active, parameter)
-                                          for field, parameter in fields.items()})
+        return _changed(machine, part, **{
+            field: _whole(active, parameter)
+            + (0.0 if name in ONCE else getattr(getattr(machine, part), field))
+            for field, parameter in fields.items()})
     return _OTHERS[name](machine, active)
 
 

@@ -80,7 +80,9 @@ def _acceleration(constants, friction, harmonics, state, work, motion, tau, out)
     leg = equations_sample(constants, motion, work)
     if leg >= 0:
         return leg
-    bends = friction[0, PRESLIDING_DISTANCE] > 0.0
+    bends = False
+    for joint in range(4):
+        bends = bends or friction[joint, PRESLIDING_DISTANCE] > 0.0
     if bends or harmonics.shape[0] > 0 or constants[HAS_PIVOTS] != 0.0:
         for joint in range(4):
             work[ANGLES, joint] = math.atan2(work[SINES, joint], work[COSINES, joint])
@@ -104,7 +106,7 @@ def _acceleration(constants, friction, harmonics, state, work, motion, tau, out)
     for joint in range(4):
         mode, speed = state[MODE, joint], work[SPEEDS, joint]
         net = tau[joint] - flowing_friction(friction, joint, speed)
-        if bends:
+        if friction[joint, PRESLIDING_DISTANCE] > 0.0:
             moved = work[ANGLES, joint] - state[Q, joint]
             net -= bending_torque(
                 friction, joint, bent(friction, joint, state[BENDING, joint], moved))
