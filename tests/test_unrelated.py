@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -78,6 +79,41 @@ def test_a_line_where_the_model_has_far_more_torque_is_its_error(parts, torque, 
                rows, after) for run, rows, after in left(part, random, LINE, 0.3)]
              for part in parts]
     assert bool(lines_of(*found)) == is_line
+
+
+CYCLE = 2.0
+"""s; 12.5 Hz is a multiple of its frequency, 12.3 Hz is none."""
+
+
+def of_cycles(random: np.random.Generator, frequency: float, amplitude: float):
+    """Return the residuals of a motion in cycles, in each of which the model errs alike.
+
+    It errs in two bands of frequency, by more than the noise; a line is added on joint 2.
+    """
+    found = []
+    for seconds in (60.0, 40.0):
+        t = np.arange(0.0, seconds, 0.01)
+        orders = np.concatenate((np.arange(20, 34), np.arange(56, 72)))
+        again = np.sin(2.0 * np.pi * (orders * t[:, None] / CYCLE + random.random(len(orders))))
+        error = 0.04 * again @ random.exponential(1.0, (len(orders), 4))
+        rows = random.normal(0.0, 0.05, (len(t), 4)) + error
+        rows[:, 2] += amplitude * np.sin(2.0 * np.pi * frequency * t)
+        q = np.sin(2.0 * np.pi * t[:, None] / CYCLE + np.arange(4.0))
+        run = SimpleNamespace(t=t, q=q, tau=rows, valid=np.ones(rows.shape, bool))
+        found.append([(run, rows, np.zeros_like(rows))])
+    return found
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_what_comes_again_with_each_cycle_is_the_error_of_the_model(seed):
+    assert lines_of(*of_cycles(np.random.default_rng(seed), LINE, 0.0)) == ()
+
+
+@pytest.mark.parametrize(('frequency', 'amplitude'), [(12.3, 0.1), (12.5, 1.0), (25.0, 0.3)])
+def test_a_line_beside_or_far_above_what_comes_again_is_told(frequency, amplitude):
+    line, = lines_of(*of_cycles(np.random.default_rng(1), frequency, amplitude))
+    assert line.frequency_hz == pytest.approx(frequency, abs=0.02)
+    assert np.flatnonzero(line.amplitude).tolist() == [2]
 
 
 def with_a_burst(parts):

@@ -18,6 +18,7 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.verdict.cycle import cycle_of
 from par4_identification.signals.noise import fit_noise
 from par4_identification.signals.rows import Run
 
@@ -26,6 +27,8 @@ CHANCE = 1e-4
 """
 BACKGROUND = 31
 """Bins of the spectrum whose median is the level around a line."""
+LOBE = 2
+"""Bins on either side over which a line spreads."""
 CYCLES = 8
 """Least periods of a line in the rows: slower than that it is no other than a drift, or what the
 model gets wrong of the slowest part of the motion."""
@@ -196,18 +199,23 @@ def lines_of(fit: Sequence[Left], heldout: Sequence[Left]) -> tuple[Line, ...]:
 
 
 def _longest(runs: Sequence[Left], joint: int
-             ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return time, residual, torque of the model and validity of a joint where it moves longest."""
+             ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float | None]:
+    """Return time, residual, torque of the model and validity of a joint where it moves longest.
+
+    The last is the number of rows after which it moves the same way again, if it does.
+    """
     run, left, _ = max(runs, key=lambda part: int(part[0].valid[:, joint].sum()))
-    return run.t, left[:, joint], run.tau[:, joint] - left[:, joint], run.valid[:, joint]
+    return (run.t, left[:, joint], run.tau[:, joint] - left[:, joint], run.valid[:, joint],
+            cycle_of(run.q[:, joint]))
 
 
 def _peaks(time: np.ndarray, left: np.ndarray, torque: np.ndarray, valid: np.ndarray,
-           chance: float) -> list[tuple[float, float]]:
+           cycle: float | None, chance: float) -> list[tuple[float, float]]:
     """Return frequency (Hz) and amplitude of the peaks that noise makes with that probability.
 
     Peaks at frequencies of the motion itself, where the model has far more torque, are no more than
-    its error.
+    its error. So are those at multiples of the frequency of a `cycle` that do not stand far out of
+    the multiples around them: whatever the model gets wrong comes again with the motion.
     """
     if valid.sum() < 4 * BACKGROUND:
         return []
@@ -218,6 +226,7 @@ def _peaks(time: np.ndarray, left: np.ndarray, torque: np.ndarray, valid: np.nda
     frequency = np.fft.rfftfreq(len(kept), float(time[1] - time[0]))
     # the median of the squares of noise is ln 2 of their mean
     level = scipy.ndimage.median_filter(power, BACKGROUND, mode='mirror') / np.log(2.0)
+    level = np.maximum(level, _repeated(power, None if cycle is None else len(kept) / cycle))
     limit = -np.log(chance / len(power))
     window = np.hanning(len(left))[valid].sum()
     found = []
@@ -226,6 +235,28 @@ def _peaks(time: np.ndarray, left: np.ndarray, torque: np.ndarray, valid: np.nda
                 and power[place] == power[place - 2:place + 3].max()):
             found.append((float(frequency[place]), float(2.0 * np.sqrt(power[place]) / window)))
     return sorted(found, key=lambda item: -item[1])
+
+
+def _repeated(power: np.ndarray, cycles: float | None) -> np.ndarray:
+    """Return the largest power (k,) around each multiple of a cycle's frequency, zero elsewhere.
+
+    It is that of the four multiples on either side, without its own.
+
+    Args:
+        power: of a spectrum.
+        cycles: that the data hold; None where the motion does not repeat itself.
+    """
+    level = np.zeros_like(power)
+    if cycles is None:
+        return level
+    places = np.round(cycles * np.arange(int((len(power) - 2) / cycles) + 1)).astype(int)
+    own = scipy.ndimage.maximum_filter(power, 2 * LOBE + 1)[places]
+    others = np.array(4 * (True,) + (False,) + 4 * (True,))
+    around = scipy.ndimage.maximum_filter(own, footprint=others, mode='mirror')
+    for shift in range(-LOBE, LOBE + 1):
+        near = np.clip(places + shift, 0, len(power) - 1)
+        level[near] = np.maximum(level[near], around)
+    return level
 
 
 def _bursts(runs: Sequence[Left], floor: np.ndarray, most: float
