@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from axes import Motor, recorded
 from click.testing import CliRunner
+from experiments import entry, model_of
 from foreign import log_of
+from measured import log_of_model
 
 from par4_dynamics.model import read_model
 from par4_identification.commands.bag import make_bag
@@ -20,6 +22,7 @@ from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis
+from robots import REFERENCE
 
 MOTOR = Motor(4.7e-6, 0.002, 1e-5, {})
 STIFFNESS = 0.002
@@ -55,6 +58,21 @@ def test_a_spring_that_made_the_inertia_negative_is_part_of_the_model(sprung, co
     assert [entry.effect for entry in written.effects] == ['position_torque']
     assert 'actuator_inertia' in found.remark.text
     assert 'follows the position' in found.remark.text
+
+
+def test_rods_that_are_known_count_once():
+    """Torques that are read early pull friction below zero; the rods are no cause beside that."""
+    read_early = model_of(entry('time_offset', delay=-2e-3), coulomb_friction=0.3,
+                          viscous_friction=0.01)
+    log = log_of_model(REFERENCE, replace(read_early, rigid_body='full'), duration=12.0, seed=3)
+    alone = identify([log], REFERENCE, 'full')
+    assert alone.impossible().startswith('viscous_friction identified as -')
+    found = beside_causes(alone, [log], REFERENCE, Conditioning(), Chosen(), lambda _step: None)
+    identification = found.identification
+    assert [item.effect for item in identification.causes] == ['time_offset']
+    for name in ('platform_mass_1', 'platform_mass_2', 'arm_gravity'):
+        assert identification.parameters[name].value == pytest.approx(
+            float(read_early.values[name][0]), rel=3e-3)
 
 
 def test_what_is_possible_is_left_as_it_is(sprung, conditioning):

@@ -16,6 +16,7 @@ import numpy as np
 from par4_dynamics.base_terms import FRICTION
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.progress import Progress
 from par4_identification.diagnosis.verdict.answer import Diagnosis
@@ -72,10 +73,10 @@ def beside_causes(alone: Identification, logs: Sequence[Log], machine: Robot | A
     if impossible is None or alone.fitting.estimator not in PLAIN:
         return None
     progress('looking for causes of an impossible value')
-    answer = diagnose(logs, machine, progress=progress, conditioning=conditioning_for(
-        logs, machine, CONDITIONING, chosen))
+    answer = diagnose(logs, machine, _with_rods(alone), progress=progress,
+                      conditioning=conditioning_for(logs, machine, CONDITIONING, chosen))
     if isinstance(answer, Diagnosis) and answer.causes:
-        known = answer.extended_model.model_copy(update={'rigid_body': alone.rigid_body})
+        known = answer.extended_model
         beside = identify(list(logs), machine, alone.rigid_body, conditioning=conditioning,
                           fitting=alone.fitting, beside=build_model(machine, known))
         found = replace(_widened(beside, known), causes=known.effects)
@@ -96,6 +97,22 @@ def beside_causes(alone: Identification, logs: Sequence[Log], machine: Robot | A
                 'Record motions at several speeds in both directions.'))
     raise InputError(f'{impossible}, and so it remains beside all that par4_diagnose names; '
                      f'{what_to_do(machine)}')
+
+
+def _with_rods(alone: Identification) -> ModelFile | None:
+    """Return the model with which a diagnosis begins: where rods are known they are no cause.
+
+    None for (20), which has their mass at their ends. The diagnosis fits the values anew, so that
+    those of no machine are written as zero.
+    """
+    if alone.rigid_body == 'paper':
+        return None
+    parameters = dict(alone.parameters)
+    for term in alone.terms:
+        value = float(np.mean(parameters[term.name].value))
+        parameters[term.name] = Parameter(
+            value=max(value, 0.0) if term.nonnegative else value, unit=term.unit)
+    return ModelFile(schema='par4/model/1', rigid_body=alone.rigid_body, parameters=parameters)
 
 
 def _widened(beside: Identification, known: ModelFile) -> Identification:
