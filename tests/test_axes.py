@@ -198,6 +198,45 @@ def test_a_slide_has_one_order_whatever_its_pitch(pitch):
         'amplitude': 'N', 'periods': 'rad/m', 'phase': 'rad'}
 
 
+def test_a_constant_force_beside_another_cause_is_no_force_that_follows_the_position():
+    """A series that is constant explains as much, with a coefficient more."""
+    fit, heldout = (sliding(lambda q: 12.0 + 8.0 * np.sin(2.0 * np.pi * q / 0.02), seed,
+                            period=2e-3) for seed in (1, 2))
+    found = diagnosed([fit], [heldout], axis(kind='linear'))
+    sizes = {cause.effect.name: cause.parameters for cause in found.causes}
+    assert set(sizes) == {'cogging', 'torque_offset'}
+    assert sizes['torque_offset']['offset'].value == pytest.approx((12.0,), rel=0.02)
+
+
+def test_beside_a_weight_a_spring_takes_none_of_it():
+    """The constant of a series would be the weight once more, and each would get a half."""
+    fit, heldout = (sliding(lambda q: 200.0 + 60.0 * q, seed, period=2e-3) for seed in (1, 2))
+    machine = axis(kind='linear', gravity='vertical')
+    found = diagnosed([fit], [heldout], machine)
+    cause, = found.causes
+    first, slope = np.ravel(cause.parameters['coefficients'].value)
+    low, high = cause.parameters['range'].value
+    assert (cause.effect.name, first) == ('position_torque', 0.0)
+    assert slope == pytest.approx(60.0 * 0.5 * (high - low), rel=0.02)
+    weight = found.base_after['gravity_load']
+    assert weight.value == pytest.approx(200.0 + 60.0 * 0.5 * (high + low), rel=1e-3)
+    extended = build_model(machine, found.extended_model)
+    run = found.holdout.runs[0]
+    torque = run.rows(extended.torque(run.state))
+    assert np.std((run.tau - torque)[run.valid]) < 1.5 * found.holdout.noise_floor_rms[0]
+
+
+def test_friction_that_changes_with_each_turn_of_a_screw_is_no_ripple_of_its_motor():
+    """Its order, 628 rad/m, is far above those of an arm; no effect of the library is like it."""
+    def bent(q):
+        return 6.0 * np.sign(np.gradient(q, axis=0)) * np.sin(2.0 * np.pi * q / 0.01)
+
+    fit, heldout = (sliding(bent, seed, period=2e-3) for seed in (1, 2))
+    found = diagnosed([fit], [heldout], axis(kind='linear'))
+    assert (found.verdict, found.causes) == ('unknown', ())
+    assert found.unnamed[0].kind == 'uneven'
+
+
 @pytest.mark.parametrize(('chance', 'names'), [(1.0, ['cogging']), (CHANCE, [])])
 def test_names_that_lower_no_error_are_not_told(chance, names, monkeypatch):
     """A wave of 1.2 N under 6 N of noise that wanders: likelihood knows it, the error does not."""

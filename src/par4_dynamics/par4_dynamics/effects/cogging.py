@@ -89,7 +89,7 @@ def lowest_order(state: State, span: float, least_turns: float = LEAST_TURNS) ->
     return max(usual, int(np.ceil(least_turns * 2.0 * np.pi / max(span, 1e-3))))
 
 
-def _highest(state: State) -> int:
+def highest_order(state: State) -> int:
     """Return the highest order worth trying.
 
     An arm of a Par4 has `HIGHEST_PERIODS`. An axis may have the orders of a motor behind a gear:
@@ -141,7 +141,7 @@ class Cogging(Effect):
         span = float(np.max(np.ptp(state.q, axis=0)))  # of the joint that moves most
         return tuple({'periods': float(periods)}
                      for periods in range(lowest_order(
-                         state, span, self.least_turns), _highest(state) + 1))
+                         state, span, self.least_turns), highest_order(state) + 1))
 
     def parts(self, shape: Shape) -> tuple[Shape, ...]:
         periods = shape['periods']

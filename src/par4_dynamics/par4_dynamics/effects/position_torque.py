@@ -29,11 +29,17 @@ def polynomials(q: np.ndarray, low: float, high: float, degree: int) -> np.ndarr
     return legvander(np.clip(2.0 * (q - low) / (high - low) - 1.0, -1.0, 1.0), degree)
 
 
+def _lowest(shape: Shape) -> int:
+    """Return the degree of the first polynomial of a shape."""
+    return int(single(shape.get('lowest', 0.0)))
+
+
 class PositionTorque(Effect):
     """tau_i += sum_k c_ik P_k(u): Legendre polynomials, k = 0, 1, ..., u = -1 .. 1 over `range`.
 
     Beyond the range the torque stays what it is at its end. The degree is a shape of its own:
-    `diagnose` takes as many terms as the data carry.
+    `diagnose` takes as many terms as the data carry. The weight of a slide that hangs is a base
+    term, so that there is nothing for P_0 to tell: the search begins with P_1.
     """
 
     name = 'position_torque'
@@ -47,7 +53,8 @@ class PositionTorque(Effect):
         low, high = float(state.q.min()), float(state.q.max())
         if not 0.0 < high - low <= WIDEST:
             return ()
-        return tuple({'degree': float(degree), 'low': low, 'high': high}
+        weighed = {'lowest': 1.0} if state.hanging == 'sliding' else {}
+        return tuple({'degree': float(degree), 'low': low, 'high': high, **weighed}
                      for degree in range(1, HIGHEST_DEGREE + 1))
 
     def free_numbers(self, shape: Shape) -> int:
@@ -63,15 +70,16 @@ class PositionTorque(Effect):
         return {**shape, 'degree': float(self.terms(shape) + count)}
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        return polynomials(state.q, single(shape['low']), single(shape['high']),
-                           int(single(shape['degree'])))
+        found = polynomials(state.q, single(shape['low']), single(shape['high']),
+                            int(single(shape['degree'])))
+        return found[..., _lowest(shape):]
 
     def coefficients(self, values: Values) -> np.ndarray:
         found = values['coefficients']  # (J, K), or (J,) of one term
         return np.reshape(found, (len(found), -1)).T
 
     def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
-        return {'coefficients': coefficients.T.copy(),
+        return {'coefficients': np.pad(coefficients.T, ((0, 0), (_lowest(shape), 0))),
                 'range': np.array((single(shape['low']), single(shape['high'])))}
 
     def shape_of(self, values: Values) -> Shape:

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numba
 import numpy as np
+import scipy
 
-from par4_dynamics.effects.cogging import HIGHEST_PERIODS, lowest_order
+from par4_dynamics.effects.cogging import highest_order, lowest_order
 from par4_dynamics.effects.position_torque import WIDEST
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence import kind_functions as functions
@@ -27,7 +27,8 @@ from par4_identification.diagnosis.evidence.kind_functions import (
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.signals.rows import Run
 
-PERIODS = np.arange(1, HIGHEST_PERIODS + 1)
+CELLS = 32
+"""Of the shortest period, into which positions are sorted: their waves are right to 0.2 %."""
 
 
 KINDS = (
@@ -135,25 +136,20 @@ def _equal_forces(states: Sequence[State]) -> np.ndarray:
 
 def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], span: np.ndarray
                        ) -> Periods:
-    chosen = []
+    state = observations.runs[0].state
+    chosen, highest = [], highest_order(state)
     for joint in range(observations.joints):
         q = np.concatenate([run.q[:, joint] for run in observations.runs])
         residual = np.concatenate([np.where(run.valid[:, joint], part[:, joint], 0.0)
                                    for run, part in zip(observations.runs, left)])
-        power = _powers(np.exp(1j * q), residual, PERIODS[0], len(PERIODS))
-        lowest = lowest_order(observations.runs[0].state, float(span[joint]))
-        power[lowest > PERIODS] = 0.0
-        chosen.append(tuple(int(period) for period in PERIODS[np.argsort(-power)[:4]]))
+        power = _powers(q, residual, highest)
+        power[:lowest_order(state, float(span[joint]))] = 0.0
+        chosen.append(tuple(int(period) for period in np.argsort(-power)[:4]))
     return tuple(chosen)
 
 
-@numba.njit(cache=True, error_model='numpy', nogil=True)
-def _powers(phasor, values, first, count):
-    """Return |sum_n values_n phasor_n^k| for k = first, first + 1, ... (count,)."""
-    total = np.zeros(count, np.complex128)
-    for row in range(len(values)):
-        power = values[row] * phasor[row] ** first
-        for k in range(count):
-            total[k] += power
-            power *= phasor[row]
-    return np.abs(total)
+def _powers(q: np.ndarray, values: np.ndarray, highest: int) -> np.ndarray:
+    """Return |sum_n values_n exp(i k q_n)|, nearly, for k = 0 .. `highest`, of (n,) each."""
+    count = scipy.fft.next_fast_len(CELLS * highest, real=True)
+    cells = np.floor(q * (count / (2.0 * np.pi))).astype(int) % count
+    return np.asarray(np.abs(np.fft.rfft(np.bincount(cells, values, count))[:highest + 1]))

@@ -316,7 +316,10 @@ class Search:
             candidate.hypothesis, others)
 
     def _with_a_swap(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
-        """Return a model in which a cause gave way to what explains decidedly more in its place."""
+        """Return a model in which a cause gave way to what is decidedly better in its place.
+
+        That is what explains more, at the price of its coefficients, or as much with fewer of them.
+        """
         needed = self.weighing.requirement(model)
         for item in named_of(model):
             others = others_of(model, item)
@@ -324,10 +327,11 @@ class Search:
                 if rival.hypothesis is None or isinstance(rival.hypothesis.effect, Kind):
                     continue
                 swapped = (*others, rival.hypothesis)
-                gain = -rival.margin - rival.fit_margin
+                gain = (-rival.margin - rival.fit_margin) / needed.inflation
                 fewer = self.pool.width(item) - self.pool.width(rival.hypothesis)
-                if (rival.believable and names_of(swapped) not in visited and
-                        gain / needed.inflation + self.rules.price * fewer > self.rules.twin):
+                is_better = gain + self.rules.price * fewer > self.rules.twin or (
+                    fewer > 0 and gain > -BY_CHANCE * fewer)
+                if rival.believable and names_of(swapped) not in visited and is_better:
                     return swapped
         return self._with_unnamed_instead(model, visited)
 

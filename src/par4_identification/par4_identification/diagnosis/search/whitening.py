@@ -70,12 +70,14 @@ def quieter(whitener: Whitener, observations: Observations, model: Sequence[Hypo
     """
     if observations.steady:
         return whitener
-    left = residuals(observations, model, fit)
+    flat = gather(observations, flat_whitener(observations, np.array(
+        [noise.size for noise in whitener.noise])))
+    left = residuals(observations, model, solve(flat, model))
     found = whitener_of_residuals(observations, _without_unnamed(observations, left, kinds),
                                   len(fit.covariance))
     return replace(whitener, noise=tuple(
-        new if new.variance < QUIETER * old.variance else old
-        for new, old in zip(found.noise, whitener.noise)))
+        new if new.variance < QUIETER * old.variance or new.size ** 2 < QUIETER * old.size ** 2
+        else old for new, old in zip(found.noise, whitener.noise)))
 
 
 def _noise_of_plateaus(observations: Observations) -> np.ndarray:
