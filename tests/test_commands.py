@@ -739,7 +739,8 @@ COGS = cause('cogging', amplitude=(0.61, 0.61, 0.6, 0.62), periods=22.0, phase=(
         "the model's error on data it has not seen falls from 0.52 N m to 0.11 N m, the noise "
         'floor being 0.10 N m.',)),
     (diagnosis('explained', [STRIBECK]), 'fair', (
-        '1.2 N m of Stribeck friction with velocity 0.12 rad/s on joints 1 and 3; with it',)),
+        '1.2 N m of Stribeck friction with velocity 0.12 rad/s (or cogging) on joints 1 and 3; '
+        'with it',)),
     (diagnosis('partly_explained', [COGS, STRIBECK], 'speed'), 'fair', (
         'on all joints and 1.2 N m', 'with them', 'without a name: a function of joint speed.')),
     (diagnosis('unknown', kind='time'), 'fair', ('no cause in the library', 'a drift')),
@@ -837,16 +838,16 @@ def test_sizes_that_differ_or_are_parts_of_a_whole_or_shares():
     force = SimpleNamespace(name='external_force', phrase='external force', parameters=tuple(
         EffectParameter(name, 'N', 'machine') for name in 'xyz'))
     values = {name: Parameter(value=value, unit='N') for name, value in zip('xyz', (1, -2, 0.5))}
-    assert phrase_of_cause(SimpleNamespace(effect=force, joints=(0, 1, 2, 3), parameters=values),
-                           REFERENCE) == 'external force (x 1.0 N, y -2.0 N, z 0.50 N)'
+    pull = SimpleNamespace(effect=force, joints=(0, 1, 2, 3), parameters=values, twins=())
+    assert phrase_of_cause(pull, REFERENCE) == 'external force (x 1.0 N, y -2.0 N, z 0.50 N)'
     told = {name: parameter.model_copy(update={'std': std}) for (name, parameter), std in zip(
         values.items(), (0.1, 0.2, 0.4))}
-    assert phrase_of_cause(SimpleNamespace(effect=force, joints=(0, 1, 2, 3), parameters=told),
-                           REFERENCE) == 'external force (x 1.0 N, y -2.0 N)'
+    pull.parameters = told
+    assert phrase_of_cause(pull, REFERENCE) == 'external force (x 1.0 N, y -2.0 N)'
     gain = SimpleNamespace(name='drive_gain_error', phrase='drive gain error', parameters=(
         EffectParameter('relative', '1', 'joint'),))
     assert phrase_of_cause(SimpleNamespace(effect=gain, joints=(2,), parameters={
-        'relative': Parameter(value=(0.03,), unit='1')}), REFERENCE) == (
+        'relative': Parameter(value=(0.03,), unit='1')}, twins=()), REFERENCE) == (
             '3.0 % of drive gain error on joint 2')
 
 

@@ -123,17 +123,24 @@ def _phrases_of_unrelated(found: Unrelated) -> list[str]:
 
 def phrase_of_cause(cause: Cause, machine: Robot | Axis) -> str:
     """Return a cause with its size and joints, as '0.61 N m of cogging torque on joint 2'."""
-    return ' '.join(filter(None, (_phrase_of_size(cause, machine), _phrase_of_joints(
+    return ' '.join(filter(None, (_phrase_of_name(cause, machine), _phrase_of_joints(
         cause, machine))))
 
 
 def phrase_of_causes(causes: Sequence[Cause], machine: Robot | Axis) -> str:
     """Return the causes with their sizes, the joints once where they are the same."""
-    sizes = [_phrase_of_size(cause, machine) for cause in causes]
+    sizes = [_phrase_of_name(cause, machine) for cause in causes]
     joints = {_phrase_of_joints(cause, machine) for cause in causes}
     if len(causes) > 1 and len(joints) == 1 and joints != {''}:
         return f'{listed(sizes)}, {"both" if len(causes) == 2 else "all of them"} {joints.pop()}'
     return listed([phrase_of_cause(cause, machine) for cause in causes])
+
+
+def _phrase_of_name(cause: Cause, machine: Robot | Axis) -> str:
+    """Return a cause with its size, and the names from which these data do not tell it."""
+    size = _phrase_of_size(cause, machine)
+    return size if not cause.twins else (
+        f'{size} (or {" or ".join(in_words(name) for name in cause.twins)})')
 
 
 def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
