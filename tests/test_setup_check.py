@@ -27,13 +27,14 @@ from par4_identification.reports.outcome.setup import with_setup
 from par4_identification.setup_check import calibration
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.clustered import basis_of, clustered_std, clusters_of
-from par4_identification.setup_check.drive_answer import answer_of
+from par4_identification.setup_check.drive_answer import Answer, answer_of
 from par4_identification.setup_check.equations import equations_of, stretches_of
 from par4_identification.setup_check.finding import Amount, Finding, SetupCheck
 from par4_identification.setup_check.repair import filled
 from par4_identification.setup_check.samples import Held, held_stretches, mute_torques, spikes
 from par4_identification.setup_check.scale import UNSEEN
 from par4_identification.setup_check.total import total_lines, totals
+from par4_identification.signals.filtering import low_pass
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.approach import with_approach
 from par4_kinematics.errors import UnreachableError
@@ -445,9 +446,27 @@ def test_drives_answer_counts_by_their_gains(clean):
     wrong = answer_of([mistakes.torque_as_voltage(clean, REFERENCE)], drives)
     assert wrong.measured == pytest.approx(drives.gain[0] * right.measured)
     assert wrong.scaled_by(drives.gain[0])
+    # recorders show between two fifths and all of the answer
+    assert [Answer(share, 1.0).scaled_by(1.0 / gain) for share, gain in (
+        (0.29, 1.6), (0.29, 3.5), (0.01, 3.5))] == [False, True, False]
     assert answer_of([clean], Drives(gain=drives.gain)) is None  # gains that the file does not tell
     smooth = replace(clean, tau=np.tile(np.sin(clean.t)[:, None], 4))
     assert answer_of([smooth], drives) is None
+
+
+def test_drives_that_take_the_speed_from_the_encoder_tell_no_scale_by_their_answer(
+        clean, monkeypatch):
+    """They answer the change of a reading, too: harder than the product of the gains says."""
+    drives = REFERENCE.drives
+    fast = clean.q - low_pass(clean.q, 0.1 / clean.period, clean.period)
+    change = np.diff(fast, axis=0, prepend=fast[:1])
+    answer = 5.0 * drives.velocity_gain * drives.position_gain * change
+    log = replace(clean, tau=clean.tau - answer)
+    assert answer_of([log], drives) is None
+    assert found(log)[0] == []
+    # by the product of the gains it would be the answer of torques in a wrong unit
+    monkeypatch.setattr('par4_identification.setup_check.drive_answer.DIFFERENCED', np.inf)
+    assert answer_of([log], drives).scaled_by(drives.gain[0])
 
 
 def test_gentle_torques_beyond_any_drive_are_in_the_wrong_unit(clean):

@@ -4,7 +4,9 @@ Faster than any motion there are the steps from count to count, and what the dri
 them: velocity_gain x position_gain of torque per radian, the other way. So torque and reading tell
 that product of gains together, and the robot file tells it, too. The recorder holds or averages the
 commands on either side of a sample, of which at least one answers the reading: between half of the
-product and all of it shows.
+product and all of it shows. That is so for drives with a speed of their own, as from a tachometer.
+Drives that take the speed from the encoder answer its steps once more, by the change since the last
+reading; how hard depends on their filters, so that their answer tells no scale.
 """
 
 from __future__ import annotations
@@ -24,6 +26,9 @@ ABOVE = 0.15
 LEAST_RATE_HZ = 400.0
 PIECE, PIECES = 0.5, 10
 """s of a piece from which the answer is taken, and pieces that are needed; the median counts."""
+DIFFERENCED = 0.1
+"""Answer to the change of a reading over that to the reading, above which the drives difference it.
+"""
 DEVIATIONS = 6.0
 """Standard deviations that the answer must be from zero."""
 LEAST_SHOWN, MOST_SHOWN = 0.4, 1.2
@@ -43,16 +48,20 @@ class Answer:
     expected: float
 
     def scaled_by(self, factor: float) -> bool:
-        """Return whether the torque is so many times too large, and cannot be right as it is."""
+        """Return whether the torque is so many times too large, and cannot be right as it is.
+
+        A factor within which right answers differ from each other is none that tells.
+        """
         def within(share: float) -> bool:
             return LEAST_SHOWN < share < MOST_SHOWN
 
         share = self.measured / self.expected
-        return within(share / factor) and not within(share)
+        tells = max(factor, 1.0 / factor) > MOST_SHOWN / LEAST_SHOWN
+        return tells and within(share / factor) and not within(share)
 
 
 def answer_of(logs: Sequence[Log], drives: Drives) -> Answer | None:
-    """Return how hard the drives answer, or None where that does not show.
+    """Return how hard the drives answer, or None where that does not show or tells no scale.
 
     Args:
         logs: with readings in counts.
@@ -61,7 +70,7 @@ def answer_of(logs: Sequence[Log], drives: Drives) -> Answer | None:
     expected = drives.velocity_gain * drives.position_gain
     if not drives.model_fields_set >= TOLD_IN_FILE or not expected or not drives.encoder_counts:
         return None
-    found = []
+    found, of_changes = [], []
     for log in logs:
         if log.period * LEAST_RATE_HZ > 1.0:
             continue
@@ -76,7 +85,9 @@ def answer_of(logs: Sequence[Log], drives: Drives) -> Answer | None:
                 power = float(np.sum(q ** 2))
                 if power > 0.0:
                     found.append(-float(np.sum(q * tau)) / power)
-    if len(found) < PIECES:
+                    both = np.stack((q[1:].ravel(), np.diff(q, axis=0).ravel()), axis=1)
+                    of_changes.append(-np.linalg.lstsq(both, tau[1:].ravel(), rcond=1e-9)[0][1])
+    if len(found) < PIECES or np.median(of_changes) > DIFFERENCED * np.median(found):
         return None
     middle = float(np.median(found))
     std = 1.4826 * float(np.median(np.abs(np.array(found) - middle))) / np.sqrt(len(found))
