@@ -145,6 +145,31 @@ def test_a_swing_within_the_limit_band_is_no_overshoot():
     assert found.settling_time == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.parametrize('axis', [0, 1, 2])
+def test_what_leaves_the_band_near_the_end_has_not_settled(axis):
+    """A swing that does not fade is in the band at the last sample; its overshoot is known."""
+    found = tracking_of(swinging(0.0, 100.0 * math.pi, 2e-3, axis))
+    assert not found.settled
+    assert math.isnan(found.settling_time)
+    assert math.isnan(found.arrival)
+    assert found.overshoot == pytest.approx(2e-3, rel=0.02)
+    assert tracking_of(swinging(0.0, 100.0 * math.pi, 2e-3, axis), band=3e-3).settled
+
+
+@pytest.mark.usefixtures('unrendered')
+def test_the_command_says_what_has_not_settled(tmp_path):
+    done = told('adept', '--band', 0.001, '--feedforward', 'none', '--feedforward', 'table1',
+                '--output', tmp_path)
+    assert done.exit_code == 0, done.output
+    runs = json.loads((tmp_path / 'tracking.json').read_text())['runs']
+    assert all(run[name] is None for run in runs for name in ('settling_time', 'arrival'))
+    assert all(run['overshoot'] > 0.0 for run in runs)
+    assert done.output.count('not settled') == 2
+    page = (tmp_path / 'report.html').read_text()
+    assert page.count('<td class="number">not settled</td>') == 4
+    assert 'Loops alone: not settled, D leaves the limit band of ± 0.001 mm' in page
+
+
 def test_errors_are_taken_at_equal_times():
     """A pure delay of d on a ramp of speed v is an error of v d."""
     run = swinging(20.0, 100.0, 0.0)
