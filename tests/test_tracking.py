@@ -108,7 +108,7 @@ def swinging(decay: float, rate: float, size: float, axis: int = 0) -> Run:
     still, torque = np.zeros_like(x), np.zeros((len(t), 4))
     counts = {'saturated_commands': 0, 'saturated_speeds': 0, 'unsolved_programs': 0}
     return Run(Motion('ramp', asked, still, still, still, x, still, still), t, pose, torque,
-               torque, torque, torque, None, counts)
+               torque, torque, torque, None, counts, 0)
 
 
 @pytest.mark.parametrize('axis', [0, 1, 2])
@@ -191,11 +191,29 @@ def test_what_the_exact_model_leaves_is_the_sampling_of_its_torque():
 
 def test_what_is_limited_shows():
     drives = REFERENCE.drives.model_copy(update={'torque_limit': 60.0})
-    found = tracking_of(recorded(PAPERS_RUN, MACHINE, robot=REFERENCE.model_copy(
-        update={'drives': drives})))
+    run = recorded(PAPERS_RUN, MACHINE, robot=REFERENCE.model_copy(update={'drives': drives}))
+    found = tracking_of(run)
+    assert found.saturated == pytest.approx(np.mean(np.abs(run.command) > 59.999), rel=0.05)
     assert found.saturated > 0.02
     assert found.peak_torque <= 60.0
     assert found.peak > 5e-3
+
+
+def test_a_sample_that_is_limited_counts_once_and_none_before_the_record_does():
+    """Drives that may not move are limited in every sample, and in their torque here and there."""
+    drives = REFERENCE.drives.model_copy(update={'torque_limit': 60.0, 'speed_limit': 1e-6})
+    run = recorded(PAPERS_RUN, MACHINE, robot=REFERENCE.model_copy(update={'drives': drives}))
+    assert run.counts['saturated_speeds'] == run.torque.size
+    assert run.counts['saturated_commands'] > 100
+    assert tracking_of(run).saturated == 1.0
+
+
+@pytest.mark.parametrize('law', ['computed_torque', 'torque'])
+def test_laws_without_a_limit_of_speed_count_their_limited_torques(law):
+    drives = REFERENCE.drives.model_copy(update={'torque_limit': 100.0})
+    run = record_run(REFERENCE.model_copy(update={'drives': drives}), MACHINE, PAPERS_RUN,
+                     feedforward_of(REFERENCE, MACHINE, PAPERS_RUN), law=law, known=MACHINE)
+    assert run.limited == run.counts['saturated_commands'] > 100
 
 
 def told(*arguments):

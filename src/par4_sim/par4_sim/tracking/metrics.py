@@ -47,7 +47,7 @@ class Tracking:
             nothing is fed back while they brake.
         peak_speed: of the joints, as their encoders tell, rad/s.
         outside: how far D goes beyond the radius and the heights of the robot's workspace, m.
-        saturated: share of joint samples in which a torque or a speed was limited.
+        saturated: share of joint samples of the record in which a torque or a speed was limited.
         missing_effort: reference points that came without their feedforward torque.
     """
 
@@ -102,14 +102,13 @@ def tracking_of(run: Run, cycles: int = 1, band: float = BAND, space: Workspace 
     moving = (run.t >= 0.0) & (run.t <= run.motion.duration)
     power = np.sum(run.torque * run.qd, axis=1)
     driving = np.sum(np.maximum(run.torque * run.qd, 0.0), axis=1)
-    saturated = run.counts['saturated_commands'] + run.counts['saturated_speeds']
     return Tracking(
         float(np.sqrt(np.mean(distance ** 2))), float(distance.max()), float(excursion),
         overshoot, settling_time, arrival, float(np.abs(run.torque[moving]).max()),
         float(np.sqrt(np.mean(run.torque[moving] ** 2))),
         float(np.trapezoid(power, run.t)) / cycles, float(np.trapezoid(driving, run.t)) / cycles,
         float(np.abs(run.qd).max()), _outside(run.pose, space) if space else 0.0,
-        saturated / run.torque.size, run.counts.get('missing_effort', 0))
+        run.limited / run.torque.size, run.counts.get('missing_effort', 0))
 
 
 def _outside(pose: np.ndarray, space: Workspace) -> float:
