@@ -15,7 +15,9 @@ from par4_dynamics.model import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.circle import circle_motion
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import write_yaml
 from par4_kinematics.motion import Motion
+from par4_kinematics.motion_file import MOTION_SCHEMA
 from par4_sim.commands.track import track
 from par4_sim.jobs.motion import motion_asked
 from par4_sim.tracking.metrics import errors_of, tracking_of
@@ -183,7 +185,7 @@ def test_what_the_exact_model_leaves_is_the_sampling_of_its_torque():
     """Between the points, torque is interpolated linearly."""
     rms = []
     for period in (1e-3, 2.5e-4):
-        motion = motion_asked('adept', REFERENCE, None, 0, period, jerk=30_000.0)
+        motion = motion_asked('adept', REFERENCE, period=period, jerk=30_000.0)
         assert motion.period == pytest.approx(period)
         rms.append(tracking_of(recorded(motion, MACHINE)).rms)
     assert rms[1] < 0.25 * rms[0] < 5e-6
@@ -242,6 +244,9 @@ def test_the_command_writes_the_contract(tmp_path):
 
 @pytest.mark.parametrize(('arguments', 'message'), [
     (('excitation', '--cycles', 2), 'cycles: for the motion adept'),
+    (('adept', '--duration', 2), '--duration: for the motions excitation and circle, found motion '
+                                 'adept; leave it away, give --cycles or write'),
+    (('circle', '--motion-seed', 0), '--motion-seed: for the motion excitation, found motion circ'),
     (('adept', '--acceleration', 30), 'round trip of 0.25 s'),
     (('adept', '--feedforward', 'nothing'), 'nothing: no such file'),
     (('nowhere.yaml',), 'nowhere.yaml: no such file')])
@@ -251,6 +256,18 @@ def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, arguments, messa
     assert message in str(done.exception)
     assert '\n' not in str(done.exception)
     assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.parametrize('option', ['duration', 'motion_seed', 'period', 'cycles', 'jerk'])
+def test_an_option_that_a_motion_file_would_ignore_is_refused(tmp_path, option):
+    path = tmp_path / 'mine.yaml'
+    write_yaml(path, {'schema': MOTION_SCHEMA, 'recipe': {'kind': 'circle', 'turns': 1}})
+    flag = f'--{option.replace("_", "-")}'
+    done = told(path, flag, 0.01 if option == 'period' else 1, '--output', tmp_path / 'out')
+    assert isinstance(done.exception, InputError)
+    assert str(done.exception) == (f'{flag}: found the motion file {path}, which is played as it '
+                                   f'is; leave it away or change the file')
+    assert motion_asked(str(path), REFERENCE).name == 'circle'
 
 
 def test_a_payload_that_the_model_does_not_know_costs_accuracy():
