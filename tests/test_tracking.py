@@ -270,6 +270,22 @@ def test_an_option_that_a_motion_file_would_ignore_is_refused(tmp_path, option):
     assert motion_asked(str(path), REFERENCE).name == 'circle'
 
 
+@pytest.mark.usefixtures('unrendered')
+def test_the_energy_of_a_cycle_does_not_depend_on_how_many_are_asked_for(tmp_path):
+    """But for the first and last turn of a circle, in which it gets up to speed and stops."""
+    def energy(*arguments):
+        done = told(*arguments, '--feedforward', 'table1_full', '--output', tmp_path)
+        assert done.exit_code == 0, done.output
+        content = json.loads((tmp_path / 'tracking.json').read_text())
+        return content['motion']['cycles'], content['runs'][0]['energy']
+
+    for short, long, numbers in ((('adept',), ('adept', '--cycles', 4), (1, 4)),
+                                 (('circle',), ('circle', '--duration', 9.5), (3, 5))):
+        (few, once), (many, each) = energy(*short), energy(*long)
+        assert (few, many) == numbers
+        assert each == pytest.approx(once, rel=0.1)
+
+
 def test_a_payload_that_the_model_does_not_know_costs_accuracy():
     machine = model_with(MACHINE, 'payload', mass=0.5, half=1.0)
     blind = tracking_of(recorded(PAPERS_RUN, MACHINE, machine))

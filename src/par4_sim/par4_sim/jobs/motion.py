@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from par4_kinematics.adept import adept_motion
+from par4_kinematics.circle import TURNS
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion import Motion, check_limits
-from par4_kinematics.motion_file import NAMED_MOTIONS, named_motion
+from par4_kinematics.motion_file import NAMED_MOTIONS, named_motion, repeats_within
 from par4_kinematics.robot import Robot
 from par4_sim.choices import PERIOD
 from par4_sim.report.words import listed
@@ -75,3 +76,12 @@ def motion_asked(name: str, robot: Robot, duration: float | None = None,
     played = adept_motion(robot, period=period, **given)
     check_limits(played, robot)
     return played
+
+
+def cycles_asked(name: str, robot: Robot, duration: float | None = None,
+                 period: float | None = None, cycles: int | None = None) -> int:
+    """Return how often the motion of `motion_asked` repeats itself; a motion.yaml does not."""
+    if name == 'circle':
+        return TURNS if duration is None else repeats_within(
+            name, robot, duration, PERIOD if period is None else period)
+    return cycles or 1
