@@ -20,6 +20,8 @@ from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import MOTION_SCHEMA
 from par4_sim.commands.track import track
 from par4_sim.jobs.motion import motion_asked
+from par4_sim.tracking.case import Case, Plan
+from par4_sim.tracking.comparison import outcome_of_tracking
 from par4_sim.tracking.metrics import errors_of, tracking_of
 from par4_sim.tracking.run import Run, feedforward_of, record_run
 from robots import REFERENCE, model_with
@@ -189,6 +191,19 @@ def test_what_the_exact_model_leaves_is_the_sampling_of_its_torque():
         assert motion.period == pytest.approx(period)
         rms.append(tracking_of(recorded(motion, MACHINE)).rms)
     assert rms[1] < 0.25 * rms[0] < 5e-6
+
+
+def test_what_is_said_of_stability_follows_from_the_margin(alone):
+    case = Case('loops', 'none', alone, tracking_of(alone),
+                margin=Plan(REFERENCE, MACHINE, PAPERS_RUN).margin('loops', None))
+    for told, words in ((case, 'Over the workspace the open loop of loops stays 0.26 from -1;'),
+                        (replace(case, margin=None), 'is not told: the transmissions have springs'),
+                        (replace(case, margin=None, controller='torque'), '')):
+        remarks = outcome_of_tracking([told], PAPERS_RUN, 'here', REFERENCE, 0.5e-3).remarks
+        found = [part.text for part in remarks if 'open loop' in part.text
+                 or 'instability' in part.text]
+        assert len(found) == bool(words)
+        assert words in ''.join(found)
 
 
 def test_what_is_limited_shows():

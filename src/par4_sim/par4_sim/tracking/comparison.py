@@ -9,6 +9,7 @@ from typing import Any
 
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
+from par4_sim.choices import TORQUE_LAW
 from par4_sim.drives.laws import KNOWING
 from par4_sim.report.outcome import Outcome, Remark, note
 from par4_sim.report.results import plain
@@ -86,6 +87,9 @@ LEAST_MODULUS = 0.2
 
 def _margins_in_words(cases: Sequence[Case]) -> list[Remark]:
     """Return a remark for each feedback that the cases have, once."""
+    if any(case.margin is None and case.controller != TORQUE_LAW for case in cases):
+        return [note('How far the loops are from instability is not told: the transmissions have '
+                     'springs or gaps.')]
     margins = {case.controller if case.controller in KNOWING else 'loops': case.margin
                for case in cases if case.margin}
     return [Remark(margin.modulus >= LEAST_MODULUS, (
