@@ -171,6 +171,53 @@ def test_margins_are_those_of_the_loop_simulated_step_by_step(inertia, lag):
     assert 0.0 < margin.modulus <= 1.0
 
 
+def largest_pole(gains, inertia, lag, late):
+    """Return the largest modulus of the poles of a loop whose command comes `late` steps late."""
+    rates = np.zeros((4, 4))  # of position, speed, current and command
+    rates[0, 1], rates[1, 2], rates[2, 2:] = 1.0, 1.0 / inertia, (-1.0 / lag, 1.0 / lag)
+    moved = expm(rates * STEP)
+    feedback = np.zeros(4 + late)  # of position, speed, current, integral, commands on their way
+    feedback[[0, 1, 3]] = -gains.stiffness, -gains.damping, -gains.integral
+    closed = np.zeros((4 + late, 4 + late))
+    closed[:3, :3], closed[3, 0], closed[3, 3] = moved[:3, :3], STEP, 1.0
+    closed[:3] += np.outer(moved[:3, 3], np.eye(4 + late)[-1] if late else feedback)
+    if late:
+        closed[4], closed[5:, 4:-1] = feedback, np.eye(late - 1)
+    return np.abs(np.linalg.eigvals(closed)).max()
+
+
+@pytest.mark.parametrize(('gains', 'inertia', 'lag'), [
+    (gains_of_loops(REFERENCE.drives), 0.4, 1e-3), (gains_of_loops(REFERENCE.drives), 3.0, 5e-4),
+    (Gains(70.0, 350.0, 440e3), 0.037, 0.015)])
+def test_a_loop_bears_the_delay_that_its_margin_says(gains, inertia, lag):
+    """The last one is turned beyond -1 where it is large first: not that counts, but the rest."""
+    steps = int(margin_at(gains, inertia, STEP, lag).delay / STEP)
+    assert steps >= 1
+    assert largest_pole(gains, inertia, lag, steps) < 1.0 < largest_pole(
+        gains, inertia, lag, steps + 1)
+
+
+def test_at_the_edge_of_stability_no_delay_is_borne():
+    """Where an integral is nearly too much for an inertia, as much as where all gains are."""
+    gains = Gains(0.28, 207.0, 194.0)
+    low, high = 0.01, 1.0
+    while high / low > 1.0 + 1e-9:
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if is_stable(gains, middle) else (low, middle)
+    assert margin_at(gains, low).delay < 1e-6
+    assert largest_pole(gains, low, 1e-7, 1) > 1.0
+    strong = gains_of_loops(REFERENCE.drives)
+    limit = margin_at(strong, 0.4).gain
+    assert margin_at(strong.scaled((1.0 - 1e-9) * limit), 0.4).delay < 1e-6
+
+
+def test_lags_in_series_delay_by_their_sum():
+    gains = gains_of_loops(REFERENCE.drives)
+    delay = margin_at(gains, 0.4).delay
+    for lags in ((1e-4, 2e-4), (2e-4, 1e-4), (1.5e-4, 1.5e-4), (3e-4, 0.0)):
+        assert margin_at(gains, 0.4, STEP, *lags).delay == pytest.approx(delay - 3e-4, rel=5e-3)
+
+
 def test_an_unstable_loop_has_no_margin():
     gains = Gains(1.0, 1.0, 1e4)
     assert not is_stable(gains, 1.0)

@@ -170,8 +170,12 @@ def margin_at(gains: Gains, inertia: float, dt: float = STEP, *lags: float) -> M
     opened = _open_loop(gains, inertia, dt, lags, np.exp(1j * rate * dt))
     size = np.abs(opened)
     crossings = np.flatnonzero((size[:-1] - 1.0) * (size[1:] - 1.0) <= 0.0)
-    phase = np.angle(-opened[crossings]) % (2.0 * math.pi)
-    delay = float(np.min(phase / rate[crossings], initial=math.inf))
+    # a sample beside the crossing may lie beyond -1 where the crossing does not
+    before, after = np.log(size[crossings]), np.log(size[crossings + 1])
+    crossing = rate[crossings] * (rate[1] / rate[0]) ** (before / (before - after))
+    phase = np.angle(-_open_loop(gains, inertia, dt, lags, np.exp(1j * crossing * dt)))
+    # a phase beyond -1 comes there again only after nearly a turn
+    delay = float(np.min(phase % (2.0 * math.pi) / crossing, initial=math.inf))
     low, high = 1.0, 1.0
     while high < LARGEST_FACTOR and is_stable(gains.scaled(high), inertia, dt, *lags):
         low, high = high, 1.5 * high
