@@ -39,6 +39,7 @@ from par4_kinematics.workspace import home_pose
 from par4_sim.closed_loop.force_plate import ForcePlate
 from par4_sim.closed_loop.simulation import build_plant
 from par4_sim.closed_loop.static_push import push_poses, simulate_push
+from par4_sim.commands import push
 from par4_sim.machines.machine_effects import machine_of_model
 from robots import OTHER, REFERENCE, model_with, other_model
 
@@ -102,6 +103,16 @@ def pushed(request, tmp_path_factory):
                   seed=3, torque_noise=0.05, force_noise=0.5, poses=push_poses(robot)[:3],
                   pushes=1)
     return robot, bag, readings
+
+
+@pytest.mark.parametrize('there', ['push', 'push.csv'])
+def test_a_push_replaces_neither_bag_nor_readings(tmp_path, there):
+    (tmp_path / there).write_text('mine')
+    done = run(push, '--output', tmp_path / 'push')
+    assert done.code != 0
+    assert f'{there}: exists already; give another path or remove it' in done.err
+    assert [path.name for path in tmp_path.iterdir()] == [there]
+    assert (tmp_path / there).read_text() == 'mine'
 
 
 def test_gains_come_back_from_pushes(pushed):

@@ -231,6 +231,30 @@ def test_where_nothing_is_reached_no_motion_of_an_earlier_run_stays(tmp_path):
         assert place.exists() == place.with_suffix('.csv').exists() == stays
 
 
+@pytest.mark.usefixtures('unrendered')
+def test_a_fastest_motion_that_somebody_has_changed_stays(tmp_path):
+    asked = ['adept', '--jerk', '30000', '--feedforward', 'table1_full', '--timing', 'own',
+             '--output', str(tmp_path)]
+    place = tmp_path / 'fastest.yaml'
+
+    def written():
+        done = CliRunner().invoke(fastest, asked)
+        assert done.exit_code == 0, done.output
+        told = done.output.partition('fastest motion: ')[2].split('\n')[0]
+        return told, {path.name for path in tmp_path.iterdir() if 'fastest' in path.name} - {
+            'fastest.json'}
+
+    write_motion(place, SHORT, maker='par4_fastest')
+    assert written() == (str(place), {'fastest.yaml', 'fastest.csv'})
+    place.write_text(place.read_text() + '# mine\n')
+    mine = place.read_bytes(), place.with_suffix('.csv').read_bytes()
+    assert written() == (str(tmp_path / 'fastest_2.yaml'), {
+        'fastest.yaml', 'fastest.csv', 'fastest_2.yaml', 'fastest_2.csv'})
+    assert (place.read_bytes(), place.with_suffix('.csv').read_bytes()) == mine
+    asked += ['--peak', '0.001']
+    assert written() == ('', {'fastest.yaml', 'fastest.csv'})
+
+
 def test_the_command_writes_bound_and_runs(tmp_path):
     done = CliRunner().invoke(fastest, [
         'adept', '--jerk', '30000', '--feedforward', 'table1_full', '--output',
