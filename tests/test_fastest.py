@@ -17,8 +17,10 @@ from par4_kinematics.geometry import HOME
 from par4_kinematics.motion import Motion, check_limits, waypoints_motion
 from par4_kinematics.motion_file import read_motion, write_motion
 from par4_sim.commands.fastest import fastest
-from par4_sim.tracking.case import Plan
+from par4_sim.tracking.case import Case, Plan
 from par4_sim.tracking.fastest import Reached, Unreached, at_pace, fastest_case
+from par4_sim.tracking.fastest_outcome import outcome_of_fastest
+from par4_sim.tracking.run import Run
 from par4_sim.tracking.time_optimal import PathLimits, fastest_along, motion_of
 from par4_sim.tracking.way import Averaged, joints_over_time
 from robots import OTHER, REFERENCE, model_with, other_model
@@ -217,6 +219,14 @@ def test_the_fastest_motion_keeps_the_limits_that_were_asked_for(tmp_path):
     check_limits(played, REFERENCE, 600.0, 2e5)
     assert np.abs(played.qdd).max() > 0.8 * 600.0 or np.abs(
         np.diff(played.qdd, axis=0)).max() > 0.8 * 2e5 * played.period
+
+
+def test_a_motion_keeps_its_name_at_the_beginning_of_a_sentence(shortest):
+    run = Run(SMOOTH, *np.zeros((6, 1)), None, {}, 0)
+    found = Reached('own', Case('loops', 'table1', run, None), 1.0, 150.0, 'torque')
+    told = outcome_of_fastest([found], shortest, replace(SMOOTH, name='pickABC'), REFERENCE,
+                              PathLimits(LIMIT), 5e-4)
+    assert told.sentence.startswith('PickABC is done in 0.2500 s')
 
 
 def test_where_nothing_is_reached_no_motion_of_an_earlier_run_stays(tmp_path):
