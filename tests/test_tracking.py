@@ -22,6 +22,7 @@ from par4_sim.commands.track import track
 from par4_sim.jobs.motion import motion_asked
 from par4_sim.tracking.case import Case, Plan
 from par4_sim.tracking.comparison import outcome_of_tracking
+from par4_sim.tracking.learning import Cycle
 from par4_sim.tracking.metrics import errors_of, tracking_of
 from par4_sim.tracking.run import Run, feedforward_of, record_run
 from robots import REFERENCE, model_with
@@ -204,6 +205,20 @@ def test_what_is_said_of_stability_follows_from_the_margin(alone):
                  or 'instability' in part.text]
         assert len(found) == bool(words)
         assert words in ''.join(found)
+
+
+@pytest.mark.parametrize(('cycles', 'good', 'words'), [
+    ([3.22e-4], True, 'one cycle shows no learning; the error of D was 0.322 mm rms, that of'),
+    ([3.22e-4, 1.4e-5], True, 'within 2 cycles the error of D fell from 0.322 mm to 0.0140 mm rms'),
+    ([3.22e-4, 3.219e-4], False, 'within 2 cycles the error of D did not fall from 0.322 mm rms;'),
+    ([3.22e-4, 4e-4], False, 'within 2 cycles the error of D did not fall from 0.322 mm rms;')])
+def test_what_is_said_of_learning_is_what_came_of_it(alone, cycles, good, words):
+    """The best cycle is that of the least error of the joints, here the last."""
+    learned = tuple(Cycle(rms, 1e-5 / number, 1e-4) for number, rms in enumerate(cycles, start=1))
+    case = Case('learning', 'table1', alone, tracking_of(alone), learned)
+    remark = outcome_of_tracking([case], PAPERS_RUN, 'here', REFERENCE, 0.5e-3).remarks[-1]
+    assert words in remark.text
+    assert remark.good == good
 
 
 def test_what_is_limited_shows():

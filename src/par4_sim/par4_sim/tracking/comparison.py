@@ -106,10 +106,15 @@ def _learning_in_words(case: Case, robot: Robot) -> Remark:
     first, last = case.learned[0], min(case.learned, key=lambda cycle: cycle.joint_rms)
     size = (f'{number(last.joint_rms * counts / (2.0 * math.pi), 2)} encoder counts' if counts else
             f'{number(last.joint_rms, 2)} rad')
-    return Remark(last.rms <= first.rms, (
-        f'{capital(case.label)}: within {len(case.learned)} cycles the error of D fell from '
-        f'{_millimetres(first.rms)} to {_millimetres(last.rms)} rms, that of the joints to {size} '
-        f'rms.'))
+    label, before, after = capital(case.label), _millimetres(first.rms), _millimetres(last.rms)
+    if len(case.learned) == 1:
+        return note(f'{label}: one cycle shows no learning; the error of D was {before} rms, that '
+                    f'of the joints {size} rms.', 'Give more --learning-cycles.')
+    if last.rms >= first.rms or before == after:
+        return Remark(False, f'{label}: within {len(case.learned)} cycles the error of D did not '
+                             f'fall from {before} rms; that of the joints came to {size} rms.')
+    return Remark(True, f'{label}: within {len(case.learned)} cycles the error of D fell from '
+                        f'{before} to {after} rms, that of the joints to {size} rms.')
 
 
 def _first_limited(case: Case) -> str:
