@@ -175,6 +175,20 @@ def test_the_command_says_what_has_not_settled(tmp_path):
     assert 'Loops alone: not settled, D leaves the limit band of ± 0.001 mm' in page
 
 
+@pytest.mark.parametrize(('axis', 'side'), [(0, 1), (1, -1), (2, 1), (2, -1)])
+def test_what_lies_outside_the_workspace_is_told(axis, side):
+    """Beyond the radius, above and below; at the edge it is not outside."""
+    space = REFERENCE.limits.workspace
+    run = swinging(20.0, 100.0, 0.0)
+    edge = np.zeros(4)
+    edge[2] = np.mean(space.z)
+    edge[axis] = side * space.radius if axis < 2 else space.z[side > 0]
+    pose = np.tile(edge, (len(run.t), 1))
+    assert tracking_of(replace(run, pose=pose), space=space).outside == 0.0
+    pose[70, axis] += side * 0.003
+    assert tracking_of(replace(run, pose=pose), space=space).outside == pytest.approx(0.003)
+
+
 def test_errors_are_taken_at_equal_times():
     """A pure delay of d on a ramp of speed v is an error of v d."""
     run = swinging(20.0, 100.0, 0.0)
