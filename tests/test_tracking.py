@@ -25,6 +25,7 @@ from par4_sim.tracking.comparison import outcome_of_tracking
 from par4_sim.tracking.learning import Cycle
 from par4_sim.tracking.metrics import errors_of, tracking_of
 from par4_sim.tracking.run import Run, feedforward_of, record_run
+from par4_sim.tracking.stability import Margin
 from robots import REFERENCE, model_with
 
 MACHINE = read_model('table1_full', REFERENCE)
@@ -212,11 +213,13 @@ def test_what_is_said_of_stability_follows_from_the_margin(alone):
     case = Case('loops', 'none', alone, tracking_of(alone),
                 margin=Plan(REFERENCE, MACHINE, PAPERS_RUN).margin('loops', None))
     for told, words in ((case, 'Over the workspace the open loop of loops stays 0.26 from -1;'),
+                        (replace(case, margin=Margin(0.0, 0.0, 0.0, 9.0)),
+                         'poses at which loops would be unstable without friction.'),
                         (replace(case, margin=None), 'is not told: the transmissions have springs'),
                         (replace(case, margin=None, controller='torque'), '')):
         remarks = outcome_of_tracking([told], PAPERS_RUN, 'here', REFERENCE, 0.5e-3).remarks
         found = [part.text for part in remarks if 'open loop' in part.text
-                 or 'instability' in part.text]
+                 or 'stab' in part.text]
         assert len(found) == bool(words)
         assert words in ''.join(found)
 

@@ -95,7 +95,8 @@ def _margins_in_words(cases: Sequence[Case]) -> list[Remark]:
     return [Remark(margin.modulus >= LEAST_MODULUS, (
         f'Over the workspace the open loop of {in_words(name)} stays {number(margin.modulus, 2)} '
         f'from -1; all gains may rise {number(margin.gain, 2)} times, and a further delay of '
-        f'{number(MILLI * margin.delay, 2)} ms is borne.'),
+        f'{number(MILLI * margin.delay, 2)} ms is borne.' if margin.modulus > 0.0 else
+        f'The workspace has poses at which {in_words(name)} would be unstable without friction.'),
         '' if margin.modulus >= LEAST_MODULUS else 'Lower the gains of the drives, or keep to a '
                                                    'smaller workspace.')
         for name, margin in margins.items()]
