@@ -63,7 +63,7 @@ from par4_identification.reports.residual_plots import (
 from par4_identification.reports.time_plots import residual_over_time
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_text, written_atomically
-from par4_kinematics.motion_file import named_motion
+from par4_kinematics.motion_file import named_motion, write_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
 from par4_sim.bags.bag_writer import BagWriter
 from par4_sim.closed_loop.offline import simulate_to_bag
@@ -155,6 +155,22 @@ def test_every_command_has_its_numbers_looked_at():
 def test_a_simulation_refuses_seeds_and_dates_that_there_are_not(options, words, tmp_path):
     done = run(simulate, 'circle', '--output', tmp_path / 'bag', *options)
     assert done.code == 2
+    assert words in done.err
+    assert not (tmp_path / 'bag').exists()
+
+
+@pytest.mark.parametrize(('motion', 'options', 'words'), [
+    ('mine.yaml', ('--duration', '7', '--motion-seed', '0'),
+     '--duration, --motion-seed: found the motion file mine.yaml, which is played as it is; leave '
+     'them away or change the file'),
+    ('adept', ('--duration', '7', '--motion-seed', '3'),
+     '--motion-seed: for the motion excitation, found motion adept; leave it away')])
+def test_a_simulation_refuses_options_that_its_motion_would_ignore(
+        motion, options, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_motion('mine.yaml', named_motion('circle', REFERENCE))
+    done = run(simulate, motion, '--output', 'bag', *options)
+    assert done.code != 0
     assert words in done.err
     assert not (tmp_path / 'bag').exists()
 

@@ -216,6 +216,7 @@ def test_speed_is_limited_counted_and_does_not_wind_up():
     assert loops.state[0, 2] == pytest.approx(0.1e-3)
     assert loops.saturated_speeds == 200
     assert loops.saturated_commands == 0
+    assert loops.limited == 200
     # at the limit's speed the velocity loop asks for no torque
     at_speed = loops.follow(target, still, np.array((2.0, -2.0, 0.0, 0.0)))
     np.testing.assert_allclose(at_speed[:2], 0.0, atol=1e-12)

@@ -20,13 +20,16 @@ from par4_identification.gains import known_payload
 from par4_identification.gains.force_timing import late_readings
 from par4_identification.gains.known_payload import DriveGains, gains_of_payloads
 from par4_identification.gains.static_push import (
+    FASTEST,
     FEWEST,
+    SETTLED,
     ForceReadings,
     Push,
     gains_of_pushes,
     pushes_of_log,
     read_force,
 )
+from par4_identification.logs.log import Log
 from par4_identification.logs.read_log import read_log
 from par4_identification.reports.outcome.drive_gain import gains_remarks, wrong_gains
 from par4_identification.reports.outcome.loads import known_payloads
@@ -39,6 +42,7 @@ from par4_kinematics.workspace import home_pose
 from par4_sim.closed_loop.force_plate import ForcePlate
 from par4_sim.closed_loop.simulation import build_plant
 from par4_sim.closed_loop.static_push import push_poses, simulate_push
+from par4_sim.commands import push
 from par4_sim.machines.machine_effects import machine_of_model
 from robots import OTHER, REFERENCE, model_with, other_model
 
@@ -104,6 +108,16 @@ def pushed(request, tmp_path_factory):
     return robot, bag, readings
 
 
+@pytest.mark.parametrize('there', ['push', 'push.csv'])
+def test_a_push_replaces_neither_bag_nor_readings(tmp_path, there):
+    (tmp_path / there).write_text('mine')
+    done = run(push, '--output', tmp_path / 'push')
+    assert done.code != 0
+    assert f'{there}: exists already; give another path or remove it' in done.err
+    assert [path.name for path in tmp_path.iterdir()] == [there]
+    assert (tmp_path / there).read_text() == 'mine'
+
+
 def test_gains_come_back_from_pushes(pushed):
     robot, bag, readings = pushed
     pushes = pushes_of_log(read_log(bag, robot), read_force(readings), robot)
@@ -153,6 +167,36 @@ def test_the_bound_is_reached_by_the_worst_friction_and_by_none_else():
         friction = random.uniform(-1.5, 1.5, (rows, 4))
         other = gains_of_pushes([synthetic_push(friction)], REFERENCE, 1.5)
         assert np.all(np.abs(other.nominal / other.values - 1.0) <= none.bound / none.nominal)
+
+
+def pushed_along(*parts):
+    """Return the pushes of joints that move by parts, s and rad/s, under 100 N all the time."""
+    speed = np.concatenate([np.full(round(seconds / 1e-3), rate) for seconds, rate in parts])
+    t = 1e-3 * np.arange(len(speed))
+    q = inverse_kinematics(REFERENCE.geometry, home_pose(REFERENCE)) + 1e-3 * np.cumsum(
+        speed)[:, None]
+    log = Log('bag', REFERENCE.joint_names, 0, 1e-3, t, q, np.zeros_like(q),
+              (slice(0, len(t)),), None, None)
+    return pushes_of_log(log, ForceReadings(t, np.tile((0.0, 0.0, 100.0), (len(t), 1))), REFERENCE)
+
+
+def test_joints_count_as_sliding_only_some_way_behind_a_turn():
+    """Friction has its level there: 4 mrad/s, a row each 40 ms, two seconds to and fro."""
+    push, = pushed_along(*[(2.0, 4e-3), (2.0, -4e-3)] * 3)
+    since = (0.04 * np.arange(len(push.sliding))) % 2.0
+    assert not push.sliding[4e-3 * since < 0.95 * SETTLED].any()
+    assert push.sliding[(4e-3 * since > 1.05 * SETTLED) & (since < 1.5)].all()
+
+
+def test_a_part_that_is_too_fast_for_a_static_push_is_in_none():
+    """Behind it, as behind a turn, friction has its level some way on only."""
+    first, second = pushed_along((2.0, 4e-3), (0.5, 2.0 * FASTEST), (2.0, 4e-3))
+    rows = len(first.sliding), len(second.sliding)
+    assert all(44 <= count <= 50 for count in rows)
+    assert first.sliding[:40].any()
+    since = 2.0 - 0.04 * np.arange(rows[1])[::-1]
+    assert not second.sliding[4e-3 * since < 0.9 * SETTLED].any()
+    assert second.sliding[(since > 1.0) & (since < 1.5)].all()
 
 
 def test_readings_on_another_clock_and_of_another_sign_are_refused(pushed):

@@ -17,8 +17,10 @@ from par4_kinematics.geometry import HOME
 from par4_kinematics.motion import Motion, check_limits, waypoints_motion
 from par4_kinematics.motion_file import read_motion, write_motion
 from par4_sim.commands.fastest import fastest
-from par4_sim.tracking.case import Plan
+from par4_sim.tracking.case import Case, Plan
 from par4_sim.tracking.fastest import Reached, Unreached, at_pace, fastest_case
+from par4_sim.tracking.fastest_outcome import outcome_of_fastest
+from par4_sim.tracking.run import Run
 from par4_sim.tracking.time_optimal import PathLimits, fastest_along, motion_of
 from par4_sim.tracking.way import Averaged, joints_over_time
 from robots import OTHER, REFERENCE, model_with, other_model
@@ -219,6 +221,14 @@ def test_the_fastest_motion_keeps_the_limits_that_were_asked_for(tmp_path):
         np.diff(played.qdd, axis=0)).max() > 0.8 * 2e5 * played.period
 
 
+def test_a_motion_keeps_its_name_at_the_beginning_of_a_sentence(shortest):
+    run = Run(SMOOTH, *np.zeros((6, 1)), None, {}, 0)
+    found = Reached('own', Case('loops', 'table1', run, None), 1.0, 150.0, 'torque')
+    told = outcome_of_fastest([found], shortest, replace(SMOOTH, name='pickABC'), REFERENCE,
+                              PathLimits(LIMIT), 5e-4)
+    assert told.sentence.startswith('PickABC is done in 0.2500 s')
+
+
 def test_where_nothing_is_reached_no_motion_of_an_earlier_run_stays(tmp_path):
     place = tmp_path / 'fastest.yaml'
     asked = ['adept', '--jerk', '30000', '--feedforward', 'none', '--timing', 'own', '--peak',
@@ -229,6 +239,30 @@ def test_where_nothing_is_reached_no_motion_of_an_earlier_run_stays(tmp_path):
         assert done.exit_code == 0, done.output
         assert 'No controller does adept' in ' '.join(done.output.split())
         assert place.exists() == place.with_suffix('.csv').exists() == stays
+
+
+@pytest.mark.usefixtures('unrendered')
+def test_a_fastest_motion_that_somebody_has_changed_stays(tmp_path):
+    asked = ['adept', '--jerk', '30000', '--feedforward', 'table1_full', '--timing', 'own',
+             '--output', str(tmp_path)]
+    place = tmp_path / 'fastest.yaml'
+
+    def written():
+        done = CliRunner().invoke(fastest, asked)
+        assert done.exit_code == 0, done.output
+        told = done.output.partition('fastest motion: ')[2].split('\n')[0]
+        return told, {path.name for path in tmp_path.iterdir() if 'fastest' in path.name} - {
+            'fastest.json'}
+
+    write_motion(place, SHORT, maker='par4_fastest')
+    assert written() == (str(place), {'fastest.yaml', 'fastest.csv'})
+    place.write_text(place.read_text() + '# mine\n')
+    mine = place.read_bytes(), place.with_suffix('.csv').read_bytes()
+    assert written() == (str(tmp_path / 'fastest_2.yaml'), {
+        'fastest.yaml', 'fastest.csv', 'fastest_2.yaml', 'fastest_2.csv'})
+    assert (place.read_bytes(), place.with_suffix('.csv').read_bytes()) == mine
+    asked += ['--peak', '0.001']
+    assert written() == ('', {'fastest.yaml', 'fastest.csv'})
 
 
 def test_the_command_writes_bound_and_runs(tmp_path):

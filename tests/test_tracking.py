@@ -15,11 +15,17 @@ from par4_dynamics.model import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.circle import circle_motion
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import write_yaml
 from par4_kinematics.motion import Motion
+from par4_kinematics.motion_file import MOTION_SCHEMA
 from par4_sim.commands.track import track
 from par4_sim.jobs.motion import motion_asked
+from par4_sim.tracking.case import Case, Plan
+from par4_sim.tracking.comparison import outcome_of_tracking
+from par4_sim.tracking.learning import Cycle
 from par4_sim.tracking.metrics import errors_of, tracking_of
 from par4_sim.tracking.run import Run, feedforward_of, record_run
+from par4_sim.tracking.stability import Margin
 from robots import REFERENCE, model_with
 
 MACHINE = read_model('table1_full', REFERENCE)
@@ -108,7 +114,7 @@ def swinging(decay: float, rate: float, size: float, axis: int = 0) -> Run:
     still, torque = np.zeros_like(x), np.zeros((len(t), 4))
     counts = {'saturated_commands': 0, 'saturated_speeds': 0, 'unsolved_programs': 0}
     return Run(Motion('ramp', asked, still, still, still, x, still, still), t, pose, torque,
-               torque, torque, torque, None, counts)
+               torque, torque, torque, None, counts, 0)
 
 
 @pytest.mark.parametrize('axis', [0, 1, 2])
@@ -145,6 +151,45 @@ def test_a_swing_within_the_limit_band_is_no_overshoot():
     assert found.settling_time == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.parametrize('axis', [0, 1, 2])
+def test_what_leaves_the_band_near_the_end_has_not_settled(axis):
+    """A swing that does not fade is in the band at the last sample; its overshoot is known."""
+    found = tracking_of(swinging(0.0, 100.0 * math.pi, 2e-3, axis))
+    assert not found.settled
+    assert math.isnan(found.settling_time)
+    assert math.isnan(found.arrival)
+    assert found.overshoot == pytest.approx(2e-3, rel=0.02)
+    assert tracking_of(swinging(0.0, 100.0 * math.pi, 2e-3, axis), band=3e-3).settled
+
+
+@pytest.mark.usefixtures('unrendered')
+def test_the_command_says_what_has_not_settled(tmp_path):
+    done = told('adept', '--band', 0.001, '--feedforward', 'none', '--feedforward', 'table1',
+                '--output', tmp_path)
+    assert done.exit_code == 0, done.output
+    runs = json.loads((tmp_path / 'tracking.json').read_text())['runs']
+    assert all(run[name] is None for run in runs for name in ('settling_time', 'arrival'))
+    assert all(run['overshoot'] > 0.0 for run in runs)
+    assert done.output.count('not settled') == 2
+    page = (tmp_path / 'report.html').read_text()
+    assert page.count('<td class="number">not settled</td>') == 4
+    assert 'Loops alone: not settled, D leaves the limit band of ± 0.001 mm' in page
+
+
+@pytest.mark.parametrize(('axis', 'side'), [(0, 1), (1, -1), (2, 1), (2, -1)])
+def test_what_lies_outside_the_workspace_is_told(axis, side):
+    """Beyond the radius, above and below; at the edge it is not outside."""
+    space = REFERENCE.limits.workspace
+    run = swinging(20.0, 100.0, 0.0)
+    edge = np.zeros(4)
+    edge[2] = np.mean(space.z)
+    edge[axis] = side * space.radius if axis < 2 else space.z[side > 0]
+    pose = np.tile(edge, (len(run.t), 1))
+    assert tracking_of(replace(run, pose=pose), space=space).outside == 0.0
+    pose[70, axis] += side * 0.003
+    assert tracking_of(replace(run, pose=pose), space=space).outside == pytest.approx(0.003)
+
+
 def test_errors_are_taken_at_equal_times():
     """A pure delay of d on a ramp of speed v is an error of v d."""
     run = swinging(20.0, 100.0, 0.0)
@@ -158,19 +203,66 @@ def test_what_the_exact_model_leaves_is_the_sampling_of_its_torque():
     """Between the points, torque is interpolated linearly."""
     rms = []
     for period in (1e-3, 2.5e-4):
-        motion = motion_asked('adept', REFERENCE, None, 0, period, jerk=30_000.0)
+        motion = motion_asked('adept', REFERENCE, period=period, jerk=30_000.0)
         assert motion.period == pytest.approx(period)
         rms.append(tracking_of(recorded(motion, MACHINE)).rms)
     assert rms[1] < 0.25 * rms[0] < 5e-6
 
 
+def test_what_is_said_of_stability_follows_from_the_margin(alone):
+    case = Case('loops', 'none', alone, tracking_of(alone),
+                margin=Plan(REFERENCE, MACHINE, PAPERS_RUN).margin('loops', None))
+    for told, words in ((case, 'Over the workspace the open loop of loops stays 0.26 from -1;'),
+                        (replace(case, margin=Margin(0.0, 0.0, 0.0, 9.0)),
+                         'poses at which loops would be unstable without friction.'),
+                        (replace(case, margin=None), 'is not told: the transmissions have springs'),
+                        (replace(case, margin=None, controller='torque'), '')):
+        remarks = outcome_of_tracking([told], PAPERS_RUN, 'here', REFERENCE, 0.5e-3).remarks
+        found = [part.text for part in remarks if 'open loop' in part.text
+                 or 'stab' in part.text]
+        assert len(found) == bool(words)
+        assert words in ''.join(found)
+
+
+@pytest.mark.parametrize(('cycles', 'good', 'words'), [
+    ([3.22e-4], True, 'one cycle shows no learning; the error of D was 0.322 mm rms, that of'),
+    ([3.22e-4, 1.4e-5], True, 'within 2 cycles the error of D fell from 0.322 mm to 0.0140 mm rms'),
+    ([3.22e-4, 3.219e-4], False, 'within 2 cycles the error of D did not fall from 0.322 mm rms;'),
+    ([3.22e-4, 4e-4], False, 'within 2 cycles the error of D did not fall from 0.322 mm rms;')])
+def test_what_is_said_of_learning_is_what_came_of_it(alone, cycles, good, words):
+    """The best cycle is that of the least error of the joints, here the last."""
+    learned = tuple(Cycle(rms, 1e-5 / number, 1e-4) for number, rms in enumerate(cycles, start=1))
+    case = Case('learning', 'table1', alone, tracking_of(alone), learned)
+    remark = outcome_of_tracking([case], PAPERS_RUN, 'here', REFERENCE, 0.5e-3).remarks[-1]
+    assert words in remark.text
+    assert remark.good == good
+
+
 def test_what_is_limited_shows():
     drives = REFERENCE.drives.model_copy(update={'torque_limit': 60.0})
-    found = tracking_of(recorded(PAPERS_RUN, MACHINE, robot=REFERENCE.model_copy(
-        update={'drives': drives})))
+    run = recorded(PAPERS_RUN, MACHINE, robot=REFERENCE.model_copy(update={'drives': drives}))
+    found = tracking_of(run)
+    assert found.saturated == pytest.approx(np.mean(np.abs(run.command) > 59.999), rel=0.05)
     assert found.saturated > 0.02
     assert found.peak_torque <= 60.0
     assert found.peak > 5e-3
+
+
+def test_a_sample_that_is_limited_counts_once_and_none_before_the_record_does():
+    """Drives that may not move are limited in every sample, and in their torque here and there."""
+    drives = REFERENCE.drives.model_copy(update={'torque_limit': 60.0, 'speed_limit': 1e-6})
+    run = recorded(PAPERS_RUN, MACHINE, robot=REFERENCE.model_copy(update={'drives': drives}))
+    assert run.counts['saturated_speeds'] == run.torque.size
+    assert run.counts['saturated_commands'] > 100
+    assert tracking_of(run).saturated == 1.0
+
+
+@pytest.mark.parametrize('law', ['computed_torque', 'torque'])
+def test_laws_without_a_limit_of_speed_count_their_limited_torques(law):
+    drives = REFERENCE.drives.model_copy(update={'torque_limit': 100.0})
+    run = record_run(REFERENCE.model_copy(update={'drives': drives}), MACHINE, PAPERS_RUN,
+                     feedforward_of(REFERENCE, MACHINE, PAPERS_RUN), law=law, known=MACHINE)
+    assert run.limited == run.counts['saturated_commands'] > 100
 
 
 def told(*arguments):
@@ -199,6 +291,9 @@ def test_the_command_writes_the_contract(tmp_path):
 
 @pytest.mark.parametrize(('arguments', 'message'), [
     (('excitation', '--cycles', 2), 'cycles: for the motion adept'),
+    (('adept', '--duration', 2), '--duration: for the motions excitation and circle, found motion '
+                                 'adept; leave it away, give --cycles or write'),
+    (('circle', '--motion-seed', 0), '--motion-seed: for the motion excitation, found motion circ'),
     (('adept', '--acceleration', 30), 'round trip of 0.25 s'),
     (('adept', '--feedforward', 'nothing'), 'nothing: no such file'),
     (('nowhere.yaml',), 'nowhere.yaml: no such file')])
@@ -208,6 +303,34 @@ def test_bad_input_is_one_line_and_nothing_is_written(tmp_path, arguments, messa
     assert message in str(done.exception)
     assert '\n' not in str(done.exception)
     assert not (tmp_path / 'out').exists()
+
+
+@pytest.mark.parametrize('option', ['duration', 'motion_seed', 'period', 'cycles', 'jerk'])
+def test_an_option_that_a_motion_file_would_ignore_is_refused(tmp_path, option):
+    path = tmp_path / 'mine.yaml'
+    write_yaml(path, {'schema': MOTION_SCHEMA, 'recipe': {'kind': 'circle', 'turns': 1}})
+    flag = f'--{option.replace("_", "-")}'
+    done = told(path, flag, 0.01 if option == 'period' else 1, '--output', tmp_path / 'out')
+    assert isinstance(done.exception, InputError)
+    assert str(done.exception) == (f'{flag}: found the motion file {path}, which is played as it '
+                                   f'is; leave it away or change the file')
+    assert motion_asked(str(path), REFERENCE).name == 'circle'
+
+
+@pytest.mark.usefixtures('unrendered')
+def test_the_energy_of_a_cycle_does_not_depend_on_how_many_are_asked_for(tmp_path):
+    """But for the first and last turn of a circle, in which it gets up to speed and stops."""
+    def energy(*arguments):
+        done = told(*arguments, '--feedforward', 'table1_full', '--output', tmp_path)
+        assert done.exit_code == 0, done.output
+        content = json.loads((tmp_path / 'tracking.json').read_text())
+        return content['motion']['cycles'], content['runs'][0]['energy']
+
+    for short, long, numbers in ((('adept',), ('adept', '--cycles', 4), (1, 4)),
+                                 (('circle',), ('circle', '--duration', 9.5), (3, 5))):
+        (few, once), (many, each) = energy(*short), energy(*long)
+        assert (few, many) == numbers
+        assert each == pytest.approx(once, rel=0.1)
 
 
 def test_a_payload_that_the_model_does_not_know_costs_accuracy():

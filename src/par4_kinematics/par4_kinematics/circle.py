@@ -13,12 +13,14 @@ from par4_kinematics.robot import Robot
 from par4_kinematics.time_laws import SCurve, require_positive
 from par4_kinematics.workspace import home_pose
 
+TURNS = 3
+"""Where nobody says how many."""
 RISE_SHARE = 0.5
 """Share of a turn in which the circle gets up to speed, and in which it stops."""
 
 
 def circle_motion(robot: Robot, *, radius: float | None = None, speed: float = 1.0,
-                  turns: float = 3.0, theta_swing: float | None = None,
+                  turns: float = TURNS, theta_swing: float | None = None,
                   centre: Sequence[float] | None = None, period: float = 1e-3) -> Motion:
     """Return a circle that starts and stops smoothly (jerk-limited) on its +x side.
 

@@ -47,6 +47,8 @@ RECIPES: dict[str, Callable[..., Motion]] = {
     'waypoints': waypoints_motion, 'online': online_motion}
 """What a recipe of each kind calls; its keys are the arguments of the function but the robot."""
 NAMED_MOTIONS = ('adept', 'excitation', 'circle')
+REPEATED = {'adept': 'cycles', 'circle': 'turns'}
+"""Named motions that repeat themselves, and the argument that says how often."""
 
 LARGEST = 1e12
 """Largest time, position, speed or acceleration in SI units; the squares of larger ones may
@@ -328,12 +330,10 @@ def named_motion(name_or_path: str | Path, robot: Robot, duration: float | None 
     if name == 'excitation':
         own = {} if duration is None else {'duration': duration}
         motion = excitation_motion(robot, seed=seed, period=period, **own)
-    elif name == 'adept':
-        motion = (adept_motion(robot, period=period) if duration is None else _repeated(
-            lambda count: adept_motion(robot, cycles=count, period=period), duration))
-    elif name == 'circle':
-        motion = (circle_motion(robot, period=period) if duration is None else _repeated(
-            lambda count: circle_motion(robot, turns=count, period=period), duration))
+    elif name in REPEATED:
+        often = {} if duration is None else {
+            REPEATED[name]: repeats_within(name, robot, duration, period)}
+        motion = RECIPES[name](robot, period=period, **often)
     elif Path(name).is_file():
         motion = read_motion(name, robot)
     else:
@@ -343,8 +343,15 @@ def named_motion(name_or_path: str | Path, robot: Robot, duration: float | None 
     return motion
 
 
-def _repeated(motion_of_count: Callable[[int], Motion], duration: float) -> Motion:
-    """Return the motion with as many repeats as fit, at least one."""
-    once = motion_of_count(1)
-    each = motion_of_count(2).duration - once.duration
-    return motion_of_count(max(1, 1 + int((duration - once.duration) / each + 1e-9)))
+def repeats_within(name: str, robot: Robot, duration: float, period: float = 1e-3) -> int:
+    """Return how often one of `REPEATED` fits into a duration, s, at least once.
+
+    Args:
+        name: of the motion.
+        robot: the machine.
+        duration: s.
+        period: seconds between the samples.
+    """
+    once, twice = (RECIPES[name](robot, period=period, **{REPEATED[name]: count}).duration
+                   for count in (1, 2))
+    return max(1, 1 + int((duration - once) / (twice - once) + 1e-9))

@@ -22,6 +22,8 @@ LEARNING = 'learning'
 CONTROLLERS = (*LAWS, LEARNING)
 """What `par4_track` compares: the laws, and the loops with feedforward that learns."""
 NO_FEEDFORWARD = 'none'
+PERIOD = 1e-3
+"""Seconds between the points of the reference of a named motion."""
 BAND = 0.5e-3
 """Half width of the limit band, m."""
 CYCLES = 10

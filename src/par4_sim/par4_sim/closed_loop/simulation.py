@@ -162,6 +162,11 @@ class Simulation:
                 'unsolved_programs': self._loop.controller.unsolved}
 
     @property
+    def limited(self) -> int:
+        """Joints and physics steps so far in which a torque, a speed or both were limited."""
+        return self._loop.controller.limited
+
+    @property
     def delivered(self) -> np.ndarray:
         """Torque of the amplifiers (n, 4), N m, of the last physics steps, as many as are kept."""
         return self._loop.delivered(self._steps)

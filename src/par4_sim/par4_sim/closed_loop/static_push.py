@@ -82,7 +82,7 @@ def simulate_push(robot: Robot, model: Model, bag: str | Path, readings: str | P
         robot: geometry, drives, limits.
         model: the machine as it truly is.
         bag: path, which must not exist.
-        readings: path of the CSV with the header `FORCE_COLUMNS`.
+        readings: path of the CSV with the header `FORCE_COLUMNS`, which must not exist either.
         force: largest, N.
         fidelity: of the plant.
         seed: of the noise.
@@ -93,9 +93,12 @@ def simulate_push(robot: Robot, model: Model, bag: str | Path, readings: str | P
         progress: called with the share done, 0 to 1.
 
     Raises:
-        InputError: the bag exists, or poses outside the robot's limits.
+        InputError: bag or readings exist, or poses outside the robot's limits.
         UnreachableError: a pose that a leg cannot reach.
     """
+    for path in map(Path, (bag, readings)):
+        if path.exists():
+            raise InputError(f'{path}: exists already; give another path or remove it')
     poses = push_poses(robot) if poses is None else np.asarray(poses, dtype=float)
     if np.ptp(poses[:, 2]) > 0.0:
         raise InputError(f'static push: poses at heights {sorted(set(poses[:, 2].tolist()))}; the '

@@ -6,17 +6,18 @@ from collections.abc import Callable
 
 import click
 
+from par4_sim.choices import PERIOD
 from par4_sim.commands.numbers import ANY_SIGN, NOT_NEGATIVE, POSITIVE, SEED, Number
 
 _OPTIONS = (
     click.option('--duration', default=None, type=Number(min=0.1),
                  help='seconds, of excitation or circle'),
-    click.option('--motion-seed', default=0, show_default=True, type=SEED,
-                 help='seed of the excitation'),
-    click.option('--period', default=1e-3, show_default=True,
-                 type=Number(min=2e-4, max=0.1),
-                 help='seconds between the points of the reference; torque is interpolated '
-                      'linearly between them, so that shorter is more exact'),
+    click.option('--motion-seed', default=None, type=SEED,
+                 help='seed of the excitation  [default: 0]'),
+    click.option('--period', default=None, type=Number(min=2e-4, max=0.1),
+                 help=f'seconds between the points of the reference of a named motion; torque is '
+                      f'interpolated linearly between them, so that shorter is more exact  '
+                      f'[default: {PERIOD:g}]'),
     click.option('--cycles', default=None, type=click.IntRange(min=1),
                  help='adept: round trips  [default: 1]'),
     click.option('--speed', default=None, type=POSITIVE, help='adept: limit, m/s  [default: 5]'),

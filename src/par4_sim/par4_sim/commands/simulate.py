@@ -24,8 +24,8 @@ from par4_sim.commands.numbers import NOT_NEGATIVE, SEED, Date, Number
 @click.option('--feedforward', default=None, help='model whose torques the drives get')
 @click.option('--duration', default=None, type=Number(min=0.1),
               help='seconds, of a named motion')
-@click.option('--motion-seed', default=0, show_default=True, type=SEED,
-              help='seed of the excitation')
+@click.option('--motion-seed', default=None, type=SEED,
+              help='seed of the excitation  [default: 0]')
 @click.option('--seed', default=0, show_default=True, type=SEED, help='seed of the noise')
 @click.option('--torque-noise', default=0.0, show_default=True, type=NOT_NEGATIVE,
               help='noise on the recorded voltage, as torque, N m rms')

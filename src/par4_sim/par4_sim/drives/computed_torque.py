@@ -34,6 +34,7 @@ from par4_sim.drives.controller import (
     COMPUTED_TORQUE,
     CORRECTION,
     INTEGRAL,
+    LIMITED,
     Controller,
     hand_over,
 )
@@ -49,7 +50,7 @@ def computed_torque(gains, geometry, bodies, target, q, qd, state, saturated, co
         target: (TARGET,).
         q, qd: what the encoders tell (4,).
         state: rows of `Controller`, the integral in N m, (4, 4), moved on.
-        saturated: counts (2,), raised.
+        saturated: counts (3,), raised.
         command: written.
     """
     damping, stiffness, integral = gains[0], gains[1], gains[2]
@@ -74,6 +75,7 @@ def computed_torque(gains, geometry, bodies, target, q, qd, state, saturated, co
                   + torques[1, joint] - torques[0, joint])
         command[joint] = min(max(wanted, -torque_limit), torque_limit)
         saturated[COMMANDS] += command[joint] != wanted
+        saturated[LIMITED] += command[joint] != wanted
         if command[joint] == wanted and state[CORRECTION, joint] == 0.0:
             state[INTEGRAL, joint] += (torques[2, joint] - torques[1, joint]) * dt
 

@@ -38,7 +38,7 @@ def control_step(times, points, t, q, qd, encoders, law, amplifier, lag, drive, 
         q, qd: true positions and velocities (4,).
         encoders, law, amplifier, lag: as `read_encoders`, `command_of` and `deliver` take them.
         drive, currents: states of `command_of` (4, 4) and of `deliver` (2, 4), moved on.
-        saturated: counts (2,), raised.
+        saturated: counts (3,), raised.
         history: (2, n, 4) command and torque; step s has row s % n.
         step: number of the step.
         lead: from the reading of q to the time where the torque acts, s.

@@ -17,8 +17,8 @@ from par4_kinematics.geometry import LEGS
 
 LOOPS, COMPUTED_TORQUE, TORQUE = 0, 1, 2
 """Numbers of the laws: `drive`, `computed_torque`, `torque_mode`."""
-SPEEDS, COMMANDS = 0, 1
-"""Which of the two limits was met, in the counts."""
+SPEEDS, COMMANDS, LIMITED = 0, 1, 2
+"""Which of the two limits was met, in the counts; and either, counted once where both were."""
 INTEGRAL, FEEDFORWARD, CARRIED, CORRECTION = 0, 1, 2, 3
 """Rows of a state: the integral, the last feedforward torque, a torque carried over where no
 integral can take it, N m, and an acceleration that looking ahead adds, rad/s2."""
@@ -68,7 +68,7 @@ class Controller(ABC):
         stride: physics steps between looks ahead; 0 for a law that never looks ahead.
         horizon: s of the reference that it looks ahead; 0 for a law that never does.
         unsolved: looks ahead whose program was not solved, so that nothing was corrected.
-        counts: of limited speeds and commands, (2,).
+        counts: of limited speeds, of limited commands, and of either, (3,).
         command: torque asked of the amplifiers after clipping (4,), N m; volts times gain.
     """
 
@@ -80,7 +80,7 @@ class Controller(ABC):
         self.geometry = np.empty(0) if geometry is None else np.array(geometry)
         self.bodies = np.empty(0) if bodies is None else np.array(bodies)
         self.state, self.command = np.zeros((4, LEGS)), np.zeros(LEGS)
-        self.counts = np.zeros(2, dtype=np.int64)
+        self.counts = np.zeros(3, dtype=np.int64)
         self.stride = self.unsolved = 0
         self.horizon = 0.0
 
@@ -114,6 +114,11 @@ class Controller(ABC):
     def saturated_speeds(self) -> int:
         """Count of clipped speeds, each joint and step."""
         return int(self.counts[SPEEDS])
+
+    @property
+    def limited(self) -> int:
+        """Count of joints and steps with a clipped command, a clipped speed or both."""
+        return int(self.counts[LIMITED])
 
     def restart(self, holding: np.ndarray) -> None:
         """Begin settled: the integrals supply the command `holding` (4,), N m; counts stay."""

@@ -18,6 +18,7 @@ from par4_sim.drives.controller import (
     CARRIED,
     COMMANDS,
     INTEGRAL,
+    LIMITED,
     LOOPS,
     SPEEDS,
     Controller,
@@ -34,7 +35,7 @@ def control(gains, target, q, qd, state, saturated, command):
         target: (TARGET,); its accelerations are not used.
         q, qd: what the encoders tell (4,).
         state: rows of `Controller`, the integral in rad s, (4, 4), moved on.
-        saturated: counts (2,) of limited speeds and commands, raised.
+        saturated: counts (3,) of limited speeds, of limited commands and of either, raised.
         command: written.
     """
     velocity_gain, position_gain, integral_gain = gains[0], gains[1], gains[2]
@@ -52,6 +53,8 @@ def control(gains, target, q, qd, state, saturated, command):
         saturated[COMMANDS] += command[joint] != wanted
         if speed == asked and command[joint] == wanted:
             integral[joint] += error * dt
+        else:
+            saturated[LIMITED] += 1
 
 
 class DriveLoops(Controller):

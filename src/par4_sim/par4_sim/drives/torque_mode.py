@@ -8,7 +8,15 @@ from __future__ import annotations
 
 import numba
 
-from par4_sim.drives.controller import CARRIED, COMMANDS, FEEDFORWARD, INTEGRAL, TORQUE, hand_over
+from par4_sim.drives.controller import (
+    CARRIED,
+    COMMANDS,
+    FEEDFORWARD,
+    INTEGRAL,
+    LIMITED,
+    TORQUE,
+    hand_over,
+)
 from par4_sim.drives.drive import DriveLoops, control
 
 
@@ -39,6 +47,7 @@ def torque_mode(gains, target, q, qd, state, saturated, command):
         wanted = target[16 + joint] + state[CARRIED, joint]
         command[joint] = min(max(wanted, -torque_limit), torque_limit)
         saturated[COMMANDS] += command[joint] != wanted
+        saturated[LIMITED] += command[joint] != wanted
 
 
 class TorqueMode(DriveLoops):

@@ -8,8 +8,10 @@ from typing import Any
 
 from par4_dynamics.model import Model, read_model
 from par4_kinematics.motion import Motion
+from par4_kinematics.motion_file import NAMED_MOTIONS
 from par4_kinematics.robot import Robot, read_robot
-from par4_sim.jobs.motion import motion_asked
+from par4_sim.choices import PERIOD
+from par4_sim.jobs.motion import cycles_asked, motion_asked
 from par4_sim.report.results import refuse_unwritable
 from par4_sim.tracking.case import Plan, models_named
 
@@ -63,8 +65,11 @@ def read_asked(motion: str, robot: str, machine: str, controller: tuple[str, ...
     models = models_named(feedforward, asked)
     moved = motion_asked(motion, asked, **played)
     refuse_unwritable(output)
+    cycles = cycles_asked(motion, asked, played['duration'], played['period'], played['cycles'])
+    if motion in NAMED_MOTIONS and played['period'] is None:
+        played['period'] = PERIOD
     options = {'motion': motion, 'machine': machine, 'controller': list(controller),
                'feedforward': list(feedforward), 'fidelity': fidelity,
                'learning_cycles': learning_cycles, **played}
-    return Asked(asked, truth, moved, controller, models, int(played['cycles'] or 1), fidelity,
-                 learning_cycles, output, options)
+    return Asked(asked, truth, moved, controller, models, cycles, fidelity, learning_cycles,
+                 output, options)

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from par4_kinematics.limits import limits_not_given
-from par4_kinematics.motion_file import is_untouched, write_motion
+from par4_kinematics.motion_file import free_motion_path, write_motion
 from par4_sim.choices import OWN, TIME_OPTIMAL
 from par4_sim.jobs.comparison import read_asked
 from par4_sim.plants.plant import STEP
@@ -57,10 +57,10 @@ def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | No
             'fastest.json': fastest_json(found, bound, played, robot, limits, 1e-3 * peak,
                                          provenance),
             'report.html': report_of_fastest(found, bound, outcome, played, robot, provenance)})
-        best, place = best_of(found), asked.output / 'fastest.yaml'
+        best, place = best_of(found), free_motion_path(asked.output / 'fastest.yaml', TOOL)
         if best is not None:
             write_motion(place, best.case.run.motion, maker=TOOL)
-        elif is_untouched(place, TOOL):  # the fastest motion of an earlier run is none of this one
+        elif place.exists():  # the fastest motion of an earlier run is none of this one
             place.unlink()
             place.with_suffix('.csv').unlink()
     table = Table(box=None, header_style='', pad_edge=False)
@@ -72,4 +72,6 @@ def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | No
         table.add_row(*names, *cells)
     print_table(table)
     say(outcome.sentence)
-    say(f'results and report: {asked.output}', *limits_not_given(robot), whole=True)
+    say(f'results and report: {asked.output}',
+        *([f'fastest motion: {place}'] if best is not None else []), *limits_not_given(robot),
+        whole=True)

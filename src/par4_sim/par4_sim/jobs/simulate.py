@@ -8,23 +8,26 @@ from pathlib import Path
 
 from par4_dynamics.model import read_model
 from par4_kinematics.limits import limits_not_given
-from par4_kinematics.motion_file import named_motion
+from par4_kinematics.motion_file import NAMED_MOTIONS, named_motion
 from par4_kinematics.robot import read_robot
 from par4_kinematics.stamps import SECOND
 from par4_sim.closed_loop.offline import simulate_to_bag
 from par4_sim.closed_loop.simulation import build_simulation
+from par4_sim.jobs.motion import refuse_ignored
 
 
 def simulated(motion: str, robot: str, model: str, output: Path, fidelity: str,
-             feedforward: str | None, duration: float | None, motion_seed: int, seed: int,
+             feedforward: str | None, duration: float | None, motion_seed: int | None, seed: int,
              torque_noise: float, noise_time: float, position_noise: float, stamp_jitter: float,
              rate: float, date: datetime | None, storage: str,
              progress: Callable[[float], object]) -> str:
     """Simulate a motion into a bag and return what was done, in lines."""
+    refuse_ignored(motion, {'duration': duration, 'motion_seed': motion_seed},
+                   {'duration': NAMED_MOTIONS})
     machine = read_robot(robot)
     truth = read_model(model, machine)
     helping = None if feedforward is None else read_model(feedforward, machine)
-    played = named_motion(motion, machine, duration, motion_seed)
+    played = named_motion(motion, machine, duration, motion_seed or 0)
     simulation = build_simulation(
         machine, truth, fidelity, 1.0 / rate, seed, torque_noise=torque_noise,
         correlation_time=noise_time, position_noise=position_noise, stamp_jitter=stamp_jitter)

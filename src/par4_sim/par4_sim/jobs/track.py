@@ -32,7 +32,8 @@ def track(band: float, **options: Any) -> None:
         status.update('drawing the report')
         # the plot library is slow to load, and some homes make it talk on stderr
         from par4_sim.tracking.report import report_of_tracking
-        outcome = outcome_of_tracking(cases, played, model_name(options['machine']), robot)
+        outcome = outcome_of_tracking(cases, played, model_name(options['machine']), robot,
+                                      plan.band)
         provenance = origin('par4_track', robot, {**asked.options, 'band_mm': band})
         write_results(asked.output, {
             'tracking.json': tracking_json(cases, played, robot, plan.cycles, plan.band,

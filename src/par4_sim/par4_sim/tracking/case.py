@@ -12,6 +12,7 @@ from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 from par4_sim.choices import BAND, CYCLES, LEARNING, NO_FEEDFORWARD
 from par4_sim.drives.laws import KNOWING
+from par4_sim.machines.machine_effects import machine_of_model
 from par4_sim.plants.plant import STEP
 from par4_sim.report.words import in_words, listed
 from par4_sim.tracking.learning import Cycle, learn
@@ -22,6 +23,7 @@ from par4_sim.tracking.stability import (
     gains_of_computed_torque,
     gains_of_loops,
     inertias_of_workspace,
+    lags_of,
     margin_over,
 )
 
@@ -39,7 +41,8 @@ class Case:
         run: the record; of the best cycle where a motion was learned.
         tracking: its figures.
         learned: the cycles of a motion that was learned.
-        margin: of its feedback over the workspace; None where it has none or nobody asked.
+        margin: of its feedback over the workspace; None where it has none, the transmissions are
+            not rigid or nobody asked.
     """
 
     controller: str
@@ -106,8 +109,11 @@ class Plan:
 
     def margin(self, controller: str, model: Model | None) -> Margin | None:
         """Return the margin of a controller's feedback over the workspace, where no limit acts.
+
+        None where it has none, and where springs or gaps are between motors and arms.
         """
-        if controller == 'torque':
+        machine = machine_of_model(self.robot, self.machine)
+        if controller == 'torque' or not machine.transmission.is_rigid:
             return None
         known: Model | None
         if controller in KNOWING:
@@ -116,8 +122,8 @@ class Plan:
         else:
             known = None
             gains = gains_of_loops(self.robot.drives)
-        return margin_over(gains, inertias_of_workspace(self.robot, self.machine, known), STEP,
-                           self.robot.drives.current_lag)
+        return margin_over(gains, inertias_of_workspace(self.robot, machine, known), STEP,
+                           *lags_of(self.robot, machine))
 
 
 def _needed(controller: str, model: Model | None) -> Model:

@@ -12,7 +12,7 @@ from par4_kinematics.robot import Robot
 from par4_sim.choices import TIMINGS
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import in_words, listed, number, percent
+from par4_sim.report.words import capital, in_words, listed, number, percent
 from par4_sim.tracking.fastest import Reached, Unreached
 from par4_sim.tracking.time_optimal import Fastest, PathLimits
 
@@ -54,7 +54,7 @@ def outcome_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest, m
                           'Give a model as --feedforward, or allow a larger error.')))
     time = best.case.run.motion.duration
     return Outcome(
-        f'{motion.name.capitalize()} is done in {number(time, 4)} s with '
+        f'{capital(motion.name)} is done in {number(time, 4)} s with '
         f'{number(best.acceleration / GRAVITY)} G by {_label(best)}, {within}; nothing is '
         f'faster than {number(fastest.bound, 4)} s.', 'good',
         (bound, *(Remark(isinstance(item, Reached), f'{_label(item)}: limited by '

@@ -12,6 +12,7 @@ the band again. The Adept cycle is not one that ISO 9283 prescribes.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,9 +36,10 @@ class Tracking:
         excursion: how far D goes beyond the ends of the desired path, along its longest
             direction among x, y and z, m: the overshoot that the paper's Fig. 4 shows.
         overshoot: of ISO 9283, at the end of the motion, m.
-        settling_time: position stabilization time of ISO 9283, s.
+        settling_time: position stabilization time of ISO 9283, s; NaN where D is not inside
+            the limit band all the last `ATTAINED` seconds.
         arrival: from the end of the motion asked for to where D stays in the limit band, s; 0
-            where it is there earlier.
+            where it is there earlier, NaN as of the settling time.
         peak_torque, rms_torque: over joints and the time of the motion, N m.
         energy: net mechanical work of the four motors a cycle, J: over a closed cycle it is what
             friction takes.
@@ -45,7 +47,7 @@ class Tracking:
             nothing is fed back while they brake.
         peak_speed: of the joints, as their encoders tell, rad/s.
         outside: how far D goes beyond the radius and the heights of the robot's workspace, m.
-        saturated: share of joint samples in which a torque or a speed was limited.
+        saturated: share of joint samples of the record in which a torque or a speed was limited.
         missing_effort: reference points that came without their feedforward torque.
     """
 
@@ -63,6 +65,11 @@ class Tracking:
     outside: float
     saturated: float
     missing_effort: int
+
+    @property
+    def settled(self) -> bool:
+        """Whether D is inside the limit band all the last `ATTAINED` seconds."""
+        return math.isfinite(self.settling_time)
 
 
 def errors_of(run: Run) -> np.ndarray:
@@ -95,14 +102,13 @@ def tracking_of(run: Run, cycles: int = 1, band: float = BAND, space: Workspace 
     moving = (run.t >= 0.0) & (run.t <= run.motion.duration)
     power = np.sum(run.torque * run.qd, axis=1)
     driving = np.sum(np.maximum(run.torque * run.qd, 0.0), axis=1)
-    saturated = run.counts['saturated_commands'] + run.counts['saturated_speeds']
     return Tracking(
         float(np.sqrt(np.mean(distance ** 2))), float(distance.max()), float(excursion),
         overshoot, settling_time, arrival, float(np.abs(run.torque[moving]).max()),
         float(np.sqrt(np.mean(run.torque[moving] ** 2))),
         float(np.trapezoid(power, run.t)) / cycles, float(np.trapezoid(driving, run.t)) / cycles,
         float(np.abs(run.qd).max()), _outside(run.pose, space) if space else 0.0,
-        saturated / run.torque.size, run.counts.get('missing_effort', 0))
+        run.limited / run.torque.size, run.counts.get('missing_effort', 0))
 
 
 def _outside(pose: np.ndarray, space: Workspace) -> float:
@@ -113,10 +119,15 @@ def _outside(pose: np.ndarray, space: Workspace) -> float:
 
 
 def _stop_of(run: Run, band: float) -> tuple[float, float, float]:
-    """Return overshoot, settling time and arrival of the stop at the end of the motion."""
+    """Return overshoot, settling time and arrival of the stop at the end of the motion.
+
+    Times are NaN where D is not inside the band all the last `ATTAINED` seconds.
+    """
     wanted, place = run.motion.x[:, :3], run.pose[:, :3]
-    deviation = place - place[run.t > run.t[-1] - ATTAINED].mean(axis=0)
+    ending = run.t > run.t[-1] - ATTAINED
+    deviation = place - place[ending].mean(axis=0)
     overshoot = settling_time = arrival = 0.0
+    settled = True
     for axis in range(3):
         left = run.t >= run.motion.t[_last_way(wanted[:, axis])]
         side = np.sign(deviation[left][0, axis])
@@ -127,8 +138,13 @@ def _stop_of(run: Run, band: float) -> tuple[float, float, float]:
         stays = entered + (int(outside[-1]) + 1 if len(outside) else 0)
         if len(outside):
             overshoot = max(overshoot, float(np.abs(deviation[entered:, axis]).max()))
+        if stays > np.argmax(ending):
+            settled = False
+            continue
         settling_time = max(settling_time, float(run.t[stays] - run.t[entered]))
         arrival = max(arrival, float(run.t[stays]))
+    if not settled:
+        return overshoot, math.nan, math.nan
     return overshoot, settling_time, max(arrival - run.motion.duration, 0.0)
 
 

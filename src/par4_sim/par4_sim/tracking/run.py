@@ -34,7 +34,8 @@ class Run:
         torque: torque that the amplifiers delivered, (n, 4) N m.
         feedforward: torque given to the drives at the samples of the motion, (m, 4) N m; None
             where they got none.
-        counts: what went wrong, by name, as `Simulation.counts`.
+        counts: what went wrong in these samples, by name, as `Simulation.counts`.
+        limited: how many of the 4 n joint samples had a limited torque or speed.
     """
 
     motion: Motion
@@ -46,6 +47,7 @@ class Run:
     torque: np.ndarray
     feedforward: np.ndarray | None
     counts: dict[str, int]
+    limited: int
 
 
 def feedforward_of(robot: Robot, model: Model, motion: Motion) -> np.ndarray:
@@ -82,11 +84,13 @@ def record_run(robot: Robot, machine: Model, motion: Motion, feedforward: np.nda
         before = round(REST / STEP) + first
         count = round((motion.duration + SETTLING) / STEP) + 1 - first
         simulation.next_samples(before)
+        earlier, limited = simulation.counts, simulation.limited
         told = simulation.next_samples(count)
-        counts = simulation.counts
+        counts = {name: number - earlier[name] for name, number in simulation.counts.items()}
+        limited = simulation.limited - limited
     finally:
         simulation.close()
     if feedforward is None:
         counts.pop('missing_effort')
     return Run(motion, STEP * np.arange(first, first + count), told.true_pose, told.q, told.qd,
-               told.effort, told.true_torque, feedforward, counts)
+               told.effort, told.true_torque, feedforward, counts, limited)
