@@ -64,6 +64,25 @@ def test_a_csv_without_header_is_read_by_numbers_and_empty_cells_are_unknown(tmp
         read_columns(path, ('q',))
 
 
+@pytest.mark.parametrize('missing', ['#N/A', '#n/a', ' #N/A', '"#N/A"', 'N/A', 'nan', ''])
+@pytest.mark.parametrize('place', [0, 1, 2])
+def test_a_spreadsheet_s_mark_of_a_missing_value_is_no_comment(place, missing, tmp_path):
+    """The line was cut there: it had "2 of 3 columns"."""
+    path = tmp_path / 'log.csv'
+    row = [missing if place == column else str(column) for column in range(3)]
+    path.write_text(f'# t,q,tau\n{",".join(row)}\n1,2,3\n# tick, tock\n{",".join(row)}\n4,5,6\n')
+    expected = [np.nan if place == column else column for column in range(3)]
+    found = read_columns(path, ('t', 'q', 'tau'))
+    np.testing.assert_array_equal(np.transpose(list(found.values())),
+                                  (expected, (1, 2, 3), expected, (4, 5, 6)))
+
+
+def test_a_comment_may_stand_behind_a_number(tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text('t,q\n1,2\n3,4 # tick, tock\n5,6\n')
+    np.testing.assert_array_equal(read_columns(path, ('q',))['q'], (2.0, 4.0, 6.0))
+
+
 @pytest.mark.parametrize('header', ['', 't,q,u,tau\n', 't,q,u,tau\ns,rad,V,N m\n'])
 @pytest.mark.parametrize(('first', 'time'), [
     ('2,,,', 2.0), ('2,nan,NA,', 2.0), (',,,', np.nan), ('nan,nan,nan,nan', np.nan)])
