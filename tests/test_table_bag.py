@@ -466,6 +466,23 @@ def test_files_must_follow_each_other_and_a_bag_is_never_replaced(tool, tmp_path
     assert 'exists already' in told.err
 
 
+@pytest.mark.parametrize('empty', [((), (0,)), ((-1,), ()), ((-2, -1), (0, 1))])
+def test_files_follow_each_other_where_cells_of_time_are_empty(empty, tool, tmp_path):
+    """The second one "begins at 0.4 s, before the first one ends at nan s"."""
+    half, times, files = COUNT // 2, [T[:COUNT // 2].copy(), T[COUNT // 2:].copy()], []
+    for number, (time, places) in enumerate(zip(times, empty)):
+        rows = slice(number * half, (number + 1) * half)
+        time[list(places)] = np.nan
+        files.append(csv(tmp_path / f'{number}.csv', t=time, q=Q[rows], qd=QD[rows],
+                         tau=TAU[rows]))
+    told = tool(*files, '--columns', COLUMNS, '--joints', 'a', '--output', tmp_path / 'bag')
+    assert told.code == 0, told.err
+    assert f'{sum(map(len, empty))} rows without a time, left out' in told.out
+    told = tool(*files[::-1], '--columns', COLUMNS, '--joints', 'a', '--output', tmp_path / 'no')
+    assert told.code == 2
+    assert f'begins at 0 s, before {files[1]} ends at 0.798 s' in told.err
+
+
 @pytest.mark.parametrize('order', [('full', 'empty'), ('empty', 'full')])
 def test_a_file_whose_columns_are_empty_is_named(order, tool, tmp_path):
     for name, count in (('full', COUNT), ('empty', 0)):

@@ -132,12 +132,16 @@ def _integral(velocity: np.ndarray, time: np.ndarray) -> np.ndarray:
 
 
 def _refuse_overlap(files: Sequence[str | Path], time: np.ndarray, lengths: Sequence[int]) -> None:
-    ends = np.cumsum(lengths)
-    for index, row in enumerate(ends[:-1]):
-        if not time[row] > time[row - 1]:
-            raise InputError(f'{files[index + 1]}: begins at {time[row]:.6g} s, before '
-                             f'{files[index]} ends at {time[row - 1]:.6g} s; several files are '
-                             f'parts of one recording in order; make a bag of each recording')
+    previous, end = files[0], -np.inf
+    for file, rows in zip(files, np.split(time, np.cumsum(lengths)[:-1])):
+        known = rows[np.isfinite(rows)]
+        if not len(known):
+            continue
+        if not known[0] > end:
+            raise InputError(f'{file}: begins at {known[0]:.6g} s, before {previous} ends at '
+                             f'{end:.6g} s; several files are parts of one recording in order; '
+                             f'make a bag of each recording')
+        previous, end = file, known[-1]
 
 
 def _refuse_rate(files: Sequence[str | Path], time: np.ndarray) -> None:
