@@ -455,6 +455,19 @@ def test_a_time_that_no_stamp_holds_is_refused(tool, tmp_path):
     assert not (tmp_path / 'bag').exists()
 
 
+@pytest.mark.parametrize(('first', 'second'), [(5.0, 0.0), (2e8, -1.0)])
+def test_a_clock_that_goes_back_far_leaves_every_sample_its_stamp(first, second, tool, tmp_path):
+    """Stamps before zero mean that there is none: half of the samples were lost."""
+    time = np.where(T < 0.4, T + first, T - 0.4 + second)
+    path = csv(tmp_path / 'log.csv', t=time, q=Q, qd=QD, tau=TAU)
+    told = tool(path, '--columns', COLUMNS, '--joints', 'motor', '--output', tmp_path / 'bag')
+    assert told.code == 0, told.err
+    assert '1 times the clock goes back' in told.out
+    log = read_log(tmp_path / 'bag', axis())
+    assert not any('stamp' in finding for finding in log.accounts.findings())
+    np.testing.assert_allclose(log.q[:, 0], Q, atol=1e-12)
+
+
 def test_files_must_follow_each_other_and_a_bag_is_never_replaced(tool, tmp_path):
     path = csv(tmp_path / 'log.csv', t=T, q=Q, qd=QD, tau=TAU)
     told = tool(path, path, '--columns', COLUMNS, '--joints', 'a', '--output', tmp_path / 'bag')
