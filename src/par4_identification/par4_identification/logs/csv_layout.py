@@ -170,7 +170,16 @@ def _top(numbered: Iterator[tuple[int, str]], number_first: bool) -> Top | None:
 
 
 def _delimiter(text: str) -> str | None:
-    return next((mark for mark in DELIMITERS if mark in text), None)
+    """Return what parts the cells of a line; None for spaces.
+
+    Where spaces part more numbers than commas do, the commas are decimal ones.
+    """
+    mark = next((mark for mark in DELIMITERS if mark in text), None)
+    if mark == ',' and len(text.split()) > 1:
+        spaced = sum(_is_number(field, True) and not field.endswith(',') for field in text.split())
+        if spaced > sum(_is_number(field, False) for field in text.split(',')):
+            return None
+    return mark
 
 
 def is_comment(text: str) -> bool:
