@@ -437,6 +437,23 @@ def test_what_the_model_leaves_out_of_a_friction_is_no_series(name, parameters, 
     assert life_of(found).events == ()
 
 
+@pytest.mark.parametrize(('name', 'parameters'), [
+    ('payload', {'mass': (1.0, 'kg')}), ('payload', {'mass': (0.5, 'kg'), 'half': (2.0, '1')}),
+    ('quantization', {'step': (1e-5, 'rad')})])
+def test_an_effect_that_has_no_size_of_its_own_is_known(name, parameters, monkeypatch):
+    """The columns of a payload are base columns, and quantization has none."""
+    table = read_model_file('table1')
+    model_file = with_effects(table, **{name: (None, parameters)})
+    log = log_of_model(build_model(REFERENCE, model_file), 3)
+    monkeypatch.setattr('par4_identification.trend.bag_values.read_log', lambda *_: log)
+    found = values_of_bag('a bag', REFERENCE, model_file)
+    assert found.effects == ()
+    expected = build_model(REFERENCE, table).values
+    values = np.stack([expected[name] for name in found.terms], axis=1)
+    std = np.sqrt(np.diag(found.covariance)).reshape(values.shape)
+    np.testing.assert_array_less(np.abs(found.values - values), 5.0 * std)
+
+
 @pytest.mark.parametrize('joints', [(0, 1, 2, 3), (2,)])
 def test_a_stiffness_is_told_as_it_is(joints, monkeypatch):
     # a series about rigid joints told 17,300 and 17,600 N m/rad, off by thirty deviations
