@@ -454,6 +454,19 @@ def test_an_effect_that_has_no_size_of_its_own_is_known(name, parameters, monkey
     np.testing.assert_array_less(np.abs(found.values - values), 5.0 * std)
 
 
+def test_of_the_dimensions_those_that_the_model_changes_are_followed(monkeypatch):
+    """One motion does not tell all of them apart, so that every bag was refused."""
+    model_file = with_effects(read_model_file('table1'), geometry_error=(None, {
+        'arm_length': (1e-3, 'm'), 'platform_bar_length': (2e-3, 'm')}))
+    log = log_of_model(build_model(REFERENCE, model_file), 3)
+    monkeypatch.setattr('par4_identification.trend.bag_values.read_log', lambda *_: log)
+    arm, bar = values_of_bag('a bag', REFERENCE, model_file).effects
+    assert (arm.label, bar.label) == ('geometry_error.arm_length',
+                                      'geometry_error.platform_bar_length')
+    assert arm.value == pytest.approx(1e-3, abs=4.0 * arm.std)
+    assert bar.value == pytest.approx(2e-3, abs=4.0 * bar.std)
+
+
 @pytest.mark.parametrize('joints', [(0, 1, 2, 3), (2,)])
 def test_a_stiffness_is_told_as_it_is(joints, monkeypatch):
     # a series about rigid joints told 17,300 and 17,600 N m/rad, off by thirty deviations
