@@ -135,6 +135,7 @@ class Effect(ABC):
             that only differences between joints show.
         of_base: whether its columns are sums of base columns, so that one run tells it and base
             parameters together only.
+        looks_around: whether its torque at an instant follows from the motion before and after it.
         needs_both_ways: whether it cannot be told from friction if the joint moves one way only
             (for a torque that is read at another time: from a torque at another position).
         of_axis: whether it is searched on single axes only, because the loads of a Par4's arms are
@@ -162,6 +163,7 @@ class Effect(ABC):
     retimes: ClassVar[bool] = False
     against_the_others: ClassVar[bool] = False
     of_base: ClassVar[bool] = False
+    looks_around: ClassVar[bool] = False
     needs_both_ways: ClassVar[bool] = False
     of_axis: ClassVar[bool] = False
     told_by_speeds: ClassVar[bool] = False
