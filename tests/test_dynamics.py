@@ -10,6 +10,7 @@ import pytest
 
 from par4_dynamics.base_terms import (
     BASE_TERMS,
+    PLATFORM_MASSES,
     UNMODELLED,
     base_columns,
     base_terms,
@@ -457,6 +458,17 @@ def test_unknown_effect_and_missing_parameter_are_refused():
     del content['parameters']['arm_gravity']
     with pytest.raises(InputError, match='missing parameters arm_gravity'):
         build_model(REFERENCE, ModelFile.model_validate(content))
+
+
+@pytest.mark.parametrize('rigid_body', ['paper', 'full'])
+@pytest.mark.parametrize('name', PLATFORM_MASSES)
+def test_a_platform_has_one_mass_for_all_joints(name, rigid_body):
+    content = read_model_file('table1').to_yaml() | {'rigid_body': rigid_body}
+    content['parameters'][name]['value'] = [0.8, 0.8, 0.8, 0.9]
+    with pytest.raises(InputError, match=f'{name}: expected one number for the machine, found'):
+        build_model(REFERENCE, ModelFile.model_validate(content))
+    content['parameters'][name]['value'] = [0.8, 0.8, 0.8, 0.8]
+    build_model(REFERENCE, ModelFile.model_validate(content))
 
 
 def test_bodies_heavier_than_their_lump_are_refused():

@@ -14,6 +14,7 @@ from par4_identification.logs.jumps import joints_of_recordings, without_turns
 from par4_identification.logs.log import Log
 from par4_identification.logs.read_log import read_log
 from par4_identification.logs.stamps import CROWDED
+from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import JOINT_NAMES, Axis, read_robot
 from par4_sim.bags.bag_writer import BagWriter
@@ -456,9 +457,22 @@ def test_a_topic_on_another_clock_is_moved_by_its_receipt(tmp_path):
     assert any('another clock' in finding for finding in log.accounts.findings())
 
 
-def test_two_machines_on_one_topic_are_told(tmp_path):
-    stamp = even(2 * COUNT, PERIOD // 2)
-    position = true_position(stamp)
+@pytest.mark.parametrize('rate', [4, 10, 16, 25, 40])
+def test_a_machine_that_is_read_slowly_is_one_machine(rate, tmp_path):
+    """It swings from sample to sample; to leave some of them out made the rate another one."""
+    stamp = even(30 * rate, 1_000_000_000 // rate)
+    position = sum(true_position(START + share * (stamp - START)) for share in (1, 3, 5, 7))
+    log = read_log(bag(tmp_path / 'bag', stamp, position), ROBOT)
+    assert len(log.t) == len(stamp)
+    assert log.accounts.findings() == ()
+    with pytest.raises(InputError, match=f'recorded at {rate}.0 Hz; at least 50 Hz are needed'):
+        runs_of_log(log, ROBOT)
+
+
+@pytest.mark.parametrize('period', [PERIOD // 2, 100 * PERIOD])
+def test_two_machines_on_one_topic_are_told(period, tmp_path):
+    stamp = even(2 * COUNT, period)
+    position = true_position(even(2 * COUNT, PERIOD // 2))
     position[1::2] += 0.5
     with pytest.raises(InputError, match='jump to and fro .*two machines'):
         read_log(bag(tmp_path / 'bag', stamp, position), ROBOT)

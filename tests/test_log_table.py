@@ -13,6 +13,7 @@ T = np.array((0.0, 0.1, 0.2, 0.3))
 Q = np.array((1.5, -2.25, 3e-3, 4.0))
 TAU = np.array((-7.0, 8.0, 9.5, 0.25))
 ROWS = list(zip(T, Q, TAU))
+SHORT = [[f'{number:g}' for number in row] for row in ROWS]
 
 
 def text(mark, rows=ROWS):
@@ -25,6 +26,13 @@ CSV = {
     'tabs': 't\tjoint angle\ttau\n' + text('\t'),
     'semicolons': 't;joint angle;tau\r\n' + text('; ').replace('\n', '\r\n'),
     'decimal commas': 't;joint angle;tau\n' + text(';').replace('.', ','),
+    'spaces and decimal commas': 't joint_angle tau\n' + text('  ').replace('.', ','),
+    'spaces, decimal commas and whole numbers': 't joint_angle tau\n' + text(
+        ' ', SHORT).replace('.', ','),
+    'spaces, decimal commas and words': 'mode t joint_angle tau\n' + text(' ', [
+        ('auto', *row) for row in ROWS]).replace('.', ','),
+    'commas and spaces': 't,joint angle,tau\n' + text(', '),
+    'spaces before commas': 't ,joint angle ,tau\n' + text(' ,', SHORT),
     'as numpy writes it': '# t,joint angle,tau\n' + text(','),
     'comments': '% logger 3.1\n# made on Monday, at noon\n\n"t","joint angle","tau"\n' + text(','),
     'a byte order mark': '\ufefft,joint angle,tau\n' + text(','),
@@ -48,11 +56,11 @@ CSV = {
 def test_a_csv_in_any_usual_form(form, tmp_path):
     path = tmp_path / 'log.csv'
     path.write_text(CSV[form], encoding='utf-8', newline='')
-    name = 'joint_angle' if form == 'spaces' else 'joint angle'
+    name = 'joint_angle' if 'joint_angle' in CSV[form] else 'joint angle'
     found = read_columns(path, ('tau', 't', name))
     for column, expected in zip(('tau', 't', name), (TAU, T, Q), strict=True):
         np.testing.assert_array_equal(found[column], expected)
-    shift = form == 'words in a column'
+    shift = CSV[form].startswith('mode')
     np.testing.assert_array_equal(read_columns(path, (str(2 + shift),))[str(2 + shift)], Q)
 
 
@@ -62,6 +70,25 @@ def test_a_csv_without_header_is_read_by_numbers_and_empty_cells_are_unknown(tmp
     np.testing.assert_array_equal(read_columns(path, ('2',))['2'], (1.0, np.nan, np.nan, 4.0))
     with pytest.raises(InputError, match="no column 'q'; there are 2 without names, counted from"):
         read_columns(path, ('q',))
+
+
+@pytest.mark.parametrize('missing', ['#N/A', '#n/a', ' #N/A', '"#N/A"', 'N/A', 'nan', ''])
+@pytest.mark.parametrize('place', [0, 1, 2])
+def test_a_spreadsheet_s_mark_of_a_missing_value_is_no_comment(place, missing, tmp_path):
+    """The line was cut there: it had "2 of 3 columns"."""
+    path = tmp_path / 'log.csv'
+    row = [missing if place == column else str(column) for column in range(3)]
+    path.write_text(f'# t,q,tau\n{",".join(row)}\n1,2,3\n# tick, tock\n{",".join(row)}\n4,5,6\n')
+    expected = [np.nan if place == column else column for column in range(3)]
+    found = read_columns(path, ('t', 'q', 'tau'))
+    np.testing.assert_array_equal(np.transpose(list(found.values())),
+                                  (expected, (1, 2, 3), expected, (4, 5, 6)))
+
+
+def test_a_comment_may_stand_behind_a_number(tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text('t,q\n1,2\n3,4 # tick, tock\n5,6\n')
+    np.testing.assert_array_equal(read_columns(path, ('q',))['q'], (2.0, 4.0, 6.0))
 
 
 @pytest.mark.parametrize('header', ['', 't,q,u,tau\n', 't,q,u,tau\ns,rad,V,N m\n'])

@@ -562,6 +562,13 @@ def test_bad_samples_are_refused_in_one_line(tmp_path, damage, message):
     assert 'motion.csv' in str(caught.value)
 
 
+@pytest.mark.parametrize('name', ['motion.csv', 'motion.CSV'])
+def test_a_motion_is_not_written_over_its_samples(name, tmp_path):
+    with pytest.raises(InputError, match='expected a name that ends in .yaml; the samples go'):
+        write_motion(tmp_path / name, adept_motion(REFERENCE))
+    assert not list(tmp_path.iterdir())
+
+
 def test_samples_rounded_in_a_spreadsheet_are_read(tmp_path):
     path = tmp_path / 'motion.yaml'
     motion = circle_motion(REFERENCE, theta_swing=0.0)

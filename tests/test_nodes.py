@@ -37,7 +37,7 @@ from node_bench import (
     torque_steps,
 )
 from par4_dynamics.model import read_model
-from par4_dynamics.model_file import read_model_file, write_model_file
+from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
 from par4_identification.logs.bag import read_bag
 from par4_identification.logs.bag_repair import repair_bag
 from par4_kinematics.adept import adept_motion
@@ -181,6 +181,38 @@ def test_feedforward_is_the_torque_of_the_model(bench, model):
     assert answer.header.stamp == message.header.stamp
     assert [point.time_from_start for point in answer.points] == [
         point.time_from_start for point in message.points]
+
+
+def test_feedforward_of_a_motion_point_by_point_is_that_of_the_motion(bench):
+    path = bench.folder / 'model.yaml'
+    content = read_model_file('table1')
+    write_model_file(path, content.model_copy(update={'effects': (
+        EffectEntry(effect='presliding', parameters={'distance': {'value': 5e-3}}),
+        EffectEntry(effect='friction_drift', parameters={
+            'drop': {'value': 0.3}, 'time_constant': {'value': 0.2}}))}))
+    bench.start('par4_feedforward', model_file=path)
+    answers = bench.listen(FEEDFORWARD_TORQUE)
+    references = bench.publisher(REFERENCE)
+    motion = quintic_motion(HOME_Q + 0.1, period=1e-2)
+    whole = reference_message(motion, 0)  # without a stamp: nothing of it is remembered
+    bench.until_answered(lambda: references.publish(whole), answers)
+    for point, t in zip(whole.points, motion.t):
+        message = reference_message(motion, 10 * SECOND + round(t * SECOND))
+        point.time_from_start.sec, point.time_from_start.nanosec = 0, 0
+        message.points = [point]
+        references.publish(message)
+    bench.wait(lambda: len({time_ns(answer.header.stamp) for answer in answers}) > len(motion.t),
+               'an answer to each point')
+    told = {time_ns(answer.header.stamp): read_trajectory(answer, ('effort',)).effort[0]
+            for answer in answers}
+    np.testing.assert_allclose([told[stamp] for stamp in sorted(told) if stamp],
+                               torque_of(path, motion), rtol=0.0, atol=1e-8)
+    assert 'actuator_lag' not in bench.said()
+    write_model_file(path, content.model_copy(update={'effects': (
+        EffectEntry(effect='actuator_lag', parameters={'time_constant': {'value': 2e-3}}),)}))
+    assert bench.call('par4_feedforward/reload_model').success
+    bench.wait(lambda: f'actuator_lag of {path}: this torque follows from the motion around a '
+               f'point' in bench.said(), 'a warning')
 
 
 def test_feedforward_rejects_what_no_robot_can_do(bench):

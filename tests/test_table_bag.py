@@ -455,6 +455,19 @@ def test_a_time_that_no_stamp_holds_is_refused(tool, tmp_path):
     assert not (tmp_path / 'bag').exists()
 
 
+@pytest.mark.parametrize(('first', 'second'), [(5.0, 0.0), (2e8, -1.0)])
+def test_a_clock_that_goes_back_far_leaves_every_sample_its_stamp(first, second, tool, tmp_path):
+    """Stamps before zero mean that there is none: half of the samples were lost."""
+    time = np.where(T < 0.4, T + first, T - 0.4 + second)
+    path = csv(tmp_path / 'log.csv', t=time, q=Q, qd=QD, tau=TAU)
+    told = tool(path, '--columns', COLUMNS, '--joints', 'motor', '--output', tmp_path / 'bag')
+    assert told.code == 0, told.err
+    assert '1 times the clock goes back' in told.out
+    log = read_log(tmp_path / 'bag', axis())
+    assert not any('stamp' in finding for finding in log.accounts.findings())
+    np.testing.assert_allclose(log.q[:, 0], Q, atol=1e-12)
+
+
 def test_files_must_follow_each_other_and_a_bag_is_never_replaced(tool, tmp_path):
     path = csv(tmp_path / 'log.csv', t=T, q=Q, qd=QD, tau=TAU)
     told = tool(path, path, '--columns', COLUMNS, '--joints', 'a', '--output', tmp_path / 'bag')
@@ -464,6 +477,23 @@ def test_files_must_follow_each_other_and_a_bag_is_never_replaced(tool, tmp_path
         told = tool(path, '--columns', COLUMNS, '--joints', 'a', '--output', tmp_path / 'bag')
         assert told.code == code
     assert 'exists already' in told.err
+
+
+@pytest.mark.parametrize('empty', [((), (0,)), ((-1,), ()), ((-2, -1), (0, 1))])
+def test_files_follow_each_other_where_cells_of_time_are_empty(empty, tool, tmp_path):
+    """The second one "begins at 0.4 s, before the first one ends at nan s"."""
+    half, times, files = COUNT // 2, [T[:COUNT // 2].copy(), T[COUNT // 2:].copy()], []
+    for number, (time, places) in enumerate(zip(times, empty)):
+        rows = slice(number * half, (number + 1) * half)
+        time[list(places)] = np.nan
+        files.append(csv(tmp_path / f'{number}.csv', t=time, q=Q[rows], qd=QD[rows],
+                         tau=TAU[rows]))
+    told = tool(*files, '--columns', COLUMNS, '--joints', 'a', '--output', tmp_path / 'bag')
+    assert told.code == 0, told.err
+    assert f'{sum(map(len, empty))} rows without a time, left out' in told.out
+    told = tool(*files[::-1], '--columns', COLUMNS, '--joints', 'a', '--output', tmp_path / 'no')
+    assert told.code == 2
+    assert f'begins at 0 s, before {files[1]} ends at 0.798 s' in told.err
 
 
 @pytest.mark.parametrize('order', [('full', 'empty'), ('empty', 'full')])

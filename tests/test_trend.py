@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from browser import check_in_browser
 from test_commands import checked_page, run
-from year import NAMES, YEAR, drawn_year
+from year import DRY, FLOWING, NAMES, YEAR, drawn_year
 
 from par4_dynamics.base_terms import base_terms
 from par4_dynamics.effects.catalogue import CATALOGUE
@@ -19,6 +19,7 @@ from par4_dynamics.model import build_model
 from par4_dynamics.model_file import EffectEntry, ModelFile, read_model_file, write_model_file
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import GRAVITY, State
+from par4_identification.changes.readings import Added
 from par4_identification.commands import trend
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR
@@ -191,6 +192,26 @@ def test_a_quiet_year_is_quiet():
     life = life_of(year.bags(COVARIANCE, np.random.default_rng(8)))
     assert life.events == ()
     assert outcome_of_life(life, {}, REFERENCE).sentence.startswith('Nothing changed')
+
+
+@pytest.mark.parametrize(('weather', 'seed'), [(0.0, 0), (0.0, 1), (1.5, 0)])
+def test_what_the_seasons_and_the_weather_do_is_no_part_of_an_event(weather, seed):
+    # an event in spring, when the temperature rises by 5 K in the five weeks between the bags
+    # before and after it: the friction of all joints falls as well, by no reading of this event
+    t = 7.0 * np.arange(53)
+    temperature = 8.0 * np.sin(2.0 * np.pi * t / YEAR) + noisy(np.zeros(53), seed, weather)
+    values = np.tile(np.array([1.0, 1.0, 2.0, 3.0, 3.0, 2.0]), (53, 4, 1))
+    values[26:, 2, NAMES.index('viscous_friction')] += 0.2
+    for name, share in (('coulomb_friction', DRY), ('viscous_friction', FLOWING)):
+        values[..., NAMES.index(name)] *= (1.0 + share * temperature)[:, None]
+    life = life_of([
+        BagValues(str(number), EARLIEST + round(day * DAY_NS), 20.0, NAMES, own, COVARIANCE)
+        for number, (day, own) in enumerate(zip(t, noisy(values / STD, seed) * STD))])
+    event, = life.events
+    assert event.index == 26
+    read, = event.read
+    assert read.reading == Added(2, 'viscous_friction')
+    assert read.size == pytest.approx(0.2, abs=0.02)
 
 
 def test_a_phase_near_half_a_turn_does_not_jump():
@@ -435,6 +456,36 @@ def test_what_the_model_leaves_out_of_a_friction_is_no_series(name, parameters, 
         for size in bag.effects:
             assert size.value == pytest.approx(1.0, abs=5.0 * size.std)
     assert life_of(found).events == ()
+
+
+@pytest.mark.parametrize(('name', 'parameters'), [
+    ('payload', {'mass': (1.0, 'kg')}), ('payload', {'mass': (0.5, 'kg'), 'half': (2.0, '1')}),
+    ('quantization', {'step': (1e-5, 'rad')})])
+def test_an_effect_that_has_no_size_of_its_own_is_known(name, parameters, monkeypatch):
+    """The columns of a payload are base columns, and quantization has none."""
+    table = read_model_file('table1')
+    model_file = with_effects(table, **{name: (None, parameters)})
+    log = log_of_model(build_model(REFERENCE, model_file), 3)
+    monkeypatch.setattr('par4_identification.trend.bag_values.read_log', lambda *_: log)
+    found = values_of_bag('a bag', REFERENCE, model_file)
+    assert found.effects == ()
+    expected = build_model(REFERENCE, table).values
+    values = np.stack([expected[name] for name in found.terms], axis=1)
+    std = np.sqrt(np.diag(found.covariance)).reshape(values.shape)
+    np.testing.assert_array_less(np.abs(found.values - values), 5.0 * std)
+
+
+def test_of_the_dimensions_those_that_the_model_changes_are_followed(monkeypatch):
+    """One motion does not tell all of them apart, so that every bag was refused."""
+    model_file = with_effects(read_model_file('table1'), geometry_error=(None, {
+        'arm_length': (1e-3, 'm'), 'platform_bar_length': (2e-3, 'm')}))
+    log = log_of_model(build_model(REFERENCE, model_file), 3)
+    monkeypatch.setattr('par4_identification.trend.bag_values.read_log', lambda *_: log)
+    arm, bar = values_of_bag('a bag', REFERENCE, model_file).effects
+    assert (arm.label, bar.label) == ('geometry_error.arm_length',
+                                      'geometry_error.platform_bar_length')
+    assert arm.value == pytest.approx(1e-3, abs=4.0 * arm.std)
+    assert bar.value == pytest.approx(2e-3, abs=4.0 * bar.std)
 
 
 @pytest.mark.parametrize('joints', [(0, 1, 2, 3), (2,)])

@@ -205,7 +205,7 @@ class Model:
         """
         for name in PLATFORM_MASSES:
             if np.ptp(self.values[name]) > 0:
-                raise InputError(f'{name}: one number for the machine, found '
+                raise InputError(f'{name}: expected one number for the machine, found '
                                  f'{self.values[name].tolist()}')
         full = self.rigid_body == 'full'
         return LumpedBodies(
@@ -227,8 +227,8 @@ def build_model(machine: Robot | Axis, model_file: ModelFile,
 
     Raises:
         InputError: a parameter that is missing, in another unit than its own or has the wrong
-            number of values, the load of another kind of axis, an unknown effect, or masses that
-            make a body negative.
+            number of values, platform masses that differ between joints, the load of another kind
+            of axis, an unknown effect, or masses that make a body negative.
     """
     joints = len(machine.joint_names)
     is_robot = isinstance(machine, Robot)
@@ -251,8 +251,10 @@ def build_model(machine: Robot | Axis, model_file: ModelFile,
                     for entry in model_file.effects)
     bodies = machine.bodies if isinstance(machine, Robot) else Bodies()
     model = Model(model_file.rigid_body, values, bodies, effects, model_file.torque_limit)
-    if isinstance(machine, Robot) and model.rigid_body == 'full':
-        physical_bodies(machine.geometry, model.lumped_bodies(), bodies.rod_mass, bodies.bar_mass)
+    if isinstance(machine, Robot):
+        lumped = model.lumped_bodies()
+        if model.rigid_body == 'full':
+            physical_bodies(machine.geometry, lumped, bodies.rod_mass, bodies.bar_mass)
     return model
 
 

@@ -155,9 +155,15 @@ def write_motion(path: str | Path, motion: Motion, frame: str = 'joint', maker: 
         motion: what to write.
         frame: whether the samples are written as 'joint' or as 'platform' motion.
         maker: the tool whose result it is, by which `is_untouched` knows the files again.
+
+    Raises:
+        InputError: the path has the name of the CSV.
     """
     path = Path(path)
     table = path.with_suffix('.csv')
+    if path.suffix.lower() == table.suffix:
+        raise InputError(f'{path}: expected a name that ends in .yaml; the samples go into a .csv '
+                         f'beside it')
     parts = ((motion.q, motion.qd, motion.qdd) if frame == 'joint' else
              (motion.x, motion.xd, motion.xdd))
     rows = np.column_stack((motion.t, *parts)).tolist()

@@ -28,6 +28,7 @@ class ActuatorLag(Effect):
     shared = True
     retimes = True
     needs_nominal = True
+    looks_around = True
     needs_both_ways = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:

@@ -38,6 +38,7 @@ class Backlash(Effect):
     parameters = (EffectParameter('gap', 'rad', 'joint', nonnegative=True),)
     shared = True
     needs_nominal = True
+    looks_around = True
     variables = 2
 
     def shapes(self, state: State) -> tuple[Shape, ...]:

@@ -133,6 +133,9 @@ class Effect(ABC):
         retimes: whether it is, to first order, the torque of the motion at another time.
         against_the_others: whether the part that all joints have in common is a base parameter, so
             that only differences between joints show.
+        of_base: whether its columns are sums of base columns, so that one run tells it and base
+            parameters together only.
+        looks_around: whether its torque at an instant follows from the motion before and after it.
         needs_both_ways: whether it cannot be told from friction if the joint moves one way only
             (for a torque that is read at another time: from a torque at another position).
         of_axis: whether it is searched on single axes only, because the loads of a Par4's arms are
@@ -159,6 +162,8 @@ class Effect(ABC):
     expanded: ClassVar[bool] = False
     retimes: ClassVar[bool] = False
     against_the_others: ClassVar[bool] = False
+    of_base: ClassVar[bool] = False
+    looks_around: ClassVar[bool] = False
     needs_both_ways: ClassVar[bool] = False
     of_axis: ClassVar[bool] = False
     told_by_speeds: ClassVar[bool] = False

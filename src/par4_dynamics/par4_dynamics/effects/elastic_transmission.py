@@ -67,6 +67,7 @@ class ElasticTransmission(Effect):
     shared = True
     separable = ((0,), (1,), (2,), (3,))
     needs_nominal = True
+    looks_around = True
     variables = 2
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:

@@ -40,19 +40,19 @@ def dahl_sample(share, dq, distance):
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
 def _share_rows(q, distance, share):
-    share[:1] = 0.0
     for row in range(1, q.shape[0]):
         for joint in range(q.shape[1]):
             share[row, joint] = dahl_sample(share[row - 1, joint],
                                             q[row, joint] - q[row - 1, joint], distance)
 
 
-def built_up(q: np.ndarray, distance: float) -> np.ndarray:
+def built_up(q: np.ndarray, distance: float, start: np.ndarray | float = 0.0) -> np.ndarray:
     """Return the share -1 .. 1 of the Coulomb level that friction has along positions (n, J).
 
-    It is 0 at the start and builds up over `distance`, in the unit of the positions.
+    It builds up over `distance`, in the unit of the positions, from `start`, (J,) or one number.
     """
     share = np.empty(q.shape)
+    share[:1] = start
     _share_rows(np.ascontiguousarray(q, dtype=float), distance, share)
     return share
 
@@ -76,7 +76,8 @@ def _goes_both_ways(q: np.ndarray, stroke: float) -> bool:
 class Presliding(Effect):
     """tau_i += f_c (z - sign(qd)): f_c z takes the place of f_c sign(qd) of (20).
 
-    z is 0 at the start of a log and approaches sign(qd) over `distance`.
+    z is 0 at the start of a log and approaches sign(qd) over `distance`; references that come one
+    after the other are one motion, see `Feedforward`.
     """
 
     name = 'presliding'

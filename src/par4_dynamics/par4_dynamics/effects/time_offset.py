@@ -36,6 +36,7 @@ class TimeOffset(Effect):
     expanded = True
     retimes = True
     needs_nominal = True
+    looks_around = True
     needs_both_ways = True
 
     def shapes(self, state: State) -> tuple[Shape, ...]:

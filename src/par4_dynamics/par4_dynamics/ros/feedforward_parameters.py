@@ -13,7 +13,9 @@ class FeedforwardParameters(NodeParameters):
     """Sends every reference back with the torque the model needs for it.
 
     A reference beyond the limits of robot.yaml, or that takes more torque than the drives have, is
-    refused.
+    refused. What friction remembers goes on from reference to reference by their stamps:
+    `presliding` from the point before, `friction_drift` from the first reference since the model
+    was read.
     """
 
     NAME: ClassVar[str] = 'par4_feedforward'

@@ -209,7 +209,7 @@ def _coefficients(observations: Observations, causes: Sequence[Hypothesis], valu
         part = values[first:first + _width(observations, cause)]
         full = np.zeros((rows, observations.joints))
         if cause.effect.shared:
-            full[:] = part[:, None]
+            full[cause.columns] = part[:, None]
         else:
             full[:, list(cause.joints)] = part.reshape(-1, rows).T
         found.append((cause, full))

@@ -25,7 +25,7 @@ UNIFORM = 20
 """Lines below the first of a table that have as many cells, or all to the end of the file."""
 CHUNK = 1 << 20
 """Characters that are read at a time."""
-EMPTY = {'', 'nan', 'na', 'n/a', 'null', 'none'}
+EMPTY = {'', 'nan', 'na', 'n/a', '#n/a', '#na', 'null', 'none'}
 """Cells that hold no number, in lower case."""
 
 
@@ -67,13 +67,14 @@ class Layout:
     encoding: str
 
     def number(self, cell: str) -> float:
-        """Return the number in a cell, NaN in an empty one.
+        """Return the number in a cell, NaN in an empty one; a comment may stand behind it.
 
         Raises:
             ValueError: it holds something else.
         """
         if _is_empty(cell):
             return np.nan
+        cell = cell.partition(' #')[0]
         return float(cell.replace(',', '.') if self.decimal_comma else cell)
 
     def date(self, cell: str) -> float:
@@ -156,24 +157,35 @@ def _top(numbered: Iterator[tuple[int, str]], number_first: bool) -> Top | None:
         ahead.extend(islice(numbered, 1))
         delimiter = _delimiter(text)
         fields = fields_of(text, delimiter)
-        if not _is_comment(text) and _is_data(fields, delimiter):
+        if not is_comment(text) and _is_data(fields, delimiter):
             first = first or Top(index, delimiter, fields, tuple(above))
             if number_first and not (_is_empty(fields[0])
                                      or _is_number(fields[0], delimiter != ',')):
                 continue
             if len(fields) > 1 and all(len(fields_of(below, delimiter)) == len(fields)
-                                       for _, below in ahead if not _is_comment(below)):
+                                       for _, below in ahead if not is_comment(below)):
                 return Top(index, delimiter, fields, above)
         above.append((index, text))
     return first
 
 
 def _delimiter(text: str) -> str | None:
-    return next((mark for mark in DELIMITERS if mark in text), None)
+    """Return what parts the cells of a line; None for spaces.
+
+    Where spaces part more numbers than commas do, the commas are decimal ones.
+    """
+    mark = next((mark for mark in DELIMITERS if mark in text), None)
+    if mark == ',' and len(text.split()) > 1:
+        spaced = sum(_is_number(field, True) and not field.endswith(',') for field in text.split())
+        if spaced > sum(_is_number(field, False) for field in text.split(',')):
+            return None
+    return mark
 
 
-def _is_comment(text: str) -> bool:
-    return text.lstrip()[0] in COMMENTS
+def is_comment(text: str) -> bool:
+    """Return whether a line that is not empty is a comment; `#N/A` is an empty cell."""
+    text = text.lstrip()
+    return text[0] in COMMENTS and not _is_empty(re.split(r'[;,\s]', text, maxsplit=1)[0])
 
 
 def _encoding(path: Path) -> str:
@@ -218,7 +230,7 @@ def _headers(top: Top) -> tuple[tuple[tuple[str, ...], ...], int]:
     named = [row for row, names in rows.items()
              if sum(not _is_empty(name) for name in names) > numbers[row]]
     headers = [row for row in named if not numbers[row]] or named[:1]
-    below = [row for row, text in top.above if row in rows and not _is_comment(text)
+    below = [row for row, text in top.above if row in rows and not is_comment(text)
              and (not headers or row > headers[-1])]
     return tuple(rows[row] for row in headers), min(below, default=top.index)
 

@@ -8,12 +8,13 @@ import signal
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import scipy
 
-from par4_identification.logs.csv_layout import Layout, fields_of, layout_of
+from par4_identification.logs.csv_layout import Layout, fields_of, is_comment, layout_of
 from par4_kinematics.errors import InputError
 from par4_kinematics.held_signals import held_back
 
@@ -170,9 +171,12 @@ def _of_csv(path: Path, wanted: Sequence[str], dates: Collection[str]) -> dict[s
     places = [_place(path, name, layout.headers, layout.columns, where) for name in wanted]
     cells = {name: layout.date if name in dates else layout.number for name in wanted}
     try:
-        values = np.loadtxt(path, delimiter=layout.delimiter, skiprows=layout.first, ndmin=2,
-                            usecols=places, converters=dict(zip(places, cells.values())),
-                            comments='#', quotechar='"', encoding=layout.encoding)
+        with path.open(encoding=layout.encoding, newline='') as stream:
+            rows = (line for line in islice(stream, layout.first, None)
+                    if line.strip() and not is_comment(line))
+            values = np.loadtxt(rows, delimiter=layout.delimiter, ndmin=2, usecols=places,
+                                converters=dict(zip(places, cells.values())), comments=None,
+                                quotechar='"')
     except (ValueError, UnicodeDecodeError, OSError) as error:
         said = _fault(path, layout, dict(zip(wanted, places)), cells) or ' '.join(
             str(error).split()).rstrip('.')
@@ -191,8 +195,8 @@ def _fault(path: Path, layout: Layout, places: Mapping[str, int],
     """
     with path.open(encoding=layout.encoding, errors='replace', newline='') as stream:
         for index, line in enumerate(stream):
-            text = line.split('#')[0].strip('\r\n')
-            if index < layout.first or not text.strip():
+            text = line.strip('\r\n')
+            if index < layout.first or not text.strip() or is_comment(text):
                 continue
             fields = fields_of(text, layout.delimiter)
             if len(fields) <= max(places.values()):

@@ -10,7 +10,7 @@ import numpy as np
 from par4_identification.logs.accounts import SampleCounts
 from par4_identification.logs.clock import Clock
 from par4_identification.logs.masks import count, stretches, taken
-from par4_identification.logs.sources import to_and_fro
+from par4_identification.logs.sources import FOLLOWED, to_and_fro
 from par4_identification.logs.stamped_rows import StampedRows
 from par4_identification.logs.stamps import CROWDED, GAP, nearest_stamp, spacing_counts
 from par4_kinematics.errors import InputError
@@ -24,8 +24,9 @@ LARGEST = 1e30
 overflow."""
 MOST_CONFLICTS = 0.05
 """Fraction of samples with the stamp but not the values of another above which a log is refused."""
-MOST_TO_AND_FRO = 0.05
-"""Share of samples that jump to and fro from which two sources talk in one topic."""
+MOST_TO_AND_FRO, MOST_UNFOLLOWED = 0.05, 0.6
+"""Shares of samples that jump to and fro from which two sources talk in one topic: the second where
+samples do not follow the motion, so that up to a third of those of one machine do."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,8 @@ def refuse_two_sources(path: str | Path, position: Series) -> None:
     """
     jumps = count(to_and_fro(position.values))
     steps = len(position.values) - 1
-    if jumps > MOST_TO_AND_FRO * steps:
+    most = MOST_TO_AND_FRO if position.period <= FOLLOWED else MOST_UNFOLLOWED
+    if jumps > most * steps:
         raise InputError(
             f'{path}: positions on {position.counts.topic} jump to and fro in {jumps} '
             f'of {steps} samples (two machines or simulations on one topic); record one source '

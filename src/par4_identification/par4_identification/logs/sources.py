@@ -4,7 +4,7 @@ Two simulations count time from their own beginnings, so that stamps of the two 
 of receipt by different offsets and alternate as messages arrive: one of them is kept, also where
 one stalled or was set back on the way, which makes its offset another. Two sources on one clock
 cannot be told apart, but where both talk, positions jump to and fro from message to message: such
-stretches are left out.
+stretches are left out. Where messages come slowly a machine alone jumps to and fro now and then.
 """
 
 from __future__ import annotations
@@ -31,6 +31,9 @@ exactly steps are counts: jumps from one machine to the other have much the same
 AROUND, DENSE = 50, 0.3
 """Samples over which jumps are counted, and share of them where two sources talk; the jumps of
 single wrong readings are rarer."""
+FOLLOWED = 20_000_000
+"""ns from sample to sample up to which positions of one machine follow its motion; it swings at no
+more than ten hertz."""
 MOST_MIXED = 0.8
 """Share of the time in which two sources talk from which the bag is refused."""
 JOINED = SECOND
@@ -163,7 +166,7 @@ def _mixed_stretches(stamp: np.ndarray, values: np.ndarray) -> list[tuple[int, i
         stamp: (n,) ns, increasing or repeated.
         values: positions (n, J), rad.
     """
-    if len(values) < 3:
+    if len(values) < 3 or np.median(np.diff(stamp)) > FOLLOWED:
         return []
     dense = np.convolve(to_and_fro(values), np.full(AROUND, 1.0 / AROUND), 'same') > DENSE
     found: list[tuple[int, int]] = []

@@ -29,7 +29,7 @@ LATEST = 2.0 ** 31
 """Seconds that a stamp of ROS holds."""
 EPOCH = 1e8
 """s from which on a time counts from 1970 and is kept; others begin with the stamp of one second,
-since a stamp of zero means that there is none."""
+since a stamp of zero means that there is none. Of a clock that goes back the earliest time does."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
         for q in values['position'].T:
             known = are_readings(q)
             q[known] = np.unwrap(q[known])
-    start = time[0] if time[0] > EPOCH else 1.0
+    start = max(time[0] if time[0] > EPOCH else 1.0, 1.0 + time[0] - time.min())
     stamp = round(start * SECOND) + np.rint((time - time[0]) * SECOND).astype(np.int64)
     if kind is None:
         raise InputError(f'--columns: the unit of {motion.quantity} tells neither an angle nor a '
@@ -132,16 +132,20 @@ def _integral(velocity: np.ndarray, time: np.ndarray) -> np.ndarray:
 
 
 def _refuse_overlap(files: Sequence[str | Path], time: np.ndarray, lengths: Sequence[int]) -> None:
-    ends = np.cumsum(lengths)
-    for index, row in enumerate(ends[:-1]):
-        if not time[row] > time[row - 1]:
-            raise InputError(f'{files[index + 1]}: begins at {time[row]:.6g} s, before '
-                             f'{files[index]} ends at {time[row - 1]:.6g} s; several files are '
-                             f'parts of one recording in order; make a bag of each recording')
+    previous, end = files[0], -np.inf
+    for file, rows in zip(files, np.split(time, np.cumsum(lengths)[:-1])):
+        known = rows[np.isfinite(rows)]
+        if not len(known):
+            continue
+        if not known[0] > end:
+            raise InputError(f'{file}: begins at {known[0]:.6g} s, before {previous} ends at '
+                             f'{end:.6g} s; several files are parts of one recording in order; '
+                             f'make a bag of each recording')
+        previous, end = file, known[-1]
 
 
 def _refuse_rate(files: Sequence[str | Path], time: np.ndarray) -> None:
-    if np.abs(time).max() > LATEST:
+    if max(np.abs(time).max(), 1.0 + np.ptp(time)) > LATEST:
         raise InputError(f'{files[0]}: the time goes from {time.min():.6g} to {time.max():.6g} s, '
                          f'beyond what a stamp holds; check column and unit of the time')
     period = float(np.median(np.diff(time)))

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from par4_dynamics.effects.backlash import Backlash
-from par4_dynamics.model import Model, build_model
+from par4_dynamics.effects.geometry_error import DIMENSIONS, GeometryError
+from par4_dynamics.model import ActiveEffect, Model, build_model
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.parameters import Parameter
 from par4_identification.changes.changes import observed
@@ -185,12 +186,28 @@ def _without_gaps(model: Model) -> tuple[Model, tuple[int, ...]]:
 
 def _known(model: Model) -> tuple[list[Hypothesis], Model]:
     """Return the effects whose sizes are followed, and the model of all that is known beside."""
-    followed = [active for active in model.effects if not active.effect.fixed_coefficients
-                and not active.effect.against_the_others]
+    followed = [active for active in model.effects if _has_size(active)]
     kept = tuple(active for active in model.effects if active not in followed)
     hypotheses = [Hypothesis(active.effect, active.effect.shape_of_joints(
-        active.values, active.joints), active.joints) for active in followed]
+        active.values, active.joints), active.joints, _sets(active)) for active in followed]
     return hypotheses, replace(model, effects=kept)
+
+
+def _has_size(active: ActiveEffect) -> bool:
+    """Return whether one bag tells the size of an effect beside base parameters of each joint."""
+    effect = active.effect
+    return not (effect.fixed_coefficients or effect.against_the_others or effect.of_base
+                ) and len(effect.coefficients(active.values)) > 0
+
+
+def _sets(active: ActiveEffect) -> tuple[int, ...] | None:
+    """Return which dimensions the model says are others, None for all that an effect has.
+
+    One motion does not tell all dimensions apart.
+    """
+    if active.effect.name != GeometryError.name:
+        return None
+    return tuple(number for number, name in enumerate(DIMENSIONS) if active.values[name].any())
 
 
 def _gaps(loose: Sequence[int], observations: Observations, found: JointValues
