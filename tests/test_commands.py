@@ -799,6 +799,14 @@ def test_that_small_effects_are_not_excluded_speaks_neither_for_a_clean_machine_
     assert (remark.mark, outcome.standing) == ('note', 'good')
 
 
+def test_noise_that_wanders_may_be_play_in_a_joint():
+    outcome = outcome_of_diagnosis(diagnosis('clean', wandering=0.3), REFERENCE)
+    remark, = (remark for remark in outcome.remarks if 'noise that wanders' in remark.text)
+    assert remark.mark == 'note'
+    assert 'Play in a joint leaves the same.' in remark.text
+    assert remark.advice in outcome.advice
+
+
 def test_what_is_left_is_never_told_to_be_less_than_the_noise_floor():
     """The floor that a report gives is at most what is left."""
     given = diagnosis('explained', [COGS])

@@ -458,10 +458,12 @@ def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis,
             'touches the machine, a current that is not that of the motor.'))
         return remarks
     if found.wanders and remaining.swing_hz is None:
-        remarks.append(Remark(
-            True, f'{size}: noise that wanders, {number(float(found.wandering_rms.max()), 2)} '
-            f'{unit} rms with a correlation time of {number(found.correlation_time, 2)} s. It '
-            f'follows nothing in the motion and is no fault of the model.'))
+        remarks.append(note(
+            f'{size}: noise that wanders, {number(float(found.wandering_rms.max()), 2)} {unit} rms '
+            f'with a correlation time of {number(found.correlation_time, 2)} s, to judge by its '
+            f'course, as it follows no function of the motion. Play in a joint leaves the same.',
+            'See whether the torque is as restless while the machine rests; if not, look for play '
+            'in its joints.'))
     else:
         remarks.append(Remark(remaining.floor_excess <= FLOOR_EXCESS, f'{size}.'))
     return remarks
