@@ -72,6 +72,7 @@ from par4_identification.diagnosis.verdict.judgement import (
     unnamed_cause,
 )
 from par4_identification.diagnosis.verdict.loose_loads import cause_of
+from par4_identification.diagnosis.verdict.loudness import follows_in_size
 from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.settled import settle
 from par4_identification.diagnosis.verdict.sure import is_no_noise
@@ -285,9 +286,11 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     excess = float(np.sqrt(blocks.mean_square(left).sum() / max((floor ** 2).sum(), 1e-30)))
     steady = evidence.observations.steady
     swing = None if steady or excess < rules.floor_excess or alone.lines else swing_of(rest)
-    # an axis may have causes that no function of its motion follows, such as a load with play
-    no_noise = isinstance(machine, Axis) and not steady and is_no_noise(
-        heldout, left, [old - new for old, new in zip(before, after)], floor, rules)
+    # there may be causes that no function of the motion follows, such as a load with play
+    no_noise = not steady and (
+        is_no_noise(heldout, left, [old - new for old, new in zip(before, after)], floor, rules)
+        if isinstance(machine, Axis) else
+        excess > rules.floor_excess and follows_in_size(*rest))
     remaining = Remaining(excess, alone, None if near is None else near.named,
                           steady and excess > UNEVEN, swing, no_noise)
     doubts = [doubt_of(search, item, model) for item in unnamed_of(model)] or [
