@@ -181,6 +181,7 @@ def sliding(force, seed, noise=0.3, wander=0.0, period=1e-3):
     return log_of(axis(kind='linear'), t, q, tau + wander * slow / np.std(slow), seed, noise)
 
 
+@pytest.mark.usefixtures('unrendered')
 @pytest.mark.parametrize('pitch', [0.030, 0.0241])
 def test_a_slide_has_one_order_whatever_its_pitch(pitch):
     """2 pi over the pitch is no whole number; whole ones would need several for it."""
@@ -192,7 +193,11 @@ def test_a_slide_has_one_order_whatever_its_pitch(pitch):
     assert cause.effect.name == 'cogging'
     assert cause.parameters['periods'].number == pytest.approx(2.0 * np.pi / pitch, rel=1e-3)
     assert cause.parameters['amplitude'].value == pytest.approx((9.0,), rel=0.02)
-    assert f'a pitch of {1e3 * pitch:.1f} mm' in outcome_of_diagnosis(found, machine).sentence
+    outcome = outcome_of_diagnosis(found, machine)
+    assert f'a pitch of {1e3 * pitch:.1f} mm' in outcome.sentence
+    page = report_of_diagnosis(found, outcome, machine, [], {})
+    assert f'within a pitch of {1e3 * pitch:.1f} mm' in page
+    assert 'periods a turn' not in page
     told = diagnosis_json(found, machine, None)['causes'][0]['parameters']
     assert {name: item['unit'] for name, item in told.items()} == {
         'amplitude': 'N', 'periods': 'rad/m', 'phase': 'rad'}
@@ -206,6 +211,8 @@ def test_a_constant_force_beside_another_cause_is_no_force_that_follows_the_posi
     sizes = {cause.effect.name: cause.parameters for cause in found.causes}
     assert set(sizes) == {'cogging', 'torque_offset'}
     assert sizes['torque_offset']['offset'].value == pytest.approx((12.0,), rel=0.02)
+    assert not [item.reason for item in found.rejected
+                if re.search(r'(-?\d+\.\d+) to \1 of', item.reason)]
 
 
 def test_beside_a_weight_a_spring_takes_none_of_it():

@@ -341,7 +341,7 @@ def test_the_report_has_its_parts_in_the_order_of_the_contract(first):
 def test_a_size_that_may_be_none_is_not_said_beside_one_that_is_not(coulomb, viscous, phrase):
     effect = CATALOGUE[TRUTH]
     sizes = dict(zip(('coulomb', 'viscous'), (coulomb, viscous), strict=True))
-    cause = SimpleNamespace(effect=effect, joints=(0, 1, 2, 3), parameters={
+    cause = SimpleNamespace(effect=effect, joints=(0, 1, 2, 3), twins=(), parameters={
         item.name: Parameter(value=sizes[item.name][0], std=sizes[item.name][1], unit=item.unit)
         for item in effect.parameters})
     assert phrase_of_cause(cause, REFERENCE) == phrase

@@ -107,7 +107,10 @@ def _signature_of_cause(diagnosis: Diagnosis, index: int, machine: Robot | Axis,
     period = _period(cause, places)
     if period:
         places = [np.mod(place, period) for place in places]
-        label = f'{quantity} within one of {2.0 * np.pi / period:.0f} periods a turn, {unit}'
+        sliding = isinstance(machine, Axis) and machine.kind == 'linear'
+        one = (f'a pitch of {number(1e3 * period, 3)} mm' if sliding else
+               f'one of {2.0 * np.pi / period:.0f} periods a turn')
+        label = f'{quantity} within {one}, {unit}'
     drawn: dict[str, list[np.ndarray]] = {
         name: [] for name in ('place', 'before', 'alone', 'own')}
     for joint in cause.joints:

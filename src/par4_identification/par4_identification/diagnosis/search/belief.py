@@ -98,8 +98,8 @@ class Belief:
             found = fixed_sizes(self.pool.evidence, hypothesis, fit, len(others))
             low, high = effect.fixed_range
             if found.min() < low or found.max() > high:
-                return (f'its torque comes out at {found.min():.2f} to {found.max():.2f} of what '
-                        f'it must be')
+                shares = dict.fromkeys((f'{found.min():.2f}', f'{found.max():.2f}'))
+                return f'its torque comes out at {" to ".join(shares)} of what it must be'
         reason = effect.implausible(*self._values(hypothesis, others, fit))
         if reason is None and order_name(effect) is None:
             reason = self._driven_beside(others, fit, self._inflation((*others, hypothesis)))
