@@ -77,22 +77,26 @@ class Kinds:
         self.ranges = ranges_of(observations)
         self._made: dict[tuple[str, Periods], Kind] = {}
 
-    def beside(self, observations: Observations, left: Sequence[np.ndarray]) -> tuple[Kind, ...]:
+    def beside(self, observations: Observations, left: Sequence[np.ndarray],
+               highest: int | None = None) -> tuple[Kind, ...]:
         """Return the kinds beside causes that are known.
 
         Args:
             observations: the rows to fit.
             left: what the known causes leave of them, (m, J) of each run, N m; its strongest
                 periods are those of the periodic kinds.
+            highest: order up to which periods are looked for; None for the highest that a periodic
+                torque of the machine may have.
         """
         low, high = self.ranges.q
+        highest = highest or highest_order(observations.runs[0].state)
         weights: dict[Function, Callable[[Run], np.ndarray]] = {
             functions.periodic: lambda run: np.ones_like(run.q),
             functions.torque: lambda run: run.rows(run.state.known.delivered),
             functions.uneven: lambda run: np.sign(run.speed)}
         periods = {function: _strongest_periods(observations, [
-            weight(run) * part for run, part in zip(observations.runs, left)], high - low)
-            for function, weight in weights.items()}
+            weight(run) * part for run, part in zip(observations.runs, left)], high - low,
+            highest) for function, weight in weights.items()}
         wound = np.max(high - low) <= WIDEST  # no spring goes on turning
         return tuple(self._kind(kind, periods.get(kind.function, ())) for kind in KINDS
                      if (self.ranges.platform is not None or not kind.needs_platform)
@@ -134,10 +138,10 @@ def _equal_forces(states: Sequence[State]) -> np.ndarray:
     return 1.0 / np.maximum(np.sqrt(np.mean(torques ** 2, axis=(1, 2))), 1e-9)
 
 
-def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], span: np.ndarray
-                       ) -> Periods:
+def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], span: np.ndarray,
+                       highest: int) -> Periods:
     state = observations.runs[0].state
-    chosen, highest = [], highest_order(state)
+    chosen = []
     for joint in range(observations.joints):
         q = np.concatenate([run.q[:, joint] for run in observations.runs])
         residual = np.concatenate([np.where(run.valid[:, joint], part[:, joint], 0.0)

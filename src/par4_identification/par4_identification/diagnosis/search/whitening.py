@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from par4_dynamics.effects.cogging import HIGHEST_PERIODS
 from par4_dynamics.effects.effect import Effect
 from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.fit import Fit, residuals, solve
@@ -70,14 +71,12 @@ def quieter(whitener: Whitener, observations: Observations, model: Sequence[Hypo
     """
     if observations.steady:
         return whitener
-    flat = gather(observations, flat_whitener(observations, np.array(
-        [noise.size for noise in whitener.noise])))
-    left = residuals(observations, model, solve(flat, model))
+    left = residuals(observations, model, fit)
     found = whitener_of_residuals(observations, _without_unnamed(observations, left, kinds),
                                   len(fit.covariance))
     return replace(whitener, noise=tuple(
-        new if new.variance < QUIETER * old.variance or new.size ** 2 < QUIETER * old.size ** 2
-        else old for new, old in zip(found.noise, whitener.noise)))
+        new if new.variance < QUIETER * old.variance else old
+        for new, old in zip(found.noise, whitener.noise)))
 
 
 def _noise_of_plateaus(observations: Observations) -> np.ndarray:
@@ -93,9 +92,13 @@ def _noise_of_plateaus(observations: Observations) -> np.ndarray:
 
 def _without_unnamed(observations: Observations, left: tuple[np.ndarray, ...], kinds: Kinds
                      ) -> tuple[np.ndarray, ...]:
-    """Return residuals (m, J) without the unnamed functions that one half tells of the other."""
+    """Return residuals (m, J) without the unnamed functions that one half tells of the other.
+
+    Their waves have the orders of an arm. Effects have more on an axis; of so many unnamed ones the
+    strongest would be noise.
+    """
     rows = side_by_side(partial(observations.effect_rows, shape={}),
-                        kinds.beside(observations, left))
+                        kinds.beside(observations, left, HIGHEST_PERIODS))
     lengths = np.cumsum([len(part) for part in left])[:-1]
     kept = np.concatenate(left)
     time = np.concatenate([run.t for run in observations.runs])
