@@ -48,6 +48,7 @@ from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.fitting.identification import identify
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.changes import (
+    label_in_words,
     name_of_reading,
     phrase_of_reading,
     with_changes,
@@ -246,6 +247,15 @@ def test_a_cause_that_the_model_may_have_swallowed_is_no_change():
     (GainFactor(1), -0.03, 'all torques of joint 1 3.0 % smaller (gain of its drive)')])
 def test_words(reading, size, words):
     assert phrase_of_reading(reading, size, REFERENCE) == words
+
+
+@pytest.mark.parametrize(('label', 'words'), [
+    ('coulomb_friction[2]', 'Coulomb friction of joint 2'),
+    ('actuator_inertia', 'actuator inertia'),
+    # no joint has a platform; what each joint tells of it may differ
+    ('platform_mass_2[3]', 'platform mass 2 as joint 3 tells it')])
+def test_parameters_that_joints_tell_in_words(label, words):
+    assert label_in_words(label) == words
 
 
 def test_a_torque_of_an_axis_that_is_a_little_wrong_is_no_change():

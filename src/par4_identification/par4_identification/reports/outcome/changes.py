@@ -231,8 +231,17 @@ def name_of_reading(reading: Reading, machine: Robot | Axis) -> str:
 
 def _left_labels(changes: Changes) -> list[str]:
     """Return the parameters that differ beyond the readings, most certain first, in words."""
-    return [in_words(changes.after.labels[index].replace('[', ' of joint ').rstrip(']'))
-            for index in _left_places(changes)]
+    return [label_in_words(changes.after.labels[index]) for index in _left_places(changes)]
+
+
+def label_in_words(label: str) -> str:
+    """Return a parameter of a joint in words; the platform has its masses, whatever a joint tells.
+    """
+    name, _, joint = label.rstrip(']').partition('[')
+    if not joint:
+        return in_words(name)
+    return f'{in_words(name)} ' + (f'as joint {joint} tells it' if name in PLATFORM_MASSES
+                                   else f'of joint {joint}')
 
 
 def _left_places(changes: Changes) -> list[int]:
