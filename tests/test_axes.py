@@ -211,8 +211,6 @@ def test_a_constant_force_beside_another_cause_is_no_force_that_follows_the_posi
     sizes = {cause.effect.name: cause.parameters for cause in found.causes}
     assert set(sizes) == {'cogging', 'torque_offset'}
     assert sizes['torque_offset']['offset'].value == pytest.approx((12.0,), rel=0.02)
-    assert not [item.reason for item in found.rejected
-                if re.search(r'(-?\d+\.\d+) to \1 of', item.reason)]
 
 
 def test_beside_a_weight_a_spring_takes_none_of_it():

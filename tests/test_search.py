@@ -657,3 +657,13 @@ def test_a_ripple_of_few_periods_is_found_on_a_joint_that_hardly_makes_one():
     found, = search_of(('torque_ripple', {'relative': 0.05, 'periods': 7.0, 'phase': 0.3}),
                        library=('torque_ripple',)).run()
     assert found.shape == {'periods': 7.0}
+
+
+@pytest.mark.parametrize(('found', 'told'), [
+    ((-0.242, -0.238, -0.24, -0.241), '-0.24'), ((0.2, 0.31, 1.8, 1.0), '0.20 to 1.80')])
+def test_a_share_that_is_the_same_on_all_joints_is_told_once(found, told, monkeypatch):
+    monkeypatch.setattr('par4_identification.diagnosis.search.belief.fixed_sizes',
+                        lambda *_: np.array([found]))
+    search = search_of(library=('presliding',))
+    reason = search.belief.objection(cause('presliding', distance=5e-3), ())
+    assert reason == f'its torque comes out at {told} of what it must be'
