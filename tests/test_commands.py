@@ -796,13 +796,13 @@ def test_what_is_left_is_told_with_what_was_taken_off(kind, taken_off):
 def test_that_small_effects_are_not_excluded_speaks_neither_for_a_clean_machine_nor_against_it():
     outcome = outcome_of_diagnosis(diagnosis('clean'), REFERENCE)
     remark, = (remark for remark in outcome.remarks if 'not excluded' in remark.text)
-    assert (remark.mark, outcome.standing) == ('note', 'good')
+    assert (remark.mark, outcome.standing) == ('plain', 'good')
 
 
 def test_noise_that_wanders_may_be_play_in_a_joint():
     outcome = outcome_of_diagnosis(diagnosis('clean', wandering=0.3), REFERENCE)
     remark, = (remark for remark in outcome.remarks if 'noise that wanders' in remark.text)
-    assert remark.mark == 'note'
+    assert remark.mark == 'plain'
     assert 'Play in a joint leaves the same.' in remark.text
     assert remark.advice in outcome.advice
 

@@ -18,9 +18,10 @@ def test_what_is_only_told_has_neither_the_mark_of_a_strength_nor_that_of_a_weak
         Remark(True, 'It fits.'), Remark(False, 'It rattles.', 'Tighten it.'),
         note('It was not weighed.', 'Weigh it.'))))
     assert dict(re.findall(r'<li class="(\w+)">(.*)\.</li>', page)) == {
-        'good': 'It fits', 'poor': 'It rattles', 'note': 'It was not weighed', 'next': 'Weigh it'}
+        'good': 'It fits', 'poor': 'It rattles', 'plain': 'It was not weighed', 'next': 'Weigh it'}
     marks = dict(re.findall(r'li(?:\.(\w+))?::before \{.*content: "(.)"', page))
-    # a note has that of any line
+    # a note has the mark and the size of any line
+    assert '.plain' not in page
     assert marks == {'': '\N{EN DASH}', 'good': '✓', 'poor': '!', 'next': '→'}
 
 

@@ -27,8 +27,8 @@ class Remark:
 
     @property
     def mark(self) -> str:
-        """The class of its line in a report: 'good', 'poor' or 'note'."""
-        return 'note' if self.is_note else 'good' if self.good else 'poor'
+        """The class of its line in a report: 'good', 'poor' or 'plain'."""
+        return 'plain' if self.is_note else 'good' if self.good else 'poor'
 
 
 def note(text: str, advice: str = '') -> Remark:
