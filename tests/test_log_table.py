@@ -116,21 +116,50 @@ def test_dates_are_seconds_since_1970(mark, zone, tmp_path):
     path = tmp_path / 'log.csv'
     path.write_text('t,q\n' + ''.join(
         f'2026-01-01{mark}00:00:{t:06.3f}{zone},{q}\n' for t, q in zip(T, Q)) + ',7\n')
-    found = read_columns(path, ('t', 'q'), dates=('t',))
+    found = read_columns(path, ('t', 'q'), dates={'t': 'iso'})
     np.testing.assert_allclose(found['t'][:-1], 1767225600.0 + T, rtol=0.0, atol=1e-6)
     assert np.isnan(found['t'][-1])
     np.testing.assert_array_equal(found['q'], (*Q, 7.0))
-    with pytest.raises(InputError, match='no number but a date: give the time in --columns the '
-                                         'unit iso'):
+    with pytest.raises(InputError, match='no number but a date or a time of day: give the time in '
+                                         '--columns the unit iso, as in time=1:iso'):
         read_columns(path, ('t', 'q'))
-    with pytest.raises(InputError, match=r"column q: '1.5' is no date such as 2026-"):
-        read_columns(path, ('q',), dates=('q',))
+    with pytest.raises(InputError, match=r"column q: '1.5' is no time as iso has it, such as 2026"):
+        read_columns(path, ('q',), dates={'q': 'iso'})
+
+
+@pytest.mark.parametrize(('unit', 'cell', 'expected'), [
+    ('dmy', '01.02.2026 00:00:01.25', 1769904001.25),
+    ('dmy', '1/2/2026 0:00:01,25', 1769904001.25),
+    ('dmy', '01-02-2026, 12:00:01.25 AM', 1769904001.25),
+    ('mdy', '02/01/2026 12:30:00 PM', 1769904000.0 + 12.5 * 3600.0),
+    ('mdy', '2/1/2026 1:00:00.5 pm', 1769904000.5 + 13.0 * 3600.0),
+    ('clock', '23:59:59.999', 86399.999),
+    ('clock', '59:59,5', 3599.5),
+    ('clock', '100:00:00', 360000.0),
+])
+def test_dates_and_times_of_day_are_seconds(unit, cell, expected, tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text('t;q\n' + f'{cell};1\n' * 3)
+    found = read_columns(path, ('t', 'q'), dates={'t': unit})
+    np.testing.assert_allclose(found['t'], expected, rtol=0.0, atol=1e-6)
+    with pytest.raises(InputError, match=rf'give the time in --columns the unit [a-z ]*{unit}'):
+        read_columns(path, ('t', 'q'))
+
+
+@pytest.mark.parametrize(('unit', 'cell'), [
+    ('dmy', '01/31/2026 00:00:01'), ('mdy', '31/01/2026 00:00:01'), ('dmy', '01.02.2026'),
+    ('clock', '12:60:01'), ('clock', '13:00:00 PM'), ('clock', '0:00:01 AM'), ('clock', '12')])
+def test_what_is_no_such_time_is_refused(unit, cell, tmp_path):
+    path = tmp_path / 'log.csv'
+    path.write_text('t;q\n' + f'{cell};1\n' * 3)
+    with pytest.raises(InputError, match=f'line 2, column t: .* is no time as {unit} has it, such'):
+        read_columns(path, ('t', 'q'), dates={'t': unit})
 
 
 def test_dates_are_of_csv_files(tmp_path):
     np.savez(tmp_path / 'log.npz', t=T, q=Q)
     with pytest.raises(InputError, match='are for CSV files; give the time as numbers'):
-        read_columns(tmp_path / 'log.npz', ('t', 'q'), dates=('t',))
+        read_columns(tmp_path / 'log.npz', ('t', 'q'), dates={'t': 'iso'})
 
 
 def test_the_line_at_which_a_table_seems_to_begin_is_told(tmp_path):

@@ -154,7 +154,7 @@ def test_the_velocity_of_an_axis_will_do_for_a_position(tool, tmp_path):
         np.testing.assert_allclose(q - q[0], Q - Q[0], atol=2e-3 * np.ptp(Q))
     told = tool(tmp_path / 'whole.csv', '--columns', 'time=t:s velocity=qd:rad/s torque=tau:Nm',
                 '--joints', 'motor', '--output', tmp_path / 'turned', '--unwrap')
-    assert 'these positions are the integral of the velocity' in told.err
+    assert '--unwrap is for positions; these are the integral of the velocity' in told.err
     with pytest.raises(InputError, match='found velocity, torque; needed are position'):
         chosen_columns('velocity=1-4:rad/s torque=5-8:Nm')
 
@@ -375,6 +375,43 @@ def test_dates_become_stamps(tool, tmp_path):
     assert log.period == pytest.approx(PERIOD, rel=1e-4)
 
 
+def test_times_of_day_go_on_after_midnight(tool, tmp_path):
+    path = tmp_path / 'log.csv'
+    seconds = 86400.0 - 0.3 + T
+    path.write_text('t;q;tau\n' + ''.join(
+        f'{t // 3600 % 24:02.0f}:{t // 60 % 60:02.0f}:{t % 60:06.3f};{q!r};{tau!r}\n'
+        for t, q, tau in zip(seconds.tolist(), Q.tolist(), TAU.tolist())))
+    told = tool(path, '--columns', 'time=t:clock position=q:rad torque=tau:Nm', '--joints', 'motor',
+                '--output', tmp_path / 'bag')
+    assert told.code == 0, told.err
+    assert 'look at this' not in told.out
+    log = read_log(tmp_path / 'bag', axis())
+    assert len(log.t) == COUNT
+    assert log.period == pytest.approx(PERIOD, rel=1e-4)
+
+
+@pytest.mark.parametrize('lowest', [0, -2 ** 15])
+def test_a_counter_that_starts_again_goes_on(lowest, tool, tmp_path):
+    """Its range is no whole number of turns, and the counter may have a sign."""
+    counts = np.rint(20000.0 * np.linspace(-9.3, 14.0, COUNT)).astype(int)
+    path = csv(tmp_path / 'log.csv', t=T, q=(counts - lowest) % 2 ** 16 + lowest, tau=TAU)
+    options = (path, '--columns', 'time=t:s position=q:counts torque=tau:Nm', '--counts-per-turn',
+               20000, '--joints', 'motor')
+    assert '--wraps-after' in tool(*options, '--output', tmp_path / 'jumping').out
+    told = tool(*options, '--wraps-after', 65536, '--output', tmp_path / 'bag')
+    assert 'look at this' not in told.out
+    q = read_log(tmp_path / 'bag', axis()).q[:, 0]
+    np.testing.assert_allclose(q - q[0], 2.0 * np.pi / 20000.0 * (counts - counts[0]), atol=1e-9)
+
+
+def test_lengths_that_start_again_go_on(tmp_path):
+    way = np.linspace(0.0, 33.0, COUNT)
+    path = csv(tmp_path / 'log.csv', t=T, q=way % 10.0, tau=TAU)
+    measured = measured_of_files([path], chosen_columns('time=t:s position=q:mm torque=tau:N'),
+                                 part=Part(wraps_after=10.0))
+    np.testing.assert_allclose(measured.values['position'][:, 0], 1e-3 * way, atol=1e-12)
+
+
 # ---------------------------------------------------------------------------- what is refused
 
 
@@ -431,6 +468,11 @@ def test_columns_that_make_no_sense_are_refused(columns, words):
     (('--columns', COLUMNS, '--joints', 'a', '--array', 'run'), 'is for .npz and .mat'),
     (('--columns', 'time=t:s position=q:mm torque=tau:N', '--joints', 'a', '--unwrap'),
      '--unwrap is for joints that turn'),
+    (('--columns', COLUMNS, '--joints', 'a', '--unwrap', '--wraps-after', 3.0),
+     'for jumps by a turn of the joint, --wraps-after for others: give one of them'),
+    (('--columns', 'time=t:s velocity=qd:rad/s torque=tau:Nm', '--joints', 'a', '--wraps-after', 3),
+     '--wraps-after is for positions; these are the integral of the velocity'),
+    (('--columns', COLUMNS, '--joints', 'a', '--wraps-after', 0), "Invalid value for"),
     (('--columns', COLUMNS, '--joints', 'a', '--motor-gain', '-1'), 'is not a positive number'),
     ((), "Missing option '--columns'"),
 ])

@@ -22,9 +22,9 @@ from par4_sim.commands.numbers import ANY_SIGN, Number, Numbers
 @click.option('--columns', required=True, metavar="'QUANTITY=COLUMN:UNIT ...'",
               help='what the columns are: time, position (of a single axis without one its '
                    'velocity), velocity, torque, voltage; a column by its name or its number from '
-                   '1, those of several joints as a,b,c,d or 2-5; units s ms us ns iso (dates), '
-                   'rad deg turn counts m mm, rad/s deg/s turn/s rpm counts/s m/s mm/s, Nm mNm N A '
-                   'mA, V mV')
+                   '1, those of several joints as a,b,c,d or 2-5; units s ms us ns, for dates and '
+                   'times of day iso dmy mdy clock, rad deg turn counts m mm, rad/s deg/s turn/s '
+                   'rpm counts/s m/s mm/s, Nm mNm N A mA, V mV')
 @click.option('--output', required=True, type=click.Path(path_type=Path), metavar='BAG')
 @click.option('--robot', default=None,
               help='robot.yaml or built-in name: names the joints, and the columns must fit it')
@@ -42,6 +42,9 @@ from par4_sim.commands.numbers import ANY_SIGN, Number, Numbers
 @click.option('--between', default=None, type=(ANY_SIGN, ANY_SIGN), metavar='START END',
               help='only the samples between these times of the file, s')
 @click.option('--unwrap', is_flag=True, help='positions that jump by whole turns go on')
+@click.option('--wraps-after', default=None, type=Number(min=0.0, min_open=True), metavar='WAY',
+              help='positions that start again after this way go on; in their unit, such as 65536 '
+                   'for a counter of 16 bits')
 @click.option('--storage', default='mcap', show_default=True, type=click.Choice(STORAGES))
 def make_bag(**options: Any) -> None:
     """Make a bag of FILES: CSV, .npz or .mat, parts of one recording in order.

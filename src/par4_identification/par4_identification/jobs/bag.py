@@ -27,7 +27,8 @@ ALIKE = 0.01
 def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | None,
              joints: str | None, array: str | None, rate: float | None,
              counts_per_turn: tuple[float, ...], motor_gain: tuple[float, ...],
-             between: tuple[float, float] | None, unwrap: bool, storage: str) -> None:
+             between: tuple[float, float] | None, unwrap: bool, wraps_after: float | None,
+             storage: str) -> None:
     """Make a bag of FILES: CSV, .npz or .mat, parts of one recording in order.
 
     Says what it read and what looks wrong; the other tools then read the bag.
@@ -42,7 +43,7 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
     scales = Scales(counts_per_turn, gain_of_motor(motor_gain, choices, machine))
     with Console(stderr=True).status('reading the files') as status:
         measured = measured_of_files(files, choices, scales,
-                                     Part(array, rate, start, end, unwrap))
+                                     Part(array, rate, start, end, unwrap, wraps_after))
         kind = machine.kind if isinstance(machine, Axis) else 'revolute'
         if machine is not None and measured.kind != kind:
             raise InputError(f'{motion.quantity} in {motion.unit}: {robot} has {kind} joints; mend '

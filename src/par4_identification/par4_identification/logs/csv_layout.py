@@ -8,12 +8,12 @@ import re
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
+from par4_identification.logs.dates import DATES
 from par4_kinematics.errors import InputError
 
 DELIMITERS = (';', '\t', ',')
@@ -77,18 +77,13 @@ class Layout:
         cell = cell.partition(' #')[0]
         return float(cell.replace(',', '.') if self.decimal_comma else cell)
 
-    def date(self, cell: str) -> float:
-        """Return the date of ISO 8601 in a cell in s since 1970, NaN in an empty one.
-
-        A date without a time zone is in UTC.
+    def date(self, cell: str, unit: str) -> float:
+        """Return the time of one of the units `DATES` in a cell, s, NaN in an empty one.
 
         Raises:
             ValueError: it holds something else.
         """
-        if _is_empty(cell):
-            return np.nan
-        found = datetime.fromisoformat(cell.strip())
-        return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+        return np.nan if _is_empty(cell) else DATES[unit](cell.strip())
 
 
 def layout_of(path: Path, wanted: Collection[str] = (), dates: Collection[str] = ()) -> Layout:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import multiprocessing
 import re
 import signal
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -15,6 +16,7 @@ import numpy as np
 import scipy
 
 from par4_identification.logs.csv_layout import Layout, fields_of, is_comment, layout_of
+from par4_identification.logs.dates import DATES, EXAMPLES, unit_of_date
 from par4_kinematics.errors import InputError
 from par4_kinematics.held_signals import held_back
 
@@ -25,7 +27,7 @@ LONGEST_SHOWN = 40
 
 
 def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = None,
-                 dates: Collection[str] = ()) -> dict[str, np.ndarray]:
+                 dates: Mapping[str, str] | None = None) -> dict[str, np.ndarray]:
     """Return columns of a file by their names, or by their numbers counted from 1.
 
     A CSV may be parted by commas, semicolons, tabs or spaces, begin with comments, a header and a
@@ -40,7 +42,7 @@ def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = No
         path: of the file; what it is follows from the end of its name.
         wanted: names or numbers; a name goes first.
         array: of an archive that holds tables.
-        dates: those of `wanted` that are dates of ISO 8601; they become s since 1970.
+        dates: those of `wanted` that hold dates or times of day -> their unit in `DATES`.
 
     Returns:
         Each wanted column, (n,); of one length.
@@ -55,13 +57,14 @@ def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = No
     kind = path.suffix.lower()
     if kind in ('.npz', '.mat'):
         if dates:
-            raise InputError(f'{path}: dates (iso) are for CSV files; give the time as numbers')
+            raise InputError(f'{path}: {", ".join(DATES)} are for CSV files; give the time as '
+                             f'numbers')
         columns = _of_archive(path, _archive(path), wanted, array)
     elif array is not None:
         raise InputError(f'{path}: --array {array} is for .npz and .mat files; this one is read '
                          f'as a CSV')
     else:
-        columns = _of_csv(path, wanted, dates)
+        columns = _of_csv(path, wanted, dates or {})
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(f'{path}: the columns differ in length: ' + ', '.join(
@@ -164,12 +167,14 @@ def _listed(names: Sequence[str]) -> str:
 # -------------------------------------------------------------------------------------------- CSV
 
 
-def _of_csv(path: Path, wanted: Sequence[str], dates: Collection[str]) -> dict[str, np.ndarray]:
+def _of_csv(path: Path, wanted: Sequence[str], dates: Mapping[str, str]
+            ) -> dict[str, np.ndarray]:
     layout = layout_of(path, wanted, dates)
     where = (f', in the table that begins at line {layout.first + 1}; if it begins elsewhere, cut '
              f'off what stands above its names')
     places = [_place(path, name, layout.headers, layout.columns, where) for name in wanted]
-    cells = {name: layout.date if name in dates else layout.number for name in wanted}
+    cells = {name: partial(layout.date, unit=dates[name]) if name in dates else layout.number
+             for name in wanted}
     try:
         with path.open(encoding=layout.encoding, newline='') as stream:
             rows = (line for line in islice(stream, layout.first, None)
@@ -178,20 +183,21 @@ def _of_csv(path: Path, wanted: Sequence[str], dates: Collection[str]) -> dict[s
                                 converters=dict(zip(places, cells.values())), comments=None,
                                 quotechar='"')
     except (ValueError, UnicodeDecodeError, OSError) as error:
-        said = _fault(path, layout, dict(zip(wanted, places)), cells) or ' '.join(
+        said = _fault(path, layout, dict(zip(wanted, places)), cells, dates) or ' '.join(
             str(error).split()).rstrip('.')
         raise InputError(f'{path}: {said}; mend the file') from error
     return dict(zip(wanted, values.T, strict=True))
 
 
 def _fault(path: Path, layout: Layout, places: Mapping[str, int],
-           cells: Mapping[str, Callable[[str], float]]) -> str | None:
+           cells: Mapping[str, Callable[[str], float]], dates: Mapping[str, str]) -> str | None:
     """Return what is wrong with the first line that cannot be read, None if all can.
 
     Args:
         path: of the file.
         layout: of it.
         places, cells: index of each wanted column, and what reads its cells.
+        dates: unit of the columns that hold dates or times of day.
     """
     with path.open(encoding=layout.encoding, errors='replace', newline='') as stream:
         for index, line in enumerate(stream):
@@ -206,16 +212,18 @@ def _fault(path: Path, layout: Layout, places: Mapping[str, int],
                     cells[name](fields[place])
                 except ValueError:
                     return (f'line {index + 1}, column {name}: {_shown(fields[place])} is no '
-                            + _wanted(fields[place], cells[name] == layout.date))
+                            + _wanted(fields[place], dates.get(name)))
     return None
 
 
-def _wanted(cell: str, is_date: bool) -> str:
-    """Return what a cell should have been, and for a time of day what to do."""
-    if is_date:
-        return 'date such as 2026-01-31T23:59:59.999'
-    if re.match(r'\s*\d{4}-?\d\d-?\d\d[T ]', cell):
-        return 'number but a date: give the time in --columns the unit iso, as in time=1:iso'
+def _wanted(cell: str, unit: str | None) -> str:
+    """Return what a cell should have been, and what to do where it holds a date."""
+    if unit is not None:
+        return f'time as {unit} has it, such as {EXAMPLES[unit]}'
+    units = unit_of_date(cell)
+    if units:
+        return (f'number but a date or a time of day: give the time in --columns the unit {units}, '
+                f'as in time=1:{units.split()[0]}')
     return 'number'
 
 

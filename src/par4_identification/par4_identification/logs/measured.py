@@ -161,12 +161,16 @@ class Measured:
             q, apart = column[rows], np.diff(rows)
             jumped = np.flatnonzero(_wraps(q) & (apart <= GAP * np.median(apart)))
             if len(jumped):
-                turns = f'{abs(q[jumped[0] + 1] - q[jumped[0]]) / (2.0 * np.pi):.3g}'
+                steps = np.abs(np.diff(q)) / (2.0 * np.pi)
+                jump, usual = float(steps[jumped[0]]), float(np.median(steps))
+                turns = f'{jump:.3g}'
+                option = ('--unwrap' if abs(jump - max(round(jump), 1)) <= 2.0 * usual
+                          else '--wraps-after with its range in the unit of the file')
                 again = {1: '', 2: ' and once more'}.get(
                     len(jumped), f' and {len(jumped) - 1} times more')
                 found.append(f'position of joint {joint}: jumps by {turns} '
                              f'turn{"" if turns == "1" else "s"} at row {rows[jumped[0] + 1] + 1}'
-                             f'{again}; where the encoder wraps around, give --unwrap')
+                             f'{again}; where the encoder wraps around, give {option}')
             elif np.abs(q).max() > 2.0 * np.pi * PLAIN_TURNS and np.array_equal(q, np.rint(q)):
                 found.append(f'position of joint {joint}: whole numbers up to '
                              f'{np.abs(q).max():.4g} rad; are they counts?')
@@ -191,7 +195,8 @@ class Measured:
                     and span > FINE * np.quantile(step[step > 0.0], 0.02)):
                 found.append(f'position of joint {joint}: jumps over its whole range of '
                              f'{span:.4g} {si_unit("position", self.kind)} {len(rows)} times, as a '
-                             f'counter that starts again; log one that counts on, or mend the file')
+                             f'counter that starts again; give --wraps-after with its range in the '
+                             f'unit of the file, or log one that counts on')
         return found
 
     def _odd_speeds(self) -> list[str]:

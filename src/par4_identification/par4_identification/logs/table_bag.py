@@ -15,10 +15,11 @@ from par4_identification.logs.column_choice import (
     refuse_unused,
     si_factors,
 )
+from par4_identification.logs.dates import DATES, day_after_day
 from par4_identification.logs.log_table import read_columns
 from par4_identification.logs.measured import Measured, are_readings
 from par4_identification.logs.series import FEWEST_SAMPLES
-from par4_identification.logs.units import DATES, FASTEST, SLOWEST
+from par4_identification.logs.units import FASTEST, SLOWEST, TURN
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
@@ -41,6 +42,7 @@ class Part:
         rate: of the samples, Hz, where no column is time; else None.
         start, end: s of the time that the files tell; samples outside are left out.
         unwrap: whether positions that jump by whole turns are to go on.
+        wraps_after: what positions jump by that are to go on, in their unit.
     """
 
     array: str | None = None
@@ -48,6 +50,7 @@ class Part:
     start: float = -np.inf
     end: float = np.inf
     unwrap: bool = False
+    wraps_after: float | None = None
 
 
 def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
@@ -74,7 +77,8 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
     motion = motion_of(choices)
     factors = {quantity: si_factors(choice, scales, len(motion.columns))
                for quantity, choice in choices.items()}
-    dates = [name for choice in choices.values() if choice.unit == DATES for name in choice.columns]
+    dates = {name: choice.unit for choice in choices.values() if choice.unit in DATES
+             for name in choice.columns}
     blocks: dict[str, list[np.ndarray]] = {quantity: [] for quantity in choices}
     lengths = []
     for file in files:
@@ -92,6 +96,8 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
     rows = sum(lengths)
     time = (values.pop('time')[:, 0] if part.rate is None
             else np.arange(rows) / part.rate)
+    if 'clock' in dates.values():
+        time = day_after_day(time)
     _refuse_overlap(files, time, lengths)
     kept = np.isfinite(time) & (time >= part.start) & (time <= part.end)
     untimed = int(np.count_nonzero(~np.isfinite(time)))
@@ -103,13 +109,11 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
     time = time[kept]
     _refuse_rate(files, time)
     kind = motion.meaning.kind
-    if part.unwrap:
-        if kind == 'linear' or motion.quantity == 'velocity':
-            what = 'lengths' if motion.quantity == 'position' else 'the integral of the velocity'
-            raise InputError(f'--unwrap is for joints that turn; these positions are {what}')
-        for q in values['position'].T:
+    if part.unwrap or part.wraps_after is not None:
+        periods = _wrapping(part, motion, factors[motion.quantity])
+        for q, period in zip(values['position'].T, periods):
             known = are_readings(q)
-            q[known] = np.unwrap(q[known])
+            q[known] = np.unwrap(q[known], period=period)
     start = max(time[0] if time[0] > EPOCH else 1.0, 1.0 + time[0] - time.min())
     stamp = round(start * SECOND) + np.rint((time - time[0]) * SECOND).astype(np.int64)
     if kind is None:
@@ -120,6 +124,32 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
     if integrated:
         values = {'position': _integral(values['velocity'], time), **values}
     return Measured(kind, stamp, values, rows, untimed, integrated)
+
+
+def _wrapping(part: Part, motion: Choice, factors: np.ndarray) -> np.ndarray:
+    """Return what the position of each joint jumps by where it starts again, (J,), rad or m.
+
+    Args:
+        part: which asks for it.
+        motion: what tells the motion.
+        factors: SI units in its unit, of each joint.
+
+    Raises:
+        InputError: no such position, or both ways of asking.
+    """
+    if part.wraps_after is None:
+        option, fitting = '--unwrap', motion.meaning.kind != 'linear'
+    elif part.unwrap:
+        raise InputError('--unwrap and --wraps-after are given; --unwrap is for jumps by a turn of '
+                         'the joint, --wraps-after for others: give one of them')
+    else:
+        option, fitting = '--wraps-after', True
+    if motion.quantity == 'velocity':
+        raise InputError(f'{option} is for positions; these are the integral of the velocity')
+    if not fitting:
+        raise InputError(f'{option} is for joints that turn; these positions are lengths, for '
+                         f'which --wraps-after says what they jump by')
+    return np.full(len(factors), TURN) if part.wraps_after is None else part.wraps_after * factors
 
 
 def _integral(velocity: np.ndarray, time: np.ndarray) -> np.ndarray:

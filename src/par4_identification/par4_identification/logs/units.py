@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from par4_identification.logs.dates import DATES
 from par4_kinematics.errors import InputError
 
 JointKind = Literal['revolute', 'linear']
-DATES = 'iso'
-"""The unit of times that are dates of ISO 8601, which are read as s since 1970."""
 TURN = 2.0 * math.pi
 SLOWEST, FASTEST = 0.5, 1e6
 """Hz: a sample rate outside this range means that the unit of time is wrong."""
@@ -34,7 +33,7 @@ class Unit:
 
 UNITS: dict[str, dict[str, Unit]] = {
     'time': {'s': Unit(1.0), 'ms': Unit(1e-3), 'us': Unit(1e-6), 'ns': Unit(1e-9),
-             DATES: Unit(1.0)},
+             **dict.fromkeys(DATES, Unit(1.0))},
     'position': {
         'rad': Unit(1.0, 'revolute'), 'deg': Unit(TURN / 360.0, 'revolute'),
         'turn': Unit(TURN, 'revolute'), 'counts': Unit(TURN, 'revolute', 'counts_per_turn'),
