@@ -156,7 +156,8 @@ def page(effect: Effect) -> str:
              '## Where it comes from', '', guide.physics, '',
              '## Its law', '', '```text', law, '```', '',
              *([more.strip(), ''] if more.strip() else []),
-             '| parameter | unit and number |', '|---|---|', rows, '']
+             '| parameter | unit and number |', '|---|---|', rows, '',
+             *([effect.assumes, ''] if effect.assumes else [])]
     if effect.name in searched():
         usual = ', '.join(f'`{name}` {_shown(value)}' for name, value in guide.usual.items())
         lines += ['## What it looks like', '',

@@ -6,6 +6,7 @@ The plants are stepped in time in `axes.recorded` or here; no formula of an effe
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import mistakes
 import numpy as np
@@ -18,6 +19,7 @@ from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.diagnosis import (
     diagnosis_json,
     outcome_of_diagnosis,
+    remarks_of_cause,
     source_of_order,
 )
 from par4_identification.setup_check.check import check_setup
@@ -296,3 +298,32 @@ def test_recordings_of_an_axis_that_were_joined_are_cut_apart():
     assert joints_of_recordings(log.q[kept], width).tolist() == [4000]
     slipped = mistakes.slipped(log, 0, 9.0, 0.02).q[:len(kept)]
     assert joints_of_recordings(slipped, width).tolist() == []
+
+
+@pytest.mark.parametrize('tones', [(2.0,), (2.0, 0.7)])
+def test_a_spring_is_told_only_where_it_is_not_the_inertia(tones):
+    """On a single sine the acceleration is the position turned over, also on rows held out."""
+    time = 1e-3 * np.arange(20000)
+    q, qdd = (sum(1.2 / len(tones) * scale(2.0 * np.pi * tone) * np.sin(2.0 * np.pi * tone * time)
+                  for tone in tones) for scale in (np.ones_like, lambda turn: -turn ** 2))
+    qd = np.gradient(q, time)
+    tau = (0.004 * qdd + 0.02 * qd + 0.1 * np.sign(qd) + 0.3 * q ** 3
+           + 0.01 * np.random.default_rng(2).standard_normal(len(time)))
+    found = diagnosed(logged(q, tau), axis(), ('position_torque', 'torque_offset'))
+    if len(tones) > 1:
+        assert named(found) == ['position_torque']
+        assert found.base_after['actuator_inertia'].value == pytest.approx(0.004, rel=0.05)
+    else:
+        assert named(found) == []
+        assert [item.kind for item in found.unnamed] == ['position']
+        assert 'does not tell it from the inertia' in ' '.join(
+            reason for item in found.rejected for reason in (item.reason,))
+
+
+def test_what_a_size_takes_for_granted_is_said():
+    for name in ('elastic_transmission', 'load_dependent_friction'):
+        effect = LIBRARY[name]
+        cause = SimpleNamespace(effect=effect, joints=(0,), twins=(), predictable=True)
+        said = [remark.text for remark in remarks_of_cause(cause, axis(), None)]
+        assert said == [effect.assumes]
+        assert 'is taken to' in effect.assumes

@@ -52,6 +52,19 @@ def test_a_torque_in_coarse_steps_is_not_clipped():
     assert check_setup([log_of(T, q, tau)], axis()).findings == ()
 
 
+@pytest.mark.parametrize('levels', [(-2.0, 2.0), (0.0, 2.0), (-2.0, 0.0, 2.0)])
+def test_a_torque_that_switches_between_levels_is_not_clipped(levels):
+    """Random steps, as they are used to identify motors, come to their ends from far away."""
+    random, inertia, viscous = np.random.default_rng(4), 0.02, 0.15
+    tau = np.repeat(random.choice(levels, 150), 200)
+    slower = np.exp(-1e-3 * viscous / inertia)
+    qd = lfilter((0.0, (1.0 - slower) / viscous), (1.0, -slower), tau)
+    log = log_of(1e-3 * np.arange(len(tau)), 1e-3 * np.cumsum(qd), tau)
+    check = check_setup([log], axis())
+    assert check.findings == ()
+    assert check.logs[0].doubtful is None or not check.logs[0].doubtful.any()
+
+
 def told_of_gravity(tau, machine):
     log = log_of(T, Q, tau)
     return gravity_remarks(machine, [log], conditioning_for([log], machine, CONDITIONING))

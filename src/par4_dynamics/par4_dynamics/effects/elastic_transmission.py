@@ -61,6 +61,9 @@ class ElasticTransmission(Effect):
 
     name = 'elastic_transmission'
     phrase = 'elasticity of the transmission'
+    assumes = (f'{100.0 * MOTOR_SHARE:.0f} % of the actuator inertia is taken to turn with the '
+               f'motor and its encoder, the rest with the load; where the load has more of it, the '
+               f'stiffness is larger.')
     parameters = (
         EffectParameter('stiffness', 'N m/rad', 'joint', nonnegative=True),  # 0 is a rigid joint
         EffectParameter('damping_ratio', '1', 'machine', default=DAMPING_RATIO, is_shape=True))

@@ -23,6 +23,8 @@ class LoadDependentFriction(Effect):
 
     name = 'load_dependent_friction'
     phrase = 'friction that grows with the load'
+    assumes = ('The whole inertia is taken to be load that the friction carries; where part of it '
+               'turns before the transmission, the coefficient is larger.')
     parameters = (EffectParameter('coefficient', '1', 'joint'),)
     needs_nominal = True
     variables = 2

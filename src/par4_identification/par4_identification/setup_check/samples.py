@@ -63,6 +63,9 @@ FLAT, FLATS, FLAT_RUNS = 4, 20, 3
 all, and so often."""
 PILED = 4.0
 """Ratio of the samples at that value to those at the one next to it, at the least."""
+SWITCHED = 0.4
+"""Part of the range of a torque by which it usually comes to its end or leaves it where it is not
+clipped but switched, as by a relay or by random steps; what is clipped comes near its end first."""
 MUTE, OUT_AND_BACK = 0.1, 0.2
 """A torque that stays exactly the same for so many seconds is not measured if its joint meanwhile
 goes out and back by so much of its range: turning round takes torque, for friction and inertia."""
@@ -316,7 +319,8 @@ def flat_tops(log: Log) -> np.ndarray:
     """Return which torques (n, J) stand at their end as those of a full converter do.
 
     Both ends are looked at, which need not be as far from zero. A torque in coarse steps stands at
-    its largest value, too, but hardly more often than at the one beside it.
+    its largest value, too, but hardly more often than at the one beside it, and one that switches
+    between levels comes from another level.
     """
     flat = np.zeros(log.tau.shape, dtype=bool)
     for joint, tau in enumerate(log.tau.T):
@@ -328,6 +332,9 @@ def flat_tops(log: Log) -> np.ndarray:
                                                  (most, most > 0.0, often[-1:].sum()))
                 if outward and np.count_nonzero(tau == end) > PILED * beside]
         runs = [run for end in ends for run in stretches(tau == end) if run[1] - run[0] >= FLAT]
-        if len(runs) >= FLAT_RUNS and sum(end - start for start, end in runs) >= FLATS:
+        steps = np.abs(np.diff(tau))[[row - 1 for run in runs for row in run if 0 < row < len(tau)]]
+        switches = len(steps) > 0 and np.median(steps) > SWITCHED * (most - least)
+        if (len(runs) >= FLAT_RUNS and not switches
+                and sum(end - start for start, end in runs) >= FLATS):
             flat[:, joint] = np.isin(tau, ends)
     return flat

@@ -15,12 +15,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from par4_dynamics.base_terms import INERTIA
 from par4_dynamics.effects.cogging import Cogging
-from par4_identification.diagnosis.evidence.fit import residuals, rms_of
+from par4_identification.diagnosis.evidence.fit import residuals, rms_of, solve
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.nominal.gate import is_vague
 from par4_identification.diagnosis.search.causes import Model, named_of, others_of, unnamed_of
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
@@ -47,9 +49,10 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
     """Return the model of an axis without doubtful names.
 
     A name is doubtful if an unnamed function explains far more in its place, or if more terms of a
-    series do as well. A delay or a lag is doubtful if its time changes much with the unnamed causes
-    beside it. All names are doubtful if together they leave most of an error that is no noise, or
-    if they do not lower the error on held-out rows by more than chance.
+    series do as well, or if the motion does not tell it from an inertia. A delay or a lag is
+    doubtful if its time changes much with the unnamed causes beside it. All names are doubtful if
+    together they leave most of an error that is no noise, or if they do not lower the error on
+    held-out rows by more than chance.
     """
     if {Cogging.name, PERIODIC} <= {item.effect.name for item in model}:
         # its waves may be orders of the cogging that were lost beside other causes
@@ -59,7 +62,7 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
         for item in named_of(model):
             search.journal.reject(item, reason)
         return search.with_nameless(()) or tuple(unnamed_of(model))
-    return _without(search, model, _continued, _replaced, _outdone, _timed_otherwise)
+    return _without(search, model, _continued, _replaced, _outdone, _inertial, _timed_otherwise)
 
 
 def without_replaceable_names(search: Search, model: Model) -> Model:
@@ -168,6 +171,30 @@ def _inconstant(search: Search, item: Hypothesis, model: Model) -> Model | None:
     without = search.with_nameless(search.tested(others))
     nearest = _nameless(search, item, others)[:1]
     return without if unnamed_of(without) else (*others, *(kind for kind, _ in nearest))
+
+
+def _inertial(search: Search, item: Hypothesis, model: Model) -> Model | None:
+    """Return the model without a name that takes the place of an inertia which is told without it.
+
+    On a single sine the acceleration is the position with another sign, so that a spring that
+    pushes away explains all that the inertia does, on rows held out of the same sine, too.
+    """
+    others = others_of(model, item)
+    (value, std), (beside, std_beside) = (_inertia_beside(search, part) for part in (others, model))
+    if value <= 0.0 or is_vague(value, std) or not is_vague(beside, std_beside):
+        return None
+    search.journal.reject(item, 'the motion does not tell it from the inertia')
+    return search.with_nameless(others)
+
+
+def _inertia_beside(search: Search, model: Model) -> tuple[float, float]:
+    """Return the inertia of an axis beside causes and its deviation; zeros where it is not fitted.
+    """
+    names = [term.name for term in search.pool.evidence.observations.terms]
+    if INERTIA not in names:
+        return 0.0, 0.0
+    place, fit = names.index(INERTIA), solve(search.pool.evidence, model)
+    return float(fit.base[place]), float(np.sqrt(fit.covariance[place, place]))
 
 
 def _timed_otherwise(search: Search, item: Hypothesis, model: Model) -> Model | None:

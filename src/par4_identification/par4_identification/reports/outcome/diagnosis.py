@@ -300,7 +300,7 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
             True, f'The extended model closes {share}, on rows that took no part in any fit.',
             'Simulate and feed forward with extended_model.yaml in place of the old model.'))
     for cause in diagnosis.causes:
-        remarks += _remarks_of_cause(cause, machine, experiment)
+        remarks += remarks_of_cause(cause, machine, experiment)
     unit, left = unit_on(machine, 'N m'), over_joints(diagnosis.holdout.extended_rms)
     if diagnosis.fitted_unlike:
         remarks.append(Remark(
@@ -332,7 +332,7 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
     return tuple(remarks)
 
 
-def _remarks_of_cause(cause: Cause, machine: Robot | Axis, experiment: NextExperiment | None
+def remarks_of_cause(cause: Cause, machine: Robot | Axis, experiment: NextExperiment | None
                       ) -> list[Remark]:
     """Return what is to be said of a cause beside its size."""
     remarks = []
@@ -347,6 +347,8 @@ def _remarks_of_cause(cause: Cause, machine: Robot | Axis, experiment: NextExper
             f'A first-order low pass of the logged torque or current, with a time '
             f'constant of {number(late, 2)} s, looks like this delay.',
             'See whether the drive filters what it logs.'))
+    if cause.effect.assumes:
+        remarks.append(note(cause.effect.assumes))
     if _is_relative(cause, machine):
         remarks.append(note(
             f'{capital(cause.effect.phrase)} is measured against the joints that are '
