@@ -26,7 +26,7 @@ from par4_identification.jobs.bag import joint_names
 from par4_identification.logs.column_choice import chosen_columns
 from par4_identification.logs.measured import Measured
 from par4_identification.logs.read_log import read_log
-from par4_identification.logs.table_bag import Part, measured_of_files
+from par4_identification.logs.table_bag import Part, measured_of_files, write_measured
 from par4_identification.logs.units import UNITS
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import JOINT_NAMES, Axis
@@ -402,6 +402,49 @@ def test_a_counter_that_starts_again_goes_on(lowest, tool, tmp_path):
     assert 'look at this' not in told.out
     q = read_log(tmp_path / 'bag', axis()).q[:, 0]
     np.testing.assert_allclose(q - q[0], 2.0 * np.pi / 20000.0 * (counts - counts[0]), atol=1e-9)
+
+
+@pytest.mark.parametrize(('kind', 'unit'), [('revolute', 'rad'), ('linear', 'm')])
+@pytest.mark.parametrize('rate', [47.0, 1000.0])
+def test_a_bag_whose_counter_starts_again_is_read_as_one_that_counts_on(kind, unit, rate, tmp_path):
+    """Stamps that are not even are no reason to interpolate across a restart."""
+    t = np.arange(0.0, 40.0, 1.0 / rate) + np.random.default_rng(0).uniform(
+        0.0, 0.01 / rate, round(40.0 * rate))
+    q = 40.0 * np.sin(0.4 * t) + 3.0 * np.sin(1.3 * t)
+    measured = Measured(kind, np.rint(1e9 * (1.0 + t)).astype(np.int64), {
+        'position': ((q + 12.5) % 25.0 - 12.5)[:, None], 'torque': np.cos(t)[:, None]}, len(t), 0)
+    said, = measured.findings()
+    assert f'jumps by 25 {unit}' in said
+    write_measured(measured, ('motor',), tmp_path / 'bag')
+    log = read_log(tmp_path / 'bag', axis(kind=kind))
+    count, way, told = log.bag_accounts.restarts['motor']
+    assert count == np.count_nonzero(np.diff((q + 12.5) // 25.0))
+    assert (way, told) == (pytest.approx(25.0, rel=1e-3), unit)
+    assert any('as a counter that starts again; put together' in line
+               for line in log.bag_accounts.of_clocks())
+    off = log.q[:, 0] - np.interp(log.t, t - t[0], q)
+    np.testing.assert_allclose(off, np.median(off), atol=0.05)
+
+
+def test_readings_that_stray_to_one_place_are_no_counter():
+    t = 1e-3 * np.arange(4000)
+    q = 0.15 + 0.02 * np.sin(3.0 * t)
+    q[500::700] = 0.198
+    assert not any('starts again' in line for line in Measured(
+        'linear', np.rint(1e9 * (1.0 + t)).astype(np.int64), {'position': q[:, None]}, len(t), 0
+        ).findings())
+
+
+@pytest.mark.parametrize('longest', [1, 60])
+def test_readings_that_repeat_in_no_rhythm_are_told(longest):
+    random, t = np.random.default_rng(6), 1e-3 * np.arange(20000)
+    q = np.sin(3.0 * t) + 0.2 * np.sin(11.0 * t)
+    fresh = np.cumsum(random.integers(1, longest + 1, len(t)))
+    held = q[fresh[np.searchsorted(fresh, np.arange(fresh[0], len(t)), 'right') - 1]]
+    found = [line for line in Measured('revolute', np.rint(1e9 * (1.0 + t[:len(held)])).astype(
+        np.int64), {'position': held[:, None]}, len(held), 0).findings() if 'no rhythm' in line]
+    assert len(found) == (longest > 1)
+    assert all('for up to 60 ms' in line for line in found)
 
 
 def test_lengths_that_start_again_go_on(tmp_path):

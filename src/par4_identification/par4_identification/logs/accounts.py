@@ -86,6 +86,8 @@ class Accounts:
         other_source: messages with positions from a second source with another clock, dropped.
         mixed: start and end, s, of stretches that were left out because two sources talk there.
         wraps: how often the reading of a joint jumps by a whole turn; put together.
+        restarts: how often the counter of a single joint starts again after another way, and after
+            which one, with its unit; put together.
         jumps: times, s, at which several positions jump from one sample to the next.
         held: for how long each reading of 'position' or 'torque' repeats, s, where it does.
     """
@@ -114,6 +116,7 @@ class Accounts:
     other_source: int = 0
     mixed: tuple[tuple[float, float], ...] = ()
     wraps: Mapping[str, int] = field(default_factory=dict)
+    restarts: Mapping[str, tuple[int, float, str]] = field(default_factory=dict)
     jumps: tuple[float, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)
 
@@ -140,6 +143,9 @@ class Accounts:
         found += [f'the position of {joint} on {self.position.topic} jumps by a whole turn '
                   f'{count} time{"s" if count > 1 else ""}, as a reading that wraps round; put '
                   'together' for joint, count in self.wraps.items()]
+        found += [f'the position of {joint} on {self.position.topic} jumps {count} times by '
+                  f'{way:.5g} {unit}, as a counter that starts again; put together'
+                  for joint, (count, way, unit) in self.restarts.items()]
         if self.jumps:
             more = f' and {len(self.jumps) - 1} times more' if len(self.jumps) > 1 else ''
             found.append(f'positions on {self.position.topic} jump within a sample at '

@@ -71,7 +71,7 @@ def jumps_of(q: np.ndarray, width: np.ndarray | float = 1.0) -> tuple[np.ndarray
         (n - 1,) rad, and a mask.
     """
     rate = np.diff(q) / width
-    off = (rate - _median_of_others(rate)) * width
+    off = (rate - median_of_others(rate)) * width
     least = max(SMALLEST, BEYOND * float(np.quantile(np.abs(off), 0.995)), COUNTS * resolution(q))
     size = np.pad(np.abs(off), 2)
     beside = np.maximum(size[:-4], size[4:])
@@ -90,7 +90,7 @@ def without_turns(q: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndar
     step, often = np.diff(q, axis=0), np.zeros(q.shape[1], dtype=int)
     width = np.reshape(width, (-1, 1))
     for turn in TURNS:
-        moved = width * np.stack([_median_of_others(own) for own in (step / width).T], axis=1)
+        moved = width * np.stack([median_of_others(own) for own in (step / width).T], axis=1)
         turns = np.round((step - moved) / turn)
         wraps = (np.abs(step - moved - turn * turns) < NEAR_TURN * turn) & (turns != 0.0)
         wraps &= width < LONGEST_STEP
@@ -171,7 +171,7 @@ def _held(q: np.ndarray, row: int) -> bool:
     return row - first + 1 >= FEWEST_HELD and bool((last_step > STOPPED * counts).any())
 
 
-def _median_of_others(values: np.ndarray) -> np.ndarray:
+def median_of_others(values: np.ndarray) -> np.ndarray:
     """Return the median of the neighbours of each value (n,), itself left out."""
     from scipy.ndimage import rank_filter  # slow to load, and not always needed
 

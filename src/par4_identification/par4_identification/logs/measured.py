@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from par4_identification.logs.accounts import held_words
-from par4_identification.logs.refresh import refresh_of
+from par4_identification.logs.counters import restarts_of
+from par4_identification.logs.refresh import FEWEST, jumps, refresh_of
 from par4_identification.logs.stamps import FASTEST, GAP
 from par4_identification.logs.units import JointKind, si_unit
 
@@ -19,9 +20,10 @@ FEW = 10.0
 """Spacings up to so many usual ones tell the rate: rounded stamps and jitter average out."""
 JUMP = 0.4
 """Turns between two samples above which a position has wrapped around or slipped."""
-WHOLE, OFTEN, FINE = 0.5, 3, 50.0
-"""A counter starts again if a position jumps by more than the first number of its range, so often
-at least, and has a range of so many of its steps."""
+WHOLE_TURN = 0.02
+"""Turns by which the range of a counter may miss whole ones."""
+RESTS, REPEATED = 0.3, 0.5
+"""s for which a joint that moves repeats no reading, and share of repeated ones to tell of."""
 FACTOR = 2.0
 """By which a recorded speed may differ from the slope of the position: loggers filter and quantise
 speeds, a wrong unit makes a factor of six at least."""
@@ -128,10 +130,34 @@ class Measured:
         found = []
         for quantity, values in self.values.items():
             refresh = refresh_of(values[are_readings(values).all(axis=1)])
-            if refresh is not None:
+            if refresh is None:
+                found += [] if quantity in ('torque', 'voltage') else self._repeats(quantity)
+            else:
                 held = refresh.every * self.period
                 found.append(f'{quantity}: {held_words(held, self.period)}; the tools use only '
                              f'its changes, at {1.0 / held:.3g} Hz')
+        return found
+
+    def _repeats(self, quantity: str) -> list[str]:
+        """Return whether readings of a motion repeat in no rhythm, so that their times are unknown.
+
+        Those of a rest do not count, and those of a slow joint are a count of its encoder apart.
+        """
+        found = []
+        for joint, column in enumerate(self.values[quantity].T):
+            q = column[are_readings(column)]
+            changes = np.flatnonzero(np.diff(q)) + 1
+            held = np.diff(changes)
+            moving = held * self.period < RESTS
+            if np.count_nonzero(moving) < FEWEST or not jumps(
+                    q[changes - 1][:, None], q[changes][:, None]):
+                continue
+            share = 1.0 - np.count_nonzero(moving) / float(held[moving].sum())
+            if share > REPEATED:
+                longest = 1e3 * self.period * held[moving].max()
+                found.append(f'{quantity} of joint {joint}: {100.0 * share:.0f} % of the readings '
+                             f'repeat while it moves, for up to {longest:.3g} ms and in no rhythm, '
+                             f'so that nobody knows when they were taken; log each reading once')
         return found
 
     def _odd_times(self) -> list[str]:
@@ -151,52 +177,34 @@ class Measured:
         return found
 
     def _odd_positions(self) -> list[str]:
-        found = self._restarts()
-        if self.kind == 'linear':
-            return found
+        found, unit = [], si_unit('position', self.kind)
         for joint, column in enumerate(self.values['position'].T):
             rows = np.flatnonzero(are_readings(column))
             if len(rows) < 2:
                 continue  # said elsewhere
             q, apart = column[rows], np.diff(rows)
+            again = restarts_of(q, apart / np.median(apart))
             jumped = np.flatnonzero(_wraps(q) & (apart <= GAP * np.median(apart)))
-            if len(jumped):
-                steps = np.abs(np.diff(q)) / (2.0 * np.pi)
-                jump, usual = float(steps[jumped[0]]), float(np.median(steps))
-                turns = f'{jump:.3g}'
-                option = ('--unwrap' if abs(jump - max(round(jump), 1)) <= 2.0 * usual
+            if again is not None:
+                whole = again.way / (2.0 * np.pi) if self.kind == 'revolute' else 0.5
+                option = ('--unwrap' if round(whole) and abs(whole - round(whole)) < WHOLE_TURN
                           else '--wraps-after with its range in the unit of the file')
-                again = {1: '', 2: ' and once more'}.get(
+                found.append(f'position of joint {joint}: jumps by {again.way:.4g} {unit} '
+                             f'{len(again.steps)} times, as a counter that starts again; give '
+                             f'{option}, or log one that counts on')
+            elif self.kind == 'linear':
+                continue
+            elif len(jumped):
+                turns = f'{abs(q[jumped[0] + 1] - q[jumped[0]]) / (2.0 * np.pi):.3g}'
+                more = {1: '', 2: ' and once more'}.get(
                     len(jumped), f' and {len(jumped) - 1} times more')
                 found.append(f'position of joint {joint}: jumps by {turns} '
                              f'turn{"" if turns == "1" else "s"} at row {rows[jumped[0] + 1] + 1}'
-                             f'{again}; where the encoder wraps around, give {option}')
+                             f'{more}; where the encoder wraps around, give --unwrap, or '
+                             f'--wraps-after with its range in the unit of the file')
             elif np.abs(q).max() > 2.0 * np.pi * PLAIN_TURNS and np.array_equal(q, np.rint(q)):
                 found.append(f'position of joint {joint}: whole numbers up to '
                              f'{np.abs(q).max():.4g} rad; are they counts?')
-        return found
-
-    def _restarts(self) -> list[str]:
-        """Return which positions jump from one end of their range to the other, again and again.
-
-        A counter of a motor behind a gear, or of a slide, starts again after other ways than whole
-        turns of the joint.
-        """
-        found = []
-        for joint, column in enumerate(self.values['position'].T):
-            q = column[are_readings(column)]
-            step = np.abs(np.diff(q))
-            if not step.any():
-                continue
-            span = float(np.ptp(q))
-            rows = np.flatnonzero(step > WHOLE * span)
-            turns = span / (2.0 * np.pi) if self.kind == 'revolute' else 0.0
-            if (len(rows) >= OFTEN and turns < JUMP and len(rows) < 0.2 * len(step)
-                    and span > FINE * np.quantile(step[step > 0.0], 0.02)):
-                found.append(f'position of joint {joint}: jumps over its whole range of '
-                             f'{span:.4g} {si_unit("position", self.kind)} {len(rows)} times, as a '
-                             f'counter that starts again; give --wraps-after with its range in the '
-                             f'unit of the file, or log one that counts on')
         return found
 
     def _odd_speeds(self) -> list[str]:

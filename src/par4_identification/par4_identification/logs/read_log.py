@@ -24,6 +24,7 @@ import numpy as np
 from par4_identification.logs.accounts import SHORTEST_SEGMENT, Accounts
 from par4_identification.logs.bag import read_bag
 from par4_identification.logs.clock import Clock
+from par4_identification.logs.counters import going_on, restarts_of
 from par4_identification.logs.grid import EVEN, grid_of
 from par4_identification.logs.jumps import without_turns
 from par4_identification.logs.log import Log
@@ -42,6 +43,7 @@ from par4_identification.logs.stamped_rows import reordered, stamped_rows
 from par4_identification.logs.stamps import GAP
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES
+from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 
 
@@ -85,6 +87,12 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     if isinstance(machine, Robot) or machine.kind == 'revolute':
         values, often = without_turns(position.values, np.diff(position.stamp) / position.period)
         position, wraps = replace(position, values=values), tuple(often.tolist())
+    restarts = None
+    if isinstance(machine, Axis):
+        q = position.values[:, 0]
+        restarts = restarts_of(q, np.diff(position.stamp) / position.period)
+        if restarts is not None:
+            position = replace(position, values=going_on(q, restarts)[:, None])
     grid = grid_of(position)
 
     parts, short, without_torque = [], grid.short, 0
@@ -122,6 +130,8 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
         clock_offset=offset, other_source=len(rows.stamp) - len(own.stamp),
         mixed=tuple((1e-9 * first, 1e-9 * last) for first, last in source.mixed),
         wraps={joint: count for joint, count in zip(joints, wraps, strict=False) if count},
+        restarts={} if restarts is None else {
+            joints[0]: (len(restarts.steps), restarts.way, unit_on(machine, 'rad'))},
         jumps=tuple(1e-9 * time for time in grid.jumps),
         held={name: held for name, held in (('position', position_held), ('torque', torque_held))
               if held})

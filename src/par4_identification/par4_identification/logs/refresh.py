@@ -50,7 +50,7 @@ def refresh_of(values: np.ndarray) -> Refresh | None:
         return None
     spread = max(1.0, EVENNESS * every)
     in_time = (apart >= max(2.0, every - spread)) & (apart <= every + spread)
-    if np.mean(in_time) < MOSTLY or not _jumps(values[changes - 1], values[changes]):
+    if np.mean(in_time) < MOSTLY or not jumps(values[changes - 1], values[changes]):
         return None
     steps = np.round(np.append(apart, len(values) - changes[-1]) / every)
     steps = np.where(steps > FILLED + 1, steps, 1)
@@ -59,7 +59,7 @@ def refresh_of(values: np.ndarray) -> Refresh | None:
     return Refresh(rows[rows < len(values)], every)
 
 
-def _jumps(before: np.ndarray, after: np.ndarray) -> bool:
+def jumps(before: np.ndarray, after: np.ndarray) -> bool:
     """Return whether some column of values (m, J) changes by more than its least step, mostly."""
     for old, new in zip(before.T, after.T, strict=True):
         step = np.abs(new - old)
