@@ -327,3 +327,14 @@ def test_what_a_size_takes_for_granted_is_said():
         said = [remark.text for remark in remarks_of_cause(cause, axis(), None)]
         assert said == [effect.assumes]
         assert 'is taken to' in effect.assumes
+
+
+@pytest.mark.parametrize('noise', [0.0, 1e-3])
+def test_torques_without_noise_are_said_to_be_smoothed_or_computed(noise):
+    time = 1e-3 * np.arange(20000)
+    q, qd, qdd = (scale * part(1.3 * time) + other * part(4.1 * time) for scale, other, part in (
+        (1.0, 0.3, np.sin), (1.3, 1.23, np.cos), (-1.69, -5.043, np.sin)))
+    tau = 0.5 * qdd + 2.0 * qd + noise * np.random.default_rng(1).standard_normal(len(time))
+    found = diagnosed(logged(q, tau), axis(), ('torque_offset',))
+    said = ' '.join(remark.text for remark in outcome_of_diagnosis(found, axis()).remarks)
+    assert ('These torques have next to no noise' in said) == (noise == 0.0)

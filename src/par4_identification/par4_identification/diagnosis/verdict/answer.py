@@ -124,9 +124,17 @@ class Holdout:
     @property
     def loudness(self) -> float:
         """Error without causes over the measured torque (rms) of these rows."""
+        return self._over_torque(self.baseline_rms)
+
+    @property
+    def quietness(self) -> float:
+        """Noise floor over the measured torque (rms) of these rows."""
+        return self._over_torque(self.noise_floor_rms)
+
+    def _over_torque(self, size: np.ndarray) -> float:
         torque = [run.tau[run.valid] for run in self.runs if run.valid.any()]
         whole = float(np.sqrt(np.mean(np.concatenate(torque) ** 2))) if torque else np.inf
-        return float(np.sqrt(np.mean(self.baseline_rms ** 2))) / max(whole, 1e-30)
+        return float(np.sqrt(np.mean(size ** 2))) / max(whole, 1e-30)
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,9 @@ NEAR = 0.51
 """Periods a turn of the joint by which an order, found as a whole number, may be off."""
 ALL = 0.999
 """Share beyond which an interval says no more."""
+NO_NOISE = 1e-6
+"""Noise floor over the torque below which no torque was measured as it is: a converter of 16 bits
+alone makes ten times as much."""
 NO_FUNCTION = 'a torque that follows nothing known of the motion'
 """What is left where it is too much for noise and no function fits it."""
 FITTED_ALONE = 'something that acts in the fitted recordings alone'
@@ -323,6 +326,11 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
             'Record faster motions to have it fitted.') if given else Remark(
             False, f'The motion does not show the {names}; it is left out and counts as zero.',
             'Record faster motions, or give a model that knows it.'))
+    if diagnosis.holdout.quietness < NO_NOISE:
+        remarks.append(note(
+            'These torques have next to no noise: they were smoothed before they were logged, '
+            'computed, or are what was asked for. A multiple of their noise floor says little.',
+            'Log the torque or the current as it is measured.'))
     if isinstance(machine, Axis):
         remarks += [_remark_of_filters(diagnosis, machine),
                     *_unseen_orders(diagnosis.fit_runs, machine)]
