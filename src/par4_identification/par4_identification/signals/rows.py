@@ -220,7 +220,9 @@ def _runs(log: Log, machine: Robot | Axis, conditioning: Conditioning) -> list[R
     noise = np.zeros(log.q.shape[1]) if isinstance(machine, Robot) else np.sqrt(
         log.period / fine.period) * position_noise([log.q[part] for part in log.segments],
                                                    log.period)
-    runs = [_run(fine, segment, machine, conditioning,
+    counts = machine.drives.encoder_counts if isinstance(machine, Robot) else 0
+    smoother = smoother_of([fine.q[part] for part in fine.segments], counts, fine.period)
+    runs = [_run(fine, segment, machine, conditioning, smoother, counts,
                  _white_floor(log.tau[measured], conditioning, log.period, machine),
                  log.period, noise)
             for measured, segment in zip(log.segments, fine.segments)]
@@ -296,10 +298,9 @@ def finer(log: Log, machine: Robot | Axis) -> Log:
 
 
 def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditioning,
-         noise_floor: np.ndarray, sampled: float, noise: np.ndarray) -> Run:
+         smoother: Smoother, counts: int, noise_floor: np.ndarray, sampled: float,
+         noise: np.ndarray) -> Run:
     period = log.period
-    counts = machine.drives.encoder_counts if isinstance(machine, Robot) else 0
-    smoother = smoother_of(log.q[segment], counts, period)
     q, smooth = (low_pass(told, conditioning.position_cutoff_hz, period)
                  for told in (log.q[segment], smoother(log.q[segment])))
     coarse = are_coarse(counts, conditioning, period)

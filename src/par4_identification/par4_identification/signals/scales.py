@@ -176,9 +176,9 @@ def _rows_of_joints(logs: Sequence[Log], machine: Robot | Axis, conditioning: Co
 def _known_hz(logs: Sequence[Log], robot: Robot, usual: Conditioning) -> float:
     """Return the frequency, Hz, up to which coarse encoders tell the motion of all logs."""
     counts = robot.drives.encoder_counts
-    return min((smoother_of(log.q[segment], counts, log.period).known_hz(log.period)
-                for log in logs if are_coarse(counts, usual, log.period)
-                for segment in log.segments), default=np.inf)
+    return min((smoother_of([log.q[segment] for segment in log.segments], counts,
+                            log.period).known_hz(log.period)
+                for log in logs if are_coarse(counts, usual, log.period)), default=np.inf)
 
 
 def _reach(log: Log) -> float:

@@ -13,6 +13,7 @@ the motion itself, as encoders would have rounded it whose counts lie elsewhere.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 WINDOW = 0.25
 """Seconds over which spectra are taken and the filter remembers, half to each side."""
+FEWEST_WINDOWS = 16
+"""Halves of a window that a log must have for its spectrum to tell what is noise."""
 CHANCE = 3.0
 """Deviations of a spectrum, which is a mean of so many that overlap by half, within which what it
 has beyond that of the noise may be none."""
@@ -97,26 +100,33 @@ UNCHANGED = Smoother(np.ones((1, 1)), np.ones((1, 1)))
 """The filter that leaves positions as they are."""
 
 
-def smoother_of(q: np.ndarray, counts: int, period: float) -> Smoother:
+def smoother_of(parts: Sequence[np.ndarray], counts: int, period: float) -> Smoother:
     """Return the filter that tells a motion best from positions in encoder counts.
 
+    It is one for all stretches of a log: few windows tell a spectrum badly, and a filter from a
+    short stretch would take most of its motion for noise.
+
     Args:
-        q: positions as told, (n, J), rad.
+        parts: positions as told, (n, J), rad, of stretches without a gap.
         counts: of the encoders a turn; 0 where they are not known. Then nothing is filtered, nor
             where positions lie between counts, so that a recorder or a finer encoder made them.
         period: of the samples, s.
     """
     half = round(0.5 * WINDOW / period)
-    if half < 2 or len(q) < 4 * half or not _in_counts(q, counts):
+    parts = [q for q in parts if len(q) >= 4 * half]
+    samples = sum(map(len, parts))
+    if half < 2 or samples < FEWEST_WINDOWS * half or not _in_counts(parts, counts):
         return UNCHANGED
     step = 2.0 * np.pi / counts
-    told = _spectrum(q, half)
+    told = _spectrum(parts, half)
     white = step ** 2 / 12.0 * (2.0 - 2.0 * np.cos(
         np.pi * np.arange(half + 1) / half))[:, None] ** 2
-    motion = _smoother(told, white, len(q))(q)
-    noise = np.mean([_spectrum(rounded(motion, counts, place) - motion, half)
+    first = _smoother(told, white, samples)
+    motions = [first(q) for q in parts]
+    noise = np.mean([_spectrum([rounded(motion, counts, place) - motion for motion in motions],
+                               half)
                      for place in np.arange(ROUNDINGS) / ROUNDINGS], axis=0)
-    return _smoother(told, noise, len(q))
+    return _smoother(told, noise, samples)
 
 
 def rounded(q: np.ndarray, counts: int, place: float) -> np.ndarray:
@@ -125,9 +135,9 @@ def rounded(q: np.ndarray, counts: int, place: float) -> np.ndarray:
     return step * (np.round(q / step - place) + place)
 
 
-def _in_counts(q: np.ndarray, counts: int) -> bool:
+def _in_counts(parts: Sequence[np.ndarray], counts: int) -> bool:
     """Return whether positions (n, J) change by whole counts."""
-    change = np.diff(q, axis=0) * counts / (2.0 * np.pi)
+    change = np.concatenate([np.diff(q, axis=0) for q in parts]) * counts / (2.0 * np.pi)
     change = change[np.abs(change) > LEAST_CHANGE]
     return bool(len(change) and np.mean(np.abs(change - np.round(change)) < WHOLE) > ALL)
 
@@ -140,16 +150,19 @@ def speed_noise(counts: int, cutoff_hz: float, period: float) -> float:
     return float(rounding * np.sqrt(2.0 * cutoff_hz * period / 3.0) * 2.0 * np.pi * cutoff_hz)
 
 
-def _spectrum(q: np.ndarray, half: int) -> np.ndarray:
-    """Return the spectrum (half + 1, J) of the second difference of positions (n, J).
+def _spectrum(stretches: Sequence[np.ndarray], half: int) -> np.ndarray:
+    """Return the spectrum (half + 1, J) of the second difference of positions (n, J) of stretches.
 
     Its lines leak less into its faint end than those of the positions would. That of white noise
     is its variance. The mean is over windows that overlap by half (Welch 1967).
     """
     window = np.hanning(2 * half + 1)[:-1]
-    parts = sliding_window_view(np.diff(q, 2, axis=0), 2 * half, axis=0)[::half]
-    power = np.abs(np.fft.rfft(window * parts, axis=2)) ** 2
-    return np.asarray(power.mean(axis=0).T / np.sum(window ** 2))
+    total, count = np.zeros(()), 0
+    for q in stretches:
+        parts = sliding_window_view(np.diff(q, 2, axis=0), 2 * half, axis=0)[::half]
+        total = total + np.sum(np.abs(np.fft.rfft(window * parts, axis=2)) ** 2, axis=0)
+        count += len(parts)
+    return np.asarray(total.T / (count * np.sum(window ** 2)))
 
 
 def _smoother(told: np.ndarray, noise: np.ndarray, samples: int) -> Smoother:
