@@ -26,6 +26,7 @@ from searches import MODEL, cause, log_with
 
 from par4_dynamics.base_terms import BASE_TERMS, FRICTION
 from par4_dynamics.model import build_model
+from par4_identification.changes import swallowed
 from par4_identification.changes.changes import explained_change
 from par4_identification.changes.explanation import CHANCE, Read, explained
 from par4_identification.changes.joint_values import (
@@ -379,3 +380,19 @@ def test_what_an_old_model_swallowed_is_among_what_the_present_data_say(effect, 
 
     assert left(swallowed_values(after, (seen, held), shared=True)) < 0.1
     assert left(after.bias) > 0.2, 'joint by joint it is as good: the test shows nothing'
+
+
+def test_nobody_identifies_a_model_from_a_part_that_hardly_moves(monkeypatch):
+    """What friction would make of the masses there would hide a payload beside it."""
+    belt = ('theta_friction', {'coulomb': 0.06, 'viscous': 0.02})
+    data = evidence_of(log_with(belt), REFERENCE, MODEL).observations
+    after = fitted_values(data, [cause('theta_friction')])
+    mass = [term.name for term in data.terms].index('platform_mass_1')
+
+    def furthest():
+        return np.abs(swallowed_values(after, (data,), shared=True).reshape(
+            -1, *after.values.shape)[..., mass]).max()
+
+    kept = furthest()
+    monkeypatch.setattr(swallowed, 'VAGUER', np.inf)
+    assert furthest() > 1.4 * kept

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from searches import COGGING, EVERY, LOADED, cause, names, search_of
+from searches import BELT, COGGING, EVERY, LOADED, cause, names, search_of
 
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.causes import named_of, unnamed_of
 from par4_identification.diagnosis.verdict import sure
 from par4_identification.diagnosis.verdict.constancy import followed_by
@@ -58,6 +59,22 @@ def test_what_is_no_constant_torque_is_something_else(monkeypatch):
 def test_a_spring_has_one_stiffness_in_all_of_the_workspace(beside, what):
     search = search_of(library=('cable_spring',), beside=beside)
     assert followed_by(search, cause('cable_spring'), ()) == what
+
+
+def attracted(state):
+    """Return the torque (n, 4) against the pull of a magnet beside the workspace, N m."""
+    away = np.array([0.4, 0.1, -0.9]) - state.platform.x[:, :3]
+    pull = 0.02 * away / np.linalg.norm(away, axis=1)[:, None] ** 3
+    return -state.torque_of_force(np.column_stack((pull, np.zeros(len(pull)))))
+
+
+def test_a_strong_name_stays_beside_a_force_that_could_imitate_it():
+    """What is left of its worth beside that force is little; beside other names it is all."""
+    search = search_of(('theta_friction', BELT), beside=attracted, library=('theta_friction',))
+    search.run()  # scales the kinds of unnamed causes
+    theta = cause('theta_friction')
+    wrench, = (Hypothesis(kind, {}, EVERY) for kind in search._kinds if kind.name == 'wrench')
+    assert theta in without_replaceable_names(search, (theta, wrench))
 
 
 def test_causes_of_one_size_are_told_whatever_is_unknown_beside_them():

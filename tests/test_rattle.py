@@ -100,6 +100,19 @@ def test_every_part_of_the_data_must_rattle(loose):
     assert rattle([(observations, left), (observations, still)]) is None
 
 
+def test_a_load_that_leans_on_a_flank_leaves_noise_alone(loose):
+    """Where a stiffness differs from tooth to tooth something is left there, too."""
+    observations, left = loose
+    random = np.random.default_rng(3)
+
+    def with_more(ratio):
+        return [part + ratio * run.noise_floor * random.normal(size=part.shape)
+                for run, part in zip(observations.runs, left)]
+
+    assert rattle([(observations, with_more(0.5))]) is not None
+    assert rattle([(observations, with_more(4.0))]) is None
+
+
 @pytest.mark.parametrize('shape', [
     lambda _run, load: np.ones_like(load),                  # noise
     lambda _run, load: np.abs(load),                        # noise that grows with the load

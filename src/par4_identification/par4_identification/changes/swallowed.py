@@ -15,6 +15,9 @@ from par4_identification.changes.joint_values import JointValues, torque_of_caus
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.nominal.gate import LEAST_PLATEAUS
 
+VAGUER = 4.0
+"""Ratio of a parameter's deviations up to which somebody identifies a model from a stretch in place
+of the whole motion: a third of it makes less than two, its slow part alone twenty and more."""
 PARTS = 3
 """Stretches of each part of the data, by time and by speed, beside the whole of it."""
 
@@ -31,13 +34,25 @@ def swallowed_values(after: JointValues, data: Sequence[Observations], shared: b
     found = [after.bias] if len(after.bias) else [np.zeros((0, joints * size))]
     for observations in data:
         base = np.concatenate(observations.base)  # (m, J, p)
+        whole, *parts = _stretches(observations)
+        known = _deviations(base, whole)
+        stretches = [whole, *(rows for rows in parts
+                              if np.all(_deviations(base, rows) <= VAGUER * known))]
         for cause in after.causes:
             torque = np.concatenate(torque_of_causes([cause], observations))
-            for rows in _stretches(observations):
+            for rows in stretches:
                 if observations.steady and rows.sum(axis=0).min() < LEAST_PLATEAUS:
                     continue  # nobody identifies a model from so few
                 found.append(_followed(base, torque, rows, shared).reshape(1, -1))
     return np.concatenate(found)
+
+
+def _deviations(base: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return what the deviations of parameters (p,) go with that are fitted on some rows (m, J)."""
+    design = base[rows]
+    scale = np.maximum(np.linalg.norm(design, axis=0), 1e-30)
+    inverse = np.linalg.pinv((design / scale).T @ (design / scale), hermitian=True)
+    return np.sqrt(np.diagonal(inverse)) / scale
 
 
 def _followed(base: np.ndarray, torque: np.ndarray, rows: np.ndarray, shared: bool) -> np.ndarray:

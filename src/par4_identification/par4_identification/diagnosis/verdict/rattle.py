@@ -23,6 +23,9 @@ LEAST_ROWS = 40
 CONTRAST = 10.0
 """Least ratio of the slip's rms near changes of sides to that of leaning loads. Noise gives 1, lags
 and friction that the model lacks up to 9, gaps of some mrad 14 and more."""
+AT_REST = 2.5
+"""Largest ratio of the slip's rms of leaning loads to that of noise: with gaps 0.8 to 1.1, where a
+stiffness differs from tooth to tooth 2.7 and more."""
 SLOWEST_HZ = 6.0
 """Slips are summed up to positions above this frequency; bounces in a gap are faster."""
 SLOWEST_ROWS_HZ = 80.0
@@ -59,18 +62,24 @@ class _Slip:
         quiet: while the load leans on one flank, rad/s2.
         path: what the loud part moves, rad.
         still: what the quiet part moves, rad: noise.
+        noise: what noise alone makes of it, one number a row of the quiet part, rad/s2.
     """
 
     loud: np.ndarray
     quiet: np.ndarray
     path: np.ndarray
     still: np.ndarray
+    noise: np.ndarray
 
     @property
     def rattles(self) -> bool:
-        """Whether it is so much louder near changes of sides that the load must be loose."""
+        """Whether it is so much louder near changes of sides that the load must be loose.
+
+        Away from them nothing may be left but noise: a load that leans on a flank has no gap.
+        """
         return min(len(self.loud), len(self.quiet)) >= LEAST_ROWS and bool(
-            np.std(self.loud) > CONTRAST * np.std(self.quiet))
+            np.std(self.loud) > CONTRAST * np.std(self.quiet)
+            and np.std(self.quiet) <= AT_REST * np.sqrt(np.mean(self.noise ** 2)))
 
     @property
     def p_value(self) -> float:
@@ -146,21 +155,27 @@ def _slips(observations: Observations, left: Sequence[np.ndarray]) -> list[_Slip
     for run, rest in zip(observations.runs, left):
         slip, load = _slip(run, rest), transmitted_torque(run.state)
         counted = run.valid.all(axis=1)
-        path = _positions(slip, run.row_time)
+        path, noise = _positions(slip, run.row_time), _noise(run)
         for joint in range(observations.joints):
             since, until = _around_changes(run.state.t, load[:, joint], run.t)
             loud = counted & ((since < FRESH) | (until < FRESH))
             quiet = counted & (since > LEANING) & (until > FRESH)
             parts[joint].append(_Slip(slip[loud, joint], slip[quiet, joint], path[loud, joint],
-                                      path[quiet, joint]))
+                                      path[quiet, joint], noise[quiet, joint]))
     return [_Slip(*(np.concatenate([getattr(part, name) for part in own])
-                    for name in ('loud', 'quiet', 'path', 'still'))) for own in parts]
+                    for name in ('loud', 'quiet', 'path', 'still', 'noise'))) for own in parts]
 
 
 def _slip(run: Run, rest: np.ndarray) -> np.ndarray:
     """Return the acceleration (m, J), rad/s2, of the loads against their motors."""
     inertia = load_inertia(run.state, run.t)
     return np.linalg.solve(inertia, np.where(run.valid, rest, 0.0)[..., None])[..., 0]
+
+
+def _noise(run: Run) -> np.ndarray:
+    """Return the standard deviation of `_slip` by noise alone, (m, J), rad/s2."""
+    return np.sqrt(np.square(np.linalg.inv(load_inertia(run.state, run.t)))
+                   @ np.square(run.noise_floor))
 
 
 def _positions(acceleration: np.ndarray, period: float) -> np.ndarray:

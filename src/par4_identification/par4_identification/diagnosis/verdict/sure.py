@@ -131,7 +131,7 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
     """Return the model with an unnamed function in the place of a name, if it explains far more."""
     others = others_of(model, item)
     best = next(iter(_nameless(search, item, others)), None)
-    if best is None or -best[1] <= _law_may_lose(search, best[0], others):
+    if best is None or -best[1] <= _law_may_lose(search, item, best[0], others):
         return None
     kind, margin = best
     search.journal.reject(item, f'{kind.effect.phrase} explains {-margin:.0f} more in its '
@@ -150,7 +150,7 @@ def _outdone(search: Search, item: Hypothesis, model: Model) -> Model | None:
                   and rival.hypothesis is not None
                   and not isinstance(rival.hypothesis.effect, Kind)), None)
     if rival is None or rival.hypothesis is None or (
-            -rival.margin <= _law_may_lose(search, rival.hypothesis, others)):
+            -rival.margin <= _law_may_lose(search, item, rival.hypothesis, others)):
         return None
     search.journal.reject(item, f'{rival.hypothesis.label} explains {-rival.margin:.0f} more in '
                                 f'its place on rows held out, and is no cause itself')
@@ -210,16 +210,19 @@ def _timed_otherwise(search: Search, item: Hypothesis, model: Model) -> Model | 
     return None
 
 
-def _law_may_lose(search: Search, rival: Hypothesis, others: Model) -> float:
+def _law_may_lose(search: Search, item: Hypothesis, rival: Hypothesis, others: Model) -> float:
     """Return by how much a rival may explain more than a name that is right.
 
     The law of a name may be wrong by a share of its torque, and a rival with many coefficients can
     follow what other causes leave. In a long log with little noise both are worth much
-    log-likelihood.
+    log-likelihood. An unnamed cause that can imitate the name may leave little of its worth to be
+    seen: what it is worth beside the other names counts as well.
     """
     rules = search.rules
+    alone = search.weighing.gains(item, tuple(named_of(others)))[1]
     return max(rules.better, rules.twin,
-               rules.unnamed_error * search.weighing.gains(rival, others)[1])
+               rules.unnamed_error * search.weighing.gains(rival, others)[1],
+               rules.unnamed_error ** 2 * alone)
 
 
 def _nameless(search: Search, item: Hypothesis, others: Model
