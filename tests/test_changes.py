@@ -300,12 +300,16 @@ def test_a_change_that_leaves_most_of_the_error_is_told_as_that(after, is_told):
     changes = SimpleNamespace(
         read=(Read(Added(None, 'actuator_inertia'), 8.7, 1.3, 0.0, ()),), beyond_readings=False,
         given_rms=np.array([250.0]), since='h2')
-    diagnosis = SimpleNamespace(verdict='clean', causes=(), holdout=SimpleNamespace(
+    diagnosis = SimpleNamespace(verdict='clean', causes=(), unnamed=(), holdout=SimpleNamespace(
         baseline_rms=np.array([after]), extended_rms=np.array([after]),
         noise_floor_rms=np.array([1.0])))
     told = with_changes(Outcome('It is clean.', 'good', ()), changes, diagnosis, slide)
     assert any('of the error stay' in remark.text for remark in told.remarks) == is_told
     assert told.standing == ('fair' if is_told else 'good')
+    diagnosis.verdict, diagnosis.unnamed = 'unknown', (SimpleNamespace(),)
+    beside = with_changes(Outcome('It is unknown.', 'bad', ()), changes, diagnosis, slide)
+    new, = (remark.text for remark in beside.remarks if remark not in told.remarks)
+    assert 'may be a part of what has no name' in new
 
 
 def test_every_reading_has_a_name_of_its_own():

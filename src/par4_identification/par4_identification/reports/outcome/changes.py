@@ -170,7 +170,7 @@ def with_changes(outcome: Outcome, changes: Changes, diagnosis: Diagnosis,
     if not told_by_readings:
         sentence += f' {outcome.sentence}'
     remarks = [*_twin_remarks(changes, machine), *_left_remarks(changes),
-               *_mends_little(changes, holdout)]
+               *_beside_unnamed(changes, diagnosis), *_mends_little(changes, holdout)]
     return replace(outcome, sentence=sentence, standing='fair' if remarks or (
         outcome.standing != 'good') else 'good', remarks=(*remarks, *outcome.remarks))
 
@@ -194,6 +194,15 @@ def _left_remarks(changes: Changes) -> list[Remark]:
     return [Remark(False, f'Base parameters differ beyond that, most in '
                           f'{listed(_left_labels(changes)[:3])}, as no known reading explains.',
                    'Look at those joints for what else has been done to the machine.')]
+
+
+def _beside_unnamed(changes: Changes, diagnosis: Diagnosis) -> list[Remark]:
+    """Return that changes may be a part of what has no name, where something has none."""
+    if not (changes.read and diagnosis.unnamed):
+        return []
+    return [Remark(False, 'Base parameters are fitted beside the named causes alone: what is told '
+                          'as changed may be a part of what has no name.',
+                   'Give bags of before (--before): what they hold as well is no change.')]
 
 
 def _mends_little(changes: Changes, holdout: Holdout) -> list[Remark]:
