@@ -148,6 +148,7 @@ def test_dates_and_times_of_day_are_seconds(unit, cell, expected, tmp_path):
 
 @pytest.mark.parametrize(('unit', 'cell'), [
     ('dmy', '01/31/2026 00:00:01'), ('mdy', '31/01/2026 00:00:01'), ('dmy', '01.02.2026'),
+    ('dmy', '01.02.2026 10:30'), ('mdy', '01/31/2026 24:00:00'),
     ('clock', '12:60:01'), ('clock', '13:00:00 PM'), ('clock', '0:00:01 AM'), ('clock', '12')])
 def test_what_is_no_such_time_is_refused(unit, cell, tmp_path):
     path = tmp_path / 'log.csv'

@@ -26,7 +26,10 @@ def _of_date(cell: str, order: str) -> float:
     """
     date, _, clock = cell.replace(', ', ' ').partition(' ')
     day = datetime.strptime(re.sub('[/-]', '.', date), order).replace(tzinfo=UTC)
-    return day.timestamp() + _of_clock(clock.strip())
+    seconds = _of_clock(clock.strip())
+    if clock.count(':') < 2 or seconds >= DAY:  # hours and minutes would pass for minutes and s
+        raise ValueError(f'{clock!r} is no time of a day with hours, minutes and seconds')
+    return day.timestamp() + seconds
 
 
 def _of_clock(cell: str) -> float:

@@ -35,7 +35,7 @@ NEAR = 0.51
 """Periods a turn of the joint by which an order, found as a whole number, may be off."""
 ALL = 0.999
 """Share beyond which an interval says no more."""
-NO_NOISE = 1e-6
+NOISELESS = 1e-6
 """Noise floor over the torque below which no torque was measured as it is: a converter of 16 bits
 alone makes ten times as much."""
 NO_FUNCTION = 'a torque that follows nothing known of the motion'
@@ -326,7 +326,7 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
             'Record faster motions to have it fitted.') if given else Remark(
             False, f'The motion does not show the {names}; it is left out and counts as zero.',
             'Record faster motions, or give a model that knows it.'))
-    if diagnosis.holdout.quietness < NO_NOISE:
+    if diagnosis.holdout.quietness < NOISELESS:
         remarks.append(note(
             'These torques have next to no noise: they were smoothed before they were logged, '
             'computed, or are what was asked for. A multiple of their noise floor says little.',
@@ -341,7 +341,7 @@ def _remarks(diagnosis: Diagnosis, machine: Robot | Axis, experiment: NextExperi
 
 
 def remarks_of_cause(cause: Cause, machine: Robot | Axis, experiment: NextExperiment | None
-                      ) -> list[Remark]:
+                     ) -> list[Remark]:
     """Return what is to be said of a cause beside its size."""
     remarks = []
     if not cause.predictable:
