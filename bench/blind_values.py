@@ -31,7 +31,7 @@ SAME_TORQUE = {'torque_offset': 'offset', 'coulomb_asymmetry': 'asymmetry'}
 """Effect -> its size, of those that have the same torque while a joint moves."""
 NOT_TOLD = {('rods', 'bar_mass')}
 """(kind, parameter) whose hidden value is not recorded."""
-ONLY_HIDDEN = {'damping_ratio', 'exponent'}
+ONLY_HIDDEN = {'damping_ratio', 'motor_share', 'exponent'}
 """Parameters with a default that a hidden machine may leave to it; then they are not compared."""
 FORMS = {'nonlinear_viscous': {'quadratic', 'torque', 'exponent'}}
 """Effect -> parameters of its several forms, of which a hidden one gives those of its own."""

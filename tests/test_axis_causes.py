@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from axes import Motor, recorded
 
+from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
 from par4_identification.logs.jumps import joints_of_recordings
 from par4_identification.logs.log import Log
@@ -320,13 +321,17 @@ def test_a_spring_is_told_only_where_it_is_not_the_inertia(tones):
             reason for item in found.rejected for reason in (item.reason,))
 
 
-def test_what_a_size_takes_for_granted_is_said():
-    for name in ('elastic_transmission', 'load_dependent_friction'):
-        effect = LIBRARY[name]
-        cause = SimpleNamespace(effect=effect, joints=(0,), twins=(), predictable=True)
-        said = [remark.text for remark in remarks_of_cause(cause, axis(), None)]
-        assert said == [effect.assumes]
-        assert 'is taken to' in effect.assumes
+@pytest.mark.parametrize(('name', 'values', 'is_said'), [
+    ('elastic_transmission', {'motor_share': 0.5}, True),
+    ('elastic_transmission', {'motor_share': 0.7}, False),  # the data told it
+    ('load_dependent_friction', {'coefficient': (0.02,)}, True)])
+def test_what_a_size_takes_for_granted_is_said(name, values, is_said):
+    cause = SimpleNamespace(
+        effect=LIBRARY[name], joints=(0,), twins=(), predictable=True,
+        parameters={key: Parameter(value=value) for key, value in values.items()})
+    said = [remark.text for remark in remarks_of_cause(cause, axis(), None)]
+    assert len(said) == is_said
+    assert all('is taken to' in text for text in said)
 
 
 @pytest.mark.parametrize('noise', [0.0, 1e-3])

@@ -39,7 +39,8 @@ EXAMPLES = {
     'actuator_lag': {'time_constant': 2e-3},
     'time_offset': {'delay': -3e-3},
     'torque_saturation': {'limit': 12.0},
-    'elastic_transmission': {'stiffness': (8e3, 2e4, 1.5e4, 1e4), 'damping_ratio': 0.08},
+    'elastic_transmission': {'stiffness': (8e3, 2e4, 1.5e4, 1e4), 'damping_ratio': 0.08,
+                             'motor_share': 0.7},
     'backlash': {'gap': (1e-3, 2e-3, 0.5e-3, 3e-3)},
     'quantization': {'step': 1e-4},
 }
@@ -333,13 +334,15 @@ def test_a_stiff_joint_beside_an_elastic_one_may_have_any_sign():
     for name, parameter, values, noise in (
             ('elastic_transmission', 'stiffness', (8e3, -3e5, 4e5, -2e6), 2e-6),
             ('backlash', 'gap', (2e-3, -1e-4, 5e-5, 0.0), 5e-5)):
-        full = arrays({parameter: values, 'damping_ratio': DAMPING_RATIO})
+        full = arrays({parameter: values, 'damping_ratio': DAMPING_RATIO,
+                       'motor_share': MOTOR_SHARE})
         size = full[parameter]
         # the same noise of 1 / k on each joint
         spread = noise * size ** 2 if parameter == 'stiffness' else noise * np.ones(4)
         for share, fine in ((1.0, True), (0.1, False)):
             reason = CATALOGUE[name].implausible(
-                full, {parameter: share * spread, 'damping_ratio': np.zeros(4)}, arrays(BASE))
+                full, {parameter: share * spread, 'damping_ratio': np.zeros(4),
+                       'motor_share': np.zeros(4)}, arrays(BASE))
             assert (reason is None) == fine
 
 
@@ -842,7 +845,8 @@ def test_columns_of_a_swinging_transmission_are_its_slopes(case):
     for share in (0.02, 0.01):
         there = here + share * aside
         torque = effect.torque(state, arrays({'stiffness': tuple(1.0 / there),
-                                              'damping_ratio': DAMPING_RATIO}), (0, 1, 2, 3))
+                                              'damping_ratio': DAMPING_RATIO,
+                                              'motor_share': MOTOR_SHARE}), (0, 1, 2, 3))
         errors.append(rms((columns @ there - torque)[INNER]))
         assert errors[-1] < 0.1 * rms((columns @ (there - here))[INNER])
     assert errors[1] < 0.3 * errors[0]
@@ -863,17 +867,18 @@ def test_elastic_axis_is_two_masses_and_a_spring(axis_case):
 
 
 @pytest.mark.parametrize('period', [5e-4, 4e-3])
-@pytest.mark.parametrize('given', [{}, {'damping_ratio': 0.2}])
+@pytest.mark.parametrize('given', [{}, {'damping_ratio': 0.2}, {'motor_share': 0.8}])
 @pytest.mark.parametrize('speed', [0.5, 0.95, 1.5])
 def test_a_soft_axis_swings_as_a_damped_oscillator(axis_case, speed, given, period):
     """q_l / q_m = (1 + 2 i d r) / (1 - r^2 + 2 i d r), r the frequency over the resonance.
 
-    The load swings against a resting motor: with a ratio smaller by the root of its share than
-    that with which the two swing against each other. Slow samples shift no resonance.
+    The load swings against a resting motor: with a ratio smaller by the root of the motor's share
+    than that with which the two swing against each other. Slow samples shift no resonance.
     """
     model, _ = axis_case
     t = np.arange(0.0, 4.0, period)
-    stiffness, j_l = 500.0, 0.1
+    share = given.get('motor_share', MOTOR_SHARE)
+    stiffness, j_l = 500.0, 0.2 * (1.0 - share)
     r = speed
     w = r * np.sqrt(stiffness / j_l)
     wave = np.exp(1j * w * t)[:, None]
@@ -883,7 +888,7 @@ def test_a_soft_axis_swings_as_a_damped_oscillator(axis_case, speed, given, peri
     swung = slice(round(2.0 / period), -10)
     found = (elastic.torque(state) - model.torque(state))[swung]
     ratio = given.get('damping_ratio', DAMPING_RATIO)
-    loss = 2j * np.sqrt(1.0 - MOTOR_SHARE) * ratio * r
+    loss = 2j * np.sqrt(share) * ratio * r
     expected = (-j_l * w ** 2 * wave * ((1.0 + loss) / (1.0 - r ** 2 + loss) - 1.0)).real
     expected = expected[swung]
     np.testing.assert_allclose(found, expected, atol=0.03 * np.abs(expected).max())

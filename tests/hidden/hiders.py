@@ -121,7 +121,8 @@ def _elastic(machine: Machine, values: Values) -> Machine:
     with np.errstate(divide='ignore'):
         stiffness = np.where(compliance > 0.0, 1.0 / compliance, machine.transmission.stiffness)
     return part(machine, 'transmission', stiffness=stiffness,
-                damping_ratio=values.get('damping_ratio', machine.transmission.damping_ratio))
+                **{name: values.get(name, getattr(machine.transmission, name))
+                   for name in ('damping_ratio', 'motor_share')})
 
 
 ELASTIC_TRANSMISSION = Hider(
@@ -129,7 +130,8 @@ ELASTIC_TRANSMISSION = Hider(
     lambda random, _known, joints: {
         'compliance': on(
             joints, np.exp(-random.uniform(np.log(1e3), np.log(1e5), len(joints)))),
-        'damping_ratio': float(np.exp(random.uniform(np.log(0.01), np.log(0.1))))},
+        'damping_ratio': float(np.exp(random.uniform(np.log(0.01), np.log(0.1)))),
+        'motor_share': float(random.uniform(0.3, 0.85))},
     ('compliance',),
     lambda _scene: [[
         Column({'compliance': on([joint], 1e-4)}, 0.0, 20.0) for joint in JOINTS]])

@@ -147,8 +147,6 @@ class Effect(ABC):
             by a speed. Of explanations with equally many numbers that with the fewest is simplest.
         law: the shape parameter whose values are different laws of the effect, if data may not
             tell which one holds; None if there is one law.
-        assumes: what its sizes take for granted of the machine, which no data tell, in a sentence;
-            empty if nothing. Their standard deviations do not hold it.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
     """
 
@@ -171,7 +169,6 @@ class Effect(ABC):
     told_by_speeds: ClassVar[bool] = False
     variables: ClassVar[int] = 1
     law: ClassVar[str | None] = None
-    assumes: ClassVar[str] = ''
     phrase: ClassVar[str]
 
     @property
@@ -273,6 +270,13 @@ class Effect(ABC):
             if least <= 0.0:
                 unit = '' if parameter.unit == '1' else f' {parameter.unit}'
                 return f'{parameter.name}: expected more than 0{unit}, found {least:g}'
+        return None
+
+    def assumes(self, values: Values) -> str | None:
+        """Return what sizes take for granted of the machine, which no data told, in a sentence.
+
+        None if nothing. Their standard deviations do not hold it.
+        """
         return None
 
     @abstractmethod

@@ -15,12 +15,11 @@ from par4_dynamics.effects.effect import (
     beyond,
     single,
 )
-from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
+from par4_dynamics.effects.springs import DAMPING_RATIO, Drive, Springs
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.effects.transmission import (
     MOTOR_SHARE,
     one_a_joint,
-    told_torque,
     transmission_columns,
 )
 from par4_dynamics.state import State
@@ -29,8 +28,12 @@ STIFFNESSES = (1e2, 1e6)
 """N m/rad, of the arms of a Par4."""
 DAMPING_RATIOS = (2e-3, 0.7)
 """Of a transmission, from a bare steel shaft to one that hardly swings."""
+MOTOR_SHARES = (0.05, 0.95)
+"""Of the actuator inertia that turns with the motor: from a heavy arm to a high gear ratio."""
 STEP = 1e-3
 """Of a compliance, for the slope of the torque."""
+COMMON = 'damping_ratio', 'motor_share'
+"""Names of what the transmissions of a machine have in common: those of a `Drive`."""
 RESONANCES = (1.0, 500.0)
 """Hz, of an axis, whose stiffness may be any: of its load, half of its inertia, on its spring."""
 
@@ -56,35 +59,41 @@ class ElasticTransmission(Effect):
     torque with each compliance there; what this first order misses is shared out among them, so
     that they are exact where the coefficients equal those compliances. A joint without elasticity
     has the stiffness 0 in its place. The damping ratio is over the critical damping with which the
-    two parts of the actuator's inertia, motor and arm, swing against each other.
+    two parts of the actuator's inertia, motor and arm, swing against each other; `motor_share` is
+    that of the motor in it.
     """
 
     name = 'elastic_transmission'
     phrase = 'elasticity of the transmission'
-    assumes = (f'{100.0 * MOTOR_SHARE:.0f} % of the actuator inertia is taken to turn with the '
-               f'motor and its encoder, the rest with the load; where the load has more of it, the '
-               f'stiffness is larger.')
     parameters = (
         EffectParameter('stiffness', 'N m/rad', 'joint', nonnegative=True),  # 0 is a rigid joint
-        EffectParameter('damping_ratio', '1', 'machine', default=DAMPING_RATIO, is_shape=True))
+        EffectParameter('damping_ratio', '1', 'machine', default=DAMPING_RATIO, is_shape=True),
+        EffectParameter('motor_share', '1', 'machine', default=MOTOR_SHARE, is_shape=True))
     shared = True
     separable = ((0,), (1,), (2,), (3,))
     needs_nominal = True
     looks_around = True
     variables = 2
 
+    def assumes(self, values: Values) -> str | None:
+        if np.any(values['motor_share'] != MOTOR_SHARE):
+            return None
+        return (f'{100.0 * MOTOR_SHARE:.0f} % of the actuator inertia is taken to turn with the '
+                f'motor and its encoder, the rest with the load; where the load has more of it, '
+                f'the stiffness is larger.')
+
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        compliance = self.exact_at(shape, state.joints)
-        if not np.any(compliance > 0.0):
-            return transmission_columns(state, -told_torque(state))
-        damping_ratio, springs = _damping_ratio(shape), Springs(state)
-        spring, torque = springs.torque(compliance, damping_ratio)
+        compliance, drive = self.exact_at(shape, state.joints), drive_of(shape)
+        springs = Springs(state)
+        spring, torque = springs.torque(compliance, drive)
         columns = (np.zeros((*torque.shape, state.joints)) if np.all(compliance > 0.0)
-                   else transmission_columns(state, -spring))
+                   else transmission_columns(state, -spring, drive.motor_share))
+        if not np.any(compliance > 0.0):
+            return columns
         for joint in np.flatnonzero(compliance > 0.0):
             moved = compliance.copy()
             moved[joint] *= 1.0 + STEP
-            columns[..., joint] = (springs.torque(moved, damping_ratio)[1] - torque) / (
+            columns[..., joint] = (springs.torque(moved, drive)[1] - torque) / (
                 STEP * compliance[joint])
         missed = torque - columns @ compliance
         return columns + missed[..., None] * compliance / (compliance @ compliance)
@@ -93,16 +102,16 @@ class ElasticTransmission(Effect):
         return one_a_joint(_inverse(values['stiffness']))
 
     def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
-        stiffness = _inverse(np.diagonal(coefficients))
+        stiffness, drive = _inverse(np.diagonal(coefficients)), drive_of(shape)
         return {'stiffness': stiffness,
-                'damping_ratio': np.full_like(stiffness, _damping_ratio(shape))}
+                **{name: np.full_like(stiffness, getattr(drive, name)) for name in COMMON}}
 
     def free_numbers(self, shape: Shape) -> int:
-        return int('damping_ratio' in shape)
+        return sum(name in shape for name in COMMON)
 
     def expansion(self, coefficients: np.ndarray, shape: Shape | None = None) -> Shape:
-        """Return the shape that is exact at the coefficients (J,), with the damping of `shape`."""
-        known = {name: value for name, value in (shape or {}).items() if name == 'damping_ratio'}
+        """Return the shape that is exact at the coefficients (J,), with the drive of `shape`."""
+        known = {name: value for name, value in (shape or {}).items() if name in COMMON}
         return {**dict(zip(_names(len(coefficients)), map(float, coefficients))), **known}
 
     def shape_of_joints(self, values: Values, joints: tuple[int, ...]) -> Shape:
@@ -114,16 +123,21 @@ class ElasticTransmission(Effect):
         return np.array([single(shape.get(name, 0.0)) for name in _names(joints)])
 
     def shape_of_sets(self, shape: Shape, sets: tuple[int, ...]) -> Shape:
-        kept = [*map(_name, sets), 'damping_ratio']
+        kept = [*map(_name, sets), *COMMON]
         return {name: value for name, value in shape.items() if name in kept}
 
     def torque(self, state: State, values: Values, joints: tuple[int, ...]) -> np.ndarray:
         compliance = self.coefficients(values)[:, 0]
-        return Springs(state).torque(compliance, float(values['damping_ratio'][0]))[1]
+        drive = Drive(*(float(values[name][0]) for name in COMMON))
+        return Springs(state).torque(compliance, drive)[1]
 
     def senseless(self, values: Values) -> str | None:
         least = float(np.min(values['damping_ratio']))
-        return None if least >= 0.0 else f'damping_ratio: expected 0 or more, found {least:g}'
+        if least < 0.0:
+            return f'damping_ratio: expected 0 or more, found {least:g}'
+        share = float(values['motor_share'][0])
+        return (None if 0.0 < share < 1.0 else
+                f'motor_share: expected more than 0 and less than 1, found {share:g}')
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         compliance = _inverse(values['stiffness'])
@@ -136,6 +150,11 @@ class ElasticTransmission(Effect):
         if beyond(damping_ratio, std['damping_ratio'][:1], *DAMPING_RATIOS) is not None:
             return (f'a damping ratio of {damping_ratio[0]:.3g} is not one of a transmission, '
                     f'expected {DAMPING_RATIOS[0]:g} to {DAMPING_RATIOS[1]:g}')
+        share = values['motor_share'][:1]
+        if beyond(share, std['motor_share'][:1], *MOTOR_SHARES) is not None:
+            return (f'a motor with {100.0 * share[0]:.3g} % of the actuator inertia is none of a '
+                    f'machine, expected {100.0 * MOTOR_SHARES[0]:g} to '
+                    f'{100.0 * MOTOR_SHARES[1]:g} %')
         low, high = believed_stiffnesses(
             float(base['actuator_inertia'][0]) if FAST in base else None)
         softest = int(np.argmax(compliance))
@@ -145,7 +164,7 @@ class ElasticTransmission(Effect):
         return None
 
     def signature(self, state: State) -> Signature:
-        twist = time_rate(state, time_rate(state, told_torque(state)))
+        twist = time_rate(state, time_rate(state, Springs(state).rigid()))
         return Signature(twist, 'curvature of the load torque in time, N m/s2')
 
 
@@ -153,8 +172,9 @@ def _names(joints: int) -> list[str]:
     return [_name(joint) for joint in range(joints)]
 
 
-def _damping_ratio(shape: Shape) -> float:
-    return single(shape.get('damping_ratio', DAMPING_RATIO))
+def drive_of(shape: Shape) -> Drive:
+    """Return what the transmissions of a shape have in common."""
+    return Drive(**{name: single(shape[name]) for name in COMMON if name in shape})
 
 
 def _name(joint: int) -> str:

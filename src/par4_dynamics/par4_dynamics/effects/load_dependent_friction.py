@@ -23,14 +23,16 @@ class LoadDependentFriction(Effect):
 
     name = 'load_dependent_friction'
     phrase = 'friction that grows with the load'
-    assumes = ('The whole inertia is taken to be load that the friction carries; where part of it '
-               'turns before the transmission, the coefficient is larger.')
     parameters = (EffectParameter('coefficient', '1', 'joint'),)
     needs_nominal = True
     variables = 2
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return (np.abs(state.known.load) * state.direction)[..., None]
+
+    def assumes(self, values: Values) -> str | None:
+        return ('The whole inertia is taken to be load that the friction carries; where part of it '
+                'turns before the transmission, the coefficient is larger.')
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         coefficient = values['coefficient']

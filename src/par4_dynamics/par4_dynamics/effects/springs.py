@@ -1,17 +1,19 @@
 """Loads that swing on elastic transmissions: their torque and its slopes, by integration.
 
-A step is implicit and of fourth order in the frequency. Slopes by the logarithms of compliances and
-damping obey the same equations of motion with another right side, so that one pass gives them all.
+A step is implicit and of fourth order in the frequency. Slopes by the logarithms of compliances,
+damping and motor share obey the same equations of motion with another right side, so that one pass
+gives them all.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numba
 import numpy as np
 
-from par4_dynamics.effects.transmission import MOTOR_SHARE, motor_side, told_torque
+from par4_dynamics.effects.transmission import MOTOR_SHARE, motor_side, told_part
 from par4_dynamics.state import State
 from par4_kinematics.errors import UnreachableError
 
@@ -27,6 +29,23 @@ on in all others."""
 RUN_IN, RUN_IN_DAMPING = 1.0, 25.0
 """s before the motion, and times more damping at its start: the swing in which the integration
 starts dies away there. It fades to nothing without a kink, which would start another."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What the transmissions of a machine have in common beside their stiffness.
+
+    Attributes:
+        damping_ratio: over the critical damping with which the two parts of the actuator's
+            inertia, motor and arm, swing against each other.
+        motor_share: of the actuator's inertia that turns with the motor and its encoder.
+    """
+
+    damping_ratio: float = DAMPING_RATIO
+    motor_share: float = MOTOR_SHARE
+
+
+USUAL = Drive()
 
 
 class Springs:
@@ -47,80 +66,89 @@ class Springs:
     """
 
     def __init__(self, state: State) -> None:
-        self._state, self._rigid = state, told_torque(state)
+        self._state, self._whole_load = state, told_part(state, state.known.load)
         self._still = len(state.t) < 2
+        self._load_torque: tuple[float, np.ndarray] = np.nan, self._whole_load
         if self._still:
             return
         self._period = (state.t[-1] - state.t[0]) / (len(state.t) - 1)
-        self._by_motion = np.stack((
-            state.torque_by_qdd - motor_side(state, np.eye(state.joints)),
-            state.torque_by_qd, state.torque_by_q))
-        self._reduced = np.broadcast_to(
-            (1.0 - MOTOR_SHARE) * motor_side(state, np.ones(state.joints)), state.joints)
-        before = self._before = min(len(self._rigid) - 1, round(RUN_IN / self._period))
-        self._place = np.concatenate((np.zeros(before, dtype=int), np.arange(len(self._rigid))))
-        fade = np.concatenate((np.linspace(1.0, 0.0, before), np.zeros(len(self._rigid))))
+        self._by_motion = np.stack((state.torque_by_qdd, state.torque_by_qd, state.torque_by_q))
+        self._actuator = motor_side(state, np.ones(state.joints), 1.0)
+        before = self._before = min(len(state.t) - 1, round(RUN_IN / self._period))
+        self._place = np.concatenate((np.zeros(before, dtype=int), np.arange(len(state.t))))
+        fade = np.concatenate((np.linspace(1.0, 0.0, before), np.zeros(len(state.t))))
         self._more = 1.0 + RUN_IN_DAMPING * fade ** 2
-        self._last: tuple[tuple[float, ...], np.ndarray] = (), self._rigid
+        self._last: tuple[tuple[Drive, tuple[float, ...]] | None, np.ndarray] = (
+            None, self._whole_load)
 
-    def resonances(self, compliance: np.ndarray) -> np.ndarray:
+    def resonances(self, compliance: np.ndarray, drive: Drive = USUAL) -> np.ndarray:
         """Return the frequency at which each load swings against its resting motor, (J,) Hz.
 
         `compliance` is (J,), rad/(N m); infinite where it is at most zero.
         """
-        inertia = np.mean(np.diagonal(self._by_motion[0], axis1=1, axis2=2), axis=0)
+        inertia = np.mean(np.diagonal(self._by_motion[0], axis1=1, axis2=2), axis=0) - (
+            drive.motor_share * self._actuator)
         with np.errstate(divide='ignore'):
             return np.asarray(1.0 / np.sqrt(np.maximum(compliance, 0.0) * inertia) / (2.0 * np.pi))
 
-    def torque(self, compliance: np.ndarray, damping_ratio: float = DAMPING_RATIO, every: int = 1
+    def rigid(self, drive: Drive = USUAL) -> np.ndarray:
+        """Return what rigid transmissions would carry to the load, (n, J) N m, as far as told."""
+        share, torque = self._load_torque
+        if share != drive.motor_share:
+            torque = self._whole_load - drive.motor_share * self._motor_torque
+            self._load_torque = drive.motor_share, torque
+        return torque
+
+    def torque(self, compliance: np.ndarray, drive: Drive = USUAL, every: int = 1
                ) -> tuple[np.ndarray, np.ndarray]:
         """Return the torque s / c of springs that twist by s, and the change of the load's torque.
 
         Args:
             compliance: c, (J,), rad/(N m); at most zero is rigid.
-            damping_ratio: over the critical damping with which the two parts of the actuator's
-                inertia, motor and arm, swing against each other on the spring.
+            drive: what they have in common.
             every: samples from step to step of the integration; more than one is quick and coarse.
 
         Returns:
             Two (n, J), N m; the nominal torque and zero where nothing twists.
         """
+        rigid = self.rigid(drive)
         if self._still or not np.any(compliance > 0.0):
-            return self._rigid, np.zeros_like(self._rigid)
-        load = self._load(compliance, damping_ratio, every)
-        spring, change, _, _ = self._swung(load, compliance, damping_ratio, every)
-        return self._told(spring, every), self._told(change, every) + (load - self._rigid)
+            return rigid, np.zeros_like(rigid)
+        load = self._load(compliance, drive, every)
+        spring, change, _, _ = self._swung(load, compliance, drive, every)
+        return self._told(spring, every), self._told(change, every) + (load - rigid)
 
-    def slopes(self, compliance: np.ndarray, damping_ratio: float = DAMPING_RATIO, every: int = 1
-               ) -> np.ndarray:
-        """Return d/d ln c and d/d ln (damping ratio) of the change of `torque`, (n, J, J + 1), N m.
+    def slopes(self, compliance: np.ndarray, drive: Drive = USUAL, every: int = 1) -> np.ndarray:
+        """Return the slopes of the change of `torque`, (n, J, J + 2), N m.
 
-        They leave out how what the first order misses changes; rigid joints have none.
+        They are those by the logarithms of the compliances, of the damping ratio and of the motor
+        share. They leave out how what the first order misses changes; rigid joints have none.
         """
-        slopes = np.zeros((*self._rigid.shape, self._rigid.shape[1] + 1))
+        slopes = np.zeros((*self._whole_load.shape, self._whole_load.shape[1] + 2))
         if self._still or not np.any(compliance > 0.0):
             return slopes
-        load = self._load(compliance, damping_ratio, every)
-        found = self._told(self._swung(load, compliance, damping_ratio, every, True)[3], every)
-        slopes[..., [*np.flatnonzero(compliance > 0.0), -1]] = found
+        load = self._load(compliance, drive, every)
+        found = self._told(self._swung(load, compliance, drive, every, True)[3], every)
+        slopes[..., [*np.flatnonzero(compliance > 0.0), -2, -1]] = found
         return slopes
 
-    def _load(self, compliance: np.ndarray, damping_ratio: float, every: int) -> np.ndarray:
+    def _load(self, compliance: np.ndarray, drive: Drive, every: int) -> np.ndarray:
         """Return what rigid springs would carry, with what the first order misses, (n, J), N m.
 
         That of the last compliances is kept: slopes are asked for where a torque was.
         """
+        rigid = self.rigid(drive)
         if every > 1 or self._state.geometry is None:  # coarse, linear
-            return self._rigid
-        asked = damping_ratio, *compliance
+            return rigid
+        asked = drive, tuple(compliance)
         last, load = self._last
         if last != asked:
-            _, change, twist, _ = self._swung(self._rigid, compliance, damping_ratio)
+            _, change, twist, _ = self._swung(rigid, compliance, drive)
             try:
-                load = self._rigid + self._exact_change(
-                    *twist[:, self._before:]) - change[self._before:]
+                load = rigid + self._exact_change(
+                    twist[:, self._before:], drive) - change[self._before:]
             except UnreachableError:  # springs so soft are none that a machine has
-                load = self._rigid
+                load = rigid
             self._last = asked, load
         return load
 
@@ -128,57 +156,76 @@ class Springs:
         """Return values (n, ...) at the samples of the motion of those at the steps (m, ...)."""
         if every == 1:
             return steps[self._before:]
-        taken, wanted = every * np.arange(len(steps)), np.arange(len(self._rigid)) + self._before
+        taken, wanted = (every * np.arange(len(steps)),
+                         np.arange(len(self._state.t)) + self._before)
         return np.stack([np.interp(wanted, taken, values)
                          for values in steps.reshape(len(steps), -1).T], axis=1).reshape(
                              (-1, *steps.shape[1:]))
 
-    def _exact_change(self, twist: np.ndarray, speed: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        """Return the change of the load's torque (n, J), N m, where it twists by (n, J), rad.
+    def _exact_change(self, motion: np.ndarray, drive: Drive) -> np.ndarray:
+        """Return the change of the load's torque (n, J), N m, where its springs twist.
 
         Args:
-            twist, speed, rate: of the springs, (n, J), rad, rad/s, rad/s2.
+            motion: twist, its speed and acceleration, (3, n, J), rad, rad/s, rad/s2.
+            drive: of the springs.
 
         Raises:
             UnreachableError: positions of the load with which the mechanism does not close.
         """
-        state = self._state
+        state, (twist, speed, rate) = self._state, motion
         moved = state.moved(state.q - twist, state.qd - speed, state.qdd - rate)
-        return state.known.rigid_torque(moved) - self._whole + motor_side(state, rate)
+        return (state.known.rigid_torque(moved) - self._whole
+                + motor_side(state, rate, drive.motor_share))
 
     @cached_property
     def _whole(self) -> np.ndarray:
         """The rigid machine's torque, (n, J) N m."""
         return self._state.known.rigid_torque(self._state)
 
-    def _swung(self, rigid: np.ndarray, compliance: np.ndarray, damping_ratio: float,
+    @cached_property
+    def _motor_torque(self) -> np.ndarray:
+        """The torque that accelerates the whole actuator inertia, as far as told, (n, J) N m."""
+        return told_part(self._state, motor_side(self._state, self._state.qdd, 1.0))
+
+    def _swung(self, rigid: np.ndarray, compliance: np.ndarray, drive: Drive,
                every: int = 1, with_slopes: bool = False
                ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return what `torque` does, to first order, with a run-in before it, and the twists.
 
         Args:
             rigid: what rigid springs would carry, (n, J), N m.
-            compliance, damping_ratio, every: of `torque`.
+            compliance, drive, every: of `torque`.
+            with_slopes: whether they are asked for.
 
         Returns:
             Two (m, J), N m; twist, speed and acceleration (3, m, J); slopes of the second (m, J, p)
-            by the logarithms of the compliances of the p - 1 joints that twist and of the damping
-            ratio, p = 0 unless asked for. All of every so many samples.
+            by the logarithms of the compliances of the p - 2 joints that twist, of the damping
+            ratio and of the motor share, p = 0 unless asked for. All of every so many samples.
         """
         soft = np.flatnonzero(compliance > 0.0)
         twisting = compliance[soft]
-        lag = 2.0 * damping_ratio * np.sqrt(twisting * self._reduced[soft])  # c d, s
+        share = drive.motor_share
+        motor = share * self._actuator
+        reduced = (1.0 - share) * motor[soft]
+        lag = 2.0 * drive.damping_ratio * np.sqrt(twisting * reduced)  # c d, s
         steps = slice(None, None, every)
-        before = 2.0 * rigid[0] - rigid[self._before:0:-1]
-        load = np.ascontiguousarray(np.concatenate((before, rigid))[steps])
+        load = self._with_run_in(rigid)[steps]
+        driven = share * self._with_run_in(self._motor_torque)[steps] if with_slopes else load
         spring, change, twist = np.empty_like(load), np.empty_like(load), np.zeros((3, *load.shape))
-        slopes = np.empty((*load.shape, len(soft) + 1 if with_slopes else 0))
+        slopes = np.empty((*load.shape, len(soft) + 2 if with_slopes else 0))
         h = every * self._period
-        _swing(load, self._place[steps], self._by_motion, soft, twisting, lag, self._more[steps],
-               h, self._beta(twisting, soft, h), spring, change, twist, slopes)
+        _swing(load, self._place[steps], self._by_motion, motor, soft, twisting, lag,
+               self._more[steps], h, self._beta(twisting, soft, h, motor), driven,
+               0.5 * (1.0 - 2.0 * share) / (1.0 - share), spring, change, twist, slopes)
         return spring, change, twist, slopes
 
-    def _beta(self, compliance: np.ndarray, soft: np.ndarray, h: float) -> np.ndarray:
+    def _with_run_in(self, torque: np.ndarray) -> np.ndarray:
+        """Return a torque (n, J) with what goes before it, turned about its first sample."""
+        return np.ascontiguousarray(
+            np.concatenate((2.0 * torque[0] - torque[self._before:0:-1], torque)))
+
+    def _beta(self, compliance: np.ndarray, soft: np.ndarray, h: float, motor: np.ndarray
+              ) -> np.ndarray:
         """Return Newmark's beta of each joint that twists, (k,), for steps of h, s.
 
         It is that of `FOURTH_ORDER` where the joint is soft enough. As the springs' stiffness is
@@ -189,15 +236,18 @@ class Springs:
             compliance: of the joints that twist, (k,).
             soft: which ones, (k,).
             h: step.
+            motor: inertia of the motors, (J,), kg m2.
         """
-        least = UNBOUNDED - self._least_inertia[soft] * compliance / h ** 2
+        least = UNBOUNDED - self._least_inertia(motor)[soft] * compliance / h ** 2
         return np.maximum(least, FOURTH_ORDER)
 
-    @cached_property
-    def _least_inertia(self) -> np.ndarray:
-        """Inertia (J,), kg m2, of which a diagonal matrix is smaller than that of the load."""
-        poses = np.linspace(0, len(self._rigid) - 1, POSES).astype(int)
-        inertia = self._by_motion[0][poses]
+    def _least_inertia(self, motor: np.ndarray) -> np.ndarray:
+        """Return the inertia (J,), kg m2, of which a diagonal matrix is smaller than the load's.
+
+        `motor` (J,), kg m2, is no part of the load.
+        """
+        poses = np.linspace(0, len(self._state.t) - 1, POSES).astype(int)
+        inertia = self._by_motion[0][poses] - np.diag(motor)
         own = np.diagonal(inertia, axis1=1, axis2=2)
         if np.any(own <= 0.0):
             return np.zeros(own.shape[1])
@@ -208,15 +258,17 @@ class Springs:
 
 
 @numba.njit(cache=True, error_model='numpy', nogil=True)
-def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring, change, told,
-           slopes):
+def _swing(load, place, by_motion, motor, soft, compliance, lag, more, h, beta, driven, stiffer,
+           spring, change, told, slopes):
     """Integrate c (M sdd + C sd + K s) + c d sd + s = c T_0 by Newmark's method (1959).
 
     Its gamma is 1/2, so that nothing is damped by the steps. Only the `soft` joints (k,) twist;
     `compliance`, `lag` and `beta` (k,) are theirs. M, C and K (3, n, J, J) of a row are those of
-    its `place`. Twist, speed and acceleration are told, (3, n, J). `slopes` (n, J, p) are those of
-    the change of the torque by the logarithm of each compliance and of the damping ratio, with
-    p = k + 1, or none with p = 0.
+    its `place`, M without the inertia of the motors, `motor` (J,). Twist, speed and acceleration
+    are told, (3, n, J). `slopes` (n, J, p) are those of the change of the torque by the logarithm
+    of each compliance, of the damping ratio and of the motor share, with p = k + 2, or none with
+    p = 0. A larger share takes `driven` (n, J) from T_0 and `motor` from M; the logarithm of the
+    damping grows with that of the share by `stiffer`.
     """
     joints, count = load.shape[1], len(soft)
     wanted = slopes.shape[2]
@@ -227,10 +279,14 @@ def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring,
         twist[k] = compliance[k] * load[0, soft[k]]
         if wanted > 0:
             twists[k, k] = twist[k]
-    matrix = np.empty((count, count))
+            twists[count + 1, k] = -compliance[k] * driven[0, soft[k]]
+    matrix, inertia = np.empty((count, count)), np.empty((joints, joints))
     for row in range(len(load)):
-        inertia, by_speed, by_twist = (
-            by_motion[0, place[row]], by_motion[1, place[row]], by_motion[2, place[row]])
+        by_speed, by_twist = by_motion[1, place[row]], by_motion[2, place[row]]
+        for i in range(joints):
+            for other in range(joints):
+                inertia[i, other] = by_motion[0, place[row], i, other]
+            inertia[i, i] -= motor[i]
         _predicted(twist, speed, rate, h, beta)
         for k in range(count):
             slow = more[row] * lag[k]
@@ -262,12 +318,18 @@ def _swing(load, place, by_motion, soft, compliance, lag, more, h, beta, spring,
                     - slow * speeds[p, k] - twists[p, k])
                 if p == count:
                     rates[p, k] -= slow * speed[k]
+                elif p == count + 1:
+                    rates[p, k] -= stiffer * slow * speed[k] + compliance[k] * (
+                        driven[row, soft[k]] - motor[soft[k]] * rate[k])
                 elif p == k:  # c T_0 grows with c, what damps it with its root
                     rates[p, k] += twist[k] + 0.5 * slow * speed[k]
             _corrected(matrix, twists[p], speeds[p], rates[p], h, beta)
             for i in range(joints):
                 slopes[row, i, p] = -_by_rate(inertia[i], soft, rates[p]) - _by_twist(
                     by_speed[i], by_twist[i], soft, speeds[p], twists[p])
+        if wanted > 0:
+            for k in range(count):
+                slopes[row, soft[k], count + 1] += motor[soft[k]] * rate[k]
 
 
 @numba.njit(cache=True, error_model='numpy', forceinline=True)

@@ -16,15 +16,19 @@ from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.state import State, state_of_joints
 
 MOTOR_SHARE = 0.5
-"""Of the actuator inertia that turns with the encoder, before the transmission: assumed."""
+"""Of the actuator inertia that turns with the encoder, before the transmission: assumed where
+nothing tells."""
 ORDER, FOLDED = 4, 0.4
 """Of the filter, either way, that ends what encoders tell; share of the sample rate from which on
 there is nothing to end."""
 
 
-def motor_side(state: State, qdd: np.ndarray) -> np.ndarray:
-    """Return the torque, N m, that accelerates the motors by qdd (..., J), rad/s2."""
-    return MOTOR_SHARE * state.known.values['actuator_inertia'] * qdd
+def motor_side(state: State, qdd: np.ndarray, share: float = MOTOR_SHARE) -> np.ndarray:
+    """Return the torque, N m, that accelerates the motors by qdd (..., J), rad/s2.
+
+    `share` is that of the actuator inertia which turns with them.
+    """
+    return share * state.known.values['actuator_inertia'] * qdd
 
 
 def transmitted_torque(state: State) -> np.ndarray:
@@ -32,16 +36,18 @@ def transmitted_torque(state: State) -> np.ndarray:
     return state.known.load - motor_side(state, state.qdd)
 
 
-def transmission_columns(state: State, shift: np.ndarray) -> np.ndarray:
+def transmission_columns(state: State, shift: np.ndarray, share: float = MOTOR_SHARE
+                         ) -> np.ndarray:
     """Return d/dc of the load side's torque on q + c shift, (n, J, J): one column a joint shifted.
 
     Args:
         state: the motion with its nominal torque.
         shift: of the load of each joint against its motor, (n, J), rad per unit of c.
+        share: of the actuator inertia that turns with the motor.
     """
     curvature = time_rate(state, time_rate(state, shift))
     return (shift_columns(state, shift)
-            - motor_side(state, curvature)[:, None, :] * np.eye(state.joints))
+            - motor_side(state, curvature, share)[:, None, :] * np.eye(state.joints))
 
 
 def load_inertia(state: State, t: np.ndarray) -> np.ndarray:
@@ -55,13 +61,12 @@ def load_inertia(state: State, t: np.ndarray) -> np.ndarray:
     return rest.torque_by_qdd - motor_side(state, np.eye(state.joints))
 
 
-def told_torque(state: State) -> np.ndarray:
-    """Return `transmitted_torque` (n, J), N m, as far as `State.told_hz`.
+def told_part(state: State, torque: np.ndarray) -> np.ndarray:
+    """Return a torque (n, J), N m, of a motion as far as `State.told_hz`.
 
     Beyond it drives answer encoder counts, so that motors move with what encoders misread. A load
     that swings would make a large torque of that little noise.
     """
-    torque = transmitted_torque(state)
     if len(state.t) < 2:
         return torque
     period = (state.t[-1] - state.t[0]) / (len(state.t) - 1)

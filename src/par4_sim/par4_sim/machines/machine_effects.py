@@ -284,6 +284,7 @@ def _elastic_transmission(machine: Machine, active: ActiveEffect) -> Machine:
     stiffness = _acting(active, 'stiffness', machine.transmission.stiffness)
     # 0 stands for a rigid joint
     return _changed(machine, 'transmission', damping_ratio=_whole(active, 'damping_ratio'),
+                    motor_share=_whole(active, 'motor_share'),
                     stiffness=np.where(stiffness == 0.0, np.inf, stiffness))
 
 

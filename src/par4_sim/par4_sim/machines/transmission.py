@@ -16,8 +16,8 @@ class Transmission:
     Attributes:
         stiffness: k (4,), N m/rad; inf = rigid.
         gap: total lost motion (4,), rad; 0 = none.
-        motor_share: share of the actuator inertia on the motor's side. Nothing tells it (only the
-            sum shows in a rigid machine): one half is an assumption.
+        motor_share: share of the actuator inertia on the motor's side. A rigid machine shows the
+            sum alone.
         damping_ratio: of the spring, relative to the critical damping of motor against arm.
     """
 

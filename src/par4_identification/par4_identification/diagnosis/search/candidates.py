@@ -159,8 +159,8 @@ class Candidates:
         if found is None:
             return None
         self.swing = found
-        known = {} if found.damping_ratio is None else {'damping_ratio': found.damping_ratio}
-        hypothesis = Hypothesis(effect, effect.expansion(found.compliance, known), self._joints)
+        hypothesis = Hypothesis(effect, effect.expansion(found.compliance, found.told),
+                                self._joints)
         return Candidate(hypothesis, 0.5 * found.squares, TRIED * len(self._joints))
 
 

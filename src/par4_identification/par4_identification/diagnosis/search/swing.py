@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
 
 from par4_dynamics.effects.elastic_transmission import (
+    COMMON,
     DAMPING_RATIOS,
+    MOTOR_SHARES,
     ElasticTransmission,
     believed_stiffnesses,
 )
-from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
+from par4_dynamics.effects.springs import USUAL, Drive, Springs
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.kind import Key
@@ -27,14 +29,19 @@ COARSE_DAMPING = 0.4
 """Ratio in the first search: wide resonances overlap, and so do the basins of the fit."""
 COARSE_STEP = 2
 """Samples from step to step of the integration in the first search."""
-SWEEPS, TRIALS = 3, 40
+SWEEPS, TRIALS = 3, 100
 """Of the first look over the joints; of compliances in one descent."""
 SETTLED = 1e-4
 """Share of the squares that a last step gains."""
 IN_BAND = 0.7
-"""Highest resonance whose damping is told, over the frequency to which encoders tell the motion."""
-MOST_DAMPED = 0.99 * DAMPING_RATIOS[1]
-"""Damping ratio from which on the search has ended at its bound."""
+"""Highest resonance whose damping and motor share are told, over the frequency to which encoders
+tell the motion."""
+BOUNDS = dict(zip(COMMON, (DAMPING_RATIOS, MOTOR_SHARES)))
+ENDED = {'damping_ratio': (0.0, 0.99 * DAMPING_RATIOS[1]),
+         'motor_share': (1.01 * MOTOR_SHARES[0], 0.99 * MOTOR_SHARES[1])}
+"""Within these a search has not ended at a bound: what does is none that the data tell."""
+COARSE = tuple(Drive(COARSE_DAMPING, share) for share in (USUAL.motor_share, 0.75))
+"""What transmissions have in common in the first look."""
 AT_BOUND = 1e-6
 """Of a logarithm: what starts as near to its bound starts there. A step that ends at a bound just
 ahead is none, and the descent would end with it."""
@@ -50,7 +57,8 @@ class Swing:
 
     Attributes:
         compliance: (J,), rad/(N m).
-        damping_ratio: None where the data do not tell it from the usual one.
+        told: damping ratio and motor share by their names, where the data tell them from the usual
+            ones.
         squares: twice the gain in log-likelihood with the torque as large as these make it, so
             that noise in the columns cannot pass as a twist of another size or sign.
         first_look: number of the compliance that a first look chose for each joint, None where it
@@ -58,9 +66,9 @@ class Swing:
     """
 
     compliance: np.ndarray
-    damping_ratio: float | None
     squares: float
     first_look: tuple[int | None, ...]
+    told: dict[str, float] = field(default_factory=dict)
 
 
 def swing_in(projection: Projection, least: float, price: float, known: Swing | None = None
@@ -72,7 +80,8 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
     Args:
         projection: whose residual is the target.
         least: twice the gain in log-likelihood that the first look must promise.
-        price: twice the gain that a damping ratio other than the usual one must be worth.
+        price: twice the gain that a damping ratio or a motor share other than the usual one must be
+            worth.
         known: result beside other causes, or with another nominal torque. The descent begins
             there. Its end is the answer if it leaves less than the first look promises, or if that
             look chooses as it did then, which is much quicker. If not, the better of two descents
@@ -82,61 +91,72 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
     springs = {id(run.state): Springs(run.state) for run in evidence.observations.runs}
 
     def torque(state: State, key: Key) -> np.ndarray:
-        damping, *compliance = key[1]
-        return springs[id(state)].torque(np.array(compliance), damping, _every(damping))[1]
+        drive, *compliance = key[1]
+        return springs[id(state)].torque(np.array(compliance), drive, _every(drive))[1]
 
-    def torques(trials: np.ndarray, damping: float) -> np.ndarray:
-        return evidence.torques([(ElasticTransmission, (damping, *row)) for row in trials], torque)
+    def torques(trials: np.ndarray, drive: Drive) -> np.ndarray:
+        return evidence.torques([(ElasticTransmission, (drive, *row)) for row in trials], torque)
 
-    def left(trial: np.ndarray, damping: float) -> np.ndarray:
-        return target - projection.rest(torques(trial[None], damping)[:, 0])
+    def left(trial: np.ndarray, drive: Drive) -> np.ndarray:
+        return target - projection.rest(torques(trial[None], drive)[:, 0])
 
-    def slopes(trial: np.ndarray, damping: float) -> np.ndarray:
+    def slopes(trial: np.ndarray, drive: Drive) -> np.ndarray:
         return -projection.rest(np.concatenate(evidence.whitener.whiten([run.rows(
-            springs[id(run.state)].slopes(trial, damping, _every(damping)))
+            springs[id(run.state)].slopes(trial, drive, _every(drive)))
             for run in evidence.observations.runs])))
 
     joints, state = evidence.observations.joints, evidence.observations.runs[0].state
     soft, stiff = stiffnesses_of(state)
     grid = np.geomspace(VISIBLE / stiff, 1.0 / soft, TRIED)
-    alone = torques(np.concatenate([grid[:, None] * unit for unit in np.eye(joints)]),
-                    COARSE_DAMPING)
-    chosen, worth = _first_look(projection.rest(alone), target, joints)
+    single = np.concatenate([grid[:, None] * unit for unit in np.eye(joints)])
+    looks = [_first_look(projection.rest(torques(single, drive)), target, joints)
+             for drive in COARSE]
+    looked = int(np.argmax([worth for _, worth in looks]))
+    (chosen, worth), coarse = looks[looked], COARSE[looked]
     if worth <= least:
         return None
     believed = np.log((2.0 / stiff, 1.0 / soft))
-    with_damping = np.stack([np.append(np.full(joints, compliance), damping)
-                             for compliance, damping in zip(believed, np.log(DAMPING_RATIOS))])
 
-    def damped_as_usual(start: np.ndarray, damping: float) -> tuple[np.ndarray, Swing]:
-        found, squares = _descended(lambda trial: left(trial, damping),
-                                    lambda trial: slopes(trial, damping)[:, :-1], start, believed)
-        return found, Swing(_of_logarithms(found), None, _square(target) - squares, chosen)
+    def descended(start: Swing, drive: Drive = USUAL) -> Swing:
+        """Return where compliances and the numbers that `start` tells come to."""
+        names = list(start.told)
+        columns = [*range(joints), *(joints + COMMON.index(name) for name in names)]
 
-    def damped(start: np.ndarray, damping: float) -> Swing:
-        found, squares = _descended(lambda trial: left(trial[:-1], float(trial[-1])),
-                                    lambda trial: slopes(trial[:-1], float(trial[-1])),
-                                    np.append(start, np.log(damping)), with_damping)
-        told = _of_logarithms(found)
-        return Swing(told[:-1], float(told[-1]), _square(target) - squares, chosen)
+        def parts(trial: np.ndarray) -> tuple[np.ndarray, Drive]:
+            return trial[:joints], replace(drive, **dict(zip(names, trial[joints:].tolist())))
+
+        box = np.stack([np.append(np.full(joints, compliance), np.log([
+            BOUNDS[name][side] for name in names])) for side, compliance in enumerate(believed)])
+        begun = np.clip(np.log(np.append(start.compliance, list(start.told.values()))), *box)
+        found, squares = _descended(lambda trial: left(*parts(trial)),
+                                    lambda trial: slopes(*parts(trial))[:, columns], begun, box)
+        compliance, drive = parts(_of_logarithms(found))
+        return Swing(compliance, _square(target) - squares, chosen,
+                     {name: getattr(drive, name) for name in names})
+
+    def freed(found: Swing) -> Swing:
+        """Return what also tells those numbers in common that the data tell."""
+        if not _ring_in_band(list(springs.values()), found, evidence):
+            return found
+        for name in COMMON:
+            if name not in found.told:
+                more = descended(replace(found, told={**found.told, name: getattr(USUAL, name)}))
+                if more.squares - found.squares > price and all(
+                        ENDED[key][0] < value < ENDED[key][1]
+                        for key, value in more.told.items()):
+                    found = more
+        return found
 
     again = None
     if known is not None:
-        start = np.clip(np.log(known.compliance), *believed)
-        again = (damped_as_usual(start, DAMPING_RATIO)[1] if known.damping_ratio is None
-                 else damped(start, known.damping_ratio))
+        again = freed(descended(known))
         if again.squares > worth or known.first_look == chosen:
             return again
-    found = np.clip([np.log(3.0 / stiff if index is None else grid[index]) for index in chosen],
-                    *believed)
-    for damping in (COARSE_DAMPING, DAMPING_RATIO):
-        found, usual = damped_as_usual(found, damping)
-    best = usual
-    if _ring_in_band(list(springs.values()), usual.compliance, evidence):
-        freed = damped(found, DAMPING_RATIO)
-        # so much damping that the search ends at its bound is none that these data tell
-        if freed.squares - usual.squares > price and (freed.damping_ratio or 0.0) < MOST_DAMPED:
-            best = freed
+    best = Swing(np.array([3.0 / stiff if index is None else grid[index] for index in chosen]),
+                 0.0, chosen)
+    for drive in (coarse, USUAL):
+        best = descended(best, drive)
+    best = freed(best)
     return best if again is None or again.squares < best.squares else again
 
 
@@ -149,12 +169,13 @@ def stiffnesses_of(state: State) -> tuple[float, float]:
         float(state.known.values['actuator_inertia'][0]) if state.geometry is None else None)
 
 
-def _ring_in_band(springs: Sequence[Springs], compliance: np.ndarray, evidence: Evidence) -> bool:
+def _ring_in_band(springs: Sequence[Springs], found: Swing, evidence: Evidence) -> bool:
     """Return whether encoders tell what the softest load does at its resonance.
 
     Where they do not, too little of it swings, which looks like damping.
     """
-    return all(own.resonances(compliance).min() < IN_BAND * run.state.told_hz
+    drive = replace(USUAL, **found.told)
+    return all(own.resonances(found.compliance, drive).min() < IN_BAND * run.state.told_hz
                for own, run in zip(springs, evidence.observations.runs))
 
 
@@ -210,9 +231,9 @@ def _of_logarithms(trial: np.ndarray) -> np.ndarray:
     return np.asarray(np.exp(np.round(trial, DIGITS)))
 
 
-def _every(damping: float) -> int:
+def _every(drive: Drive) -> int:
     """Return the samples from step to step of the integration."""
-    return COARSE_STEP if damping == COARSE_DAMPING else 1
+    return COARSE_STEP if drive in COARSE else 1
 
 
 def _square(values: np.ndarray) -> float:

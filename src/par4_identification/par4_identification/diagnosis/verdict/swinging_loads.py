@@ -16,12 +16,12 @@ from functools import partial
 
 import numpy as np
 
-from par4_dynamics.effects.effect import single
 from par4_dynamics.effects.elastic_transmission import (
-    DAMPING_RATIOS,
+    COMMON,
     ElasticTransmission,
+    drive_of,
 )
-from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
+from par4_dynamics.effects.springs import Drive, Springs
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.dithered import Dithered, delivered
 from par4_identification.diagnosis.evidence.doubt import with_doubt
@@ -31,7 +31,7 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.diagnosis.search.causes import Model, others_of
 from par4_identification.diagnosis.search.search import Search
-from par4_identification.diagnosis.search.swing import stiffnesses_of
+from par4_identification.diagnosis.search.swing import BOUNDS, stiffnesses_of
 from par4_identification.diagnosis.verdict.answer import Cause
 
 STEPS, LONGEST = 8, 0.3
@@ -88,7 +88,7 @@ def with_doubt_of_counts(search: Search, causes: Sequence[Cause], named: Sequenc
 
 
 def unbiased(item: Hypothesis, projection: Projection, dithered: Dithered) -> Hypothesis | None:
-    """Return a cause with other compliances and damping, None where there is nothing to change.
+    """Return a cause with other compliances, damping and share, None if nothing is to change.
 
     That is where nothing swings or counts are not known. A step of the descent that turns back is
     halved, and so are all that follow it: what counts do to the slopes is not in its matrix. Less
@@ -136,7 +136,9 @@ def unbiased(item: Hypothesis, projection: Projection, dithered: Dithered) -> Hy
 
 
 class _Loads:
-    """Loads that swing, as functions of the logarithms of their compliances and damping.
+    """Loads that swing, as functions of the logarithms of their numbers.
+
+    These are the compliances, and the damping ratio and the motor share if they are told.
 
     Args:
         item: the cause that they begin with.
@@ -144,7 +146,7 @@ class _Loads:
         evidence: the rows.
 
     Attributes:
-        count: of logarithms, the last one that of the damping if it is told.
+        count: of logarithms, the last ones those of what the transmissions have in common.
         twist: which of them may change: that of a joint that is all but rigid may not, (count,).
     """
 
@@ -152,13 +154,13 @@ class _Loads:
         self._item, self._effect = item, effect
         self._start = effect.exact_at(item.shape, evidence.observations.joints)
         self._twisting = np.flatnonzero(self._start > 0.0)
-        self._is_told = 'damping_ratio' in item.shape
-        self._damping = single(item.shape.get('damping_ratio', DAMPING_RATIO))
+        self._drive = drive_of(item.shape)
+        self._common = [name for name in COMMON if name in item.shape]
         self._springs: dict[int, Springs] = {}
         _, stiff = stiffnesses_of(evidence.observations.runs[0].state)
-        self.count = len(self._twisting) + self._is_told
+        self.count = len(self._twisting) + len(self._common)
         self.twist = np.append(self._start[self._twisting] > TWISTS / stiff,
-                               np.full(int(self._is_told), True))
+                               np.full(len(self._common), True))
 
     def torque(self, change: np.ndarray, state: State) -> np.ndarray:
         """Return the torque of a motion at a change (count,), and its slopes there.
@@ -168,27 +170,31 @@ class _Loads:
         if id(state) not in self._springs:
             self._springs[id(state)] = Springs(state)
         springs, values = self._springs[id(state)], self._values(change)
-        told = [*self._twisting, *([-1] if self._is_told else [])]
+        told = [*self._twisting, *(state.joints + COMMON.index(name) for name in self._common)]
         return np.concatenate((springs.torque(*values)[1][..., None],
                                springs.slopes(*values)[..., told]), axis=-1)
 
     def possible(self, change: np.ndarray) -> np.ndarray:
-        """Return a change (count,) whose damping is one of a transmission."""
-        if not self._is_told:
-            return change
-        damping = np.clip(change[-1], *np.log(np.array(DAMPING_RATIOS) / self._damping))
-        return np.append(change[:-1], damping)
+        """Return a change (count,) whose damping and share are ones of a transmission."""
+        changed = change.copy()
+        for number, name in enumerate(self._common, len(self._twisting)):
+            changed[number] = np.clip(
+                change[number], *np.log(np.array(BOUNDS[name]) / getattr(self._drive, name)))
+        return changed
 
     def told(self, change: np.ndarray) -> Hypothesis:
         """Return the cause at a change."""
-        compliance, damping = self._values(change)
-        shape = self._effect.expansion(compliance,
-                                       {'damping_ratio': damping} if self._is_told else {})
+        compliance, drive = self._values(change)
+        shape = self._effect.expansion(
+            compliance, {name: getattr(drive, name) for name in self._common})
         sets = self._item.sets
         return replace(self._item, shape=shape if sets is None
                        else self._effect.shape_of_sets(shape, sets))
 
-    def _values(self, change: np.ndarray) -> tuple[np.ndarray, float]:
+    def _values(self, change: np.ndarray) -> tuple[np.ndarray, Drive]:
         compliance = self._start.copy()
-        compliance[self._twisting] *= np.exp(change[:len(self._twisting)])
-        return compliance, self._damping * float(np.exp(change[-1]) if self._is_told else 1.0)
+        twisting = len(self._twisting)
+        compliance[self._twisting] *= np.exp(change[:twisting])
+        return compliance, replace(self._drive, **{
+            name: getattr(self._drive, name) * float(np.exp(more))
+            for name, more in zip(self._common, change[twisting:])})

@@ -355,8 +355,10 @@ def remarks_of_cause(cause: Cause, machine: Robot | Axis, experiment: NextExperi
             f'A first-order low pass of the logged torque or current, with a time '
             f'constant of {number(late, 2)} s, looks like this delay.',
             'See whether the drive filters what it logs.'))
-    if cause.effect.assumes:
-        remarks.append(note(cause.effect.assumes))
+    assumed = cause.effect.assumes({name: np.asarray(parameter.value)
+                                    for name, parameter in cause.parameters.items()})
+    if assumed is not None:
+        remarks.append(note(assumed))
     if _is_relative(cause, machine):
         remarks.append(note(
             f'{capital(cause.effect.phrase)} is measured against the joints that are '
