@@ -65,6 +65,29 @@ def diagnosed(output, *words):
     return done, json.loads((output / 'diagnosis.json').read_text(encoding='utf-8'))
 
 
+def test_recordings_of_a_machine_that_changed_between_them(bags, tmp_path):
+    """Fitted as those of one machine they leave a torque that follows nothing known."""
+    done, content = diagnosed(tmp_path / 'out', bags / 'before', bags / 'loaded', '--holdout',
+                              bags / 'same')
+    entry, = content['between_logs']
+    assert entry['log'] == str(bags / 'loaded')
+    assert entry['other'] in (str(bags / 'before'), str(bags / 'same'))
+    assert entry['reading'] == 'a payload of 0.61 kg at half plate 1'
+    assert entry['size'] == pytest.approx(PAYLOAD, abs=4.0 * entry['std'])
+    assert content['verdict'] == 'explained'
+    assert content['causes'] == []
+    assert 'The machine changed between the recordings' in done.out
+    page = checked_page(tmp_path / 'out' / 'report.html', 1)
+    assert 'How the recordings differ' in page.text
+
+
+def test_recordings_of_one_machine_do_not_differ(bags, tmp_path):
+    done, content = diagnosed(tmp_path / 'out', bags / 'before', '--holdout', bags / 'same')
+    assert content['between_logs'] == []
+    assert content['verdict'] == 'clean'
+    assert 'changed between' not in done.out
+
+
 def test_a_payload_is_named_and_not_clean(bags, tmp_path):
     done, content = diagnosed(tmp_path / 'out', bags / 'loaded', '--model',
                               bags / 'model' / 'model.yaml')

@@ -152,6 +152,20 @@ def test_a_damping_that_encoders_do_not_tell_is_the_usual_one(told_hz, is_told):
     assert ('damping_ratio' in found.told) == is_told
 
 
+def test_a_share_is_told_where_encoders_do_not_tell_the_resonance():
+    """Below it the load swings with more torque than the spring's stiffness alone would make."""
+    motor_share = 0.8
+    true = 1.0 / ((1.0 - motor_share) * INERTIA * (2.0 * np.pi * 35.0) ** 2)
+    evidence = evidence_of_axis(true, motor_share=motor_share)
+    run, = evidence.observations.runs
+    coarse = replace(run, state=replace(run.state, told_hz=40.0))
+    evidence = replace(evidence, observations=replace(evidence.observations, runs=(coarse,)))
+    found = swing_in(project(evidence, []), LEAST, PRICE)
+    assert list(found.told) == ['motor_share']
+    assert found.told['motor_share'] == pytest.approx(motor_share, rel=0.05)
+    assert found.compliance[0] == pytest.approx(true, rel=0.1)
+
+
 def test_the_resonance_is_that_of_the_load_on_its_spring():
     evidence = evidence_of_axis(0.0)
     springs = Springs(evidence.observations.runs[0].state)

@@ -230,8 +230,8 @@ def _bias(design: np.ndarray, values: np.ndarray, size: int, causes: Sequence[Hy
 
 
 def _width(observations: Observations, cause: Hypothesis) -> int:
-    rows = observations.effect_rows(cause.effect, cause.shape)[0].shape[2]
-    return rows * (1 if cause.effect.shared else len(cause.joints))
+    whole = observations.effect_rows(cause.effect, cause.shape)[0].shape[2]
+    return cause.width(whole) * (1 if cause.effect.shared else len(cause.joints))
 
 
 def values_of_model(model_file: ModelFile, machine: Robot | Axis,

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_dynamics.base_terms import INERTIA
+from par4_dynamics.base_terms import INERTIA, base_columns, base_terms
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
@@ -90,6 +90,8 @@ LIBRARY = {name: effect for name, effect in CATALOGUE.items()
 """Effects that may be named: all but those that add no torque to a motion."""
 PASSES = 3
 """Searches beside the causes found by the one before."""
+Apart = Mapping[str, Mapping[str, np.ndarray]]
+"""Base parameters (J,) by which logs differ, by the name of the log and of the parameter."""
 UNEVEN = 3.0
 """What is left at steady speeds over what the parts of each say of its mean, beyond which something
 is left: noise that wanders is in both."""
@@ -98,7 +100,7 @@ is left: noise that wanders is in both."""
 def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None = None,
              holdout_logs: Sequence[Log] = (), library: Mapping[str, Effect] | None = None,
              rules: Rules | None = None, conditioning: Conditioning | None = None,
-             progress: Progress = silent) -> Diagnosis | Unusable:
+             progress: Progress = silent, apart: Apart | None = None) -> Diagnosis | Unusable:
     """Return what the model gets wrong about the machine that made the logs.
 
     Args:
@@ -112,6 +114,8 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         conditioning: filters and rates. By default those that suit a Par4 and its encoders; for an
             axis, give those of `conditioning_for`.
         progress: called with the name of each step.
+        apart: what base parameters of some logs have beyond those of the others, which is taken
+            out of their torque (`differences_between_logs`).
 
     Returns:
         the answer, or why the data cannot carry one.
@@ -127,17 +131,20 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
     with plain_linear_algebra():
         return _diagnosed_logs(fit_logs, machine, baseline, holdout_logs,
                                LIBRARY if library is None else library, rules, conditioning,
-                               progress)
+                               progress, apart or {})
 
 
 def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None,
                     holdout_logs: Sequence[Log], searched: Mapping[str, Effect], rules: Rules,
-                    conditioning: Conditioning, progress: Progress) -> Diagnosis | Unusable:
+                    conditioning: Conditioning, progress: Progress, apart: Apart
+                    ) -> Diagnosis | Unusable:
     rigid_body = baseline.rigid_body if baseline else 'paper'
     known = build_model(machine, baseline) if baseline else None
     progress('filtering the logs')
     fit_logs, holdout_logs, share = manageable(fit_logs, holdout_logs, machine, conditioning)
-    fit_runs, holdout_runs = split_runs(fit_logs, holdout_logs, machine, conditioning)
+    fit_runs, holdout_runs = (
+        [_alike(run, apart[run.name]) if run.name in apart else run for run in runs]
+        for runs in split_runs(fit_logs, holdout_logs, machine, conditioning))
     observations = observe(fit_runs, machine, rigid_body, known)
     progress('fitting the base model')
     inertia = None if known is None else known.values[INERTIA]
@@ -177,6 +184,14 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
         if driving is not None:
             return Unusable((driving,), tuple(fit_runs))
     return replace(answer, share=share)
+
+
+def _alike(run: Run, beyond: Mapping[str, np.ndarray]) -> Run:
+    """Return a run without the torque of what its base parameters (J,) have beyond others'."""
+    rows = run.rows(base_columns(run.state))
+    values = np.stack([beyond.get(term.name, np.zeros(rows.shape[1]))
+                       for term in base_terms(run.state)], axis=1)
+    return replace(run, tau=run.tau - np.einsum('mjp,jp->mj', rows, values))
 
 
 def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,

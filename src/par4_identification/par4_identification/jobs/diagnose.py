@@ -12,6 +12,7 @@ from rich.console import Console
 
 from par4_dynamics.model import Model, build_model, read_file_and_model
 from par4_dynamics.model_file import ModelFile
+from par4_identification.changes.between_logs import LogDifferences, differences_between_logs
 from par4_identification.changes.changes import (
     Changes,
     changes_between,
@@ -24,7 +25,7 @@ from par4_identification.confrontation.confrontation import (
     confront_diagnosis,
     model_after,
 )
-from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
+from par4_identification.diagnosis.diagnosis import CONDITIONING, Apart, diagnose
 from par4_identification.diagnosis.experiment.next_experiment import (
     NextExperiment,
     next_experiment,
@@ -34,6 +35,11 @@ from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis, Unusa
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.jobs.read_bags import read_bags
 from par4_identification.logs.log import Log
+from par4_identification.reports.outcome.between_logs import (
+    differences_json,
+    verdict_with_differences,
+    with_differences,
+)
 from par4_identification.reports.outcome.changes import (
     diagnosis_json_with_changes,
     error_rows,
@@ -148,6 +154,7 @@ class Answer:
         experiment: the motion that would tell twins apart, if there are some.
         changes: against the baseline, if there is one.
         confrontation: of the diagnosis with the simulation, if one was asked for.
+        between: how the recordings differ, if they do; the diagnosis is then told without that.
     """
 
     diagnosis: Diagnosis | Unusable
@@ -155,6 +162,7 @@ class Answer:
     experiment: NextExperiment | None = None
     changes: Changes | None = None
     confrontation: Confrontation | Unsimulated | None = None
+    between: LogDifferences | None = None
 
     @property
     def causes(self) -> tuple[Cause, ...]:
@@ -164,9 +172,12 @@ class Answer:
     @property
     def verdict(self) -> str:
         """The verdict, with what has changed."""
-        if isinstance(self.diagnosis, Diagnosis) and self.changes is not None:
-            return verdict_with_changes(self.diagnosis.verdict, self.changes)
-        return self.diagnosis.verdict
+        if not isinstance(self.diagnosis, Diagnosis):
+            return self.diagnosis.verdict
+        verdict = self.diagnosis.verdict
+        if self.between is not None:
+            verdict = verdict_with_differences(verdict, self.between)
+        return verdict if self.changes is None else verdict_with_changes(verdict, self.changes)
 
 
 def diagnose_bags(asked: Asked) -> None:
@@ -214,9 +225,7 @@ def _measured(asked: Asked, machine: Robot | Axis, believed: tuple[ModelFile, Mo
 def _answer(asked: Asked, measured: Measured, progress: Progress) -> Answer:
     """Diagnose, and look for what the diagnosis leads to."""
     check, machine, conditioning = measured.check, measured.machine, measured.conditioning
-    diagnosis = diagnosed_if_sound(check, lambda sound: diagnose(
-        sound.logs[:measured.fitted], sound.machine, measured.baseline,
-        sound.logs[measured.fitted:], conditioning=conditioning, progress=progress))
+    diagnosis, between = _diagnosis(measured, progress)
     beside = () if check.useless else gravity_remarks(
         machine, check.logs[:measured.fitted], conditioning)
     if not isinstance(diagnosis, Diagnosis):
@@ -235,7 +244,27 @@ def _answer(asked: Asked, measured: Measured, progress: Progress) -> Answer:
             beside += (Remark(False, f'What has changed could not be told: {error}.'),)
     confrontation = confront_diagnosis(
         diagnosis, machine, check.logs, progress=progress) if asked.simulate else None
-    return Answer(diagnosis, beside, experiment, changes, confrontation)
+    return Answer(diagnosis, beside, experiment, changes, confrontation, between)
+
+
+def _diagnosis(measured: Measured, progress: Progress
+               ) -> tuple[Diagnosis | Unusable, LogDifferences | None]:
+    """Diagnose the recordings, once more without what they differ in if they do."""
+    def of_logs(apart: Apart) -> Diagnosis | Unusable:
+        return diagnosed_if_sound(measured.check, lambda sound: diagnose(
+            sound.logs[:measured.fitted], sound.machine, measured.baseline,
+            sound.logs[measured.fitted:], conditioning=measured.conditioning, progress=progress,
+            apart=apart))
+
+    diagnosis = of_logs({})
+    if not isinstance(diagnosis, Diagnosis):
+        return diagnosis, None
+    progress('comparing the recordings')
+    between = differences_between_logs(diagnosis, measured.machine, measured.baseline)
+    if between is None:
+        return diagnosis, None
+    alike = of_logs(between.apart)
+    return (alike, between) if isinstance(alike, Diagnosis) else (diagnosis, None)
 
 
 def _changes(asked: Asked, measured: Measured, baseline: ModelFile, diagnosis: Diagnosis
@@ -257,6 +286,8 @@ def _outcome(measured: Measured, answer: Answer) -> Outcome:
     outcome = outcome_of_diagnosis(diagnosis, machine, answer.experiment)
     if isinstance(diagnosis, Diagnosis) and answer.changes is not None:
         outcome = with_changes(outcome, answer.changes, diagnosis, machine)
+    if answer.between is not None:
+        outcome = with_differences(outcome, answer.between, machine)
     totals = (Remark(True, line) for line in total_lines(measured.check, answer.causes))
     outcome = with_setup(replace(outcome, remarks=(
         *answer.beside, *outcome.remarks, *totals,
@@ -277,12 +308,15 @@ def _write(asked: Asked, measured: Measured, answer: Answer, outcome: Outcome, p
         # the plot library is slow to load, and some homes make it talk on stderr
         from par4_identification.reports.diagnosis_report import report_of_diagnosis
         page = report_of_diagnosis(diagnosis, outcome, machine, measured.check.logs, origin,
-                                   experiment, answer.confrontation, answer.changes)
+                                   experiment, answer.confrontation, answer.changes,
+                                   answer.between, answer.verdict)
     extended = model_after(diagnosis) if isinstance(diagnosis, Diagnosis) else None
     results = {
         'diagnosis.json': {**diagnosis_json_with_changes(
                                diagnosis_json(diagnosis, machine, experiment), answer.changes,
                                machine),
+                           'verdict': answer.verdict,
+                           'between_logs': differences_json(answer.between, machine),
                            'setup': setup_json(measured.check),
                            'simulation': simulation_json(answer.confrontation)},
         'extended_model.yaml': extended and model_in_units(

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from par4_identification.changes.between_logs import LogDifferences
 from par4_identification.changes.changes import Changes
 from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_identification.reports.deviation_plots import Bar, deviation_bars
 from par4_identification.reports.names import Names
+from par4_identification.reports.outcome.between_logs import differences_json
 from par4_identification.reports.outcome.changes import changes_json, error_rows
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_kinematics.machine_units import unit_on
@@ -33,6 +35,14 @@ def changes_cells(changes: Changes | None, diagnosis: Diagnosis, machine: Robot 
         'units': {term.name: typeset(unit_on(machine, term.unit)) for term in changes.terms}}
 
 
+def differences_cells(between: LogDifferences | None, machine: Robot | Axis
+                      ) -> list[dict[str, str]]:
+    """Return the rows of the table of how recordings differ."""
+    return [{**{name: entry[name] for name in ('log', 'other', 'reading')},
+             'p_value': _chance(entry['p_value'])}
+            for entry in differences_json(between, machine)]
+
+
 def _cells(entry: dict[str, Any]) -> dict[str, str]:
     change = entry['after'] - entry['before']
     return {
@@ -41,7 +51,11 @@ def _cells(entry: dict[str, Any]) -> dict[str, str]:
         'before': number(entry['before'], 4), 'after': number(entry['after'], 4),
         'change': ' ± '.join(with_std(change, entry['std'])),
         'unit': '' if entry['unit'] == '1' else typeset(entry['unit']),
-        'p_value': number(entry['p_value'], 2) if entry['p_value'] > 1e-99 else '< 1e-99'}
+        'p_value': _chance(entry['p_value'])}
+
+
+def _chance(p_value: float) -> str:
+    return number(p_value, 2) if p_value > 1e-99 else '< 1e-99'
 
 
 def _bars(changes: Changes) -> str:

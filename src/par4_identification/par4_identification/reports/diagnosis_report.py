@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from par4_dynamics.model import build_model
+from par4_identification.changes.between_logs import LogDifferences
 from par4_identification.changes.changes import Changes
 from par4_identification.confrontation.confrontation import Confrontation, Unsimulated
 from par4_identification.diagnosis.experiment.next_experiment import NextExperiment
@@ -17,11 +18,10 @@ from par4_identification.diagnosis.verdict.answer import Diagnosis, Unusable
 from par4_identification.diagnosis.verdict.judgement import UnnamedCause
 from par4_identification.logs.log import Log
 from par4_identification.reports.cause_cells import cause_cells
-from par4_identification.reports.changes_report import changes_cells
+from par4_identification.reports.changes_report import changes_cells, differences_cells
 from par4_identification.reports.confrontation_report import confrontation_cells
 from par4_identification.reports.deviation_plots import Bar, deviation_bars
 from par4_identification.reports.names import Names
-from par4_identification.reports.outcome.changes import verdict_with_changes
 from par4_identification.reports.outcome.next_experiment import advice
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.page import joint_cells, names_of, page_of
@@ -54,7 +54,8 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
                         logs: Sequence[Log], provenance: dict[str, Any],
                         experiment: NextExperiment | None = None,
                         confrontation: Confrontation | Unsimulated | None = None,
-                        changes: Changes | None = None) -> str:
+                        changes: Changes | None = None,
+                        between: LogDifferences | None = None, verdict: str | None = None) -> str:
     """Return the report of a diagnosis.
 
     Args:
@@ -66,18 +67,18 @@ def report_of_diagnosis(diagnosis: Diagnosis | Unusable, outcome: Outcome, machi
         experiment: that would tell twins apart.
         confrontation: with the simulation.
         changes: since a model or between groups of bags.
+        between: how the recordings differed, if they did.
+        verdict: with both of these; that of the diagnosis without them.
     """
     names = names_of(machine)
-    verdict: str = diagnosis.verdict
-    if changes is not None and not isinstance(diagnosis, Unusable):
-        verdict = verdict_with_changes(diagnosis.verdict, changes)
-    title = f'Diagnosis of {machine.name}: {in_words(verdict)}'
+    title = f'Diagnosis of {machine.name}: {in_words(verdict or diagnosis.verdict)}'
     content: dict[str, Any] = {
         'causes': [], 'motion': '', 'over_time': '', 'over_speed': '', 'traces': None,
         'statistics': '',
         'per_joint': [], 'swallowed': [], 'bars': '', 'rejected': (), 'unnamed': [],
         'over_motion': '', 'experiment': _experiment_cells(experiment, names),
-        'simulation': confrontation_cells(confrontation, names), 'changes': None}
+        'simulation': confrontation_cells(confrontation, names), 'changes': None,
+        'between': differences_cells(between, machine)}
     if isinstance(diagnosis, Unusable):
         runs = diagnosis.fit_runs  # none where a log cannot even be filtered
         content['motion'] = runs and not runs[0].conditioning.steady and measured_motion(

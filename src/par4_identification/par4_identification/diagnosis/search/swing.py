@@ -34,8 +34,7 @@ SWEEPS, TRIALS = 3, 100
 SETTLED = 1e-4
 """Share of the squares that a last step gains."""
 IN_BAND = 0.7
-"""Highest resonance whose damping and motor share are told, over the frequency to which encoders
-tell the motion."""
+"""Highest resonance whose damping is told, over the frequency to which encoders tell the motion."""
 BOUNDS = dict(zip(COMMON, (DAMPING_RATIOS, MOTOR_SHARES)))
 ENDED = {'damping_ratio': (0.0, 0.99 * DAMPING_RATIOS[1]),
          'motor_share': (1.01 * MOTOR_SHARES[0], 0.99 * MOTOR_SHARES[1])}
@@ -136,10 +135,9 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
 
     def freed(found: Swing) -> Swing:
         """Return what also tells those numbers in common that the data tell."""
-        if not _ring_in_band(list(springs.values()), found, evidence):
-            return found
         for name in COMMON:
-            if name not in found.told:
+            if name not in found.told and (name != 'damping_ratio' or _ring_in_band(
+                    list(springs.values()), found, evidence)):
                 more = descended(replace(found, told={**found.told, name: getattr(USUAL, name)}))
                 if more.squares - found.squares > price and all(
                         ENDED[key][0] < value < ENDED[key][1]

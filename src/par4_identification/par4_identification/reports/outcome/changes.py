@@ -129,13 +129,24 @@ def _point_on_lever(changes: Changes) -> tuple[float, float] | None:
 
 def verdict_with_changes(verdict: Verdict, changes: Changes) -> Verdict:
     """Return the verdict once changes count: a model that is wrong by a payload is not clean."""
-    if verdict == 'clean' and changes.read:
-        return 'partly_explained' if changes.beyond_readings else 'explained'
-    if verdict == 'clean' and changes.beyond_readings:
+    return verdict_beside(verdict, bool(changes.read), changes.beyond_readings)
+
+
+def verdict_beside(verdict: Verdict, is_read: bool, is_beyond: bool) -> Verdict:
+    """Return the verdict beside readings, if there are any.
+
+    Args:
+        verdict: without them.
+        is_read: whether something has changed that readings tell.
+        is_beyond: whether something has that none does.
+    """
+    if verdict == 'clean' and is_read:
+        return 'partly_explained' if is_beyond else 'explained'
+    if verdict == 'clean' and is_beyond:
         return 'unknown'
-    if verdict == 'explained' and changes.beyond_readings:
+    if verdict == 'explained' and is_beyond:
         return 'partly_explained'
-    if verdict == 'unknown' and changes.read:
+    if verdict == 'unknown' and is_read:
         return 'partly_explained'
     return verdict
 
@@ -169,15 +180,16 @@ def with_changes(outcome: Outcome, changes: Changes, diagnosis: Diagnosis,
                 f'anew, {after} with what was found, the noise floor being {floor}.')
     if not told_by_readings:
         sentence += f' {outcome.sentence}'
-    remarks = [*_twin_remarks(changes, machine), *_left_remarks(changes),
+    remarks = [*twin_remarks(changes.read, machine), *_left_remarks(changes),
                *_beside_unnamed(changes, diagnosis), *_mends_little(changes, holdout)]
     return replace(outcome, sentence=sentence, standing='fair' if remarks or (
         outcome.standing != 'good') else 'good', remarks=(*remarks, *outcome.remarks))
 
 
-def _twin_remarks(changes: Changes, machine: Robot | Axis) -> list[Remark]:
+def twin_remarks(read: Sequence[Read], machine: Robot | Axis) -> list[Remark]:
+    """Return which readings others would explain as well."""
     remarks = []
-    for item in changes.read:
+    for item in read:
         if item.twins:
             others = listed([name_of_reading(twin, machine) for twin in item.twins])
             remarks.append(Remark(
@@ -335,7 +347,7 @@ def _payload_parameters(changes: Changes, item: Read) -> dict[str, Any] | None:
 
 def diagnosis_json_with_changes(content: dict[str, Any], changes: Changes | None,
                                 machine: Robot | Axis) -> dict[str, Any]:
-    """Return `diagnosis.json` with verdict, causes and errors as the changes make them.
+    """Return `diagnosis.json` with causes and errors as the changes make them.
 
     Args:
         content: of the diagnosis by itself.
@@ -344,7 +356,7 @@ def diagnosis_json_with_changes(content: dict[str, Any], changes: Changes | None
     """
     if changes is None:
         return content
-    return {**content, 'verdict': verdict_with_changes(content['verdict'], changes),
+    return {**content,
             'causes': [*payload_causes_json(changes, machine), *content['causes']],
             'holdout': {**content['holdout'], 'given_rms': plain(changes.given_rms)},
             'changes': changes_json(changes, machine)}

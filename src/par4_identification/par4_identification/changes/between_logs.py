@@ -1,0 +1,171 @@
+"""Base parameters that differ between the logs of one diagnosis.
+
+A diagnosis takes its logs for those of one machine. One that was cold in the first and warm in the
+second, or that carried a load in one of them, leaves an error that no cause of the library makes.
+The parameters of each log by itself tell it, and a few readings say what happened in between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from par4_dynamics.base_terms import BaseTerm
+from par4_dynamics.model import build_model
+from par4_dynamics.model_file import ModelFile
+from par4_identification.changes.changes import explained_change
+from par4_identification.changes.explanation import CHANCE, Explanation
+from par4_identification.changes.joint_values import JointValues, fitted_values, left_by
+from par4_identification.changes.readings import Parameters, applied
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.verdict.answer import Diagnosis
+from par4_kinematics.errors import InputError
+from par4_kinematics.robot import Axis, Robot
+
+MOST = 0.75
+"""Share of the squared error beyond the noise floor that must go with the readings. What a cause
+without a name does to the parameters of motions that are not alike mends little of it."""
+
+
+@dataclass(frozen=True)
+class LogDifference:
+    """How a log differs from another one.
+
+    Attributes:
+        log, other: their names.
+        parameters: those of the other, in the form that readings use.
+        explanation: the readings.
+    """
+
+    log: str
+    other: str
+    parameters: Parameters
+    explanation: Explanation
+
+    @property
+    def beyond(self) -> np.ndarray:
+        """What the readings add to the parameters of the other log, (J, p)."""
+        read = self.explanation.read
+        return applied([item.reading for item in read], [item.size for item in read],
+                       self.parameters) - self.parameters.values
+
+
+@dataclass(frozen=True)
+class LogDifferences:
+    """How the logs of a diagnosis differ.
+
+    Attributes:
+        terms: the base parameters.
+        of_logs: one for each log that is not like the one that they are compared with.
+        share: of the squared error beyond the noise floor that goes once they are taken out.
+    """
+
+    terms: tuple[BaseTerm, ...]
+    of_logs: tuple[LogDifference, ...]
+    share: float
+
+    @property
+    def apart(self) -> dict[str, dict[str, np.ndarray]]:
+        """What base parameters (J,) of each such log have beyond the other's, by name and term."""
+        return {item.log: dict(zip(item.parameters.terms, item.beyond.T)) for item in self.of_logs}
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the readings of each log leave nothing beyond chance."""
+        return all(item.explanation.is_complete for item in self.of_logs)
+
+
+def differences_between_logs(diagnosis: Diagnosis, machine: Robot | Axis,
+                             baseline: ModelFile | None) -> LogDifferences | None:
+    """Return how logs differ in base parameters, if that is most of what is wrong with the model.
+
+    Args:
+        diagnosis: that leaves something unexplained; of one that does not, logs are not compared.
+        machine: that was measured.
+        baseline: model whose effects the diagnosis took as known.
+    """
+    if diagnosis.verdict in ('clean', 'explained'):
+        return None
+    whole = _all_rows(diagnosis, machine, baseline)
+    names = [run.name for run in whole.runs]
+    parts = {name: _of_runs(whole, [own == name for own in names]) for name in names}
+    values = {name: found for name, part in parts.items()
+              if (found := _values(part, diagnosis.hypotheses)) is not None}
+    if len(values) < 2:
+        return None
+    other = _most_alike(values)
+    differences = tuple(
+        difference for name, found in values.items() if name != other
+        for difference in [LogDifference(name, other, *explained_change(
+            values[other], found, swallowed=False))]
+        if difference.explanation.p_value < CHANCE and difference.explanation.read)
+    if not differences:
+        return None
+    share = _share_mended(whole, diagnosis, differences)
+    return LogDifferences(whole.terms, differences, share) if share > MOST else None
+
+
+def _all_rows(diagnosis: Diagnosis, machine: Robot | Axis, baseline: ModelFile | None
+              ) -> Observations:
+    """Return the rows that were fitted and those of logs that were held out."""
+    fitted = diagnosis.evidence.observations
+    names = {run.name for run in fitted.runs}
+    kept = [run for run in diagnosis.holdout.runs if run.name not in names]
+    if not kept:
+        return fitted
+    known = None if baseline is None else build_model(machine, baseline)
+    rows = with_nominal(
+        observe(kept, machine, baseline.rigid_body if baseline else 'paper', known),
+        build_model(machine, diagnosis.extended_model, diagnosis.effects)).with_terms_of(fitted)
+    return Observations((*fitted.runs, *rows.runs), (*fitted.target, *rows.target),
+                        (*fitted.base, *rows.base), fitted.terms)
+
+
+def _of_runs(rows: Observations, chosen: Sequence[bool]) -> Observations:
+    """Return the observations of some runs."""
+    places = [place for place, own in enumerate(chosen) if own]
+    return Observations(
+        tuple(rows.runs[place] for place in places), tuple(rows.target[place] for place in places),
+        tuple(rows.base[place] for place in places), rows.terms)
+
+
+def _values(rows: Observations, causes: Sequence[Hypothesis]) -> JointValues | None:
+    """Return what a log tells of the parameters; None where it does not tell them apart."""
+    try:
+        return fitted_values(rows, causes)
+    except InputError:
+        return None
+
+
+def _most_alike(values: Mapping[str, JointValues]) -> str:
+    """Return the log from which the others differ least."""
+    def distance(one: JointValues, other: JointValues) -> float:
+        change = (one.values - other.values).ravel()
+        return float(change @ np.linalg.solve(one.covariance + other.covariance, change))
+
+    return min(values, key=lambda name: sum(distance(values[name], other)
+                                            for other in values.values()))
+
+
+def _share_mended(rows: Observations, diagnosis: Diagnosis, differences: Sequence[LogDifference]
+                  ) -> float:
+    """Return the share of the squared error beyond the floor that goes with the differences."""
+    added = {item.log: item.beyond for item in differences}
+    alike = replace(rows, _kept=dict(rows._kept), target=tuple(
+        target - np.einsum('mjp,jp->mj', base, added[run.name]) if run.name in added else target
+        for run, target, base in zip(rows.runs, rows.target, rows.base)))
+    floor = np.maximum(diagnosis.holdout.noise_floor_rms, 1e-30)
+    before, after = (_excess(part, fitted_values(part, diagnosis.hypotheses), floor)
+                     for part in (rows, alike))
+    return 1.0 - max(after, 0.0) / before if before > 0.0 else 0.0
+
+
+def _excess(rows: Observations, found: JointValues, floor: np.ndarray) -> float:
+    """Return the mean square of what is left, over that of the floor (J,), beyond one."""
+    left = [np.where(run.valid, part / floor, 0.0)
+            for run, part in zip(rows.runs, left_by(rows, found))]
+    count = sum(int(run.valid.sum()) for run in rows.runs)
+    return sum(float(np.sum(part ** 2)) for part in left) / max(count, 1) - 1.0

@@ -1,0 +1,92 @@
+"""Recordings that differ among themselves, of machines made from their physics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hidden.hiders import HIDERS
+from hidden.machines import known_machine
+from hidden.motions import draw_motion
+from hidden.recording import record
+
+from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_identification.changes.between_logs import differences_between_logs
+from par4_identification.changes.joint_values import fitted_values
+from par4_identification.changes.readings import FrictionFactor
+from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_sim.machines.noise import Noise
+
+KNOWN = known_machine('reference')
+COGGING = {'amplitude': np.array((0.0, 0.35, 0.0, 0.0)), 'periods': 30.0, 'phase': np.zeros(4)}
+SEARCHED = {name: LIBRARY[name] for name in ('cogging', 'torque_offset', 'theta_friction')}
+
+
+def recorded(machine, name, seed, kind='excitation'):
+    return record(KNOWN, machine, draw_motion(kind, KNOWN.robot, 8.0, seed), fidelity='exact',
+                  noise=Noise(), seed=seed, feedforward=KNOWN.model, wander=None, name=name).log
+
+
+def cold(machine, factor=1.2):
+    friction = machine.friction
+    return replace(machine, friction=replace(
+        friction, coulomb=factor * friction.coulomb, viscous=factor * friction.viscous))
+
+
+@pytest.fixture(scope='module')
+def cogging():
+    return HIDERS['cogging'].build(KNOWN.machine, COGGING)
+
+
+def diagnosed(fitted, kept, **more):
+    return diagnose(fitted, KNOWN.robot, holdout_logs=kept, library=SEARCHED, **more)
+
+
+def test_a_cold_recording_is_told_and_the_cause_named_without_it(cogging):
+    logs = [recorded(cold(cogging), 'cold', 1), recorded(cogging, 'warm', 2)]
+    kept = [recorded(cogging, 'later', 3)]
+    first = diagnosed(logs, kept)
+    assert first.verdict == 'partly_explained'
+    found = differences_between_logs(first, KNOWN.robot, None)
+    item, = found.of_logs
+    assert item.log == 'cold'
+    read, = item.explanation.read
+    assert read.reading == FrictionFactor(None, ('coulomb_friction', 'viscous_friction'))
+    assert read.size == pytest.approx(0.2, abs=0.02)
+    assert found.share > 0.9
+    again = diagnosed(logs, kept, apart=found.apart)
+    assert [cause.effect.name for cause in again.causes] == ['cogging']
+    assert again.verdict == 'explained'
+
+
+def test_a_held_out_recording_may_be_the_one_that_differs(cogging):
+    logs = [recorded(cogging, 'one', 1), recorded(cogging, 'two', 2)]
+    kept = [recorded(cold(cogging), 'cold', 3)]
+    found = differences_between_logs(diagnosed(logs, kept), KNOWN.robot, None)
+    assert [item.log for item in found.of_logs] == ['cold']
+
+
+def test_a_force_without_a_name_is_no_difference_between_recordings():
+    """It moves the parameters of a slow motion otherwise than those of a fast one."""
+    force = HIDERS['cable_spring'].build(KNOWN.machine, {
+        'stiffness': np.full(3, 60.0), 'anchor': np.array((0.3, 0.0, -0.3))})
+    logs = [recorded(force, 'cycles', 1, 'cycles'), recorded(force, 'excitation', 2)]
+    found = diagnosed(logs, [recorded(force, 'circles', 3, 'circles')])
+    assert found.verdict in ('unknown', 'partly_explained')
+    assert differences_between_logs(found, KNOWN.robot, None) is None
+
+
+def test_what_leaves_nothing_unexplained_is_not_compared(cogging):
+    found = diagnosed([recorded(cogging, 'one', 1)], [recorded(cogging, 'two', 2)])
+    assert found.verdict == 'explained'
+    assert differences_between_logs(found, KNOWN.robot, None) is None
+
+
+def test_a_cause_that_has_some_columns_of_its_effect_is_fitted_beside_parameters(cogging):
+    """The values of all columns were looked for among those of some, which ended in an error."""
+    found = diagnosed([recorded(cogging, 'one', 1)], [recorded(cogging, 'two', 2)])
+    rods = Hypothesis(CATALOGUE['distributed_rods'], {}, (0, 1, 2, 3), (1,))
+    values = fitted_values(found.evidence.observations, (rods,))
+    assert np.all(values.std > 0.0)
