@@ -1,4 +1,7 @@
-"""Recordings that differ among themselves, of machines made from their physics."""
+"""Recordings that differ among themselves, and changes beside causes without a name.
+
+The machines are made from their physics.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,9 @@ from hidden.recording import record
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_identification.changes.between_logs import differences_between_logs
+from par4_identification.changes.changes import changes_since_model, model_of_bags
 from par4_identification.changes.joint_values import fitted_values
-from par4_identification.changes.readings import FrictionFactor
+from par4_identification.changes.readings import Added, FrictionFactor
 from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_sim.machines.noise import Noise
@@ -90,3 +94,33 @@ def test_a_cause_that_has_some_columns_of_its_effect_is_fitted_beside_parameters
     rods = Hypothesis(CATALOGUE['distributed_rods'], {}, (0, 1, 2, 3), (1,))
     values = fitted_values(found.evidence.observations, (rods,))
     assert np.all(values.std > 0.0)
+
+
+@pytest.fixture(scope='module')
+def hose():
+    """Return a machine whose platform drags something along that no name of `SEARCHED` is."""
+    return HIDERS['cable_spring'].build(KNOWN.machine, {
+        'stiffness': np.full(3, 30.0), 'anchor': np.array((0.4, 0.1, -0.3))})
+
+
+@pytest.fixture(scope='module')
+def model_file():
+    return model_of_bags([recorded(KNOWN.machine, 'sound', 7)], KNOWN.robot, None)
+
+
+@pytest.mark.parametrize('payload', [0.0, 0.2])
+def test_what_an_unnamed_force_makes_of_base_parameters_is_no_change(hose, model_file, payload):
+    """Fitted without it, weights and friction of single joints seem to have changed."""
+    machine = replace(hose, bodies=replace(
+        hose.bodies, platform_mass_1=hose.bodies.platform_mass_1 + payload))
+    found = diagnosed([recorded(machine, 'one', 1)], [recorded(machine, 'two', 2)])
+    assert found.unnamed
+    assert len(found.unnamed_hypotheses) == len(found.unnamed)
+    without = replace(found, unnamed_hypotheses=())
+    before = changes_since_model(without, KNOWN.robot, model_file, 'M')
+    true = {Added(None, 'platform_mass_1')} if payload else set()
+    assert before.beyond_readings or {item.reading for item in before.read} != true
+    changes = changes_since_model(found, KNOWN.robot, model_file, 'M')
+    assert not changes.beyond_readings
+    assert {item.reading for item in changes.read} == true
+    assert all(item.size == pytest.approx(payload, abs=0.02) for item in changes.read)

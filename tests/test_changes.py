@@ -231,9 +231,10 @@ def test_a_cause_that_the_model_may_have_swallowed_is_no_change():
     covariance = np.diag(np.tile((1e-3 * values[0]) ** 2, 4))
     moved = np.zeros((4, 6))
     moved[:, 0] = -0.03 * values[:, 0]
-    before = JointValues(BASE_TERMS, values, covariance, np.zeros((4, 6)), np.zeros((0, 24)))
+    none = np.zeros((0, 24))
+    before = JointValues(BASE_TERMS, values, covariance, np.zeros((4, 6)), none, none)
     after = JointValues(BASE_TERMS, values + moved, covariance, np.zeros((4, 6)),
-                        moved.reshape(1, 24))
+                        moved.reshape(1, 24), none)
     assert explained_change(before, after, swallowed=True)[1].read == ()
     seen = explained_change(before, after, swallowed=False)[1].read
     assert [item.reading for item in seen] == [Added(None, 'actuator_inertia')]

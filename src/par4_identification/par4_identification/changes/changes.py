@@ -77,7 +77,8 @@ def difference(before: JointValues, after: JointValues, swallowed: bool) -> np.n
         before, after: parameters.
         swallowed: whether `before` may hold what the causes of `after` add.
     """
-    covariance = before.covariance + after.covariance
+    covariance = before.covariance + after.covariance + sum(
+        part.vague.T @ part.vague for part in (before, after))
     if swallowed:
         covariance = covariance + after.bias.T @ after.bias
     return covariance
@@ -107,7 +108,7 @@ def changes_since_model(diagnosis: Diagnosis, machine: Robot | Axis, model_file:
     """
     model = build_model(machine, model_file)
     seen = diagnosis.evidence.observations
-    after = fitted_values(seen, diagnosis.hypotheses)
+    after = fitted_values(seen, diagnosis.hypotheses, diagnosis.unnamed_hypotheses)
     heldout = observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model
                       ).with_terms_of(seen)
     shared = not any(isinstance(parameter.value, tuple)
@@ -152,7 +153,7 @@ def changes_between(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequence[
     model = build_model(machine, model_file)
     seen = with_nominal(observed(logs, machine, model_file.rigid_body, model, conditioning),
                         model).with_terms_of(diagnosis.evidence.observations)
-    before, after = (fitted_values(rows, diagnosis.hypotheses)
+    before, after = (fitted_values(rows, diagnosis.hypotheses, diagnosis.unnamed_hypotheses)
                      for rows in (seen, diagnosis.evidence.observations))
     return _changes(diagnosis, machine, model, before, after, swallowed=False, since=name)
 

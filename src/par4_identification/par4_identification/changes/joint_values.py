@@ -26,6 +26,8 @@ from par4_kinematics.robot import Axis, Robot
 
 ROUNDS = 2
 """Fits after the first: the noise is measured on what the one before leaves."""
+PRIOR = 1e-4
+"""Weight, over the norm of a column, with which a function without a name is held to zero."""
 ROUNDING = 1e-12
 """Eigenvalue of the scaled normal equations below which data do not tell a parameter."""
 
@@ -42,6 +44,7 @@ class JointValues:
             gain scales that torque too.
         bias: by what the values would be off if a cause that is fitted beside them had been
             there before and its torque taken for theirs; a row a cause, (causes, J p).
+        vague: by what unnamed causes that are not fitted beside the values move them, (0 or 1, J p).
         causes: fitted beside the values, each with its coefficients (K, J).
     """
 
@@ -50,6 +53,7 @@ class JointValues:
     covariance: np.ndarray
     known: np.ndarray
     bias: np.ndarray
+    vague: np.ndarray
     causes: tuple[tuple[Hypothesis, np.ndarray], ...] = ()
 
     @property
@@ -77,7 +81,8 @@ def torque_of_causes(causes: Sequence[tuple[Hypothesis, np.ndarray]], observatio
     return torque
 
 
-def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = ()) -> JointValues:
+def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = (),
+                  unnamed: Sequence[Hypothesis] = ()) -> JointValues:
     """Return what rows tell of the base parameters of every joint.
 
     Generalised least squares with the noise of each joint as an autoregression, fitted to what is
@@ -91,6 +96,9 @@ def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = ())
             are left out, for they are values of the joints here, and so are those that gain
             less than `Rules.evidence` beside the values: viscous friction of one joint may have
             been named a power of its speed.
+        unnamed: causes that are not fitted beside the parameters, as functions so free would take
+            what changed for theirs. By how much the parameters would be others beside them is told
+            (`JointValues.vague`).
 
     Raises:
         InputError: data that do not tell the parameters joint by joint.
@@ -115,7 +123,23 @@ def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = ())
     return JointValues(
         observations.terms, values[:size].reshape(shape), (1.0 + wrong / size) * own,
         followed.reshape(shape), _bias(design, values, size, causes, observations),
-        _coefficients(observations, causes, values[size:]))
+        _moved_by(evidence, design, unnamed, values, size), _coefficients(observations, causes, values[size:]))
+
+
+def _moved_by(evidence: Evidence, design: np.ndarray, unnamed: Sequence[Hypothesis],
+              values: np.ndarray, size: int) -> np.ndarray:
+    """Return by how much `size` values are others than beside unnamed causes, (0 or 1, size).
+
+    What a function without a name and the values can both follow, the values do.
+    """
+    if not unnamed:
+        return np.zeros((0, size))
+    both = np.hstack([design, *(evidence.columns(item) for item in unnamed)])
+    scale = np.maximum(np.linalg.norm(both, axis=0), 1e-30)
+    prior = np.diag(np.where(np.arange(both.shape[1]) < design.shape[1], 0.0, PRIOR))
+    found = np.linalg.lstsq(np.vstack([both / scale, prior]), np.concatenate(
+        [evidence.target, np.zeros(len(prior))]), rcond=None)[0] / scale
+    return (values - found[:len(values)])[None, :size]
 
 
 def whitened(observations: Observations, causes: Sequence[Hypothesis] = ()) -> Evidence:
@@ -258,4 +282,4 @@ def values_of_model(model_file: ModelFile, machine: Robot | Axis,
         covariance[np.ix_(places, places)] = (np.outer(std, std) if together
                                               else np.diag(std ** 2))
     return JointValues(terms, values, covariance, np.zeros_like(values),
-                       np.zeros((0, joints * size)))
+                       np.zeros((0, joints * size)), np.zeros((0, joints * size)))

@@ -280,8 +280,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     model, named, told, causes = settled.model, settled.named, settled.told, list(settled.causes)
     whole, base_only = (solve(evidence, part) for part in (model, ()))
     blocks = settled.blocks
-    unnamed = sorted((unnamed_cause(search, item, model) for item in unnamed_of(model)),
-                     key=lambda item: -item.margin)
+    unnamed = sorted(((unnamed_cause(search, item, model), item) for item in unnamed_of(model)),
+                     key=lambda pair: -pair[0].margin)
     progress('checking what remains')
     before, after, left = (residuals(heldout, part, fit) for part, fit in (
         ((), base_only), (named, told), (model, whole)))
@@ -313,7 +313,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     incomplete = bool(unnamed or settled.loose or alone.lines or alone.bursts or remaining.nearest
                       or remaining.uneven or remaining.no_noise or swing)
     answer = Diagnosis(
-        verdict=_verdict(bool(causes), incomplete), causes=tuple(causes), unnamed=tuple(unnamed),
+        verdict=_verdict(bool(causes), incomplete), causes=tuple(causes),
+        unnamed=tuple(cause for cause, _ in unnamed),
         rejected=search.journal.beside(item.label for item in named),
         # noise that is louder than what is left is none of these rows
         holdout=_holdout(heldout.runs, blocks, before, after, np.minimum(
@@ -321,6 +322,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         base_before=base_parameters(evidence, base_only),
         base_after=base_parameters(evidence, told), extended_model=extended,
         fit_runs=fit_runs, evidence=evidence, hypotheses=hypotheses,
+        unnamed_hypotheses=tuple(item for _, item in unnamed),
         fitted_rms=rms_of(evidence.observations, residuals(evidence.observations, named, told)),
         doubts=tuple(pair for pair in doubts if pair is not None), effects=effects)
     # rows held out may lack what is wrong with the fitted ones, which nothing has explained then

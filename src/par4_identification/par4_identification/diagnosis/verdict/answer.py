@@ -190,6 +190,7 @@ class Diagnosis:
         fit_runs: rows that were fitted.
         evidence: these rows, whitened.
         hypotheses: those of the named causes, in the order of `causes`.
+        unnamed_hypotheses: those of the unnamed causes, in the order of `unnamed`.
         fitted_rms: rms that base parameters and named causes leave on the fitted rows, N m.
         left_out: names of base parameters that were not fitted because the motion does not show
             them.
@@ -210,6 +211,7 @@ class Diagnosis:
     fit_runs: tuple[Run, ...]
     evidence: Evidence
     hypotheses: tuple[Hypothesis, ...]
+    unnamed_hypotheses: tuple[Hypothesis, ...] = ()
     fitted_rms: float = 0.0
     left_out: tuple[str, ...] = ()
     share: float = 1.0
