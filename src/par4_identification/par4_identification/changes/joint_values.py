@@ -44,7 +44,8 @@ class JointValues:
             gain scales that torque too.
         bias: by what the values would be off if a cause that is fitted beside them had been
             there before and its torque taken for theirs; a row a cause, (causes, J p).
-        vague: by what unnamed causes that are not fitted beside the values move them, (0 or 1, J p).
+        vague: by what unnamed causes that are not fitted beside the values move them; a row or
+            none, (0 or 1, J p).
         causes: fitted beside the values, each with its coefficients (K, J).
     """
 
@@ -123,7 +124,8 @@ def fitted_values(observations: Observations, causes: Sequence[Hypothesis] = (),
     return JointValues(
         observations.terms, values[:size].reshape(shape), (1.0 + wrong / size) * own,
         followed.reshape(shape), _bias(design, values, size, causes, observations),
-        _moved_by(evidence, design, unnamed, values, size), _coefficients(observations, causes, values[size:]))
+        _moved_by(evidence, design, unnamed, values, size),
+        _coefficients(observations, causes, values[size:]))
 
 
 def _moved_by(evidence: Evidence, design: np.ndarray, unnamed: Sequence[Hypothesis],
