@@ -140,6 +140,45 @@ def test_a_speed_fits_its_position_in_every_unit_and_in_no_other(unit, tool, tmp
         assert ('times the slope of the position' in told.out) == (not right)
 
 
+@pytest.mark.parametrize('shift', [0.0, 3e-4])
+@pytest.mark.parametrize('every', [1, 2])
+@pytest.mark.parametrize('order', [1, -1])
+def test_tables_beside_each_other_are_one_recording(order, every, shift, tool, tmp_path):
+    """A logger wrote a file for each signal, with a time of its own and at another rate."""
+    tau = 0.02 * QD
+    files = [csv(tmp_path / 'angle.csv', t=T, q=Q),
+             csv(tmp_path / 'one.csv', t=T[:200:every] + shift, tau=tau[:200:every]),
+             csv(tmp_path / 'two.csv', t=T[200::every] + shift, tau=tau[200::every])]
+    told = tool(*(files if order > 0 else (*files[1:], files[0])),
+                '--columns', 'time=t:s position=q:rad torque=tau:Nm', '--joints', 'motor',
+                '--output', tmp_path / 'bag')
+    assert told.code == 0, told.err
+    rows = len(T) if not shift else len(T) + len(T[::every])
+    assert f'{rows} of {len(T) + len(T[::every])} rows of 2 tables beside each other' in told.out
+    assert 'hold no number' not in told.out
+    log = read_log(tmp_path / 'bag', axis())
+    times = log.t + 1e-9 * (log.start_stamp - 1_000_000_000)
+    np.testing.assert_allclose(log.q[:, 0], np.interp(times, T, Q), atol=2e-3)
+    np.testing.assert_allclose(log.tau[:, 0], np.interp(times, T + shift, tau), atol=2e-3)
+    assert len(log.t) > 0.9 * len(T) / every
+
+
+@pytest.mark.parametrize(('angles', 'torques', 'words'), [
+    ({'t': T, 'q': Q}, {'s': T, 'tau': TAU}, "no column 'tau'"),  # no common time
+    ({'t': T, 'q': Q}, {'t': T, 'current': TAU}, "no column 'tau'"),
+    ({'t': T, 'q': Q, 'tau': TAU}, {'t': T, 'tau': TAU}, 'both have torque'),
+    ({'t': T, 'q': Q}, {'t': T[::-1], 'tau': TAU}, 'torques.csv: its time goes back')])
+def test_files_that_are_no_tables_of_one_recording_are_refused(angles, torques, words, tool,
+                                                               tmp_path):
+    told = tool(csv(tmp_path / 'angles.csv', **angles), csv(tmp_path / 'torques.csv', **torques),
+                '--columns', 'time=t:s position=q:rad torque=tau:Nm', '--joints', 'motor',
+                '--output', tmp_path / 'bag')
+    assert told.code == 2
+    assert words in told.err
+    assert len(told.err.splitlines()) == 1
+    assert not (tmp_path / 'bag').exists()
+
+
 def test_the_velocity_of_an_axis_will_do_for_a_position(tool, tmp_path):
     slow, fast = QD.copy(), QD.copy()
     fast[37] = np.nan

@@ -49,6 +49,8 @@ from par4_sim.commands.numbers import ANY_SIGN, Number, Numbers
 def make_bag(**options: Any) -> None:
     """Make a bag of FILES: CSV, .npz or .mat, parts of one recording in order.
 
+    Files with different columns and a time of the same name are put beside each other.
+
     Says what it read and what looks wrong; the other tools then read the bag.
     `par4_bag --inspect BAG` instead says what a bag holds and what each tool could do with it.
     """

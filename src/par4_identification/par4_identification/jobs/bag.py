@@ -31,6 +31,8 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
              storage: str) -> None:
     """Make a bag of FILES: CSV, .npz or .mat, parts of one recording in order.
 
+    Files with different columns and a time of the same name are put beside each other.
+
     Says what it read and what looks wrong; the other tools then read the bag.
     """
     choices = chosen_columns(columns)

@@ -72,6 +72,24 @@ def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = No
     return columns
 
 
+def held_columns(path: str | Path, wanted: Sequence[str]) -> tuple[str, ...]:
+    """Return which of some columns a file has; numbers stand for any column.
+
+    Raises:
+        InputError: no such file, or it cannot be read.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f'{path}: no such file; give a CSV, .npz or .mat file')
+    if path.suffix.lower() in ('.npz', '.mat'):
+        names = set(_archive(path))
+        return tuple(name for name in wanted if of_table(name)[0] in names or name in names
+                     or name.isdecimal())
+    headers = [layout_of(path, (name,)).headers for name in wanted]
+    return tuple(name for name, rows in zip(wanted, headers)
+                 if name.isdecimal() or any(name in row for row in rows))
+
+
 def _place(path: Path, wanted: str, headers: Sequence[Sequence[str]], count: int,
            where: str = '') -> int:
     """Return the index of a column that is given by its name or number; upper rows go first.

@@ -48,6 +48,7 @@ class Measured:
         rows: that the files have.
         untimed: of them without a time, left out.
         integrated: whether the position is the integral of the velocity.
+        tables: with rows of their own, in which the quantities of others have no number.
     """
 
     kind: JointKind
@@ -56,6 +57,7 @@ class Measured:
     rows: int
     untimed: int
     integrated: bool = False
+    tables: int = 1
 
     @property
     def joints(self) -> int:
@@ -75,7 +77,8 @@ class Measured:
         spacing = 1e-9 * np.diff(self.stamp)
         missing = spacing > GAP * self.period
         jitter = np.sqrt(np.mean((spacing[(spacing > 0.0) & ~missing] - self.period) ** 2))
-        lines = [f'{len(self.stamp)} of {self.rows} rows, '
+        beside = '' if self.tables == 1 else f' of {self.tables} tables beside each other'
+        lines = [f'{len(self.stamp)} of {self.rows} rows{beside}, '
                  f'{1e-9 * (self.stamp[-1] - self.stamp[0]):.6g} s at {1.0 / self.period:.5g} Hz '
                  f'(every {1e3 * self.period:.4g} ms +- {1e3 * np.round(jitter, 9):.2g} ms rms), '
                  f'{np.count_nonzero(missing)} gaps'
@@ -99,7 +102,8 @@ class Measured:
             (np.count_nonzero(np.diff(self.stamp) < 0), 'times the clock goes back')) if count]
         for quantity, values in self.values.items():
             empty = np.count_nonzero(~np.isfinite(values))
-            if empty and not (self.integrated and quantity == 'position'):
+            if empty and self.tables == 1 and not (
+                    self.integrated and quantity == 'position'):
                 found.append(f'{quantity}: {empty} of {values.size} cells hold no number')
             absurd = np.count_nonzero(np.isfinite(values) & ~are_readings(values))
             if absurd:

@@ -46,8 +46,12 @@ def series_of(path: str | Path, rows: StampedRows, clock: Clock) -> Series:
         InputError: too many samples contradict each other, or too few are left.
     """
     stamp = clock.time(rows.received, rows.stamp)
-    order = np.argsort(stamp, kind='stable')
+    # rows without a number may be those of another signal, at any time beside those of this one
+    whole = (np.abs(rows.values) < LARGEST).all(axis=1)
+    order = np.lexsort((~whole, stamp))
     again = np.flatnonzero(np.diff(stamp[order]) == 0) + 1
+    beside = ~whole[order[again]] & whole[order[again - 1]]
+    order, again = np.delete(order, again[beside]), again[~beside] - np.cumsum(beside)[~beside]
     one, other = rows.values[order[again - 1]], rows.values[order[again]]
     repeated = count(((one == other) | np.isnan(one) & np.isnan(other)).all(axis=1))
     conflicting = len(again) - repeated
@@ -59,17 +63,19 @@ def series_of(path: str | Path, rows: StampedRows, clock: Clock) -> Series:
             'of the system')
     order = np.delete(order, again)
     crowded = np.zeros(len(order), dtype=bool)
-    if len(order) > 2:
-        crowded[1:] = np.diff(stamp[order]) < CROWDED * np.median(np.diff(stamp[order]))
+    own = np.flatnonzero(whole[order])
+    if len(own) > 2:
+        spacing = np.diff(stamp[order[own]])
+        crowded[own[1:]] = spacing < CROWDED * np.median(spacing)
         order = order[~crowded]
     received_order = stamp[np.sort(order)]
     out_of_order = count(received_order < np.maximum.accumulate(received_order))
-    spacing = spacing_counts(stamp[order], clock.run(stamp[order]))
-    finite = (np.abs(rows.values) < LARGEST).all(axis=1)[order]
+    even = spacing_counts(stamp[order], clock.run(stamp[order]))
+    finite = whole[order]
     counts = SampleCounts(
         topic=rows.topic, **rows.dropped, repeated=repeated, conflicting=conflicting,
-        crowded=count(crowded), not_finite=count(~finite),
-        out_of_order=out_of_order, **vars(spacing))
+        crowded=count(crowded), not_finite=count(~finite) + count(beside),
+        out_of_order=out_of_order, **vars(even))
     order = order[finite]
     if len(order) < 2 or not counts.period:
         lost = f' of {counts.read} ({counts.not_finite} not finite)' if counts.not_finite else ''

@@ -16,7 +16,7 @@ from par4_identification.logs.column_choice import (
     si_factors,
 )
 from par4_identification.logs.dates import DATES, day_after_day
-from par4_identification.logs.log_table import read_columns
+from par4_identification.logs.log_table import held_columns, read_columns
 from par4_identification.logs.measured import Measured, are_readings
 from par4_identification.logs.series import FEWEST_SAMPLES
 from par4_identification.logs.units import FASTEST, SLOWEST, TURN
@@ -57,6 +57,9 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
                       scales: Scales | None = None, part: Part | None = None) -> Measured:
     """Return what files measured: parts of one recording, each going on where the last one ends.
 
+    Files that hold different columns are tables beside each other, with the time of each in the
+    column of that name: a logger may write a file for each of its signals.
+
     Args:
         files: CSV, .npz or .mat, see `log_table`.
         choices: `chosen_columns`.
@@ -65,8 +68,8 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
 
     Raises:
         InputError: what `read_columns` refuses; a scale that is missing, or that no unit needs; no
-            time or rate, or both; files that overlap in time; a sample rate that no unit of time
-            can mean; too few rows.
+            time or rate, or both; files that overlap in time; columns that are in two tables; a
+            sample rate that no unit of time can mean; too few rows.
     """
     scales, part = scales or Scales(), part or Part()
     if ('time' in choices) == (part.rate is not None):
@@ -79,28 +82,12 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
                for quantity, choice in choices.items()}
     dates = {name: choice.unit for choice in choices.values() if choice.unit in DATES
              for name in choice.columns}
-    blocks: dict[str, list[np.ndarray]] = {quantity: [] for quantity in choices}
-    lengths = []
-    for file in files:
-        columns = read_columns(file, tuple(dict.fromkeys(
-            name for choice in choices.values() for name in choice.columns)), part.array, dates)
-        for quantity, choice in choices.items():
-            with np.errstate(over='ignore'):  # what becomes infinite holds no number
-                blocks[quantity].append(
-                    np.stack([columns[name] for name in choice.columns], axis=1)
-                    * factors[quantity])
-        lengths.append(len(blocks[motion.quantity][-1]))
-        if not lengths[-1]:
-            raise InputError(f'{file}: its columns are empty; leave it out')
-    values = {quantity: np.concatenate(parts) for quantity, parts in blocks.items()}
-    rows = sum(lengths)
-    time = (values.pop('time')[:, 0] if part.rate is None
-            else np.arange(rows) / part.rate)
-    if 'clock' in dates.values():
-        time = day_after_day(time)
-    _refuse_overlap(files, time, lengths)
+    tables = [_Table.of(own, {name: choices[name] for name in quantities}, factors, part, dates)
+              for quantities, own in _tables(files, choices).items()]
+    table = tables[0] if len(tables) == 1 else _beside(tables)
+    time, values, rows = table.time, table.values, sum(len(one.time) for one in tables)
     kept = np.isfinite(time) & (time >= part.start) & (time <= part.end)
-    untimed = int(np.count_nonzero(~np.isfinite(time)))
+    untimed = sum(int(np.count_nonzero(~np.isfinite(one.time))) for one in tables)
     if np.count_nonzero(kept) < FEWEST_SAMPLES:
         spans = f', the time goes from {np.nanmin(time):.6g} to {np.nanmax(time):.6g} s' if (
             untimed < rows) else ''
@@ -123,7 +110,102 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
     integrated = motion.quantity != 'position'
     if integrated:
         values = {'position': _integral(values['velocity'], time), **values}
-    return Measured(kind, stamp, values, rows, untimed, integrated)
+    return Measured(kind, stamp, values, rows, untimed, integrated, len(tables))
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Rows of files with the same columns.
+
+    Attributes:
+        files: in order.
+        time: (n,), s.
+        values: quantity -> (n, J), SI units.
+    """
+
+    files: tuple[str | Path, ...]
+    time: np.ndarray
+    values: dict[str, np.ndarray]
+
+    @classmethod
+    def of(cls, files: Sequence[str | Path], choices: dict[str, Choice],
+           factors: dict[str, np.ndarray], part: Part, dates: dict[str, str]) -> _Table:
+        """Read files, each of which goes on where the last one ends."""
+        blocks: dict[str, list[np.ndarray]] = {quantity: [] for quantity in choices}
+        lengths = []
+        names = tuple(dict.fromkeys(name for choice in choices.values() for name in choice.columns))
+        own = {name: unit for name, unit in dates.items() if name in names}
+        for file in files:
+            columns = read_columns(file, names, part.array, own)
+            for quantity, choice in choices.items():
+                with np.errstate(over='ignore'):  # what becomes infinite holds no number
+                    blocks[quantity].append(
+                        np.stack([columns[name] for name in choice.columns], axis=1)
+                        * factors[quantity])
+            lengths.append(len(columns[names[0]]))
+            if not lengths[-1]:
+                raise InputError(f'{file}: its columns are empty; leave it out')
+        values = {quantity: np.concatenate(parts) for quantity, parts in blocks.items()}
+        time = (values.pop('time')[:, 0] if part.rate is None
+                else np.arange(sum(lengths)) / part.rate)
+        if 'clock' in dates.values():
+            time = day_after_day(time)
+        _refuse_overlap(files, time, lengths)
+        return cls(tuple(files), time, values)
+
+
+def _tables(files: Sequence[str | Path], choices: dict[str, Choice]
+            ) -> dict[tuple[str, ...], list[str | Path]]:
+    """Return which files hold which quantities: all of them, or each table its own and the time.
+
+    Raises:
+        InputError: a quantity is in files of two tables.
+    """
+    names = tuple(name for choice in choices.values() for name in choice.columns)
+    everything = tuple(choices)
+    found: dict[tuple[str, ...], list[str | Path]] = {}
+    for file in files:
+        held = set(held_columns(file, names)) if len(files) > 1 else set(names)
+        own = tuple(name for name, choice in choices.items() if held.issuperset(choice.columns))
+        found.setdefault(own, []).append(file)
+    of_tables = [name for own in found for name in own if name != 'time']
+    if len(found) == 1 or not all('time' in own and len(own) > 1 for own in found) or (
+            set(of_tables) != set(choices) - {'time'}):
+        return {everything: list(files)}  # of which reading says what is missing
+    for name in of_tables:
+        if of_tables.count(name) > 1:
+            first, other = (own[0] for quantities, own in found.items() if name in quantities)
+            raise InputError(f'{first} and {other} both have {name} ({choices[name].columns[0]}), '
+                             f'but not the same columns; give the file whose {name} is meant, and '
+                             f'files with the other columns')
+    return found
+
+
+def _beside(tables: Sequence[_Table]) -> _Table:
+    """Return the rows of all tables in the order of their times; rows of one time are one.
+
+    Raises:
+        InputError: a time that goes back.
+    """
+    for table in tables:
+        known = table.time[np.isfinite(table.time)]
+        if np.any(np.diff(known) < 0.0):
+            raise InputError(f'{table.files[0]}: its time goes back, so that the rows of other '
+                             f'files cannot be put between its own; mend the time')
+    known = [np.isfinite(table.time) for table in tables]
+    every = np.concatenate([table.time[own] for table, own in zip(tables, known)])
+    if all(np.all(np.diff(table.time[own]) > 0.0) for table, own in zip(tables, known)):
+        time, places = np.unique(every, return_inverse=True)
+    else:
+        order = np.argsort(every, kind='stable')
+        time, places = every[order], np.argsort(order, kind='stable')
+    values: dict[str, np.ndarray] = {}
+    ends = np.cumsum([own.sum() for own in known])
+    for table, own, place in zip(tables, known, np.split(places, ends[:-1])):
+        for name, column in table.values.items():
+            values[name] = np.full((len(time), column.shape[1]), np.nan)
+            values[name][place] = column[own]
+    return _Table(tuple(file for table in tables for file in table.files), time, values)
 
 
 def _wrapping(part: Part, motion: Choice, factors: np.ndarray) -> np.ndarray:
