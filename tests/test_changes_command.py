@@ -83,7 +83,7 @@ def test_recordings_of_a_machine_that_changed_between_them(bags, tmp_path):
 
 def test_recordings_of_one_machine_do_not_differ(bags, tmp_path):
     done, content = diagnosed(tmp_path / 'out', bags / 'before', '--holdout', bags / 'same')
-    assert content['between_logs'] == []
+    assert 'between_logs' not in content
     assert content['verdict'] == 'clean'
     assert 'changed between' not in done.out
 

@@ -316,7 +316,7 @@ def _write(asked: Asked, measured: Measured, answer: Answer, outcome: Outcome, p
                                diagnosis_json(diagnosis, machine, experiment), answer.changes,
                                machine),
                            'verdict': answer.verdict,
-                           'between_logs': differences_json(answer.between, machine),
+                           **differences_json(answer.between, machine),
                            'setup': setup_json(measured.check),
                            'simulation': simulation_json(answer.confrontation)},
         'extended_model.yaml': extended and model_in_units(

@@ -40,7 +40,7 @@ def differences_cells(between: LogDifferences | None, machine: Robot | Axis
     """Return the rows of the table of how recordings differ."""
     return [{**{name: entry[name] for name in ('log', 'other', 'reading')},
              'p_value': _chance(entry['p_value'])}
-            for entry in differences_json(between, machine)]
+            for entry in differences_json(between, machine).get('between_logs', ())]
 
 
 def _cells(entry: dict[str, Any]) -> dict[str, str]:

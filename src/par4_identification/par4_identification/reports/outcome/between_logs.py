@@ -42,12 +42,10 @@ def with_differences(outcome: Outcome, between: LogDifferences, machine: Robot |
         remarks=(*remarks, *outcome.remarks))
 
 
-def differences_json(between: LogDifferences | None, machine: Robot | Axis
-                     ) -> list[dict[str, Any]]:
-    """Return the field `between_logs`: an entry for each reading of a recording that differs."""
-    return plain([
+def differences_json(between: LogDifferences | None, machine: Robot | Axis) -> dict[str, Any]:
+    """Return `between_logs` with an entry for each reading, nothing where recordings are alike."""
+    return {} if between is None else {'between_logs': plain([
         {'log': item.log, 'other': item.other,
          'reading': phrase_of_reading(read.reading, read.size, machine),
          'size': read.size, 'std': read.std, 'p_value': read.p_value}
-        for item in (between.of_logs if between is not None else ())
-        for read in item.explanation.read])
+        for item in between.of_logs for read in item.explanation.read])}
