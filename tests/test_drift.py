@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_joints
 from par4_identification.logs.log import Log
-from par4_identification.ros.monitor_node import STILL, MonitorNode
+from par4_identification.ros.monitor_node import BLIND, STILL, MonitorNode
 from par4_identification.trend.drift import WORDS, DriftWatch, projections
 from par4_identification.trend.windows import WINDOW
 from par4_kinematics.errors import InputError
@@ -114,6 +114,16 @@ def test_one_odd_window_is_no_drift_and_a_machine_that_is_mended_none_more():
     assert not watch.drifts
 
 
+@pytest.mark.parametrize('faulty', [50, 2000])
+def test_an_alarm_ends_soon_after_a_repair_however_old_it_is(faulty):
+    watch, random = DriftWatch(4, learning=30), np.random.default_rng(8)
+    watched(random, 30, watch)
+    watched(random, faulty, watch, 8.0)
+    assert len(watch.drifts) == 4
+    watched(random, 25, watch)
+    assert not watch.drifts
+
+
 def test_windows_without_any_scatter_are_learnt_from():
     """As of a simulation without noise; rounding is no drift, and a drift is one from then on."""
     watch, random = DriftWatch(4, learning=10), np.random.default_rng(7)
@@ -147,7 +157,7 @@ def test_joints_that_rest_say_nothing():
 def monitor() -> SimpleNamespace:
     """Return the state of a `par4_monitor` that takes messages and counts windows."""
     node = SimpleNamespace(counts=Counter(), looked=0, wall_clock=None, get_logger=mock.Mock(),
-                           _gain=np.asarray(REFERENCE.drive_gain), _robot=REFERENCE)
+                           _gain=np.asarray(REFERENCE.drive_gain), _robot=REFERENCE, _skipped=0)
     for name in ('_forget', '_skip', '_leave_other_times', '_keep', 'reject'):
         setattr(node, name, partial(getattr(MonitorNode, name), node))
 
@@ -162,12 +172,13 @@ def monitor() -> SimpleNamespace:
 
 
 def send(node: SimpleNamespace, first: float, last: float,
-         topics: tuple[Topic, ...] = (JOINT_STATES, AMPLIFIER_VOLTAGE), effort: float = 0.0
+         topics: tuple[Topic, ...] = (JOINT_STATES, AMPLIFIER_VOLTAGE), effort: float | None = 0.0
          ) -> None:
-    """Let a monitor take a message of each topic every 10 ms."""
+    """Let a monitor take a message of each topic every 10 ms; of None without efforts."""
     message = JointState(name=list(JOINT_NAMES))
+    efforts = {} if effort is None else {'effort': np.full(4, effort)}
     for time in np.arange(first, last, 0.01):
-        write_joint_state(message, round(time * SECOND), np.zeros(4), effort=np.full(4, effort))
+        write_joint_state(message, round(time * SECOND), np.zeros(4), **efforts)
         for topic in topics:
             MonitorNode._taken(node, topic)(message)
 
@@ -207,6 +218,25 @@ def test_messages_that_come_twice_are_no_stamps_that_do_not_move(monitor):
         assert MonitorNode._judged(monitor).level == State.OK
 
 
+def test_a_monitor_that_can_look_at_nothing_says_so_and_why(monitor):
+    """As of voltages that end while positions go on: it said that the machine follows its model."""
+    monitor._watch, monitor._model = DriftWatch(4), read_model('table1', REFERENCE)
+    monitor._look, monitor._window = (partial(function, monitor) for function in (
+        MonitorNode._look, MonitorNode._window))
+    monitor._rms = np.full(4, np.nan)
+    send(monitor, 0.0, 3.0 * WINDOW)
+    assert MonitorNode._judged(monitor).level == State.OK
+    send(monitor, 3.0 * WINDOW, (3.0 + BLIND - 1.0) * WINDOW, (JOINT_STATES,), None)
+    assert MonitorNode._judged(monitor).level == State.OK
+    send(monitor, (3.0 + BLIND - 1.0) * WINDOW, (6.0 + BLIND) * WINDOW, (JOINT_STATES,), None)
+    state = MonitorNode._judged(monitor)
+    assert state.level == State.WARN
+    assert state.text.startswith('nothing is looked at')
+    assert '0 samples with position and torque' in state.detail
+    send(monitor, (6.0 + BLIND) * WINDOW, (9.0 + BLIND) * WINDOW)
+    assert MonitorNode._judged(monitor).level == State.OK
+
+
 def test_voltages_without_joint_states_do_not_pile_up(monitor):
     send(monitor, 0.0, 60.0, (AMPLIFIER_VOLTAGE,))
     assert len(monitor._torque) < 500
@@ -241,7 +271,7 @@ def test_an_effort_that_is_no_number_is_told_and_good_voltages_are_looked_at(mon
     for time in np.arange(0.0, 2.015, 0.01):
         send(monitor, time, time + 0.005, (AMPLIFIER_VOLTAGE,))
         with pytest.raises(InputError, match='effort: arm_joint_0 has nan; send finite numbers'):
-            send(monitor, time, time + 0.005, (JOINT_STATES,), np.nan)
+            send(monitor, time, time + 0.005, (JOINT_STATES,), None)
     positions, torques = monitor.window
     assert monitor.looked == 1
     assert positions.keys() == torques.keys()

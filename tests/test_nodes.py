@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,9 +14,11 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.srv import SetParameters
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from node_bench import (
@@ -334,9 +337,10 @@ def test_limits_that_a_robot_file_leaves_out_are_told_once(bench, node, own):
 
 
 @pytest.mark.parametrize(('start', 'number'), [(Bench.execute, signal.SIGINT),
-                                               (Bench.start, signal.SIGTERM)])
+                                               (Bench.start, signal.SIGTERM),
+                                               (Bench.start, signal.SIGHUP)])
 def test_signals_end_every_node_properly(bench, start, number):
-    """As a user starts them and as other tests do: a node takes both signals in the same way."""
+    """As a user starts them and as other tests do: a node takes all in the same way."""
     diagnostics = bench.listen(DIAGNOSTICS)
     own = {'par4_simulation': {'fidelity': 'exact'}, 'par4_motion': SIMULATED}
     children = {node: start(bench, node, **own.get(node, {})) for node in MODULES}
@@ -818,6 +822,61 @@ def test_a_recording_of_nothing_leaves_its_path_to_the_next(bench):
         assert bench.ended(child) == 0
         assert bench.said().count('bag: no message came, so no bag is left') == number
         assert not (bench.folder / 'bag').exists()
+
+
+def test_a_bag_that_could_not_be_completed_is_told_until_the_end(bench):
+    """A service said so, but diagnostics and exit code did not."""
+    recorded = Recorded(bench)
+    recorded.publish(10)
+    recorded.settle()
+    folder = bench.folder / 'bag'
+    folder.rename(bench.folder / 'elsewhere')
+    folder.write_text('in the way')
+    asked = bench.call('par4_record/stop')
+    assert not asked.success
+    bench.wait(lambda: any(status.level == DiagnosticStatus.ERROR for status in
+                           bench.statuses(recorded.diagnostics, 'par4_record')), 'an error')
+    recorded.child.send_signal(signal.SIGINT)
+    assert bench.ended(recorded.child) == 2
+    assert bench.said().count('error: ') >= 1
+    assert 'Traceback' not in bench.said()
+
+
+def test_a_bag_that_is_removed_ends_its_recording(bench):
+    recorded = Recorded(bench)
+    recorded.publish(10)
+    recorded.settle()
+    shutil.rmtree(bench.folder / 'bag')
+    assert bench.ended(recorded.child) == 2
+    assert 'bag: removed while it was recorded' in bench.said()
+
+
+def test_a_recording_takes_the_next_path_that_is_free(bench):
+    Recorded(bench)
+    assert bench.call('par4_record/stop').success
+    (bench.folder / 'bag_2').mkdir()
+    again = bench.call('par4_record/start')
+    assert again.success
+    assert again.message.endswith('bag_3')
+
+
+def test_a_publisher_that_a_node_does_not_hear_is_told(bench):
+    """Drivers of sensors often publish best effort: nodes waited, and said that all is well."""
+    diagnostics = bench.listen(DIAGNOSTICS)
+    bench.start('par4_kinematics')
+    best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    states = bench.node.create_publisher(JointState, JOINT_STATES.name, best_effort)
+
+    def told(level: bytes, words: str) -> bool:
+        return any(status.level == level and words in status.message
+                   for status in bench.statuses(diagnostics, 'par4_kinematics'))
+
+    bench.wait(lambda: told(DiagnosticStatus.WARN, 'joint_states of'), 'a warning')
+    assert any('Best effort publisher' in status.message
+               for status in bench.statuses(diagnostics, 'par4_kinematics'))
+    bench.node.destroy_publisher(states)
+    diagnostics.clear()
+    bench.wait(lambda: told(DiagnosticStatus.OK, 'waiting for joint_states'), 'its end')
 
 
 def test_the_recorder_ends_after_its_duration(bench):

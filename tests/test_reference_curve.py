@@ -282,6 +282,78 @@ def test_points_that_come_too_late_to_be_joined_without_a_jolt_are_refused():
     assert queue.late_points > 0
 
 
+def approach(direction, speed):
+    """Return q (4,) next to a limit, from home in a direction of D, and qd (4,) on towards it."""
+    home, way = np.array(home_pose(REFERENCE)), np.array((*direction, 0.0))
+    step = 1e-6 * way / np.linalg.norm(way)
+    q, before = (inverse_kinematics(REFERENCE.geometry, home + part) for part in (way, way - step))
+    return q, 1e6 * speed * (q - before)
+
+
+@pytest.mark.parametrize(('direction', 'speed', 'named'), [
+    ((0.499, 0.0, 0.0), 5.0, 'radius of D 0.5'),
+    ((0.499, 0.0, 0.0), 1.0, 'radius of D 0.50'),
+    ((0.0, 0.0, -0.119), 3.0, 'z of D -0.9'),
+    ((0.0, 0.0, 0.229), 3.0, 'z of D -0.5')])
+def test_a_reference_that_ends_in_motion_before_a_limit_is_refused(direction, speed, named):
+    """Its sender may end, or the link: no ramp could keep the limit any more."""
+    q, qd = approach(direction, speed)
+    assert inside(REFERENCE, forward_kinematics(REFERENCE.geometry, q[None])[0])
+    time = np.zeros(1)
+    with pytest.raises(InputError, match=f'ends in motion .* {named}'):
+        LIMITS.check(time, points(q, qd))
+    # back from the limit and at rest there are fine
+    LIMITS.check(time, points(q, -qd))
+    LIMITS.check(time, points(q))
+
+
+@pytest.mark.parametrize('motion', [
+    ADEPT, CIRCLE, adept_motion(REFERENCE, jerk=30000.0),
+    adept_motion(REFERENCE, centre=(0.343, 0.0, -0.8))], ids=['adept', 'circle', 'hard', 'aside'])
+def test_no_point_of_a_motion_within_the_limits_is_refused(motion):
+    """Streams send them one by one: each is the last for a moment."""
+    for row in range(0, len(motion.t), 3):
+        LIMITS.check(motion.t[row:row + 1], points(motion.q[row], motion.qd[row], motion.qdd[row]))
+
+
+def streamed(gap, ahead):
+    """Return what is followed of a 15 G cycle again and again, point by point, and the queue.
+
+    The points come `ahead` of their time, s, but for those of a gap.
+    """
+    queue = ReferenceQueue(ADEPT.q[0], LIMITS)
+    times = np.arange(0.0, 2.0 * ADEPT.duration, 0.01)
+    rows = np.searchsorted(ADEPT.t, times % ADEPT.duration).clip(max=len(ADEPT.t) - 1)
+    start = 0.3 * ADEPT.duration
+    followed = []
+    for now in np.arange(0.0, times[-1], 0.0025):
+        due = np.flatnonzero((times > now + ahead - 0.0025) & (times <= now + ahead))
+        for row in due:
+            if not start < times[row] < start + gap:
+                place = slice(rows[row], rows[row] + 1)
+                with suppress(InputError):
+                    LIMITS.check(times[row:row + 1], points(
+                        ADEPT.q[place], ADEPT.qd[place], ADEPT.qdd[place]))
+                    queue.queue(now, times[row:row + 1], ADEPT.q[place], ADEPT.qd[place],
+                                ADEPT.qdd[place])
+        queue.foresee(now)
+        queue.use_until(now)
+        followed.append(queue.target(now))
+    return np.array(followed), queue
+
+
+@pytest.mark.parametrize('ahead', [0.02, 0.05])
+def test_a_stream_that_was_interrupted_goes_on_without_a_jolt_or_not_at_all(ahead):
+    """Braked in the middle of a 15 G cycle it must not jump back into it."""
+    whole, queue = streamed(0.0, ahead)
+    assert queue.interrupted == 0
+    asked = np.abs(whole[:, 12:16]).max()
+    for gap in (0.05, 0.08, 0.1, 0.15, 0.25, 0.4, 1.0, 1.37):
+        followed, queue = streamed(gap, ahead)
+        assert queue.interrupted >= 1
+        assert np.abs(followed[:, 12:16]).max() < 1.1 * asked
+
+
 def test_a_motion_that_ends_or_has_not_begun_needs_no_braking():
     end = ADEPT.duration
     assert not ways_to_rest(ADEPT, end - 0.02, 0.15, end)

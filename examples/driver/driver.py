@@ -137,10 +137,10 @@ class Driver:
 
 
 def main() -> None:
-    """Run until SIGINT or SIGTERM; then brake and end at rest."""
+    """Run until SIGINT, SIGTERM or SIGHUP; then brake and end at rest."""
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     driver, asked = Driver(), []
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: asked.append(True))
     executor = SingleThreadedExecutor()
     executor.add_node(driver.node)

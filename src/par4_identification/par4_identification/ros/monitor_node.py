@@ -28,6 +28,8 @@ ASTRAY_NS = round(2 * WINDOW * SECOND)
 ABSURD = 10.0
 """Torque, in limits of the drives, from which it is none: one such sample would be most of what the
 windows learn."""
+BLIND = 5
+"""Windows in a row that could not be looked at, from which on the monitor says so."""
 STILL, CROWD = 100, 10
 """Joint states of a window with a stamp that was there before from which stamps do not move: a
 number, and a multiple of the stamps."""
@@ -47,6 +49,7 @@ class MonitorNode(Par4Node):
         self._gain = np.asarray(self._robot.drive_gain)
         self._rms = np.full(len(self._robot.joint_names), np.nan)
         self.counts['skipped_windows'] = 0
+        self._skipped, self._reason = 0, ''
         self._forget()
         self.subscribe(JOINT_STATES, self._taken(JOINT_STATES), stream=True)
         self.subscribe(AMPLIFIER_VOLTAGE, self._taken(AMPLIFIER_VOLTAGE))
@@ -113,6 +116,7 @@ class MonitorNode(Par4Node):
 
     def _skip(self, why: str) -> None:
         self.counts['skipped_windows'] += 1
+        self._skipped, self._reason = self._skipped + 1, why
         self.get_logger().info(f'window skipped: {why}', throttle_duration_sec=10.0,
                                throttle_time_source_type=self.wall_clock)
 
@@ -126,6 +130,7 @@ class MonitorNode(Par4Node):
         except Par4Error as error:
             self._skip(str(error))
             return
+        self._skipped = 0
         self._watch.take(float(log.t[-1]), projected, lengths)
 
     def _window(self, position: dict[int, np.ndarray], torque: dict[int, np.ndarray]) -> Log:
@@ -163,6 +168,10 @@ class MonitorNode(Par4Node):
                                      f'looked at; stamp each with the time of its measurement',
                          f'{self._repeated} came with a stamp that was there before, the last at '
                          f'{max(self._position) / SECOND:.3f} s')
+        if self._skipped >= BLIND:
+            return State(State.WARN, 'nothing is looked at: no window of '
+                                     f'{JOINT_STATES.name} and torque can be used',
+                         f'the last {self._skipped} were skipped: {self._reason}')
         drifts = self._watch.drifts
         if drifts:
             joints = ', '.join(f'{self._robot.joint_names[drift.joint]} ({drift.acts_like})'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import shutil
 import sys
@@ -14,7 +15,7 @@ from typing import Any
 from rclpy.subscription import Subscription
 
 from par4_identification.ros.record_parameters import RecordParameters
-from par4_kinematics.errors import InputError
+from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, RECORDED_TOPICS, Topic
 from par4_kinematics.ros.node import REPORT_PERIOD, SILENCE, Par4Node, State
 from par4_kinematics.ros.numbering import Numbering
@@ -83,7 +84,8 @@ class RecordNode(Par4Node):
         if self._bag is not None:
             return f'recording {self._path} already'
         if self._begun_bags > 0:
-            self._path = Path(f'{self.parameters.output}_{self._begun_bags + 1}')
+            self._path = next(path for number in itertools.count(self._begun_bags + 1) if not (
+                path := Path(f'{self.parameters.output}_{number}')).exists())
         self._bag = BagWriter(self._path, self.parameters.storage)
         self._begun_bags += 1
         self._received.clear()
@@ -97,7 +99,11 @@ class RecordNode(Par4Node):
             raise InputError('nothing is being recorded; call ~/start first')
         self._write_waiting()
         bag, self._bag = self._bag, None
-        bag.close()
+        try:
+            bag.close()
+        except Par4Error as error:
+            self.failure = error  # told until the node ends, and by its exit code
+            raise
         topics = ', '.join(f'{name} {count}' for name, count in sorted(self._received.items()))
         line = f'{self._path}: {self._received.total()} messages ({topics}), {self._lost()} lost'
         if not topics:  # what has failed to start is started again, to the same path
@@ -116,8 +122,14 @@ class RecordNode(Par4Node):
             self.finished = True
 
     def _flush(self) -> None:
-        if self._bag is not None:
-            self._bag.flush()
+        if self._bag is None:
+            return
+        if not self._path.is_dir():
+            self._bag.failed = True
+            self.failure, self.finished = InputError(
+                f'{self._path}: removed while it was recorded; nothing of it is left'), True
+            return
+        self._bag.flush()
 
     def clock_jumped_back(self) -> None:
         """Count the duration from here; the bag goes on and holds two runs."""
@@ -141,6 +153,8 @@ class RecordNode(Par4Node):
         state = super().state()
         if state.level != State.OK:
             return state
+        if self.failure is not None:
+            return State(State.ERROR, f'a bag is not complete: {self.failure}')
         if self._bag is None:
             return State(State.OK, 'stopped')
         if JOINT_STATES.name not in self._newest:

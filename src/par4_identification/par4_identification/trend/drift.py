@@ -28,6 +28,8 @@ SLACK = 1.5
 LEVEL = 20.0
 """Standard deviations, added up, that alarm: far above what chance adds up, because what was learnt
 from some windows is itself off by chance. docs/benchmarks.md has the rate that was measured."""
+HIGHEST = 2.0 * LEVEL
+"""Of a sum: after a repair an alarm lasts no longer than some windows, however old it is."""
 CLIP = 5.0
 """Largest deviation of one window that is added: no single window alarms."""
 LEAST = 1e-6
@@ -136,7 +138,7 @@ class DriftWatch:
         size = np.where(there, excess / lengths, 0.0)
         for side, sign in enumerate((1.0, -1.0)):
             step = np.where(there, np.minimum(sign * excess / self._scatter, CLIP) - SLACK, 0.0)
-            self._sums[side] = np.maximum(0.0, self._sums[side] + step)
+            self._sums[side] = np.clip(self._sums[side] + step, 0.0, HIGHEST)
             rests = self._sums[side] == 0.0
             self._since[side][rests & there] = end
             self._grown[side] = np.where(rests, 0.0, self._grown[side] + there)

@@ -19,7 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
@@ -97,6 +97,7 @@ class Par4Node(Node):
         self.counts: Counter[str] = Counter()
         self._arrivals: dict[str, Arrivals] = {}
         self._inputs: list[Callable[[], bool]] = []
+        self._subscribed: dict[str, Subscription] = {}
         self._reported: dict[str, int] = {}
         self._last_state = State(State.OK, 'running')
         self._clock_ns, self._clock_moved = 0, math.inf
@@ -182,14 +183,32 @@ class Par4Node(Node):
             except Par4Error as error:
                 self.reject(topic, error)
 
-        subscription = self._on_topic(self.create_subscription, topic, callback=take, raw=raw)
+        subscription = self._subscription_to(topic, callback=take, raw=raw)
         self._inputs.append(take_waiting)
         return subscription
 
     def subscribe_raw(self, topic: Topic, callback: Callable[[bytes, dict[str, Any]], None]
                       ) -> Subscription:
         """Subscribe to a topic's serialised messages; `callback` is also given message info."""
-        return self._on_topic(self.create_subscription, topic, callback=callback, raw=True)
+        return self._subscription_to(topic, callback=callback, raw=True)
+
+    def _subscription_to(self, topic: Topic, **options: Any) -> Subscription:
+        subscription = self._subscribed[topic.name] = self._on_topic(
+            self.create_subscription, topic, **options)
+        return subscription
+
+    def _unheard(self) -> State | None:
+        """Return that a publisher cannot be heard for its quality of service, if there is one."""
+        for name, subscription in self._subscribed.items():
+            for publisher in self.get_publishers_info_by_topic(subscription.topic_name):
+                answer, reason = qos_check_compatible(
+                    publisher.qos_profile, subscription.qos_profile)
+                if answer == QoSCompatibility.ERROR:
+                    return State(State.WARN, f'{name} of {publisher.node_name} is not heard: its '
+                                             f'quality of service is not what this node takes',
+                                 f'{" ".join(reason.split())} Publish it reliable, as the '
+                                 f'contract has it')
+        return None
 
     def _on_topic(self, create: Callable[..., Any], topic: Topic, **options: Any) -> Any:
         try:
@@ -263,6 +282,9 @@ class Par4Node(Node):
             if input_.others:
                 return State(State.WARN, f'{name} tell of {input_.others} only; the joints of the '
                                          f'robot are {", ".join(JOINT_NAMES)}')
+        unheard = self._unheard()
+        if unheard is not None:
+            return unheard
         waiting = [name for name, input_ in self._arrivals.items()
                    if input_.stream and input_.age is None]
         dead = self.dead_inputs()

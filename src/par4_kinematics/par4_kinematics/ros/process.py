@@ -73,9 +73,10 @@ def _initialise(arguments: list[str]) -> None:
 
 @contextmanager
 def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
-    """Yield a node that SIGINT and SIGTERM finish, as soon as it has started.
+    """Yield a node that SIGINT, SIGTERM and SIGHUP finish, as soon as it has started.
 
     A terminal and `ros2 launch` both send SIGINT on one Ctrl-C: the second one means nothing more.
+    SIGHUP comes of a terminal that is closed; `nohup` lets it be ignored.
     """
     node = None
     asked_at = math.inf
@@ -89,8 +90,9 @@ def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
             if node is not None:
                 node.end()
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, end)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN or number != signal.SIGHUP:
+            signal.signal(number, end)
     try:
         _initialise(sys.argv)
         node = node_class()
@@ -108,7 +110,7 @@ def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
 
 
 def run(node_class: type[Par4Node]) -> int:
-    """Run a node until it is finished, SIGINT or SIGTERM; return the exit code.
+    """Run a node until it is finished, SIGINT, SIGTERM or SIGHUP; return the exit code.
 
     `--help` and `--config` only print. 0 is a proper end, 2 bad input: one line `error: ...` on
     stderr. A second signal interrupts a node that does not end; the code is then 130, as what it

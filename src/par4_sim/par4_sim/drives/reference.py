@@ -198,7 +198,8 @@ class ReferenceQueue:
                 self._limits.check_join(times[keep - 1], self.points[keep - 1], first,
                                         added.rows[0], late > 0)
             else:
-                self._limits.check_join(now, here[0], first, added.rows[0], late > 0)
+                self._limits.check_join(now, here[0], first, added.rows[0],
+                                        late > 0 or self.starved)
         self.late_points += late
         self.begun = True
         self._waiting.serve(added.times, added.rows)

@@ -30,10 +30,17 @@ SHORTEST = 1e-3
 """Seconds that a join of two curves takes at least, whatever their times say."""
 STILL = 1e-3
 """Joint speed below which a reference rests, rad/s."""
-EASING = 0.01
-"""Seconds in which a ramp takes the acceleration out before it brakes."""
+EASING, QUICKEST = 0.01, 2e-3
+"""Seconds in which a ramp takes the acceleration out before it brakes, and where limits are near.
+"""
 GENTLEST, HARDEST = 0.1, 0.0125
 """Seconds in which a ramp brakes the full joint speed, at the mean."""
+REJOIN = 0.05
+"""Seconds in which a way back into an interrupted reference gains the full joint speed at most, at
+the mean: drives have the torque for it."""
+RAMPS = (*((EASING, GENTLEST * 0.5 ** harder) for harder in range(
+    round(math.log2(GENTLEST / HARDEST)) + 1)), (QUICKEST, HARDEST))
+"""Both times of the ramps that are tried, the gentlest first."""
 
 
 @numba.njit(cache=True, error_model='numpy')
@@ -109,6 +116,32 @@ class ReferenceLimits:
         """
         check_points(self._robot, points[:, :4], points[:, 4:8], points[:, 8:12])
         self.check_way(times, points)
+        self.check_end(points[-1])
+
+    def check_end(self, point: np.ndarray) -> None:
+        """Refuse a last point (12 or more,) from which no ramp comes to rest within the limits.
+
+        Nothing more may come: the sender may end, or the link.
+
+        Raises:
+            InputError: names the limit beyond which even the hardest ramp ends.
+            UnreachableError: the mechanism does not close there.
+        """
+        if not _moves(point):
+            return
+        q = _ramp(self._robot.limits.joint_speed, point, *RAMPS[-1])[1][-1:, :4]
+        still = np.zeros_like(q)
+        try:
+            check_points(self._robot, q, still, still)
+        except InputError:
+            breach = joint_breach(self._robot, q, still) or platform_breach(
+                self._robot, forward_kinematics(self._robot.geometry, q))
+            if breach is None:
+                raise
+            raise InputError(
+                f'ends in motion so near to a limit that braking from its last point would reach '
+                f'{breach.found}, outside {breach.allowed} of robot {self._robot.name}; send '
+                f'points that slow down, or with them those up to rest') from None
 
     def check_way(self, times: np.ndarray, points: np.ndarray) -> None:
         """Refuse a curve through points (n, 12 or more) that leaves the limits between them.
@@ -128,8 +161,8 @@ class ReferenceLimits:
                    late: bool = False) -> None:
         """Refuse the way from where the reference is (12 or more,) to a new point, as `check_way`.
 
-        Where points came too `late`, nobody has asked for this way: it is refused, too, if it is
-        harder than the hardest ramp.
+        Where points came too `late`, or after it was braked, nobody has asked for this way: it is
+        refused, too, if it is harder than both the points at its ends and a quick start.
         """
         times = np.array((first_time, max(time, first_time + SHORTEST)))
         further = times[1] - time  # looked at there, a short way is as smooth as it is
@@ -139,12 +172,13 @@ class ReferenceLimits:
         self.check_way(times, points)
         if late:
             found = float(np.abs(_looked_at(times, points, 0)[:, 8:]).max())
-            hardest = 1.5 * self._robot.limits.joint_speed / HARDEST  # the speed falls as a cubic
-            if found > max(hardest, np.abs(points[:, 8:]).max()):
+            # the speed rises as a cubic
+            most = max(1.5 * self._robot.limits.joint_speed / REJOIN, np.abs(points[:, 8:]).max())
+            if found > most:
                 raise InputError(
                     f'came too late to go on from where the reference is: the way to the first '
-                    f'point that is left asks for {found:.4g} rad/s2, braking for {hardest:.4g} '
-                    f'at most; send points earlier')
+                    f'point that is left asks for {found:.4g} rad/s2, {most:.4g} are allowed; send '
+                    f'points earlier, or a motion that begins at rest where the machine stands')
 
     def _refuse(self, times: np.ndarray, points: np.ndarray, row: int) -> None:
         """Refuse the segment behind point `row` if it breaks a limit."""
@@ -168,24 +202,13 @@ class ReferenceLimits:
             time: s.
             point: q, qd, qdd where the reference ends, (12 or more,).
         """
-        q, qd, qdd = point[:4], point[4:8], point[8:12]
-        fastest = self._robot.limits.joint_speed
-        if np.abs(qd).max() < STILL:
+        if not _moves(point):
             return np.empty(0), np.empty((0, COLUMNS))
-        speed = np.clip(qd + 0.5 * EASING * qdd, -fastest, fastest)
-        eased = q + EASING * (qd + EASING * qdd / 3.0)
-        points = np.zeros((2, COLUMNS))
-        points[:, 12:] = NO_TORQUE
-        points[0, :4], points[0, 4:8] = eased, speed
-        pace = GENTLEST
-        while True:
-            # the speed falls as a cubic of time, so that the way is half of speed times duration
-            duration = max(EASING, pace * np.abs(speed).max() / fastest)
-            points[1, :4] = eased + 0.5 * duration * speed
-            times = np.array((time + EASING, time + EASING + duration))
-            if pace <= HARDEST or self._keeps(times, points):
-                return times, points
-            pace *= 0.5
+        for easing, pace in RAMPS:
+            times, points = _ramp(self._robot.limits.joint_speed, point, easing, pace)
+            if self._keeps(times, points):
+                break
+        return time + times, points
 
     def _keeps(self, times: np.ndarray, points: np.ndarray) -> bool:
         try:
@@ -194,3 +217,28 @@ class ReferenceLimits:
             return False
         return True
 
+
+def _moves(point: np.ndarray) -> bool:
+    """Return whether a reference that ends at a point (12 or more,) does not rest there."""
+    return bool(np.abs(point[4:8]).max() >= STILL)
+
+
+def _ramp(fastest: float, point: np.ndarray, easing: float, pace: float
+          ) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (2,), s from the point on, and points (2, COLUMNS) of a ramp to rest.
+
+    Args:
+        fastest: speed of the joints that is allowed, rad/s.
+        point: q, qd, qdd from which it goes, (12 or more,).
+        easing: in which it takes the acceleration out, s.
+        pace: in which it would brake the full speed, s, at the mean.
+    """
+    q, qd, qdd = point[:4], point[4:8], point[8:12]
+    points = np.zeros((2, COLUMNS))
+    points[:, 12:] = NO_TORQUE
+    speed = np.clip(qd + 0.5 * easing * qdd, -fastest, fastest)
+    points[0, :4], points[0, 4:8] = q + easing * (qd + easing * qdd / 3.0), speed
+    # the speed falls as a cubic of time, so that the way is half of speed times duration
+    duration = max(easing, pace * np.abs(speed).max() / fastest)
+    points[1, :4] = points[0, :4] + 0.5 * duration * speed
+    return np.array((easing, easing + duration)), points

@@ -22,6 +22,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from par4_kinematics.robot import read_robot
+from par4_kinematics.runner import run_by_this_process
 from par4_sim.cell.cell import COMPOSITIONS, Argument, NodePart, Session
 from par4_sim.cell.running_cell import executable_path
 from par4_sim.description.robot_description import complete_description
@@ -86,7 +87,8 @@ class _Launched:
                     namespace=self._session.namespace or None,
                     parameters=[{name: value for name, value in part.parameters.items()
                                  if value != ''}],
-                    remappings=list(self._session.remappings), on_exit=ended)
+                    remappings=list(self._session.remappings), on_exit=ended,
+                    additional_env=run_by_this_process({}))
 
     def _played(self) -> list[Any]:
         """Return what ends the other nodes, so that a recorder completes its bag."""
