@@ -271,7 +271,7 @@ def test_an_effort_that_is_no_number_is_told_and_good_voltages_are_looked_at(mon
     for time in np.arange(0.0, 2.015, 0.01):
         send(monitor, time, time + 0.005, (AMPLIFIER_VOLTAGE,))
         with pytest.raises(InputError, match='effort: arm_joint_0 has nan; send finite numbers'):
-            send(monitor, time, time + 0.005, (JOINT_STATES,), None)
+            send(monitor, time, time + 0.005, (JOINT_STATES,), np.nan)
     positions, torques = monitor.window
     assert monitor.looked == 1
     assert positions.keys() == torques.keys()
