@@ -165,6 +165,8 @@ def test_a_launch_file_starts_the_nodes_of_its_composition(launched, name):
     for node, part in zip(nodes, session.nodes, strict=True):
         assert node.namespace == 'robot_a'
         assert node.remappings == [('/clock', '/robot_a/clock')]
+        # a node of a launch that was killed ends by itself
+        assert node.additional_env == {'PAR4_RUNNER': str(os.getpid())}
         assert node.parameters == [{key: value for key, value in part.parameters.items()
                                     if value != ''}]
 

@@ -71,6 +71,7 @@ from par4_kinematics.ros.convert import (
     write_joint_state,
     write_time,
 )
+from par4_kinematics.ros.parameters import tell_files_of_others
 from par4_kinematics.ros.qos import message_type, qos_of
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import home_pose
@@ -296,6 +297,7 @@ def bad_file(folder: Path, change: str) -> Path:
     ('par4_simulation', 'model_file', 'negative_mass_model', 'must not be negative'),
     ('par4_simulation', 'fidelity', 'perfect', 'known are accurate, fast, exact'),
     ('par4_simulation', 'real_time_factor', '-1.0', 'real_time_factor: -1.0 is outside 0 to inf'),
+    ('par4_simulation', 'real_time_factor', '1e-300', 'real_time_factor: 1e-300 is less than 0.0'),
     ('par4_simulation', 'real_time_factor', '.inf', 'real_time_factor: inf is no number'),
     ('par4_simulation', 'publish_rate_hz', 'often', "publish_rate_hz: expected a number, found "
                                                     "'often'"),
@@ -858,6 +860,46 @@ def test_a_recording_takes_the_next_path_that_is_free(bench):
     again = bench.call('par4_record/start')
     assert again.success
     assert again.message.endswith('bag_3')
+
+
+def test_positions_from_two_places_are_told_and_no_motion_begins_from_them(bench):
+    """As of a panel that publishes the joints, too: which message comes last is chance."""
+    diagnostics = bench.listen(DIAGNOSTICS)
+    bench.start('par4_kinematics')
+    sent = bench.listen(REFERENCE)
+    child = bench.start('par4_motion', motion='circle')
+    states = bench.publisher(JOINT_STATES, 2)
+    other = np.array(HOME_Q) + 0.25
+    backwards = joint_state(other, names=JOINT_NAMES[::-1])
+
+    def both() -> bool:
+        for message in (joint_state(HOME_Q), backwards):
+            write_time(message.header.stamp, time.time_ns())
+            states.publish(message)
+        return any('jump to and fro' in status.message and status.level == DiagnosticStatus.ERROR
+                   for status in bench.statuses(diagnostics, 'par4_kinematics'))
+
+    bench.wait(both, 'an error')
+    bench.wait(lambda: both() and child.poll() is not None, 'the end of the motion')
+    assert child.returncode == 2
+    assert not sent
+    assert 'not begun: joint_states: the positions jump to and fro' in bench.said()
+
+
+@pytest.mark.parametrize(('part', 'said'), [
+    ('par4_kinematic', 'is par4_kinematics meant by par4_kinematic?'),
+    ('par4_record', 'no part of it is for par4_kinematics'),
+    ('/**', ''), ('/par4_kinematics', ''), ('robot_a/par4_kinematics', '')])
+def test_a_parameter_file_for_another_node_is_told(part, said, tmp_path, monkeypatch):
+    write_yaml(tmp_path / 'file.yaml', {part: {'ros__parameters': {'use_sim_time': False}}})
+    monkeypatch.setattr(sys, 'argv', ['node', '--ros-args', '--params-file',
+                                      str(tmp_path / 'file.yaml')])
+    node = mock.Mock()
+    node.get_name.return_value = 'par4_kinematics'
+    tell_files_of_others(node)
+    warnings = [call.args[0] for call in node.get_logger().warning.call_args_list]
+    assert len(warnings) == bool(said)
+    assert all(said in line for line in warnings)
 
 
 def test_a_publisher_that_a_node_does_not_hear_is_told(bench):

@@ -83,13 +83,16 @@ def inspect_bag(path: str | Path, machine: Robot | Axis, namespace: str | None =
     with tempfile.TemporaryDirectory() as folder:
         mended = Path(folder) / 'mended'
         repair_bag(path, mended)
-        return _inspected(path, mended, machine, namespace, reason)
+        try:
+            return _inspected(path, mended, machine, namespace, reason)
+        except InputError as error:
+            raise InputError(str(error).replace(str(mended), str(path))) from error
 
 
 def _inspected(shown: Path, path: Path, machine: Robot | Axis, namespace: str | None,
                cut_off: str | None) -> Inspection:
     def told(error: Par4Error) -> str:
-        return str(error).removeprefix(f'{path}: ')
+        return str(error).removeprefix(f'{path}: ').replace(str(path), str(shown))
 
     recorded = recorded_topics(path)
     try:

@@ -3,11 +3,52 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from typing import Any
 
 from par4_kinematics.robot import JOINT_NAMES
-from par4_kinematics.ros.convert import is_foreign
+from par4_kinematics.ros.convert import is_foreign, time_ns
 from par4_kinematics.ros.numbering import Numbering
+from par4_kinematics.stamps import SECOND
+
+FASTEST, STEP = 100.0, 0.05
+"""rad/s and rad: what joints turn from one message to the next is less than the first makes of the
+time between, and the second."""
+JUMPS, WITHIN = 4, 1.0
+"""So many jumps in so many s are those of positions that come from two places; a reset is one."""
+
+
+class Places:
+    """Whether JointStates tell of one place of the robot's joints, or jump between two."""
+
+    def __init__(self) -> None:
+        self._names: list[str] = []
+        self._order: list[int] = []
+        self._last: tuple[int, list[float]] | None = None
+        self._jumped: deque[float] = deque(maxlen=JUMPS)
+
+    def take(self, message: Any) -> None:
+        """Take a JointState of the robot; positions that are not told are passed over."""
+        if message.name != self._names:
+            self._names = list(message.name)
+            self._order = [self._names.index(name) if name in self._names else -1
+                           for name in JOINT_NAMES] if self._names else [*range(len(JOINT_NAMES))]
+        if len(message.position) <= max(self._order) or min(self._order) < 0:
+            return
+        stamp_ns, told = time_ns(message.header.stamp), message.position
+        q = [told[place] for place in self._order]
+        if self._last is not None:
+            before_ns, before = self._last
+            most = STEP + FASTEST * abs(stamp_ns - before_ns) / SECOND
+            if any(abs(one - other) > most for one, other in zip(q, before)):
+                self._jumped.append(time.monotonic())
+        self._last = stamp_ns, q
+
+    @property
+    def are_two(self) -> bool:
+        """Whether positions have jumped to and fro of late."""
+        return (len(self._jumped) == JUMPS and self._jumped[-1] - self._jumped[0] < WITHIN
+                and time.monotonic() - self._jumped[-1] < WITHIN)
 
 
 class Arrivals:
@@ -17,6 +58,7 @@ class Arrivals:
         stream: whether messages are to come all the time.
         received: how many messages came.
         numbering: of the messages.
+        places: of the joints that JointStates tell of.
         others: the first joints of a JointState, while only such as tell of other joints than the
             robot's have come; else empty.
     """
@@ -25,6 +67,7 @@ class Arrivals:
         self.stream = stream
         self.received = 0
         self.numbering = Numbering()
+        self.places = Places()
         self.others = ''
         self._robot_heard = False
         self._last: float | None = None
@@ -36,10 +79,13 @@ class Arrivals:
         self._last = time.monotonic()
 
     def hear(self, message: Any) -> None:
-        """Note whose joints a JointState tells of, until it is the robot's."""
+        """Note whose joints a JointState tells of, until it is the robot's; then where they are."""
+        foreign = is_foreign(message)
+        if not foreign:
+            self.places.take(message)
         if self._robot_heard:
             return
-        self._robot_heard = not is_foreign(message)
+        self._robot_heard = not foreign
         self.others = '' if self._robot_heard else ', '.join(message.name[:len(JOINT_NAMES)])
 
     @property

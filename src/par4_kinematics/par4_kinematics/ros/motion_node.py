@@ -14,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from par4_kinematics.acceleration import platform_motion
 from par4_kinematics.approach import with_approach
 from par4_kinematics.braking import ways_to_rest
-from par4_kinematics.errors import Par4Error
+from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, REFERENCE
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion
@@ -181,6 +181,8 @@ class MotionNode(Par4Node):
                                        throttle_time_source_type=self.wall_clock)
                 return
             try:
+                if mixed := self.mixed_positions():
+                    raise InputError(f'{motion.name} not begun: {mixed}')
                 motion_faults.check_start(
                     motion.name, self._trouble(), self.clocks() if self.simulated_time else 0,
                     self._stamp_ns, now_ns)

@@ -278,6 +278,9 @@ class Par4Node(Node):
         if self.simulated_time and self.clocks() > 1:
             return State(State.ERROR, f'{self.clocks()} publish {CLOCK.name}: end all but one '
                                       f'simulation, or give each a ROS_DOMAIN_ID of its own')
+        mixed = self.mixed_positions()
+        if mixed:
+            return State(State.ERROR, mixed)
         for name, input_ in self._arrivals.items():
             if input_.others:
                 return State(State.WARN, f'{name} tell of {input_.others} only; the joints of the '
@@ -291,6 +294,12 @@ class Par4Node(Node):
         if dead:
             return State(State.WARN, f'dead input: {", ".join(dead)} came, but no more')
         return State(State.OK, f'waiting for {", ".join(waiting)}' if waiting else 'running')
+
+    def mixed_positions(self) -> str:
+        """Return that the positions of the robot come from two places, '' if they do not."""
+        return next((f'{name}: the positions jump to and fro, as of two robots or publishers; end '
+                     f'all but one, or give each a namespace'
+                     for name, input_ in self._arrivals.items() if input_.places.are_two), '')
 
     def dead_inputs(self) -> list[str]:
         """Return the topics of which there was much and is nothing any more, the clock the last."""

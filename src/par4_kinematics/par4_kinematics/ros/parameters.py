@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import read_yaml
 
 if TYPE_CHECKING:  # help is told without loading ROS
     from rcl_interfaces.msg import ParameterDescriptor
@@ -39,6 +40,8 @@ _LARGEST = 2 ** 53
 ALIKE = 0.65
 """Likeness of two names, of 0 to 1, from which on one is taken for the other misspelt. The names of
 two nodes are less alike."""
+ALIKE_NODES = 0.8
+"""The same of names of nodes."""
 ALIKE_OVERRIDES = 0.9
 """The same of overrides of a quality of service, most of whose name is that of any other."""
 POLICIES = ('history', 'depth', 'reliability')
@@ -91,6 +94,29 @@ def tell_unknown_overrides(node: Node) -> None:
     given = node.get_parameters_by_prefix(_OF_QOS.rstrip('.'))
     _tell_unknown(node, sorted({f'{_OF_QOS}{name}' for name in given} - {*known}), known,
                   ALIKE_OVERRIDES, f'{", ".join(sides)} with {", ".join(POLICIES)}')
+
+
+def tell_files_of_others(node: Node) -> None:
+    """Warn of parameter files on the command line none of whose parts is for this node.
+
+    Where a part has nearly its name, that is said; files for other nodes may be given to all.
+    """
+    name = node.get_name()
+    for option, path in zip(sys.argv, sys.argv[1:]):
+        if option != '--params-file':
+            continue
+        try:
+            content = read_yaml(path)
+        except InputError:  # which ROS itself has understood
+            continue
+        parts = [str(part) for part in content] if isinstance(content, dict) else []
+        if any(part.rpartition('/')[2] == name or '*' in part for part in parts):
+            continue
+        meant = difflib.get_close_matches(name, [part.rpartition('/')[2] for part in parts], 1,
+                                          ALIKE_NODES)
+        node.get_logger().warning(
+            f'{path}: no part of it is for {name}, all are ignored; it is for {", ".join(parts)}'
+            + (f' (is {name} meant by {meant[0]}?)' if meant else ''))
 
 
 def _tell_unknown(node: Node, unknown: Sequence[str], known: Sequence[str], alike: float,

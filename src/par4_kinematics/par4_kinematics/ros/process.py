@@ -21,7 +21,7 @@ from rclpy.utilities import try_shutdown
 
 from par4_kinematics.errors import InputError, Par4Error, one_line
 from par4_kinematics.ros.node import Par4Node
-from par4_kinematics.ros.parameters import answered, tell_unknown_overrides
+from par4_kinematics.ros.parameters import answered, tell_files_of_others, tell_unknown_overrides
 
 PATIENCE = 3.0
 """Seconds that a node has to end in before another signal interrupts it."""
@@ -97,6 +97,7 @@ def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
         _initialise(sys.argv)
         node = node_class()
         tell_unknown_overrides(node)
+        tell_files_of_others(node)
         if asked_at < math.inf:
             node.end()
         gc.freeze()  # what is loaded stays: a full collection of it would stop the node for 0.1 s
