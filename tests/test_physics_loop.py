@@ -112,9 +112,9 @@ def test_a_sample_is_late_by_more_than_its_period_on_the_clock_of_the_wall(facto
 def test_time_goes_on_after_a_restart_and_the_machine_is_at_home(other):
     run = Run()
     points = rest_at_home(0.02)
-    run.loop.queue_reference(0, Trajectory(0, points.from_start_ns, points.q + 0.05, points.qd,
-                                           points.qdd))
-    run.go_on(100)
+    run.loop.queue_reference(0, Trajectory(0, points.from_start_ns + SECOND // 20, points.q + 0.05,
+                                           points.qd, points.qdd))
+    run.go_on(150)
     moved = run.samples[-1].q
     assert np.abs(moved - HOME_Q).max() > 0.03
     restart = Thread(target=run.loop.restart, args=(other,))

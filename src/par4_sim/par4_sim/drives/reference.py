@@ -175,7 +175,7 @@ class ReferenceQueue:
         that rests or brakes goes to the first point smoothly.
 
         Raises:
-            InputError: the way there breaks a limit, or is a jolt where points came too late; or,
+            InputError: the way there breaks a limit, or is a jolt that no points describe; or,
                 unless these were `looked_at`, the ways between the points break one. The queue
                 stays as it is. The points themselves are not looked at: see
                 `ReferenceLimits.check`.
@@ -198,8 +198,7 @@ class ReferenceQueue:
                 self._limits.check_join(times[keep - 1], self.points[keep - 1], first,
                                         added.rows[0], late > 0)
             else:
-                self._limits.check_join(now, here[0], first, added.rows[0],
-                                        late > 0 or self.starved)
+                self._limits.check_join(now, here[0], first, added.rows[0], unasked=True)
         self.late_points += late
         self.begun = True
         self._waiting.serve(added.times, added.rows)

@@ -35,9 +35,9 @@ EASING, QUICKEST = 0.01, 2e-3
 """
 GENTLEST, HARDEST = 0.1, 0.0125
 """Seconds in which a ramp brakes the full joint speed, at the mean."""
-REJOIN = 0.05
-"""Seconds in which a way back into an interrupted reference gains the full joint speed at most, at
-the mean: drives have the torque for it."""
+JOIN = 0.04
+"""Seconds in which a way that no points describe, to the first of new ones, may gain the full joint
+speed, at the mean: drives have the torque for it."""
 RAMPS = (*((EASING, GENTLEST * 0.5 ** harder) for harder in range(
     round(math.log2(GENTLEST / HARDEST)) + 1)), (QUICKEST, HARDEST))
 """Both times of the ramps that are tried, the gentlest first."""
@@ -158,11 +158,12 @@ class ReferenceLimits:
             row = _suspect(times, points, row + 1, *bounds)
 
     def check_join(self, first_time: float, first: np.ndarray, time: float, point: np.ndarray,
-                   late: bool = False) -> None:
+                   unasked: bool = False) -> None:
         """Refuse the way from where the reference is (12 or more,) to a new point, as `check_way`.
 
-        Where points came too `late`, or after it was braked, nobody has asked for this way: it is
-        refused, too, if it is harder than both the points at its ends and a quick start.
+        Where points came too late, or the reference rests or brakes, nobody has described this
+        way: `unasked`, it is refused, too, if it is harder than both the points at its ends and a
+        quick start.
         """
         times = np.array((first_time, max(time, first_time + SHORTEST)))
         further = times[1] - time  # looked at there, a short way is as smooth as it is
@@ -170,15 +171,15 @@ class ReferenceLimits:
         points = np.stack((first[:12], np.concatenate((
             q + further * (qd + 0.5 * further * qdd), qd + further * qdd, qdd))))
         self.check_way(times, points)
-        if late:
+        if unasked:
             found = float(np.abs(_looked_at(times, points, 0)[:, 8:]).max())
             # the speed rises as a cubic
-            most = max(1.5 * self._robot.limits.joint_speed / REJOIN, np.abs(points[:, 8:]).max())
+            most = max(1.5 * self._robot.limits.joint_speed / JOIN, np.abs(points[:, 8:]).max())
             if found > most:
                 raise InputError(
-                    f'came too late to go on from where the reference is: the way to the first '
-                    f'point that is left asks for {found:.4g} rad/s2, {most:.4g} are allowed; send '
-                    f'points earlier, or a motion that begins at rest where the machine stands')
+                    f'would jump: the way from where the reference is now to the first point that '
+                    f'is left takes {found:.4g} rad/s2 in {times[1] - times[0]:.3g} s, {most:.4g} '
+                    f'are allowed; send points earlier, or begin at rest where the machine stands')
 
     def _refuse(self, times: np.ndarray, points: np.ndarray, row: int) -> None:
         """Refuse the segment behind point `row` if it breaks a limit."""
