@@ -324,6 +324,7 @@ def test_a_spring_is_told_only_where_it_is_not_the_inertia(tones):
 @pytest.mark.parametrize(('name', 'values', 'is_said'), [
     ('elastic_transmission', {'motor_share': 0.5}, True),
     ('elastic_transmission', {'motor_share': 0.7}, False),  # the data told it
+    ('backlash', {'gap': (0.002,)}, True),
     ('load_dependent_friction', {'coefficient': (0.02,)}, True)])
 def test_what_a_size_takes_for_granted_is_said(name, values, is_said):
     cause = SimpleNamespace(

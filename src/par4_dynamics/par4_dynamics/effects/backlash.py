@@ -14,6 +14,7 @@ from par4_dynamics.effects.effect import (
     beyond,
 )
 from par4_dynamics.effects.transmission import (
+    half_assumed,
     one_a_joint,
     transmission_columns,
     transmitted_torque,
@@ -53,6 +54,9 @@ class Backlash(Effect):
 
     def values(self, coefficients: np.ndarray, shape: Shape) -> dict[str, np.ndarray]:
         return {'gap': np.diagonal(coefficients).copy()}
+
+    def assumes(self, values: Values) -> str | None:
+        return half_assumed('gap is smaller')
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         gap = values['gap']

@@ -19,6 +19,7 @@ from par4_dynamics.effects.springs import DAMPING_RATIO, Drive, Springs
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.effects.transmission import (
     MOTOR_SHARE,
+    half_assumed,
     one_a_joint,
     transmission_columns,
 )
@@ -78,9 +79,7 @@ class ElasticTransmission(Effect):
     def assumes(self, values: Values) -> str | None:
         if np.any(values['motor_share'] != MOTOR_SHARE):
             return None
-        return (f'{100.0 * MOTOR_SHARE:.0f} % of the actuator inertia is taken to turn with the '
-                f'motor and its encoder, the rest with the load; where the load has more of it, '
-                f'the stiffness is larger.')
+        return half_assumed('stiffness is larger')
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         compliance, drive = self.exact_at(shape, state.joints), drive_of(shape)

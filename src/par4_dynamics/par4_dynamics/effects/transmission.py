@@ -23,6 +23,12 @@ ORDER, FOLDED = 4, 0.4
 there is nothing to end."""
 
 
+def half_assumed(size: str) -> str:
+    """Return that a size takes `MOTOR_SHARE` for granted, as `Effect.assumes` says it."""
+    return (f'{100.0 * MOTOR_SHARE:.0f} % of the actuator inertia is taken to turn with the motor '
+            f'and its encoder, the rest with the load; where the load has more of it, the {size}.')
+
+
 def motor_side(state: State, qdd: np.ndarray, share: float = MOTOR_SHARE) -> np.ndarray:
     """Return the torque, N m, that accelerates the motors by qdd (..., J), rad/s2.
 
