@@ -18,7 +18,7 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_identification.changes.between_logs import differences_between_logs
 from par4_identification.changes.changes import changes_since_model, model_of_bags
 from par4_identification.changes.joint_values import fitted_values
-from par4_identification.changes.readings import Added, FrictionFactor
+from par4_identification.changes.readings import Added, FrictionFactor, GainFactor
 from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_sim.machines.noise import Noise
@@ -70,6 +70,51 @@ def test_a_held_out_recording_may_be_the_one_that_differs(cogging):
     kept = [recorded(cold(cogging), 'cold', 3)]
     found = differences_between_logs(diagnosed(logs, kept), KNOWN.robot, None)
     assert [item.log for item in found.of_logs] == ['cold']
+
+
+def with_gain(machine, joint):
+    relative = np.zeros(4)
+    relative[joint] = 0.05
+    return HIDERS['drive_gain_error'].build(machine, {'relative': relative})
+
+
+def test_a_gain_of_the_held_out_recording_alone_is_told_whatever_the_verdict(cogging):
+    """What it leaves there was called noise that wanders: a model that leaves so much was clean."""
+    logs = [recorded(cogging, 'one', 1), recorded(cogging, 'two', 2)]
+    found = diagnosed(logs, [recorded(with_gain(cogging, 2), 'gain', 3)])
+    for verdict in ('clean', 'explained', 'unknown'):
+        between = differences_between_logs(replace(found, verdict=verdict), KNOWN.robot, None)
+        item, = between.of_logs
+        assert item.log == 'gain'
+        read, = item.explanation.read
+        assert read.reading == GainFactor(2)
+        assert read.size == pytest.approx(0.05, abs=0.005)
+
+
+def test_the_recordings_are_compared_with_the_one_that_takes_fewest_readings(cogging):
+    """Not with the only one that has a wrong gain, which would be told of all others."""
+    loaded = replace(cogging, bodies=replace(
+        cogging.bodies, platform_mass_1=cogging.bodies.platform_mass_1 + 0.2))
+    logs = [recorded(with_gain(cogging, 3), 'gain', 1), recorded(loaded, 'loaded', 2),
+            recorded(cogging, 'bare', 4)]
+    found = diagnosed(logs, [recorded(cogging, 'later', 3)])
+    between = differences_between_logs(found, KNOWN.robot, None)
+    assert {(item.log, read.reading) for item in between.of_logs
+            for read in item.explanation.read} == {
+                ('gain', GainFactor(3)), ('loaded', Added(None, 'platform_mass_1'))}
+
+
+def test_rods_that_the_model_lumps_are_no_change_between_a_slow_and_a_fast_recording():
+    """Lumped rods make other masses of a slow motion: the payload came out 40 % too large."""
+    rods = HIDERS['distributed_rods'].build(KNOWN.machine, {'rod_mass': 0.08, 'bar_mass': 0.05})
+    loaded = replace(rods, bodies=replace(
+        rods.bodies, platform_mass_1=rods.bodies.platform_mass_1 + 0.1))
+    logs = [recorded(rods, 'one', 1), recorded(rods, 'two', 2, 'cycles')]
+    found = diagnosed(logs, [recorded(loaded, 'loaded', 3, 'slow')])
+    item, = differences_between_logs(found, KNOWN.robot, None).of_logs
+    read, = item.explanation.read
+    assert (item.log, read.reading) == ('loaded', Added(None, 'platform_mass_1'))
+    assert read.size == pytest.approx(0.1, abs=0.005)
 
 
 def test_a_force_without_a_name_is_no_difference_between_recordings():

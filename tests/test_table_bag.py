@@ -163,9 +163,68 @@ def test_tables_beside_each_other_are_one_recording(order, every, shift, tool, t
     assert len(log.t) > 0.9 * len(T) / every
 
 
+def test_a_stamp_that_is_repeated_in_one_of_two_tables_takes_nothing_apart(tool, tmp_path):
+    again = np.insert(np.arange(len(T)), 200, 199)
+    told = tool(csv(tmp_path / 'angle.csv', t=T[again], q=Q[again]),
+                csv(tmp_path / 'torque.csv', t=T, tau=0.02 * QD), '--columns',
+                'time=t:s position=q:rad torque=tau:Nm', '--joints', 'motor', '--output',
+                tmp_path / 'bag')
+    assert told.code == 0, told.err
+    assert f'position: {len(T) + 1} rows' in told.out
+    assert f'torque: {len(T)} rows' in told.out
+    assert told.out.count('at 500 Hz') == 2
+    assert told.out.count('0 gaps') == 2
+    np.testing.assert_allclose(read_log(tmp_path / 'bag', axis()).tau[:, 0], 0.02 * QD, atol=1e-9)
+
+
+def test_gaps_of_each_table_are_told(tool, tmp_path):
+    kept = np.abs(T - 0.4) > 0.05
+    told = tool(csv(tmp_path / 'angle.csv', t=T, q=Q),
+                csv(tmp_path / 'torque.csv', t=T[kept] + 7e-4, tau=TAU[kept]), '--columns',
+                'time=t:s position=q:rad torque=tau:Nm', '--joints', 'motor', '--output',
+                tmp_path / 'bag')
+    lines = [line for line in told.out.splitlines() if 'rows, ' in line]
+    assert [line.partition(':')[0] for line in lines] == ['position', 'torque']
+    assert '0 gaps' in lines[0]
+    assert '1 gaps, the longest 0.104 s' in lines[1]
+
+
+def test_times_of_day_of_two_tables_are_those_of_one_night(tool, tmp_path):
+    """The recording begins before midnight; the second file has its rows after it alone."""
+    files = []
+    for name, first, values in (('q', 0, Q), ('tau', 150, TAU)):
+        rows = [f'{_clock(86399.8 + time)},{value!r}' for time, value in zip(
+            T[first:].tolist(), values[first:].tolist())]
+        path = tmp_path / f'{name}.csv'
+        path.write_text('\n'.join([f't,{name}', *rows]) + '\n')
+        files.append(path)
+    told = tool(*files, '--columns', 'time=t:clock position=q:rad torque=tau:Nm', '--joints',
+                'motor', '--output', tmp_path / 'bag')
+    assert told.code == 0, told.err
+    log = read_log(tmp_path / 'bag', axis())
+    np.testing.assert_allclose(log.q[:, 0], Q[150:], atol=1e-9)
+
+
+def _clock(seconds):
+    """Return a time of day as loggers write it."""
+    seconds %= 86400.0
+    return f'{int(seconds // 3600):02d}:{int(seconds % 3600 // 60):02d}:{seconds % 60:09.6f}'
+
+
+def test_joints_of_a_quantity_in_several_files_are_refused_by_name(tool, tmp_path):
+    told = tool(csv(tmp_path / 'one.csv', t=T, q0=Q, i0=TAU), csv(tmp_path / 'two.csv', t=T, q1=Q),
+                '--columns', 'time=t:s position=q0,q1:rad torque=i0,i1:Nm', '--joints', 'a,b',
+                '--output', tmp_path / 'bag')
+    assert told.code == 2
+    assert 'one.csv: has some columns of position (q0, q1) only' in told.err
+
+
 @pytest.mark.parametrize(('angles', 'torques', 'words'), [
     ({'t': T, 'q': Q}, {'s': T, 'tau': TAU}, "no column 'tau'"),  # no common time
-    ({'t': T, 'q': Q}, {'t': T, 'current': TAU}, "no column 'tau'"),
+    ({'t': T, 'q': Q}, {'t': T, 'current': TAU}, 'torques.csv: has none of the columns'),
+    ({'t': T, 'q': Q}, {'t': T + 100.0, 'tau': TAU}, 'of one clock in one unit'),
+    ({'t': T, 'q': Q}, {'t': 1e3 * T, 'tau': TAU}, 'of one clock in one unit'),
+    ({'t': T, 'q': Q}, {'t': T[:5], 'tau': TAU[:5]}, 'torques.csv: 5 rows with a time'),
     ({'t': T, 'q': Q, 'tau': TAU}, {'t': T, 'tau': TAU}, 'both have torque'),
     ({'t': T, 'q': Q}, {'t': T[::-1], 'tau': TAU}, 'torques.csv: its time goes back')])
 def test_files_that_are_no_tables_of_one_recording_are_refused(angles, torques, words, tool,

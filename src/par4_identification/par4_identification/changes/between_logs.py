@@ -13,18 +13,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from par4_dynamics.base_terms import BaseTerm
+from par4_dynamics.effects.distributed_rods import DistributedRods
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.changes.changes import explained_change
 from par4_identification.changes.explanation import CHANCE, Explanation
 from par4_identification.changes.joint_values import JointValues, fitted_values, left_by
-from par4_identification.changes.readings import Parameters, applied
+from par4_identification.changes.readings import Parameters, Reading, applied
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
+LEFT = 1.3
+"""Rms that a model leaves on a joint, over the noise floor, from which on logs are compared."""
+REFERENCES = 4
+"""Logs at most that are tried as the one that the others are compared with."""
 MOST = 0.75
 """Share of the squared error beyond the noise floor that must go with the readings. What a cause
 without a name does to the parameters of motions that are not alike mends little of it."""
@@ -73,39 +78,79 @@ class LogDifferences:
         return {item.log: dict(zip(item.parameters.terms, item.beyond.T)) for item in self.of_logs}
 
     @property
+    def told(self) -> set[tuple[str, str, Reading]]:
+        """Which readings are told of which log against which other."""
+        return {(item.log, item.other, read.reading)
+                for item in self.of_logs for read in item.explanation.read}
+
+    @property
     def is_complete(self) -> bool:
         """Whether the readings of each log leave nothing beyond chance."""
         return all(item.explanation.is_complete for item in self.of_logs)
 
 
 def differences_between_logs(diagnosis: Diagnosis, machine: Robot | Axis,
-                             baseline: ModelFile | None) -> LogDifferences | None:
+                             baseline: ModelFile | None,
+                             causes: Sequence[Hypothesis] | None = None) -> LogDifferences | None:
     """Return how logs differ in base parameters, if that is most of what is wrong with the model.
 
     Args:
-        diagnosis: that leaves something unexplained; of one that does not, logs are not compared.
+        diagnosis: that leaves more than noise; of one that does not, logs are not compared. Noise
+            that wanders may be what differs, and names what some logs alone have.
         machine: that was measured.
         baseline: model whose effects the diagnosis took as known.
+        causes: beside which the parameters are fitted; by default those of the diagnosis.
     """
-    if diagnosis.verdict in ('clean', 'explained'):
+    if not _leaves_something(diagnosis):
         return None
+    causes = _with_rods(diagnosis.hypotheses if causes is None else causes, machine, baseline)
     whole = _all_rows(diagnosis, machine, baseline)
     names = [run.name for run in whole.runs]
     parts = {name: _of_runs(whole, [own == name for own in names]) for name in names}
     values = {name: found for name, part in parts.items()
-              if (found := _values(part, diagnosis.hypotheses)) is not None}
+              if (found := _values(part, causes)) is not None}
     if len(values) < 2:
         return None
-    other = _most_alike(values)
-    differences = tuple(
+    differences = min((_against(values, name) for name in _most_alike(values)), key=_readings)
+    if not differences:
+        return None
+    share = _share_mended(whole, diagnosis, differences, causes)
+    return LogDifferences(whole.terms, differences, share) if share > MOST else None
+
+
+def _leaves_something(diagnosis: Diagnosis) -> bool:
+    """Return whether a diagnosis leaves more than noise of fitted rows or of those held out."""
+    holdout = diagnosis.holdout
+    return diagnosis.verdict not in ('clean', 'explained') or diagnosis.fitted_unlike or bool(
+        np.any(holdout.extended_rms > LEFT * holdout.noise_floor_rms))
+
+
+def _with_rods(causes: Sequence[Hypothesis], machine: Robot | Axis, baseline: ModelFile | None
+               ) -> Sequence[Hypothesis]:
+    """Return causes with the inertia of rods, which (20) lumps, where nobody has named it.
+
+    Every Par4 has rods, and what lumping them does to parameters differs from a slow motion to a
+    fast one.
+    """
+    full = baseline is not None and baseline.rigid_body == 'full'
+    if full or not isinstance(machine, Robot) or any(
+            isinstance(item.effect, DistributedRods) for item in causes):
+        return causes
+    return (*causes, Hypothesis(DistributedRods(), {}, tuple(range(len(machine.joint_names)))))
+
+
+def _against(values: Mapping[str, JointValues], other: str) -> tuple[LogDifference, ...]:
+    """Return how logs differ from another one, those that do."""
+    return tuple(
         difference for name, found in values.items() if name != other
         for difference in [LogDifference(name, other, *explained_change(
             values[other], found, swallowed=False))]
         if difference.explanation.p_value < CHANCE and difference.explanation.read)
-    if not differences:
-        return None
-    share = _share_mended(whole, diagnosis, differences)
-    return LogDifferences(whole.terms, differences, share) if share > MOST else None
+
+
+def _readings(differences: Sequence[LogDifference]) -> int:
+    """Return how many readings it takes: fewest where the odd log is told and not all others."""
+    return sum(len(item.explanation.read) for item in differences)
 
 
 def _all_rows(diagnosis: Diagnosis, machine: Robot | Axis, baseline: ModelFile | None
@@ -140,25 +185,25 @@ def _values(rows: Observations, causes: Sequence[Hypothesis]) -> JointValues | N
         return None
 
 
-def _most_alike(values: Mapping[str, JointValues]) -> str:
-    """Return the log from which the others differ least."""
+def _most_alike(values: Mapping[str, JointValues]) -> list[str]:
+    """Return some logs from which the others differ least, the least first."""
     def distance(one: JointValues, other: JointValues) -> float:
         change = (one.values - other.values).ravel()
         return float(change @ np.linalg.solve(one.covariance + other.covariance, change))
 
-    return min(values, key=lambda name: sum(distance(values[name], other)
-                                            for other in values.values()))
+    return sorted(values, key=lambda name: sum(
+        distance(values[name], other) for other in values.values()))[:REFERENCES]
 
 
-def _share_mended(rows: Observations, diagnosis: Diagnosis, differences: Sequence[LogDifference]
-                  ) -> float:
+def _share_mended(rows: Observations, diagnosis: Diagnosis, differences: Sequence[LogDifference],
+                  causes: Sequence[Hypothesis]) -> float:
     """Return the share of the squared error beyond the floor that goes with the differences."""
     added = {item.log: item.beyond for item in differences}
     alike = replace(rows, _kept=dict(rows._kept), target=tuple(
         target - np.einsum('mjp,jp->mj', base, added[run.name]) if run.name in added else target
         for run, target, base in zip(rows.runs, rows.target, rows.base)))
     floor = np.maximum(diagnosis.holdout.noise_floor_rms, 1e-30)
-    before, after = (_excess(part, fitted_values(part, diagnosis.hypotheses), floor)
+    before, after = (_excess(part, fitted_values(part, causes), floor)
                      for part in (rows, alike))
     return 1.0 - max(after, 0.0) / before if before > 0.0 else 0.0
 

@@ -264,7 +264,15 @@ def _diagnosis(measured: Measured, progress: Progress
     if between is None:
         return diagnosis, None
     alike = of_logs(between.apart)
-    return (alike, between) if isinstance(alike, Diagnosis) else (diagnosis, None)
+    if not isinstance(alike, Diagnosis):
+        return diagnosis, None
+    # beside causes that the difference had hidden it may be read otherwise
+    better = differences_between_logs(diagnosis, measured.machine, measured.baseline,
+                                      alike.hypotheses)
+    if better is None or better.told == between.told:
+        return alike, between
+    again = of_logs(better.apart)
+    return (again, better) if isinstance(again, Diagnosis) else (alike, between)
 
 
 def _changes(asked: Asked, measured: Measured, baseline: ModelFile, diagnosis: Diagnosis

@@ -48,7 +48,8 @@ class Measured:
         rows: that the files have.
         untimed: of them without a time, left out.
         integrated: whether the position is the integral of the velocity.
-        tables: with rows of their own, in which the quantities of others have no number.
+        tables: whose rows are put between each other: what each holds, and its times (n,), s. In
+            the rows of one the quantities of others have no number. Empty if there is one.
     """
 
     kind: JointKind
@@ -57,7 +58,7 @@ class Measured:
     rows: int
     untimed: int
     integrated: bool = False
-    tables: int = 1
+    tables: tuple[tuple[str, np.ndarray], ...] = ()
 
     @property
     def joints(self) -> int:
@@ -67,22 +68,15 @@ class Measured:
     @property
     def period(self) -> float:
         """Usual spacing of the stamps, s: the median, made exact by the mean where no gap is."""
-        spacing = 1e-9 * np.diff(self.stamp)
-        usual = np.median(spacing)
-        near = spacing[np.abs(spacing) < FEW * usual]
-        return float(near.sum() / np.round(near / usual).sum())
+        return _period_of(1e-9 * self.stamp)
 
     def account(self) -> tuple[str, ...]:
         """Return what was read, a line each: rate, then range of every quantity."""
-        spacing = 1e-9 * np.diff(self.stamp)
-        missing = spacing > GAP * self.period
-        jitter = np.sqrt(np.mean((spacing[(spacing > 0.0) & ~missing] - self.period) ** 2))
-        beside = '' if self.tables == 1 else f' of {self.tables} tables beside each other'
-        lines = [f'{len(self.stamp)} of {self.rows} rows{beside}, '
-                 f'{1e-9 * (self.stamp[-1] - self.stamp[0]):.6g} s at {1.0 / self.period:.5g} Hz '
-                 f'(every {1e3 * self.period:.4g} ms +- {1e3 * np.round(jitter, 9):.2g} ms rms), '
-                 f'{np.count_nonzero(missing)} gaps'
-                 + (f', the longest {spacing.max():.4g} s' if missing.any() else '')]
+        lines = [_of_times(f'{len(self.stamp)} of {self.rows} rows', 1e-9 * self.stamp, self.period)
+                 ] if not self.tables else [
+            f'{len(self.stamp)} of {self.rows} rows of {len(self.tables)} tables beside each other',
+            *(_of_times(f'{what}: {len(time)} rows', time, _period_of(time))
+              for what, time in self.tables)]
         for quantity, values in self.values.items():
             unit = si_unit(quantity, self.kind)
             ranges = ', '.join(
@@ -102,7 +96,7 @@ class Measured:
             (np.count_nonzero(np.diff(self.stamp) < 0), 'times the clock goes back')) if count]
         for quantity, values in self.values.items():
             empty = np.count_nonzero(~np.isfinite(values))
-            if empty and self.tables == 1 and not (
+            if empty and not self.tables and not (
                     self.integrated and quantity == 'position'):
                 found.append(f'{quantity}: {empty} of {values.size} cells hold no number')
             absurd = np.count_nonzero(np.isfinite(values) & ~are_readings(values))
@@ -264,3 +258,23 @@ def _ranges(values: np.ndarray) -> tuple[list[float], list[float]]:
         low.append(float(known.min()) if len(known) else np.nan)
         high.append(float(known.max()) if len(known) else np.nan)
     return low, high
+
+
+def _period_of(time: np.ndarray) -> float:
+    """Return the usual spacing of times (n,), s: the median, made exact by the mean without gaps.
+    """
+    spacing = np.diff(time)
+    usual = np.median(spacing)
+    near = spacing[np.abs(spacing) < FEW * usual]
+    return float(near.sum() / np.round(near / usual).sum())
+
+
+def _of_times(what: str, time: np.ndarray, period: float) -> str:
+    """Return duration, rate and gaps of times (n,), s, in words."""
+    spacing = np.diff(time)
+    missing = spacing > GAP * period
+    jitter = np.sqrt(np.mean((spacing[(spacing > 0.0) & ~missing] - period) ** 2))
+    return (f'{what}, {time[-1] - time[0]:.6g} s at {1.0 / period:.5g} Hz (every '
+            f'{1e3 * period:.4g} ms +- {1e3 * np.round(jitter, 9):.2g} ms rms), '
+            f'{np.count_nonzero(missing)} gaps'
+            + (f', the longest {spacing.max():.4g} s' if missing.any() else ''))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from par4_identification.logs.column_choice import (
     refuse_unused,
     si_factors,
 )
-from par4_identification.logs.dates import DATES, day_after_day
+from par4_identification.logs.dates import DATES, DAY, day_after_day
 from par4_identification.logs.log_table import held_columns, read_columns
 from par4_identification.logs.measured import Measured, are_readings
 from par4_identification.logs.series import FEWEST_SAMPLES
@@ -26,6 +26,10 @@ from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
 from par4_kinematics.stamps import SECOND
 from par4_sim.bags.bag_writer import BagWriter
 
+OVERLAP = 0.5
+"""Share of the shorter of two tables that the other one must go along with."""
+LONGER = 0.02
+"""The same of the longer of two: times in other units go along with a thousandth of it."""
 LATEST = 2.0 ** 31
 """Seconds that a stamp of ROS holds."""
 EPOCH = 1e8
@@ -84,6 +88,8 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
              for name in choice.columns}
     tables = [_Table.of(own, {name: choices[name] for name in quantities}, factors, part, dates)
               for quantities, own in _tables(files, choices).items()]
+    if 'clock' in dates.values():
+        tables = [tables[0], *(table.nearest_to(tables[0]) for table in tables[1:])]
     table = tables[0] if len(tables) == 1 else _beside(tables)
     time, values, rows = table.time, table.values, sum(len(one.time) for one in tables)
     kept = np.isfinite(time) & (time >= part.start) & (time <= part.end)
@@ -110,7 +116,8 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
     integrated = motion.quantity != 'position'
     if integrated:
         values = {'position': _integral(values['velocity'], time), **values}
-    return Measured(kind, stamp, values, rows, untimed, integrated, len(tables))
+    return Measured(kind, stamp, values, rows, untimed, integrated, () if len(tables) == 1 else
+                    tuple((', '.join(one.values), one.kept(part)) for one in tables))
 
 
 @dataclass(frozen=True)
@@ -154,6 +161,23 @@ class _Table:
         return cls(tuple(files), time, values)
 
 
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time, s; a table without a time has none."""
+        known = self.time[np.isfinite(self.time)]
+        return (float(known.min()), float(known.max())) if len(known) else (np.nan, np.nan)
+
+    def nearest_to(self, other: _Table) -> _Table:
+        """Return the table with whole days added, so that its times of day are beside others'."""
+        return replace(self, time=self.time + DAY * np.round(
+            (np.mean(other.span) - np.mean(self.span)) / DAY))
+
+    def kept(self, part: Part) -> np.ndarray:
+        """Return the times (n,), s, of the rows of a part."""
+        known = self.time[np.isfinite(self.time)]
+        return known[(known >= part.start) & (known <= part.end)]
+
+
 def _tables(files: Sequence[str | Path], choices: dict[str, Choice]
             ) -> dict[tuple[str, ...], list[str | Path]]:
     """Return which files hold which quantities: all of them, or each table its own and the time.
@@ -164,13 +188,26 @@ def _tables(files: Sequence[str | Path], choices: dict[str, Choice]
     names = tuple(name for choice in choices.values() for name in choice.columns)
     everything = tuple(choices)
     found: dict[tuple[str, ...], list[str | Path]] = {}
+    parted, anywhere = None, set()
     for file in files:
         held = set(held_columns(file, names)) if len(files) > 1 else set(names)
+        if len(files) > 1 and not held - set(choices['time'].columns if 'time' in choices else ()):
+            raise InputError(f'{file}: has none of the columns that --columns asks for beside the '
+                             f'time; leave it out, or mend --columns')
+        anywhere |= held
+        parted = parted or next((
+            (file, name) for name, choice in choices.items()
+            if held & set(choice.columns) and not held.issuperset(choice.columns)), None)
         own = tuple(name for name, choice in choices.items() if held.issuperset(choice.columns))
         found.setdefault(own, []).append(file)
     of_tables = [name for own in found for name in own if name != 'time']
     if len(found) == 1 or not all('time' in own and len(own) > 1 for own in found) or (
             set(of_tables) != set(choices) - {'time'}):
+        if parted is not None and anywhere.issuperset(choices[parted[1]].columns):
+            file, name = parted
+            columns = ', '.join(choices[name].columns)
+            raise InputError(f'{file}: has some columns of {name} ({columns}) only; put those of '
+                             f'all joints into one file')
         return {everything: list(files)}  # of which reading says what is missing
     for name in of_tables:
         if of_tables.count(name) > 1:
@@ -189,16 +226,26 @@ def _beside(tables: Sequence[_Table]) -> _Table:
     """
     for table in tables:
         known = table.time[np.isfinite(table.time)]
+        if len(known) < FEWEST_SAMPLES:
+            raise InputError(f'{table.files[0]}: {len(known)} rows with a time, at least '
+                             f'{FEWEST_SAMPLES} are needed')
         if np.any(np.diff(known) < 0.0):
             raise InputError(f'{table.files[0]}: its time goes back, so that the rows of other '
                              f'files cannot be put between its own; mend the time')
+    for table in tables[1:]:
+        (first, last), (start, end) = tables[0].span, table.span
+        both = min(last, end) - max(first, start)
+        if both < max(OVERLAP * min(last - first, end - start),
+                      LONGER * max(last - first, end - start)):
+            raise InputError(f'{table.files[0]}: goes from {start:.6g} to {end:.6g} s, '
+                             f'{tables[0].files[0]} from {first:.6g} to {last:.6g} s; files beside '
+                             f'each other tell times of one clock in one unit')
     known = [np.isfinite(table.time) for table in tables]
-    every = np.concatenate([table.time[own] for table, own in zip(tables, known)])
-    if all(np.all(np.diff(table.time[own]) > 0.0) for table, own in zip(tables, known)):
-        time, places = np.unique(every, return_inverse=True)
-    else:
-        order = np.argsort(every, kind='stable')
-        time, places = every[order], np.argsort(order, kind='stable')
+    # of rows of one time in a table the first goes beside the first of another, and so on
+    every = np.concatenate([np.stack((time, _repeats(time)), axis=1) for time in (
+        table.time[own] for table, own in zip(tables, known))])
+    keys, places = np.unique(every, axis=0, return_inverse=True)
+    time, places = keys[:, 0], np.ravel(places)
     values: dict[str, np.ndarray] = {}
     ends = np.cumsum([own.sum() for own in known])
     for table, own, place in zip(tables, known, np.split(places, ends[:-1])):
@@ -206,6 +253,13 @@ def _beside(tables: Sequence[_Table]) -> _Table:
             values[name] = np.full((len(time), column.shape[1]), np.nan)
             values[name][place] = column[own]
     return _Table(tuple(file for table in tables for file in table.files), time, values)
+
+
+def _repeats(time: np.ndarray) -> np.ndarray:
+    """Return how many times each of ascending times (n,) came before, (n,)."""
+    first = np.maximum.accumulate(np.where(np.diff(time, prepend=-np.inf) > 0.0,
+                                           np.arange(len(time)), 0))
+    return np.arange(len(time)) - first
 
 
 def _wrapping(part: Part, motion: Choice, factors: np.ndarray) -> np.ndarray:
