@@ -731,3 +731,15 @@ def test_no_dimension_is_wrong_where_rigid_bodies_leave_less_than_their_lumping_
         monkeypatch.setattr(calibration, '_error', lambda *known, size=before: (
             0.0020 if known[2].any() else size))
         assert (calibration.calibration_of([], REFERENCE.geometry) is not None) == told
+
+
+@pytest.mark.parametrize(('apart', 'told'), [(0.004, False), (0.06, True)])
+def test_no_zero_is_wrong_where_each_log_by_itself_has_no_such_error(apart, told, monkeypatch):
+    """The machine changed between the logs: zeros took 1 of 72 thousandths of the error away."""
+    stretches = [SimpleNamespace(log=log, tau=np.ones((10, 4))) for log in (0, 0, 1)]
+    sure = SimpleNamespace(values=np.eye(calibration.ERRORS)[1] * 0.05, std=None)
+    monkeypatch.setattr(calibration, 'placement_at', lambda *_: SimpleNamespace(odd=0.0))
+    monkeypatch.setattr(calibration, '_explained', lambda _: (sure, 0.071))
+    monkeypatch.setattr(calibration, '_error', lambda parts, _geometry, values: (
+        0.071 if values.any() else 0.072 if len(parts) == len(stretches) else apart))
+    assert (calibration.calibration_of(stretches, REFERENCE.geometry) is not None) == told

@@ -71,6 +71,9 @@ BETTER_START = 0.9
 OTHER_FAULT = 0.1
 """|residual| / |torque| in motion beyond which another fault is the larger one, gains for one, and
 zeros or dimensions that do not take half of it away are not told."""
+APART = 0.5
+"""Share of what is left with zeros and dimensions mended. Logs that leave less when they are fitted
+one by one, without that, are those of a machine that changed between them."""
 STARTS = 2
 LUMPED = 0.004
 """|residual| / |torque| in motion that (20) leaves of a machine as the robot file has it, since it
@@ -144,6 +147,8 @@ def calibration_of(stretches: Sequence[Stretch], geometry: Geometry) -> Calibrat
         return None
     after = _error(stretches, geometry, found.values)
     if after >= min(LARGEST_ERROR, before) or after > max(OTHER_FAULT, 0.5 * before):
+        return None
+    if _error_apart(stretches, geometry) < APART * after:
         return None
     return Calibration(found.values, found.std, before, after)
 
@@ -249,6 +254,21 @@ def _error(stretches: Sequence[Stretch], geometry: Geometry, values: np.ndarray)
     except UnreachableError:
         return 1.0
     return rows.fit().error if rows.valid.any(axis=0).all() else 1.0
+
+
+def _error_apart(stretches: Sequence[Stretch], geometry: Geometry) -> float:
+    """Return |residual| / |torque| with base parameters of each log by itself; one of one log.
+
+    A mistake of zeros or dimensions is in all logs alike. Logs that explain far more by themselves
+    are those of a machine that changed between them.
+    """
+    logs = {part.log for part in stretches}
+    if len(logs) < 2:
+        return 1.0
+    groups = [[part for part in stretches if part.log == log] for log in logs]
+    power = np.array([sum(float(np.sum(part.tau ** 2)) for part in group) for group in groups])
+    errors = np.array([_error(group, geometry, np.zeros(ERRORS)) for group in groups])
+    return float(np.sqrt(power @ errors ** 2 / max(power.sum(), 1e-30)))
 
 
 def calibration_findings(calibration: Calibration, robot: Robot) -> list[Finding]:
