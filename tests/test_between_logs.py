@@ -6,6 +6,7 @@ The machines are made from their physics.
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,8 +16,10 @@ from hidden.motions import draw_motion
 from hidden.recording import record
 
 from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_identification.changes import between_logs
 from par4_identification.changes.between_logs import differences_between_logs
 from par4_identification.changes.changes import changes_since_model, model_of_bags
+from par4_identification.changes.explanation import MOST
 from par4_identification.changes.joint_values import fitted_values
 from par4_identification.changes.readings import Added, FrictionFactor, GainFactor
 from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
@@ -102,6 +105,17 @@ def test_the_recordings_are_compared_with_the_one_that_takes_fewest_readings(cog
     assert {(item.log, read.reading) for item in between.of_logs
             for read in item.explanation.read} == {
                 ('gain', GainFactor(3)), ('loaded', Added(None, 'platform_mass_1'))}
+
+
+def test_a_difference_that_no_reading_tells_counts_as_more_than_all_that_are_told():
+    """The others would be compared with the log that nothing explains, and nothing be told."""
+    def differing(*readings):
+        return [SimpleNamespace(explanation=SimpleNamespace(read=read)) for read in readings]
+
+    told = differing(('payload', 'gain', 'friction'), ('gain',))
+    assert between_logs._readings(told) == 4
+    assert between_logs._readings(differing(())) > between_logs._readings(
+        differing(tuple(range(MOST))))
 
 
 def test_rods_that_the_model_lumps_are_no_change_between_a_slow_and_a_fast_recording():

@@ -18,6 +18,7 @@ from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.changes.changes import explained_change
 from par4_identification.changes.explanation import CHANCE, Explanation
+from par4_identification.changes.explanation import MOST as MOST_READINGS
 from par4_identification.changes.joint_values import JointValues, fitted_values, left_by
 from par4_identification.changes.readings import Parameters, Reading, applied
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
@@ -111,7 +112,8 @@ def differences_between_logs(diagnosis: Diagnosis, machine: Robot | Axis,
               if (found := _values(part, causes)) is not None}
     if len(values) < 2:
         return None
-    differences = min((_against(values, name) for name in _most_alike(values)), key=_readings)
+    against = min((_against(values, name) for name in _most_alike(values)), key=_readings)
+    differences = tuple(item for item in against if item.explanation.read)
     if not differences:
         return None
     share = _share_mended(whole, diagnosis, differences, causes)
@@ -140,17 +142,20 @@ def _with_rods(causes: Sequence[Hypothesis], machine: Robot | Axis, baseline: Mo
 
 
 def _against(values: Mapping[str, JointValues], other: str) -> tuple[LogDifference, ...]:
-    """Return how logs differ from another one, those that do."""
+    """Return how logs differ from another one, those that do, if only by what no reading tells."""
     return tuple(
         difference for name, found in values.items() if name != other
         for difference in [LogDifference(name, other, *explained_change(
             values[other], found, swallowed=False))]
-        if difference.explanation.p_value < CHANCE and difference.explanation.read)
+        if difference.explanation.p_value < CHANCE)
 
 
 def _readings(differences: Sequence[LogDifference]) -> int:
-    """Return how many readings it takes: fewest where the odd log is told and not all others."""
-    return sum(len(item.explanation.read) for item in differences)
+    """Return how many readings it takes: fewest where the odd log is told and not all others.
+
+    What no reading tells counts as more than the most that are told.
+    """
+    return sum(len(item.explanation.read) or MOST_READINGS + 1 for item in differences)
 
 
 def _all_rows(diagnosis: Diagnosis, machine: Robot | Axis, baseline: ModelFile | None
