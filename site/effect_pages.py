@@ -151,13 +151,15 @@ def page(effect: Effect) -> str:
     guide = GUIDES[effect.name]
     law, _, more = inspect.cleandoc(effect.__doc__ or '').partition('\n')
     rows = '\n'.join(f'| `{item.name}` | {meaning_of(item)} |' for item in effect.parameters)
+    assumed = effect.assumes({item.name: np.asarray(item.default) for item in effect.parameters
+                              if item.default is not None})
     lines = [f'# {effect.phrase[0].upper()}{effect.phrase[1:]}', '',
              f'`{effect.name}` in `model.yaml` and `diagnosis.json`.', '',
              '## Where it comes from', '', guide.physics, '',
              '## Its law', '', '```text', law, '```', '',
              *([more.strip(), ''] if more.strip() else []),
              '| parameter | unit and number |', '|---|---|', rows, '',
-             *([effect.assumes, ''] if effect.assumes else [])]
+             *([assumed, ''] if assumed else [])]
     if effect.name in searched():
         usual = ', '.join(f'`{name}` {_shown(value)}' for name, value in guide.usual.items())
         lines += ['## What it looks like', '',

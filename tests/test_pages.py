@@ -8,6 +8,7 @@ import subprocess
 import sys
 from importlib import import_module
 from importlib.metadata import entry_points
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from textwrap import dedent
 
@@ -336,3 +337,22 @@ def test_prose_is_wrapped_at_a_hundred_columns(page):
 def test_long_prose_is_seen():
     text = f'```\n{"x y" * 50}\n```\n| {"x y" * 50} |\n{"prose " * 20}\n'
     assert [len(line) for line in prose(text)] == [120]
+
+
+@pytest.fixture(scope='module')
+def effect_pages():
+    """Return what writes the pages of the effects for the site."""
+    spec = spec_from_file_location('effect_pages', DOCS.parent / 'site' / 'effect_pages.py')
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize('name', CATALOGUE)
+def test_every_effect_has_a_page_on_the_site(effect_pages, name, monkeypatch):
+    monkeypatch.setattr(effect_pages, '_confused', lambda _: ['nothing'])  # which takes long
+    page = effect_pages.page(CATALOGUE[name])
+    assert page.startswith('# ')
+    assert GUIDES[name].remedy in page
+    assert ('is taken to turn with the motor' in page) == (
+        name in ('elastic_transmission', 'backlash'))
