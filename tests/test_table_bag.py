@@ -171,6 +171,7 @@ def test_a_stamp_that_is_repeated_in_one_of_two_tables_takes_nothing_apart(tool,
                 tmp_path / 'bag')
     assert told.code == 0, told.err
     assert f'position: {len(T) + 1} rows' in told.out
+    assert f'joint_states {len(T) + 1} of' in told.out  # no row takes the place of another
     assert f'torque: {len(T)} rows' in told.out
     assert told.out.count('at 500 Hz') == 2
     assert told.out.count('0 gaps') == 2
@@ -221,7 +222,7 @@ def test_joints_of_a_quantity_in_several_files_are_refused_by_name(tool, tmp_pat
 
 @pytest.mark.parametrize(('angles', 'torques', 'words'), [
     ({'t': T, 'q': Q}, {'s': T, 'tau': TAU}, "no column 'tau'"),  # no common time
-    ({'t': T, 'q': Q}, {'t': T, 'current': TAU}, 'torques.csv: has none of the columns'),
+    ({'t': T, 'q': Q}, {'t': T, 'current': TAU}, 'torques.csv: has none of the columns q, tau'),
     ({'t': T, 'q': Q}, {'t': T + 100.0, 'tau': TAU}, 'of one clock in one unit'),
     ({'t': T, 'q': Q}, {'t': 1e3 * T, 'tau': TAU}, 'of one clock in one unit'),
     ({'t': T, 'q': Q}, {'t': T[:5], 'tau': TAU[:5]}, 'torques.csv: 5 rows with a time'),

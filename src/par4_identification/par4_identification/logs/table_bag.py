@@ -191,9 +191,11 @@ def _tables(files: Sequence[str | Path], choices: dict[str, Choice]
     parted, anywhere = None, set()
     for file in files:
         held = set(held_columns(file, names)) if len(files) > 1 else set(names)
-        if len(files) > 1 and not held - set(choices['time'].columns if 'time' in choices else ()):
-            raise InputError(f'{file}: has none of the columns that --columns asks for beside the '
-                             f'time; leave it out, or mend --columns')
+        asked = [name for name in names if 'time' not in choices
+                 or name not in choices['time'].columns]
+        if len(files) > 1 and held.isdisjoint(asked):
+            raise InputError(f'{file}: has none of the columns {", ".join(asked)}; leave it out, '
+                             f'or mend --columns')
         anywhere |= held
         parted = parted or next((
             (file, name) for name, choice in choices.items()
