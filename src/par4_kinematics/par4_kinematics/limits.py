@@ -87,6 +87,23 @@ def platform_breach(robot: Robot, x: np.ndarray) -> Breach | None:
         ('theta', x[:, 3], -space.theta, space.theta, 'rad')))
 
 
+def first_breach(robot: Robot, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray | None = None
+                 ) -> Breach | None:
+    """Return where joint samples (n, 4) break a limit of the joints or, if none, the workspace.
+
+    Raises:
+        UnreachableError: joint positions within their range with which the mechanism does not
+            close.
+    """
+    # of one row or one column numba would compile once more: these are always of one kind
+    q, qd, qdd = (np.ascontiguousarray(part) for part in (
+        q, qd, np.zeros_like(q) if qdd is None else qdd))
+    if _within(robot.geometry.packed, _bounds(robot), mid_height_home(robot.geometry), q, qd, qdd):
+        return None
+    return joint_breach(robot, q, qd, qdd) or platform_breach(
+        robot, forward_kinematics(robot.geometry, q))
+
+
 def asked_breach(qdd: np.ndarray, period: float, acceleration: float, jerk: float
                  ) -> Breach | None:
     """Return where joint samples (n, 4) first exceed what is asked of a motion, None if nowhere.
@@ -142,10 +159,7 @@ def check_points(robot: Robot, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -
         UnreachableError: joint positions within their range with which the mechanism does not
             close.
     """
-    if _within(robot.geometry.packed, _bounds(robot), mid_height_home(robot.geometry), q, qd, qdd):
-        return
-    breach = joint_breach(robot, q, qd, qdd) or platform_breach(
-        robot, forward_kinematics(robot.geometry, q))
+    breach = first_breach(robot, q, qd, qdd)
     if breach:
         raise InputError(
             f'point {breach.row}: {breach.found} is outside {breach.allowed} of robot '

@@ -8,8 +8,7 @@ import numba
 import numpy as np
 
 from par4_kinematics.errors import InputError, Par4Error
-from par4_kinematics.limits import check_points, joint_breach, platform_breach
-from par4_kinematics.position import forward_kinematics
+from par4_kinematics.limits import check_points, first_breach
 from par4_kinematics.robot import Robot
 
 COLUMNS = 16
@@ -130,18 +129,12 @@ class ReferenceLimits:
         if not _moves(point):
             return
         q = _ramp(self._robot.limits.joint_speed, point, *RAMPS[-1])[1][-1:, :4]
-        still = np.zeros_like(q)
-        try:
-            check_points(self._robot, q, still, still)
-        except InputError:
-            breach = joint_breach(self._robot, q, still) or platform_breach(
-                self._robot, forward_kinematics(self._robot.geometry, q))
-            if breach is None:
-                raise
+        breach = first_breach(self._robot, q, np.zeros_like(q))
+        if breach:
             raise InputError(
                 f'ends in motion so near to a limit that braking from its last point would reach '
                 f'{breach.found}, outside {breach.allowed} of robot {self._robot.name}; send '
-                f'points that slow down, or with them those up to rest') from None
+                f'points that slow down, or with them those up to rest')
 
     def check_way(self, times: np.ndarray, points: np.ndarray) -> None:
         """Refuse a curve through points (n, 12 or more) that leaves the limits between them.
@@ -184,8 +177,7 @@ class ReferenceLimits:
     def _refuse(self, times: np.ndarray, points: np.ndarray, row: int) -> None:
         """Refuse the segment behind point `row` if it breaks a limit."""
         states = _looked_at(times, points, row)
-        breach = joint_breach(self._robot, states[:, :4], states[:, 4:8]) or platform_breach(
-            self._robot, forward_kinematics(self._robot.geometry, states[:, :4]))
+        breach = first_breach(self._robot, states[:, :4], states[:, 4:8])
         if breach:
             span = times[row + 1] - times[row]
             raise InputError(
