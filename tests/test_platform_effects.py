@@ -23,7 +23,7 @@ from par4_kinematics.geometry import Geometry
 from par4_kinematics.passive import passive_friction_force, passive_rates
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import Axis
-from robots import REFERENCE, UNEVEN, growing_waves, other_model, random_poses
+from robots import REFERENCE, UNEVEN, growing_waves, model_with, other_model, random_poses
 
 ROBOTS = pytest.mark.parametrize('robot', [REFERENCE, UNEVEN], ids=lambda robot: robot.name)
 MODELS = {REFERENCE.name: read_model('table1', REFERENCE), UNEVEN.name: other_model()}
@@ -420,6 +420,31 @@ def test_legs_that_are_all_as_much_longer_are_an_error_of_the_dimension(robot):
         np.testing.assert_allclose(each, one, atol=1e-3 * np.abs(one).max())
 
 
+@pytest.mark.parametrize(('name', 'values'), [
+    ('elastic_transmission', {'stiffness': 4e3}),
+    ('backlash', {'gap': 1e-3}),
+    ('load_dependent_friction', {'coefficient': 0.05}),
+    ('encoder_offset', {'offset': (2e-3, -3e-3, 1e-3, 4e-3)}),
+    ('encoder_eccentricity', VALUES['encoder_eccentricity']),
+    ('geometry_error', VALUES['geometry_error']),
+    ('leg_length_error', VALUES['leg_length_error'])])
+def test_a_body_is_carried_and_shifted_whether_it_is_an_effect_or_known(name, values):
+    """Rods and bars of a `full` model, or the same as effects of a `paper` one: one machine."""
+    bodies = REFERENCE.bodies
+    known = replace(MODELS[REFERENCE.name], rigid_body='full', bodies=bodies)
+    told = model_with(MODELS[REFERENCE.name], 'distributed_rods',
+                      rod_mass=bodies.rod_mass, bar_mass=bodies.bar_mass)
+    if bodies.theta_inertia:
+        told = model_with(told, 'theta_inertia', inertia=bodies.theta_inertia)
+    t = np.linspace(0.0, 0.4, 801)
+    state = state_of_platform(REFERENCE.geometry, t, *growing_waves(REFERENCE, t, 0.4))
+    expected = model_with(known, name, **values).torque(state)
+    np.testing.assert_allclose(model_with(told, name, **values).torque(state), expected, atol=1e-9)
+    paper = model_with(MODELS[REFERENCE.name], name, **values).torque(state)
+    own = expected - known.torque(state) - (paper - MODELS[REFERENCE.name].torque(state))
+    assert np.abs(own).max() > 1e-4  # rods change what the effect does
+
+
 def test_geometry_error_can_step_below_a_radius_of_zero():
     content = REFERENCE.geometry.model_dump() | {'platform_radius': 0.0}
     geometry = Geometry(**content)
@@ -552,9 +577,14 @@ def test_effects_are_read_from_a_model_file(tmp_path):
     state = moving_state(REFERENCE)
     expected = MODELS['reference'].torque(state)
     for name, values in (('payload', {'mass': 0.5}), ('base_tilt', {'about_y': 1e-2}),
-                         ('cable_spring', {'stiffness': 20.0, 'anchor': (0.1, 0.2, 0.3)}),
-                         ('encoder_offset', {'offset': (0.0, 0.0, 2e-3, 0.0)})):
+                         ('cable_spring', {'stiffness': 20.0, 'anchor': (0.1, 0.2, 0.3)})):
         expected = expected + effect_torque(REFERENCE, state, name, **values)
+    # the encoder shifts the payload, too
+    heavier = replace(MODELS['reference'], values={
+        **MODELS['reference'].values,
+        'platform_mass_1': MODELS['reference'].values['platform_mass_1'] + 0.5})
+    expected += model_with(heavier, 'encoder_offset', offset=(0.0, 0.0, 2e-3, 0.0)).torque(
+        state) - heavier.torque(state)
     found = read_model(path, REFERENCE).torque(state)
     np.testing.assert_allclose(found, expected, atol=1e-9)
     write_text(path, MODEL_YAML.replace('[0.1, 0.2, 0.3]', '[0.1, 0.2]'))

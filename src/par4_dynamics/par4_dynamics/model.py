@@ -94,6 +94,12 @@ class Model:
         return torque_of_values(state, {name: value for name, value in self._linear.items()
                                         if name not in FRICTION})
 
+    def body_torque(self, state: State) -> np.ndarray:
+        """Return `rigid_torque` with that of the bodies that are effects, (n, J) N m."""
+        return self.rigid_torque(state) + sum(
+            (active.torque(state) for active in self.effects if active.effect.is_body),
+            np.zeros_like(state.q))
+
     def friction_torque(self, state: State) -> np.ndarray:
         """Return Coulomb and viscous friction of (20), (n, J) N m."""
         return torque_of_values(state, {name: self.values[name] for name in FRICTION})
@@ -102,8 +108,8 @@ class Model:
         """Return the nominal torque of a motion, which effects need that scale or shift torque."""
         added = sum(active.torque(state) for active in self.effects
                     if not active.effect.needs_nominal)
-        nominal = Nominal(torque_of_values(state, self._linear), self.friction_torque(state),
-                          self.values, self.rigid_torque, added)
+        nominal = Nominal(torque_of_values(state, self._linear), self.body_torque(state),
+                          self.values, self.body_torque, added)
         return replace(nominal, halfway=self._halfway(replace(state, nominal=nominal)))
 
     def _halfway(self, state: State) -> State | None:

@@ -34,19 +34,21 @@ class Nominal:
     """The nominal torque of a motion, which effects need that scale or shift torque.
 
     Attributes:
-        torque: of the model without effects, (n, J) N m.
-        friction: the part of it that is friction, (n, J) N m.
+        torque: of the model without effects, (n, J) N m. A gain that scaled that of an effect, too,
+            could stand in the place of the effect, with base values that shrink.
+        load: the torque that the joints carry behind their friction, (n, J) N m: of all bodies,
+            those among the effects included (`Effect.is_body`).
         values: base parameter name -> (J,).
-        rigid_torque: function of another motion; returns its torque without friction, (n, J) N m.
+        body_torque: function of another motion; returns what `load` is of this one, (n, J) N m.
         added: torque of the effects whose torque does not depend on the nominal one, (n, J) N m.
         halfway: the motion halfway between the one read and the true one, of a machine whose
             readings or dimensions are known to be wrong, see `Effect.halfway`; else None.
     """
 
     torque: np.ndarray
-    friction: np.ndarray
+    load: np.ndarray
     values: Mapping[str, np.ndarray]
-    rigid_torque: Callable[[State], np.ndarray]
+    body_torque: Callable[[State], np.ndarray]
     added: np.ndarray | float = 0.0
     halfway: State | None = None
 
@@ -54,11 +56,6 @@ class Nominal:
     def delivered(self) -> np.ndarray:
         """The torque that the drives deliver as far as known, (n, J) N m."""
         return self.torque + self.added
-
-    @property
-    def load(self) -> np.ndarray:
-        """The torque that the joint carries behind its friction, (n, J) N m."""
-        return self.torque - self.friction
 
 
 class Platform(NamedTuple):
@@ -191,7 +188,7 @@ class State:
         motion[name] = motion[name] + change
         nearby = (state_of_joints(None, self.t, **motion) if self.geometry is None
                   else self.nearby(self.geometry, **motion))
-        return self.known.rigid_torque(nearby)
+        return self.known.body_torque(nearby)
 
     def nearby(self, geometry: Geometry, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> State:
         """Return a motion whose joint positions or dimensions differ little from those of this one.

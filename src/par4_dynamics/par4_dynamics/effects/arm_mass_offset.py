@@ -26,6 +26,7 @@ class ArmMassOffset(Effect):
 
     name = 'arm_mass_offset'
     phrase = 'arm mass beside the line of the arm'
+    is_body = True
     parameters = (EffectParameter('first_moment', 'kg m', 'joint'),)
     needs_platform = True  # the angle to gravity of a single axis is not known
 

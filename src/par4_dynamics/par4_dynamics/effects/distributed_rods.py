@@ -29,6 +29,7 @@ class DistributedRods(Effect):
     parameters = (EffectParameter('rod_mass', 'kg', 'machine'),
                   EffectParameter('bar_mass', 'kg', 'machine', default=0.0, nonnegative=True))
     shared = True
+    is_body = True
     separable = ((0,), (0, 1))
     needs_platform = True
 

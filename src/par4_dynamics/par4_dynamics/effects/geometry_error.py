@@ -50,7 +50,7 @@ class GeometryError(Effect):
                 # not validated: a radius of 0 is stepped below 0 as well
                 changed = Geometry.model_construct(
                     **{**dimensions, name: dimensions[name] + step})
-                ends.append(state.known.rigid_torque(
+                ends.append(state.known.body_torque(
                     motion.nearby(changed, motion.q, motion.qd, motion.qdd)))
             columns.append((ends[1] - ends[0]) / (2.0 * STEP))
         return np.stack(columns, axis=-1)

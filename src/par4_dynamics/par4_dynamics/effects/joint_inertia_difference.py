@@ -22,6 +22,7 @@ class JointInertiaDifference(Effect):
     name = 'joint_inertia_difference'
     phrase = 'actuator inertia that differs between the joints'
     against_the_others = True
+    is_body = True
     parameters = (EffectParameter('inertia', 'kg m2', 'joint'),)
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:

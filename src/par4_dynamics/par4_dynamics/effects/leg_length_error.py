@@ -42,11 +42,11 @@ class LegLengthError(Effect):
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         motion = state.halfway
-        here, columns = state.known.rigid_torque(motion), []
+        here, columns = state.known.body_torque(motion), []
         for leg in range(LEGS):
             for name in LENGTHS:
                 changed = _resized(motion.platform.geometry, {name: STEP * np.eye(LEGS)[leg]})
-                there = state.known.rigid_torque(motion.nearby(
+                there = state.known.body_torque(motion.nearby(
                     changed, motion.q, motion.qd, motion.qdd))
                 columns.append((there - here) / STEP)
         return np.stack(columns, axis=-1)

@@ -34,6 +34,7 @@ class Payload(Effect):
     parameters = (EffectParameter('mass', 'kg', 'machine'),
                   EffectParameter('half', '1', 'machine', default=1.0, is_shape=True))
     shared = True
+    is_body = True
     of_base = True
     needs_platform = True
 

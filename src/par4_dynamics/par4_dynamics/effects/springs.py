@@ -174,13 +174,13 @@ class Springs:
         """
         state, (twist, speed, rate) = self._state, motion
         moved = state.moved(state.q - twist, state.qd - speed, state.qdd - rate)
-        return (state.known.rigid_torque(moved) - self._whole
+        return (state.known.body_torque(moved) - self._whole
                 + motor_side(state, rate, drive.motor_share))
 
     @cached_property
     def _whole(self) -> np.ndarray:
         """The rigid machine's torque, (n, J) N m."""
-        return self._state.known.rigid_torque(self._state)
+        return self._state.known.body_torque(self._state)
 
     @cached_property
     def _motor_torque(self) -> np.ndarray:

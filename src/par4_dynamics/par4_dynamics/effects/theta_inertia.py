@@ -27,6 +27,7 @@ class ThetaInertia(Effect):
     phrase = 'inertia turning with theta'
     parameters = (EffectParameter('inertia', 'kg m2', 'machine'),)
     shared = True
+    is_body = True
     needs_platform = True
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
