@@ -22,8 +22,11 @@ from par4_identification.changes.changes import changes_since_model, model_of_ba
 from par4_identification.changes.explanation import MOST
 from par4_identification.changes.joint_values import fitted_values
 from par4_identification.changes.readings import Added, FrictionFactor, GainFactor
-from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
+from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.search.rules import rules_of_no_cause
+from par4_identification.jobs import diagnose as jobs
+from par4_identification.setup_check.check import check_setup
 from par4_sim.machines.noise import Noise
 
 KNOWN = known_machine('reference')
@@ -81,6 +84,56 @@ def with_gain(machine, joint):
     return HIDERS['drive_gain_error'].build(machine, {'relative': relative})
 
 
+def loaded(machine, payload):
+    return replace(machine, bodies=replace(
+        machine.bodies, platform_mass_1=machine.bodies.platform_mass_1 + payload))
+
+
+def readings_of(between):
+    return {(item.log, read.reading): read.size for item in between.of_logs
+            for read in item.explanation.read}
+
+
+def test_a_wrong_gain_of_all_recordings_scales_the_payload_of_one():
+    """It was read as a gain and a friction of that joint that had changed, beside the payload."""
+    machine = with_gain(KNOWN.machine, 3)
+    logs = [recorded(machine, 'bare', 1), recorded(loaded(machine, 0.4), 'loaded', 2)]
+    kept = [recorded(machine, 'later', 3)]
+    library = {'drive_gain_error': LIBRARY['drive_gain_error']}
+    whole = diagnose(logs, KNOWN.robot, holdout_logs=kept, library={},
+                     rules=rules_of_no_cause(of_axis=False))
+    before = differences_between_logs(whole, KNOWN.robot, None)
+    assert len(readings_of(before)) > 1
+    alike = diagnose(logs, KNOWN.robot, holdout_logs=kept, library=library, apart=before.apart)
+    between = differences_between_logs(whole, KNOWN.robot, None, alike=alike, before=before)
+    assert readings_of(between) == {
+        ('loaded', Added(None, 'platform_mass_1')): pytest.approx(0.4, abs=0.003)}
+    again = diagnose(logs, KNOWN.robot, holdout_logs=kept, library=library, apart=between.apart)
+    cause, = again.causes
+    assert (cause.effect.name, cause.joints) == ('drive_gain_error', (3,))
+    assert cause.parameters['relative'].value == (pytest.approx(0.05, abs=0.002),)
+
+
+def test_a_load_in_one_recording_is_taken_out_before_causes_are_looked_for(monkeypatch):
+    """There was no end of causes, each of which explained some of what the load did."""
+    logs = [recorded(KNOWN.machine, 'bare', 1), recorded(loaded(KNOWN.machine, 0.6), 'loaded', 2)]
+    check = check_setup(logs, KNOWN.robot, None)
+    searched = []
+
+    def watched(*args):
+        library, apart = args[4], args[8]
+        searched.append((library, set(apart)))
+        return diagnose(*args[:4], SEARCHED if library is None else library, *args[5:])
+
+    monkeypatch.setattr(jobs, 'diagnose', watched)
+    measured = jobs.Measured(check, 1, CONDITIONING, None, None)
+    found, between = jobs._diagnosis(measured, lambda _step: None)
+    assert readings_of(between) == {
+        ('loaded', Added(None, 'platform_mass_1')): pytest.approx(0.6, abs=0.005)}
+    assert searched == [({}, set()), (None, {'loaded'})]
+    assert found.verdict in ('clean', 'explained')
+
+
 def test_a_gain_of_the_held_out_recording_alone_is_told_whatever_the_verdict(cogging):
     """What it leaves there was called noise that wanders: a model that leaves so much was clean."""
     logs = [recorded(cogging, 'one', 1), recorded(cogging, 'two', 2)]
@@ -96,16 +149,14 @@ def test_a_gain_of_the_held_out_recording_alone_is_told_whatever_the_verdict(cog
 
 def test_the_recordings_are_compared_with_the_one_that_takes_fewest_readings(cogging, monkeypatch):
     """Not with the only one that has a wrong gain, which would be told of all others."""
-    loaded = replace(cogging, bodies=replace(
-        cogging.bodies, platform_mass_1=cogging.bodies.platform_mass_1 + 0.2))
-    logs = [recorded(with_gain(cogging, 3), 'gain', 1), recorded(loaded, 'loaded', 2),
+    logs = [recorded(with_gain(cogging, 3), 'gain', 1),
+            recorded(loaded(cogging, 0.2), 'loaded', 2),
             recorded(cogging, 'bare', 4)]
     found = diagnosed(logs, [recorded(cogging, 'later', 3)])
     monkeypatch.setattr(between_logs, '_most_alike', list)  # the wrong gain first
     between = differences_between_logs(found, KNOWN.robot, None)
-    assert {(item.log, read.reading) for item in between.of_logs
-            for read in item.explanation.read} == {
-                ('gain', GainFactor(3)), ('loaded', Added(None, 'platform_mass_1'))}
+    assert set(readings_of(between)) == {
+        ('gain', GainFactor(3)), ('loaded', Added(None, 'platform_mass_1'))}
 
 
 def test_a_difference_that_no_reading_tells_counts_as_more_than_all_that_are_told():
@@ -122,10 +173,8 @@ def test_a_difference_that_no_reading_tells_counts_as_more_than_all_that_are_tol
 def test_rods_that_the_model_lumps_are_no_change_between_a_slow_and_a_fast_recording():
     """Lumped rods make other masses of a slow motion: the payload came out 40 % too large."""
     rods = HIDERS['distributed_rods'].build(KNOWN.machine, {'rod_mass': 0.08, 'bar_mass': 0.05})
-    loaded = replace(rods, bodies=replace(
-        rods.bodies, platform_mass_1=rods.bodies.platform_mass_1 + 0.1))
     logs = [recorded(rods, 'one', 1), recorded(rods, 'two', 2, 'cycles')]
-    found = diagnosed(logs, [recorded(loaded, 'loaded', 3, 'slow')])
+    found = diagnosed(logs, [recorded(loaded(rods, 0.1), 'loaded', 3, 'slow')])
     item, = differences_between_logs(found, KNOWN.robot, None).of_logs
     read, = item.explanation.read
     assert (item.log, read.reading) == ('loaded', Added(None, 'platform_mass_1'))
@@ -171,8 +220,7 @@ def model_file():
 @pytest.mark.parametrize('payload', [0.0, 0.2])
 def test_what_an_unnamed_force_makes_of_base_parameters_is_no_change(hose, model_file, payload):
     """Fitted without it, weights and friction of single joints seem to have changed."""
-    machine = replace(hose, bodies=replace(
-        hose.bodies, platform_mass_1=hose.bodies.platform_mass_1 + payload))
+    machine = loaded(hose, payload)
     found = diagnosed([recorded(machine, 'one', 1)], [recorded(machine, 'two', 2)])
     assert found.unnamed
     assert len(found.unnamed_hypotheses) == len(found.unnamed)

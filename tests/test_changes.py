@@ -193,6 +193,17 @@ def test_the_strongest_reading_comes_first_in_whatever_order_they_are_tried():
         assert strengths == sorted(strengths, reverse=True)
 
 
+def test_joints_of_known_gains_record_a_payload_by_them():
+    values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
+    gains = np.array((1.0, 1.0, 1.05, 0.9))
+    before = Parameters(NAMES, values * gains[:, None], np.zeros((4, 6)), gains)
+    after = (values + np.eye(6)[1] * 0.4) * gains[:, None]
+    np.testing.assert_allclose(applied([Added(None, 'platform_mass_1')], [0.4], before), after)
+    found, = explained(readings_of(BASE_TERMS, 4), before, after,
+                       np.diag(np.tile((1e-4 * values[0]) ** 2, 4))).read
+    assert (found.reading, found.size) == (Added(None, 'platform_mass_1'), pytest.approx(0.4))
+
+
 def test_where_something_is_left_only_what_explains_nearly_all_is_told():
     random = np.random.default_rng(6)
     values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))

@@ -16,7 +16,7 @@ from par4_dynamics.base_terms import BaseTerm
 from par4_dynamics.effects.distributed_rods import DistributedRods
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
-from par4_identification.changes.changes import explained_change
+from par4_identification.changes.changes import explained_change, gains_of
 from par4_identification.changes.explanation import CHANCE, Explanation
 from par4_identification.changes.explanation import MOST as MOST_READINGS
 from par4_identification.changes.joint_values import JointValues, fitted_values, left_by
@@ -34,6 +34,10 @@ REFERENCES = 4
 MOST = 0.75
 """Share of the squared error beyond the noise floor that must go with the readings. What a cause
 without a name does to the parameters of motions that are not alike mends little of it."""
+NEARLY_ALL = 0.95
+"""The same where no causes have been looked for: a load that a machine carries in one log alone, or
+friction that fell as it warmed. Causes of all logs hide little of these, and look little like
+them."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +96,8 @@ class LogDifferences:
 
 def differences_between_logs(diagnosis: Diagnosis, machine: Robot | Axis,
                              baseline: ModelFile | None,
-                             causes: Sequence[Hypothesis] | None = None) -> LogDifferences | None:
+                             least: float = MOST, alike: Diagnosis | None = None,
+                             before: LogDifferences | None = None) -> LogDifferences | None:
     """Return how logs differ in base parameters, if that is most of what is wrong with the model.
 
     Args:
@@ -100,15 +105,21 @@ def differences_between_logs(diagnosis: Diagnosis, machine: Robot | Axis,
             that wanders may be what differs, and names what some logs alone have.
         machine: that was measured.
         baseline: model whose effects the diagnosis took as known.
-        causes: beside which the parameters are fitted; by default those of the diagnosis.
+        least: share of the squared error beyond the noise floor that must go with them.
+        alike: a diagnosis of the same logs without `before`, differences found earlier. Its causes
+            are those beside which parameters are fitted, by default those of the diagnosis.
     """
     if not _leaves_something(diagnosis):
         return None
-    causes = _with_rods(diagnosis.hypotheses if causes is None else causes, machine, baseline)
+    causes = _with_rods((alike or diagnosis).hypotheses, machine, baseline)
     whole = _all_rows(diagnosis, machine, baseline)
+    if alike is not None and before is not None:
+        whole = _with_nominal(whole, alike, before, machine)
     names = [run.name for run in whole.runs]
     parts = {name: _of_runs(whole, [own == name for own in names]) for name in names}
-    values = {name: found for name, part in parts.items()
+    gains = gains_of(build_model(machine, (alike or diagnosis).extended_model,
+                                 (alike or diagnosis).effects))
+    values = {name: replace(found, gains=gains) for name, part in parts.items()
               if (found := _values(part, causes)) is not None}
     if len(values) < 2:
         return None
@@ -117,7 +128,7 @@ def differences_between_logs(diagnosis: Diagnosis, machine: Robot | Axis,
     if not differences:
         return None
     share = _share_mended(whole, diagnosis, differences, causes)
-    return LogDifferences(whole.terms, differences, share) if share > MOST else None
+    return LogDifferences(whole.terms, differences, share) if share > least else None
 
 
 def _leaves_something(diagnosis: Diagnosis) -> bool:
@@ -172,6 +183,22 @@ def _all_rows(diagnosis: Diagnosis, machine: Robot | Axis, baseline: ModelFile |
         build_model(machine, diagnosis.extended_model, diagnosis.effects)).with_terms_of(fitted)
     return Observations((*fitted.runs, *rows.runs), (*fitted.target, *rows.target),
                         (*fitted.base, *rows.base), fitted.terms)
+
+
+def _with_nominal(rows: Observations, alike: Diagnosis, before: LogDifferences,
+                  machine: Robot | Axis) -> Observations:
+    """Return rows with the nominal torque of a diagnosis of what is alike, and what each log has.
+
+    A gain scales the payload of the log that has one, too.
+    """
+    model = build_model(machine, alike.extended_model, alike.effects)
+    none: dict[str, np.ndarray] = {}
+    runs = tuple(
+        replace(run, state=replace(run.state, nominal=replace(model, values={
+            name: value + before.apart.get(run.name, none).get(name, 0.0)
+            for name, value in model.values.items()}).nominal(run.state)))
+        for run in rows.runs)
+    return Observations(runs, rows.target, rows.base, rows.terms)
 
 
 def _of_runs(rows: Observations, chosen: Sequence[bool]) -> Observations:

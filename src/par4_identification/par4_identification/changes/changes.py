@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from par4_dynamics.base_terms import INERTIA, BaseTerm
+from par4_dynamics.effects.drive_gain_error import DriveGainError
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile, RigidBody
 from par4_identification.changes.explanation import Explanation, Read, explained
@@ -88,7 +89,7 @@ def explained_change(before: JointValues, after: JointValues, swallowed: bool
                      ) -> tuple[Parameters, Explanation]:
     """Return the parameters before as readings take them, and the explanation of the change."""
     names = tuple(term.name for term in before.terms)
-    parameters = Parameters(names, before.values, after.known)
+    parameters = Parameters(names, before.values, after.known, before.gains)
     return parameters, explained(readings_of(before.terms, len(before.values)), parameters,
                                  after.values, difference(before, after, swallowed))
 
@@ -173,12 +174,23 @@ def observed(logs: Sequence[Log], machine: Robot | Axis, rigid_body: RigidBody,
 
 def _changes(diagnosis: Diagnosis, machine: Robot | Axis, model: Model, before: JointValues,
              after: JointValues, swallowed: bool, since: str) -> Changes:
+    before = replace(before, gains=gains_of(model))
     parameters, explanation = explained_change(before, after, swallowed)
     heldout = observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model
                       ).with_terms_of(diagnosis.evidence.observations)
     margins = _margins(explanation.read, parameters, after, heldout, diagnosis)
     return Changes(before.terms, before, after, explanation, margins, parameters,
                    given_rms(diagnosis.holdout.runs, model), since)
+
+
+def gains_of(model: Model) -> np.ndarray:
+    """Return recorded torque over true one by the drive gains that a model has, (J,)."""
+    gains = np.ones_like(model.values[INERTIA])
+    for active in model.effects:
+        if isinstance(active.effect, DriveGainError):
+            own = list(active.joints)
+            gains[own] += active.values['relative'][own]
+    return gains
 
 
 def given_rms(runs: Sequence[Run], model: Model) -> np.ndarray:

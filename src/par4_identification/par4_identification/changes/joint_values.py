@@ -47,6 +47,7 @@ class JointValues:
         vague: by what unnamed causes that are not fitted beside the values move them; a row or
             none, (0 or 1, J p).
         causes: fitted beside the values, each with its coefficients (K, J).
+        gains: recorded torque of each joint over its true one, as far as known, (J,), or of all.
     """
 
     terms: tuple[BaseTerm, ...]
@@ -56,6 +57,7 @@ class JointValues:
     bias: np.ndarray
     vague: np.ndarray
     causes: tuple[tuple[Hypothesis, np.ndarray], ...] = ()
+    gains: np.ndarray | float = 1.0
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,15 +32,21 @@ class Parameters:
         terms: names of the p parameters.
         values: (J, p).
         known: what parameters would follow of the torque that is known beside them, (J, p).
+        gains: recorded torque of each joint over its true one, as far as known, (J,), or of all.
     """
 
     terms: tuple[str, ...]
     values: np.ndarray
     known: np.ndarray
+    gains: np.ndarray | float = 1.0
 
     def with_values(self, values: np.ndarray) -> Parameters:
         """Return the parameters with other values."""
-        return Parameters(self.terms, values, self.known)
+        return replace(self, values=values)
+
+    def recorded(self, added: float) -> np.ndarray:
+        """Return what joints with such gains record of so much more of a parameter, (J,)."""
+        return added * np.broadcast_to(self.gains, len(self.values))
 
 
 @dataclass(frozen=True)
@@ -98,7 +104,7 @@ class Added(Reading):
 
     def apply(self, now: Parameters, size: float) -> np.ndarray:
         values = now.values.copy()
-        values[self._rows, now.terms.index(self.parameter)] += size
+        values[self._rows, now.terms.index(self.parameter)] += now.recorded(size)[self._rows]
         return values
 
     def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:
@@ -143,7 +149,7 @@ class SlidingPayload(Reading):
     def apply(self, now: Parameters, size: float) -> np.ndarray:
         values = now.values.copy()
         for name, slope in self._slopes(now):
-            values[self._rows, now.terms.index(name)] += slope * size
+            values[self._rows, now.terms.index(name)] += now.recorded(slope * size)[self._rows]
         return values
 
     def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:

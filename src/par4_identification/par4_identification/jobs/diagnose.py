@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
+from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model import Model, build_model, read_file_and_model
 from par4_dynamics.model_file import ModelFile
-from par4_identification.changes.between_logs import LogDifferences, differences_between_logs
+from par4_identification.changes.between_logs import (
+    MOST,
+    NEARLY_ALL,
+    LogDifferences,
+    differences_between_logs,
+)
 from par4_identification.changes.changes import (
     Changes,
     changes_between,
@@ -31,6 +37,7 @@ from par4_identification.diagnosis.experiment.next_experiment import (
     next_experiment,
 )
 from par4_identification.diagnosis.progress import Progress
+from par4_identification.diagnosis.search.rules import Rules, rules_of_no_cause
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis, Unusable
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.jobs.read_bags import read_bags
@@ -249,30 +256,42 @@ def _answer(asked: Asked, measured: Measured, progress: Progress) -> Answer:
 
 def _diagnosis(measured: Measured, progress: Progress
                ) -> tuple[Diagnosis | Unusable, LogDifferences | None]:
-    """Diagnose the recordings, once more without what they differ in if they do."""
-    def of_logs(apart: Apart) -> Diagnosis | Unusable:
-        return diagnosed_if_sound(measured.check, lambda sound: diagnose(
-            sound.logs[:measured.fitted], sound.machine, measured.baseline,
-            sound.logs[measured.fitted:], conditioning=measured.conditioning, progress=progress,
-            apart=apart))
+    """Diagnose the recordings, without what they differ in if they do.
 
-    diagnosis = of_logs({})
-    if not isinstance(diagnosis, Diagnosis):
-        return diagnosis, None
-    progress('comparing the recordings')
-    between = differences_between_logs(diagnosis, measured.machine, measured.baseline)
-    if between is None:
-        return diagnosis, None
-    alike = of_logs(between.apart)
-    if not isinstance(alike, Diagnosis):
-        return diagnosis, None
-    # beside causes that the difference had hidden it may be read otherwise
-    better = differences_between_logs(diagnosis, measured.machine, measured.baseline,
-                                      alike.hypotheses)
-    if better is None or better.told == between.told:
-        return alike, between
-    again = of_logs(better.apart)
-    return (again, better) if isinstance(again, Diagnosis) else (alike, between)
+    They are compared by the bodies alone, and again beside the causes found. A load in one of them
+    is large beside any cause, and there would be no end of causes that explain some of it.
+    """
+    machine, baseline = measured.machine, measured.baseline
+
+    def of_logs(apart: Apart, library: Mapping[str, Effect] | None = None,
+                rules: Rules | None = None) -> Diagnosis | Unusable:
+        return diagnosed_if_sound(measured.check, lambda sound: diagnose(
+            sound.logs[:measured.fitted], sound.machine, baseline, sound.logs[measured.fitted:],
+            library, rules, measured.conditioning, progress, apart))
+
+    def compared(whole: Diagnosis | Unusable, least: float
+                 ) -> tuple[Diagnosis, LogDifferences] | None:
+        progress('comparing the recordings')
+        between = None if not isinstance(whole, Diagnosis) else differences_between_logs(
+            whole, machine, baseline, least)
+        if between is None or not isinstance(whole, Diagnosis):
+            return None
+        alike = of_logs(between.apart)
+        if not isinstance(alike, Diagnosis):
+            return None
+        # beside causes that the difference had hidden it may be read otherwise
+        better = differences_between_logs(whole, machine, baseline, alike=alike, before=between)
+        if better is None or better.told == between.told:
+            return alike, between
+        again = of_logs(better.apart)
+        return (again, better) if isinstance(again, Diagnosis) else (alike, between)
+
+    if len(measured.check.logs) > 1:
+        found = compared(of_logs({}, {}, rules_of_no_cause(isinstance(machine, Axis))), NEARLY_ALL)
+        if found is not None:
+            return found
+    whole = of_logs({})
+    return compared(whole, MOST) or (whole, None)
 
 
 def _changes(asked: Asked, measured: Measured, baseline: ModelFile, diagnosis: Diagnosis

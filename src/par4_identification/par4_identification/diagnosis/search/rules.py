@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -55,3 +56,8 @@ known less exactly, too. Delays and lags keep the error of a Par4, see `error_of
 def rules_for(of_axis: bool) -> Rules:
     """Return the rules of a single axis or of a Par4."""
     return OF_AXIS if of_axis else Rules()
+
+
+def rules_of_no_cause(of_axis: bool) -> Rules:
+    """Return rules by which nothing is a cause: what bodies and base friction leave is left."""
+    return replace(rules_for(of_axis), evidence=math.inf, margin=math.inf)
