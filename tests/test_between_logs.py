@@ -22,11 +22,12 @@ from par4_identification.changes.changes import changes_since_model, model_of_ba
 from par4_identification.changes.explanation import MOST
 from par4_identification.changes.joint_values import fitted_values
 from par4_identification.changes.readings import Added, FrictionFactor, GainFactor
-from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
+from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, _alike, diagnose
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.rules import rules_of_no_cause
 from par4_identification.jobs import diagnose as jobs
 from par4_identification.setup_check.check import check_setup
+from par4_identification.signals.rows import runs_of_log
 from par4_sim.machines.noise import Noise
 
 KNOWN = known_machine('reference')
@@ -132,6 +133,15 @@ def test_a_load_in_one_recording_is_taken_out_before_causes_are_looked_for(monke
         ('loaded', Added(None, 'platform_mass_1')): pytest.approx(0.6, abs=0.005)}
     assert searched == [({}, set()), (None, {'loaded'})]
     assert found.verdict in ('clean', 'explained')
+
+
+def test_what_a_recording_has_alone_is_taken_out_of_rows_and_samples():
+    """Loads on springs swing at first as the samples of the torque tell."""
+    run, = runs_of_log(recorded(loaded(KNOWN.machine, 0.4), 'loaded', 2), KNOWN.robot)
+    alike = _alike(run, {'platform_mass_1': np.full(4, 0.4)})
+    lighter = run.state.measured - alike.state.measured
+    assert np.abs(lighter).max() > 1.0
+    np.testing.assert_allclose(run.rows(lighter), run.tau - alike.tau, atol=1e-9)
 
 
 def test_a_gain_of_the_held_out_recording_alone_is_told_whatever_the_verdict(cogging):

@@ -15,10 +15,11 @@ from hidden.study import diagnosis_of
 from planned import evidence_of, log_of
 
 from par4_dynamics.effects.catalogue import CATALOGUE
-from par4_dynamics.effects.springs import DAMPING_RATIO, Drive, Springs
+from par4_dynamics.effects.springs import DAMPING_RATIO, FIRST, Drive, Springs
 from par4_dynamics.effects.transmission import MOTOR_SHARE
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
+from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
 from par4_identification.diagnosis.evidence.dithered import dithered
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import project
@@ -44,8 +45,20 @@ LEAST, PRICE = 2.0 * Rules().evidence, 2.0 * Rules().price
 
 
 def evidence_of_axis(compliance, seed=1, noise=0.05, damping_ratio=DAMPING_RATIO,
-                     motor_share=MOTOR_SHARE):
-    """Return rows of an axis whose load hangs on a spring, by its Fourier series.
+                     motor_share=MOTOR_SHARE, pieces=1):
+    """Return rows of an axis whose load hangs on a spring, its log in so many pieces."""
+    q, tau = motion_of_axis(compliance, damping_ratio, motor_share)
+    log = log_of(AXIS, T, q, tau, seed, noise)
+    length = len(T) // pieces
+    log = replace(log, segments=tuple(slice(first, first + length)
+                                      for first in range(0, len(T), length)))
+    return evidence_of(log, AXIS, MODEL, noise)
+
+
+def motion_of_axis(compliance, damping_ratio=DAMPING_RATIO, motor_share=MOTOR_SHARE):
+    """Return positions and torque (n, 1) of an axis whose load hangs on a spring.
+
+    They are those of its Fourier series.
 
     Of each sine of the motor the load makes (1 + 2 i d r) / (1 - r^2 + 2 i d r), r the frequency
     over that of the load on its spring, d the damping ratio of the load against a resting motor.
@@ -67,8 +80,7 @@ def evidence_of_axis(compliance, seed=1, noise=0.05, damping_ratio=DAMPING_RATIO
     q, qd = in_time(1.0), in_time(1j * rates)
     tau = (in_time(-rates ** 2 * (INERTIA - load + load * follows))
            + COULOMB * np.sign(qd) + VISCOUS * qd)
-    log = log_of(AXIS, T, q[:, None], tau[:, None], seed, noise)
-    return evidence_of(log, AXIS, MODEL, noise)
+    return q[:, None], tau[:, None]
 
 
 @pytest.mark.parametrize('resonance', [17.0, 22.0, 35.0, 60.0, 100.0])
@@ -108,6 +120,50 @@ def test_the_share_of_the_motor_comes_out_where_it_is_not_one_half(motor_share, 
     assert found.told['motor_share'] == pytest.approx(motor_share, rel=0.03)
     assert found.compliance[0] == pytest.approx(true, rel=0.03)
     assert found.told.get('damping_ratio', DAMPING_RATIO) == pytest.approx(damping_ratio, rel=0.05)
+
+
+@pytest.mark.parametrize('damping_ratio', [0.02, 0.15])
+def test_a_log_in_pieces_that_begin_in_motion_tells_the_same(damping_ratio):
+    """Loads taken to begin each piece at rest on their springs seem to be damped more."""
+    true = 1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2)
+    evidence = evidence_of_axis(true, damping_ratio=damping_ratio, pieces=8)
+    assert len(evidence.observations.runs) == 8
+    found = swing_in(project(evidence, []), LEAST, PRICE)
+    assert found.told['damping_ratio'] == pytest.approx(damping_ratio, rel=0.1)
+    assert found.compliance[0] == pytest.approx(true, rel=0.02)
+
+
+@pytest.mark.parametrize('every', [1, 3])
+def test_a_load_swings_on_as_the_first_torques_tell(every):
+    """It does where what was before is not known, or what follows would ring for a second."""
+    compliance, drive = np.array((1.0 / (LOAD * (2.0 * np.pi * 15.0) ** 2),)), Drive(0.03)
+    q, tau = motion_of_axis(compliance[0], drive.damping_ratio)
+    log = log_of(AXIS, T, q, tau, seed=1, noise=0.05)
+    begun = replace(log, t=T[5000:8000], q=q[5000:8000], tau=log.tau[5000:8000],
+                    segments=(slice(0, 3000),))
+    state, = (run.state for run in runs_of_log(begun, AXIS))
+    known = replace(state, nominal=MODEL.nominal(state))
+    told, unknown = (own.nominal.torque + Springs(own).torque(compliance, drive, every)[1]
+                     for own in (known, replace(known, measured=None)))
+    moving = np.abs(state.qd) > 0.1  # where friction has one sign
+    later = slice(round(FIRST / T[1]), 800)
+    wrong, ringing = (np.abs((own - tau[5000:8000])[later][moving[later]]).max()
+                      for own in (told, unknown))
+    assert ringing > 1.0
+    assert wrong < 0.15 * ringing
+
+
+def test_rows_that_follow_from_what_was_before_a_log_do_not_count():
+    q, tau = motion_of_axis(1e-4)
+    log = log_of(AXIS, T, q, tau, seed=1)
+    log = replace(log, segments=(slice(0, 5000), slice(5000, 6200), slice(6200, len(T))))
+    at_rest, short, moving = runs_of_log(log, AXIS)
+    assert at_rest.remembered(2.0) is at_rest
+    for run, memory in ((short, 0.6), (moving, 2.0)):
+        kept = run.remembered(2.0)
+        np.testing.assert_array_equal(
+            kept.valid, run.valid & (run.t >= run.state.t[0] + memory - 1e-9)[:, None])
+        assert 0 < kept.valid.sum() < run.valid.sum()
 
 
 def test_a_share_of_one_half_is_not_freed():
@@ -389,3 +445,26 @@ def test_the_rigid_machine_of_the_same_seed_has_no_springs(machine):
     assert diagnosis.verdict == 'clean'
     found = swing_in(project(diagnosis.evidence, []), LEAST, PRICE)
     assert found is None or found.squares < LEAST
+
+
+def test_a_lossy_log_of_a_machine_that_rings_tells_its_springs():
+    """Each piece begins with a swing that nothing before it explains: it was `unknown`."""
+    known = known_machine('reference')
+    soft = HIDERS['elastic_transmission'].build(known.machine, {
+        'compliance': np.full(4, 1.0 / 5000.0), 'damping_ratio': 0.04})
+    logs = []
+    for seed, duration in ((1, 13.0), (2, 8.0)):
+        log = record(known, soft, draw_motion('excitation', known.robot, duration, seed),
+                     fidelity='exact', noise=Noise(), seed=seed, feedforward=known.model,
+                     wander=None, name=f'soft {seed}').log
+        logs.append(replace(log, segments=tuple(
+            slice(first, first + 1550) for first in range(900, len(log.t) - 1600, 1600))))
+    found = diagnose([logs[0]], known.robot, holdout_logs=[logs[1]], library={
+        name: LIBRARY[name] for name in ('elastic_transmission', 'actuator_lag', 'cogging')})
+    cause, = found.causes
+    assert (cause.effect.name, cause.joints) == ('elastic_transmission', (0, 1, 2, 3))
+    np.testing.assert_allclose(cause.parameters['stiffness'].value, 5000.0, rtol=0.05)
+    assert found.holdout.explained_fraction > 0.9
+    for run in (*found.evidence.observations.runs, *found.holdout.runs):
+        assert not run.valid[run.t < run.state.t[0] + FIRST].any()
+        assert run.valid[run.t < run.state.t[0] + 2.0 * FIRST].any()

@@ -89,6 +89,8 @@ class State:
             friction bends the speed there, and the low-pass rounds the bend. (J,), or of all.
         told_hz: frequency, Hz, up to which a model may let the positions swing a load. Beyond it
             motors follow the noise of their encoders. Infinite if the data show no such noise.
+        measured: torque of the motors, (n, J) N m; None of a motion that nobody measured. It tells
+            how loads swing at its first sample, which depends on what was before.
     """
 
     t: np.ndarray
@@ -104,6 +106,7 @@ class State:
     period: float = 0.0
     bend: np.ndarray | float = 0.0
     told_hz: float = np.inf
+    measured: np.ndarray | None = None
 
     @property
     def joints(self) -> int:
@@ -213,7 +216,8 @@ class State:
             UnreachableError: joint positions with which the mechanism does not close.
         """
         moved = state_of_joints(geometry or self.geometry, self.t, q, qd, qdd, self.period)
-        return replace(moved, bend=self.bend, hanging=self.hanging, told_hz=self.told_hz)
+        return replace(moved, bend=self.bend, hanging=self.hanging, told_hz=self.told_hz,
+                       measured=self.measured)
 
     def part(self, rows: slice) -> State:
         """Return the motion of some of the samples, without its nominal torque."""
@@ -221,7 +225,8 @@ class State:
             return None if values is None else values[rows]
 
         return replace(self, nominal=None, t=self.t[rows], q=self.q[rows], qd=self.qd[rows],
-                       qdd=self.qdd[rows], x=cut(self.x), xd=cut(self.xd), xdd=cut(self.xdd))
+                       qdd=self.qdd[rows], x=cut(self.x), xd=cut(self.xd), xdd=cut(self.xdd),
+                       measured=cut(self.measured))
 
     def torque_of_force(self, force: ArrayLike) -> np.ndarray:
         """Return the joint torques J_1^T f (n, 4), N m, that carry a generalised force f.

@@ -138,6 +138,8 @@ class Effect(ABC):
         of_base: whether its columns are sums of base columns, so that one run tells it and base
             parameters together only.
         looks_around: whether its torque at an instant follows from the motion before and after it.
+        memory: s before an instant from which on what happened has died away. What happened before
+            a log begins in mid-motion is not known.
         needs_both_ways: whether it cannot be told from friction if the joint moves one way only
             (for a torque that is read at another time: from a torque at another position).
         of_axis: whether it is searched on single axes only, because the loads of a Par4's arms are
@@ -167,6 +169,7 @@ class Effect(ABC):
     against_the_others: ClassVar[bool] = False
     of_base: ClassVar[bool] = False
     looks_around: ClassVar[bool] = False
+    memory: ClassVar[float] = 0.0
     needs_both_ways: ClassVar[bool] = False
     of_axis: ClassVar[bool] = False
     told_by_speeds: ClassVar[bool] = False

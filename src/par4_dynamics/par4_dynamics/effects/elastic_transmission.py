@@ -15,7 +15,7 @@ from par4_dynamics.effects.effect import (
     beyond,
     single,
 )
-from par4_dynamics.effects.springs import DAMPING_RATIO, Drive, Springs
+from par4_dynamics.effects.springs import DAMPING_RATIO, FIRST, Drive, Springs
 from par4_dynamics.effects.time_rate import time_rate
 from par4_dynamics.effects.transmission import (
     MOTOR_SHARE,
@@ -74,6 +74,7 @@ class ElasticTransmission(Effect):
     separable = ((0,), (1,), (2,), (3,))
     needs_nominal = True
     looks_around = True
+    memory = FIRST
     variables = 2
 
     def assumes(self, values: Values) -> str | None:

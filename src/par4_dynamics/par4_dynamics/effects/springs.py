@@ -7,6 +7,7 @@ gives them all.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,6 +27,11 @@ FOURTH_ORDER, UNBOUNDED = 1.0 / 12.0, 0.25
 POSES, SAFE = 20, 0.7
 """Poses of a motion whose inertia is looked at for the smallest, and share of that which is counted
 on in all others."""
+FIRST, MOVING = 0.3, 0.02
+"""s from the first sample in which the measured torque tells how loads swing there, and speed over
+that of the whole motion (rms) from which on friction is known."""
+RANK = 1e-8
+"""Of the free swings, over the largest, below which the first samples do not tell one."""
 RUN_IN, RUN_IN_DAMPING = 1.0, 25.0
 """s before the motion, and times more damping at its start: the swing in which the integration
 starts dies away there. It fades to nothing without a kink, which would start another."""
@@ -46,6 +52,8 @@ class Drive:
 
 
 USUAL = Drive()
+Swung = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""What `Springs._swung` returns."""
 
 
 class Springs:
@@ -80,6 +88,8 @@ class Springs:
         self._more = 1.0 + RUN_IN_DAMPING * fade ** 2
         self._last: tuple[tuple[Drive, tuple[float, ...]] | None, np.ndarray] = (
             None, self._whole_load)
+        self._first = min(len(state.t), round(FIRST / self._period))
+        self._told_at_first = self._known_friction()
 
     def resonances(self, compliance: np.ndarray, drive: Drive = USUAL) -> np.ndarray:
         """Return the frequency at which each load swings against its resting motor, (J,) Hz.
@@ -188,8 +198,7 @@ class Springs:
         return told_part(self._state, motor_side(self._state, self._state.qdd, 1.0))
 
     def _swung(self, rigid: np.ndarray, compliance: np.ndarray, drive: Drive,
-               every: int = 1, with_slopes: bool = False
-               ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+               every: int = 1, with_slopes: bool = False) -> Swung:
         """Return what `torque` does, to first order, with a run-in before it, and the twists.
 
         Args:
@@ -208,16 +217,71 @@ class Springs:
         motor = share * self._actuator
         reduced = (1.0 - share) * motor[soft]
         lag = 2.0 * drive.damping_ratio * np.sqrt(twisting * reduced)  # c d, s
-        steps = slice(None, None, every)
-        load = self._with_run_in(rigid)[steps]
-        driven = share * self._with_run_in(self._motor_torque)[steps] if with_slopes else load
-        spring, change, twist = np.empty_like(load), np.empty_like(load), np.zeros((3, *load.shape))
-        slopes = np.empty((*load.shape, len(soft) + 2 if with_slopes else 0))
         h = every * self._period
-        _swing(load, self._place[steps], self._by_motion, motor, soft, twisting, lag,
-               self._more[steps], h, self._beta(twisting, soft, h, motor), driven,
-               0.5 * (1.0 - 2.0 * share) / (1.0 - share), spring, change, twist, slopes)
-        return spring, change, twist, slopes
+        beta = self._beta(twisting, soft, h, motor)
+        place, more = self._place[::every], self._more[::every]
+        stiffer = 0.5 * (1.0 - 2.0 * share) / (1.0 - share)
+
+        def swing(load: np.ndarray, steps: slice, driven: np.ndarray | None = None) -> Swung:
+            spring, change = np.empty_like(load), np.empty_like(load)
+            twist = np.zeros((3, *load.shape))
+            slopes = np.empty((*load.shape, 0 if driven is None else len(soft) + 2))
+            _swing(load, place[steps], self._by_motion, motor, soft, twisting, lag, more[steps], h,
+                   beta, load if driven is None else driven, stiffer, spring, change, twist, slopes)
+            return spring, change, twist, slopes
+
+        load = self._swinging_at_first(self._with_run_in(rigid)[::every], rigid - self.rigid(drive),
+                                       swing, every, soft)
+        return swing(load, slice(None), share * self._with_run_in(self._motor_torque)[::every]
+                     if with_slopes else None)
+
+    def _known_friction(self) -> np.ndarray:
+        """Return at which of the first samples the measured torque tells a load, (f, J)."""
+        if self._state.measured is None:
+            return np.zeros((0, self._state.joints), dtype=bool)
+        speed = np.abs(self._state.qd)
+        usual = np.sqrt(np.mean(speed ** 2, axis=0))
+        moving = speed[:self._first] > MOVING * usual
+        return moving & bool(moving[0].any())  # what begins at rest swings as it must
+
+    def _swinging_at_first(self, load: np.ndarray, beyond: np.ndarray,
+                           swing: Callable[[np.ndarray, slice], Swung], every: int,
+                           soft: np.ndarray) -> np.ndarray:
+        """Return steps (m, J) of what rigid springs would carry, with loads that swing at first.
+
+        What was before the first sample is not known. Whatever it was, the loads swing freely after
+        it, each with some twist and some speed: those with which the measured torque of the first
+        samples agrees best. A torque before the first step makes the twist, one at that step the
+        speed.
+
+        Args:
+            load: steps with the run-in.
+            beyond: what that has beyond the torque of the motion, (n, J), N m.
+            swing: integrates some of the steps.
+            every: samples from step to step.
+            soft: joints that twist, (k,).
+        """
+        begin = -(-self._before // every)
+        samples = slice(every * begin - self._before, self._first, every)
+        told = self._told_at_first[samples].copy()
+        told[:2] = False  # where the kicks are
+        measured = self._state.measured
+        if begin < 1 or measured is None or not told.any():
+            return load
+        steps = slice(begin - 1, begin + len(told))
+        left = (measured - self._state.known.delivered - beyond)[samples] - swing(
+            load[:steps.stop], slice(0, steps.stop))[1][begin:]
+        kicks = np.zeros((2, len(soft), len(told) + 1, load.shape[1]))
+        for kind in range(2):
+            kicks[kind, np.arange(len(soft)), kind, soft] = 1.0
+        free = [swing(kick, steps)[1][1:][told] for kick in kicks.reshape(-1, *kicks.shape[2:])]
+        constant = (np.nonzero(told)[1][:, None] == np.arange(load.shape[1])).astype(float)
+        sizes = np.linalg.lstsq(np.column_stack([*free, constant]), left[told], rcond=RANK)[0]
+        twist, speed = np.split(sizes[:2 * len(soft)], 2)
+        begun = load.copy()
+        begun[:begin, soft] += twist
+        begun[begin, soft] += speed
+        return begun
 
     def _with_run_in(self, torque: np.ndarray) -> np.ndarray:
         """Return a torque (n, J) with what goes before it, turned about its first sample."""

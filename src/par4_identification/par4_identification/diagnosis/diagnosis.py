@@ -29,7 +29,12 @@ from par4_identification.diagnosis.evidence.fit import (
 )
 from par4_identification.diagnosis.evidence.holdout import Blocks
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.evidence.observations import (
+    Observations,
+    observe,
+    remembered,
+    with_nominal,
+)
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.side_by_side import plain_linear_algebra
 from par4_identification.diagnosis.evidence.unnamed import Kinds
@@ -188,10 +193,12 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
 
 def _alike(run: Run, beyond: Mapping[str, np.ndarray]) -> Run:
     """Return a run without the torque of what its base parameters (J,) have beyond others'."""
-    rows = run.rows(base_columns(run.state))
-    values = np.stack([beyond.get(term.name, np.zeros(rows.shape[1]))
+    values = np.stack([beyond.get(term.name, np.zeros(run.tau.shape[1]))
                        for term in base_terms(run.state)], axis=1)
-    return replace(run, tau=run.tau - np.einsum('mjp,jp->mj', rows, values))
+    torque = np.einsum('njp,jp->nj', base_columns(run.state), values)
+    measured = run.state.measured
+    return replace(run, tau=run.tau - run.rows(torque), state=replace(
+        run.state, measured=None if measured is None else measured - torque))
 
 
 def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
@@ -238,8 +245,12 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
         better = build_model(machine, extended_model(
             baseline, rigid_body, search.pool.evidence, named,
             search.pool.solution((*named, *unnamed_of(model)))), effects)
-        observations, heldout = (with_nominal(part, better) for part in (observations, heldout))
-        whitener, held = quiet, names_of(named)
+        memory = max((item.named.memory for item in named), default=0.0)
+        observations, heldout = (remembered(with_nominal(part, better), memory)
+                                 for part in (observations, heldout))
+        same = same and all(new.valid is old.valid for new, old in zip(
+            observations.runs, whitener.runs))
+        whitener, held = replace(quiet, runs=observations.runs), names_of(named)
         search = _search(observations, heldout, whitener, applicable, rules,
                          moved.with_nominal(better), kinds, search.pool.evidence if same else None,
                          search.candidates.swing)

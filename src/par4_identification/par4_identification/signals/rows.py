@@ -48,6 +48,10 @@ FINE_HZ = 1000.0
 """Rate of the samples of an axis from which columns are computed, at the least."""
 
 
+AT_FIRST = 0.05
+"""s in which a log that begins at rest stays there."""
+
+
 @dataclass(frozen=True)
 class Run:
     """Rows of one uninterrupted stretch of a log.
@@ -143,6 +147,18 @@ class Run:
         bend = ROUNDED / self.conditioning.position_cutoff_hz * 2.0 * coulomb / inertia
         return replace(self, state=replace(self.state, bend=bend), timing_error=np.hypot(
             self.timing_error, coulomb * self.turning_error))
+
+    def remembered(self, memory: float) -> Run:
+        """Return the same run without rows that follow from what was before it, s before them.
+
+        One that begins at rest has nothing before it. Of a short one at least half stays.
+        """
+        state = self.state
+        begun = np.abs(state.qd[state.t < state.t[0] + AT_FIRST])
+        if self.conditioning.steady or np.all(begun < self.conditioning.low_speed):
+            return self
+        memory = min(memory, 0.5 * float(state.t[-1] - state.t[0]))
+        return self.part(self.t >= state.t[0] + memory)
 
     def part(self, rows: slice | np.ndarray) -> Run:
         """Return the same run with only `rows` of it, or those where they are true, valid."""
@@ -310,7 +326,7 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
 
     geometry = machine.geometry if isinstance(machine, Robot) else None
     state = state_of_joints(geometry, log.t[segment], q, qd, qdd, period)
-    state = replace(state, told_hz=smoother.told_hz(
+    state = replace(state, measured=log.tau[segment], told_hz=smoother.told_hz(
         period, conditioning.position_cutoff_hz))
     if isinstance(machine, Axis):
         state = replace(state, hanging=machine.hanging)

@@ -146,6 +146,11 @@ def with_nominal(observations: Observations, model: Model) -> Observations:
         for run in observations.runs))
 
 
+def remembered(observations: Observations, memory: float) -> Observations:
+    """Return the observations without rows that follow from what was before a log, see `Run`."""
+    return replace(observations, runs=tuple(run.remembered(memory) for run in observations.runs))
+
+
 def lasting(kept: dict[Any, Any]) -> dict[Any, Any]:
     """Return those of the kept columns whose effect does not depend on the nominal torque."""
     return {(source, shape): value for (source, shape), value in kept.items()
