@@ -16,14 +16,21 @@ from hidden.motions import draw_motion
 from hidden.recording import record
 
 from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics.model_file import EffectEntry
+from par4_dynamics.parameters import Parameter
 from par4_identification.changes import between_logs
 from par4_identification.changes.between_logs import differences_between_logs
-from par4_identification.changes.changes import changes_since_model, model_of_bags
+from par4_identification.changes.changes import (
+    changes_between,
+    changes_since_model,
+    model_of_bags,
+)
 from par4_identification.changes.explanation import MOST
 from par4_identification.changes.joint_values import fitted_values
 from par4_identification.changes.readings import Added, FrictionFactor, GainFactor
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, _alike, diagnose
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.observations import observe, with_nominal
 from par4_identification.diagnosis.search.rules import rules_of_no_cause
 from par4_identification.jobs import diagnose as jobs
 from par4_identification.setup_check.check import check_setup
@@ -199,6 +206,67 @@ def test_a_force_without_a_name_is_no_difference_between_recordings():
     found = diagnosed(logs, [recorded(force, 'circles', 3, 'circles')])
     assert found.verdict in ('unknown', 'partly_explained')
     assert differences_between_logs(found, KNOWN.robot, None) is None
+
+
+def test_a_recording_with_values_that_no_machine_has_is_not_compared():
+    """A law of friction that is missing makes viscous friction negative where a motion is slow."""
+    stribeck = HIDERS['stribeck'].build(KNOWN.machine, {
+        'stribeck_torque': np.full(4, 1.2), 'stribeck_velocity': 0.4})
+    for machine, is_compared in ((KNOWN.machine, True), (stribeck, False)):
+        rows = observe(runs_of_log(recorded(machine, 'slow', 2, 'slow'), KNOWN.robot),
+                       KNOWN.robot, 'paper', None)
+        assert (between_logs._values(rows, ()) is not None) == is_compared
+
+
+def test_joints_carry_what_was_taken_out_of_a_recording():
+    run, = runs_of_log(recorded(loaded(KNOWN.machine, 0.4), 'loaded', 2), KNOWN.robot)
+    rows = observe([_alike(run, {'platform_mass_1': np.full(4, 0.4)})], KNOWN.robot, 'paper', None)
+    bare, = with_nominal(rows, KNOWN.model).runs
+    heavier = replace(KNOWN.model, values={
+        **KNOWN.model.values, 'platform_mass_1': KNOWN.model.values['platform_mass_1'] + 0.4})
+    known, expected = bare.state.known, heavier.nominal(run.state)
+    np.testing.assert_allclose(known.load, expected.load, atol=1e-9)
+    np.testing.assert_allclose(bare.state.torque_by_qdd, replace(
+        run.state, nominal=expected).torque_by_qdd, atol=1e-9)
+    assert np.abs(known.torque - expected.torque).max() > 1.0  # which the rows do not have
+
+
+def model_with_gain(content, joint, relative):
+    """Return a model file that knows the gain of a joint."""
+    return content.model_copy(update={'effects': (*content.effects, EffectEntry(
+        effect='drive_gain_error', joints=(joint,),
+        parameters={'relative': Parameter(value=(relative,), unit='1')}))})
+
+
+def test_what_a_model_knows_follows_masses_that_it_does_not_know(model_file):
+    """A known gain scaled the old masses: a payload left a mass beside the arm of that joint."""
+    machine = loaded(with_gain(KNOWN.machine, 1), 0.5)
+    known = model_with_gain(model_file, 1, 0.05)
+    logs = [recorded(machine, 'one', 1)], [recorded(machine, 'two', 2)]
+    found = diagnose(logs[0], KNOWN.robot, known, logs[1], library={
+        name: LIBRARY[name] for name in ('arm_mass_offset', 'torque_offset')})
+    assert (found.causes, found.unnamed) == ((), ())
+    changes = changes_since_model(found, KNOWN.robot, known, 'M')
+    assert not changes.beyond_readings
+    read, = changes.read
+    assert read.reading == Added(None, 'platform_mass_1')
+    assert read.size == pytest.approx(0.5, abs=0.003)
+
+
+def test_a_gain_that_nobody_knew_is_no_change_beside_a_payload():
+    """It scales the payload: torques of that joint seemed to have grown by 0.5 %."""
+    machine = with_gain(KNOWN.machine, 1)
+    earlier = [recorded(machine, 'was', 5)]
+    baseline = model_of_bags(earlier, KNOWN.robot, None)
+    now = loaded(machine, 0.5)
+    found = diagnose([recorded(now, 'one', 1)], KNOWN.robot, baseline, [recorded(now, 'two', 2)],
+                     library={'drive_gain_error': LIBRARY['drive_gain_error']})
+    assert [(cause.effect.name, cause.joints) for cause in found.causes] == [
+        ('drive_gain_error', (1,))]
+    changes = changes_between(found, KNOWN.robot, earlier, baseline, 'was')
+    read, = changes.read
+    assert read.reading == Added(None, 'platform_mass_1')
+    assert read.size == pytest.approx(0.5, abs=0.003)
 
 
 def test_what_leaves_nothing_unexplained_is_not_compared(cogging):

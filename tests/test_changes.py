@@ -204,6 +204,21 @@ def test_joints_of_known_gains_record_a_payload_by_them():
     assert (found.reading, found.size) == (Added(None, 'platform_mass_1'), pytest.approx(0.4))
 
 
+def test_a_factor_that_turns_a_friction_over_is_no_reading():
+    """Friction 260 % lower was told of a log of which (20) makes a negative viscous friction."""
+    values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, -1.0], (4, 1))
+    after = values.copy()
+    after[:, 5] = 1.6
+    covariance = np.diag(np.tile((1e-3 * values[0]) ** 2, 4))
+    before = Parameters(NAMES, values, np.zeros((4, 6)))
+    found = explained(readings_of(BASE_TERMS, 4), before, after, covariance)
+    assert all(item.size > item.reading.least for item in found.read)
+    back = explained(readings_of(BASE_TERMS, 4), Parameters(NAMES, after, np.zeros((4, 6))),
+                     values, covariance)
+    assert back.read == ()
+    assert not back.is_complete
+
+
 def test_where_something_is_left_only_what_explains_nearly_all_is_told():
     random = np.random.default_rng(6)
     values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))

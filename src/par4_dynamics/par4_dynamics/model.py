@@ -69,6 +69,8 @@ class Model:
         effects: the effects of the machine, with values and joints.
         torque_limit: of the drives, N m, if the model needs another one than the robot file; else
             None.
+        apart: what base parameters have beyond `values`, name -> (J,), of a recording from which
+            its torque was taken; its bodies are carried all the same.
     """
 
     rigid_body: RigidBody
@@ -76,6 +78,7 @@ class Model:
     bodies: Bodies
     effects: tuple[ActiveEffect, ...] = ()
     torque_limit: float | None = None
+    apart: dict[str, np.ndarray] = field(default_factory=dict)
 
     def limit_of_drives(self, robot: Robot) -> float:
         """Return the largest torque of the drives, N m: the model's, or else the robot's."""
@@ -95,14 +98,20 @@ class Model:
                                         if name not in FRICTION})
 
     def body_torque(self, state: State) -> np.ndarray:
-        """Return `rigid_torque` with that of the bodies that are effects, (n, J) N m."""
-        return self.rigid_torque(state) + sum(
+        """Return `rigid_torque` with the bodies that are effects or `apart`, (n, J) N m."""
+        apart = {name: value for name, value in self.apart.items() if name not in FRICTION}
+        return self.rigid_torque(state) + torque_of_values(state, apart) + sum(
             (active.torque(state) for active in self.effects if active.effect.is_body),
             np.zeros_like(state.q))
 
     def friction_torque(self, state: State) -> np.ndarray:
         """Return Coulomb and viscous friction of (20), (n, J) N m."""
         return torque_of_values(state, {name: self.values[name] for name in FRICTION})
+
+    def following_torque(self, state: State) -> np.ndarray:
+        """Return the torque (n, J), N m, of the effects that follow from the nominal one."""
+        return sum((active.torque(state) for active in self.effects if active.effect.needs_nominal),
+                   np.zeros_like(state.q))
 
     def nominal(self, state: State) -> Nominal:
         """Return the nominal torque of a motion, which effects need that scale or shift torque."""

@@ -17,10 +17,10 @@ from par4_dynamics.effects.distributed_rods import DistributedRods
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.changes.changes import explained_change, gains_of
-from par4_identification.changes.explanation import CHANCE, Explanation
+from par4_identification.changes.explanation import CERTAIN, CHANCE, Explanation
 from par4_identification.changes.explanation import MOST as MOST_READINGS
 from par4_identification.changes.joint_values import JointValues, fitted_values, left_by
-from par4_identification.changes.readings import Parameters, Reading, applied
+from par4_identification.changes.readings import Parameters, applied
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
 from par4_identification.diagnosis.verdict.answer import Diagnosis
@@ -34,6 +34,9 @@ REFERENCES = 4
 MOST = 0.75
 """Share of the squared error beyond the noise floor that must go with the readings. What a cause
 without a name does to the parameters of motions that are not alike mends little of it."""
+WORTH_A_TRY = 0.3
+"""The same from which on the logs are diagnosed without the readings. Causes that were found beside
+a load that one log carries are none, and hide what it does; without it they are others."""
 NEARLY_ALL = 0.95
 """The same where no causes have been looked for: a load that a machine carries in one log alone, or
 friction that fell as it warmed. Causes of all logs hide little of these, and look little like
@@ -82,11 +85,13 @@ class LogDifferences:
         """What base parameters (J,) of each such log have beyond the other's, by name and term."""
         return {item.log: dict(zip(item.parameters.terms, item.beyond.T)) for item in self.of_logs}
 
-    @property
-    def told(self) -> set[tuple[str, str, Reading]]:
-        """Which readings are told of which log against which other."""
-        return {(item.log, item.other, read.reading)
-                for item in self.of_logs for read in item.explanation.read}
+    def is_like(self, other: LogDifferences) -> bool:
+        """Return whether the same is told, as large within a standard deviation."""
+        own, others = ({(item.log, item.other, read.reading): (read.size, read.std)
+                        for item in part.of_logs for read in item.explanation.read}
+                       for part in (self, other))
+        return own.keys() == others.keys() and all(
+            abs(size - others[key][0]) <= std for key, (size, std) in own.items())
 
     @property
     def is_complete(self) -> bool:
@@ -129,6 +134,19 @@ def differences_between_logs(diagnosis: Diagnosis, machine: Robot | Axis,
         return None
     share = _share_mended(whole, diagnosis, differences, causes)
     return LogDifferences(whole.terms, differences, share) if share > least else None
+
+
+def mends(alike: Diagnosis, whole: Diagnosis) -> bool:
+    """Return whether a diagnosis without differences leaves little of what another one leaves."""
+    after, before = (_beyond_floor(item) for item in (alike, whole))
+    return after < (1.0 - MOST) * before
+
+
+def _beyond_floor(diagnosis: Diagnosis) -> float:
+    """Return the squared error of fitted rows and those held out over that of the noise floor."""
+    floor = np.maximum(diagnosis.holdout.noise_floor_rms, 1e-30)
+    return sum(float(np.sum(np.maximum((rms / floor) ** 2 - 1.0, 0.0)))
+               for rms in (diagnosis.fitted_rms, diagnosis.holdout.extended_rms))
 
 
 def _leaves_something(diagnosis: Diagnosis) -> bool:
@@ -181,40 +199,41 @@ def _all_rows(diagnosis: Diagnosis, machine: Robot | Axis, baseline: ModelFile |
     rows = with_nominal(
         observe(kept, machine, baseline.rigid_body if baseline else 'paper', known),
         build_model(machine, diagnosis.extended_model, diagnosis.effects)).with_terms_of(fitted)
-    return Observations((*fitted.runs, *rows.runs), (*fitted.target, *rows.target),
-                        (*fitted.base, *rows.base), fitted.terms)
+    return replace(fitted, runs=(*fitted.runs, *rows.runs), target=(*fitted.target, *rows.target),
+                   base=(*fitted.base, *rows.base), _kept={})
 
 
 def _with_nominal(rows: Observations, alike: Diagnosis, before: LogDifferences,
                   machine: Robot | Axis) -> Observations:
-    """Return rows with the nominal torque of a diagnosis of what is alike, and what each log has.
+    """Return rows with the nominal torque of a diagnosis of what is alike.
 
-    A gain scales the payload of the log that has one, too.
+    Joints carry what their log has beyond it, too.
     """
-    model = build_model(machine, alike.extended_model, alike.effects)
-    none: dict[str, np.ndarray] = {}
-    runs = tuple(
-        replace(run, state=replace(run.state, nominal=replace(model, values={
-            name: value + before.apart.get(run.name, none).get(name, 0.0)
-            for name, value in model.values.items()}).nominal(run.state)))
-        for run in rows.runs)
-    return Observations(runs, rows.target, rows.base, rows.terms)
+    runs = tuple(replace(run, apart=before.apart.get(run.name, {})) for run in rows.runs)
+    return with_nominal(replace(rows, runs=runs),
+                        build_model(machine, alike.extended_model, alike.effects))
 
 
 def _of_runs(rows: Observations, chosen: Sequence[bool]) -> Observations:
     """Return the observations of some runs."""
     places = [place for place, own in enumerate(chosen) if own]
-    return Observations(
-        tuple(rows.runs[place] for place in places), tuple(rows.target[place] for place in places),
-        tuple(rows.base[place] for place in places), rows.terms)
+    return replace(rows, runs=tuple(rows.runs[place] for place in places),
+                   target=tuple(rows.target[place] for place in places),
+                   base=tuple(rows.base[place] for place in places), _kept={})
 
 
 def _values(rows: Observations, causes: Sequence[Hypothesis]) -> JointValues | None:
-    """Return what a log tells of the parameters; None where it does not tell them apart."""
+    """Return what a log tells of the parameters.
+
+    None where it does not tell them apart, or tells values that no machine has: a law of friction
+    that is missing makes others of a slow motion than of a fast one.
+    """
     try:
-        return fitted_values(rows, causes)
+        found = fitted_values(rows, causes)
     except InputError:
         return None
+    never = [term.nonnegative for term in found.terms]
+    return None if np.any(found.values[:, never] < -CERTAIN * found.std[:, never]) else found
 
 
 def _most_alike(values: Mapping[str, JointValues]) -> list[str]:

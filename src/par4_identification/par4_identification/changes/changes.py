@@ -110,8 +110,7 @@ def changes_since_model(diagnosis: Diagnosis, machine: Robot | Axis, model_file:
     model = build_model(machine, model_file)
     seen = diagnosis.evidence.observations
     after = fitted_values(seen, diagnosis.hypotheses, diagnosis.unnamed_hypotheses)
-    heldout = observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model
-                      ).with_terms_of(seen)
+    heldout = _heldout(diagnosis, machine, model)
     shared = not any(isinstance(parameter.value, tuple)
                      for parameter in model_file.parameters.values())
     after = replace(after, bias=swallowed_values(after, (seen, heldout), shared))
@@ -174,13 +173,26 @@ def observed(logs: Sequence[Log], machine: Robot | Axis, rigid_body: RigidBody,
 
 def _changes(diagnosis: Diagnosis, machine: Robot | Axis, model: Model, before: JointValues,
              after: JointValues, swallowed: bool, since: str) -> Changes:
-    before = replace(before, gains=gains_of(model))
-    parameters, explanation = explained_change(before, after, swallowed)
-    heldout = observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model
-                      ).with_terms_of(diagnosis.evidence.observations)
+    # what a known gain adds follows from the values of the diagnosis; one that it found may have
+    # been there before, and nobody knew
+    gains = [np.ones(len(before.values))]
+    if not swallowed:
+        extended = build_model(machine, diagnosis.extended_model, diagnosis.effects)
+        gains.append(1.0 + gains_of(extended) - gains_of(model))
+    parameters, explanation = min(
+        (explained_change(replace(before, gains=own), after, swallowed) for own in gains),
+        key=lambda item: (not item[1].is_complete, len(item[1].read)))
+    heldout = _heldout(diagnosis, machine, model)
     margins = _margins(explanation.read, parameters, after, heldout, diagnosis)
     return Changes(before.terms, before, after, explanation, margins, parameters,
                    given_rms(diagnosis.holdout.runs, model), since)
+
+
+def _heldout(diagnosis: Diagnosis, machine: Robot | Axis, model: Model) -> Observations:
+    """Return the rows held out, with what a baseline knows beside the values of a diagnosis."""
+    rows = observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model)
+    return with_nominal(rows, build_model(machine, diagnosis.extended_model, diagnosis.effects)
+                        ).with_terms_of(diagnosis.evidence.observations)
 
 
 def gains_of(model: Model) -> np.ndarray:

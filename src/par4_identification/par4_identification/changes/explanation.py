@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 import scipy
 
+from par4_dynamics.base_terms import TERMS
 from par4_identification.changes.readings import Parameters, Reading, applied
 
 CHANCE = 1e-4
@@ -18,6 +19,8 @@ MOST = 6
 READING_ERROR = 0.01
 """Share (rms) by which what a reading does may differ from what really happened: a payload is no
 point, a joint that warms does not change its friction by exactly one factor."""
+CERTAIN = 3.0
+"""Standard deviations below zero from which on a friction, an inertia or a mass is none."""
 MAIN = 0.9
 """Share of the squares of a change that readings must explain to be told where more than chance is
 left."""
@@ -103,6 +106,9 @@ class _Difference:
                  covariance: np.ndarray) -> None:
         self.readings, self.before, self.after = tuple(readings), before, after
         self.root = _inverse_root(covariance)
+        never = np.array([name in TERMS and TERMS[name].nonnegative for name in before.terms])
+        self._least = np.where((never & (before.values >= 0.0)).ravel(),
+                               -CERTAIN * np.sqrt(np.diag(covariance)), -np.inf)
         self._fits: dict[tuple[int, ...], _Fit] = {}
 
     @property
@@ -152,8 +158,12 @@ class _Difference:
             rest = self.root @ (self.after.ravel() - start)[..., None]
             sizes = sizes + (inverse @ (across @ rest))[..., 0] / scale[:, 0]
             covariance = inverse / (scale.transpose(0, 2, 1) * scale)
-        rest = self.root @ (self.after.ravel() - self._applied(each, sizes))[..., None]
+        told = self._applied(each, sizes)
+        rest = self.root @ (self.after.ravel() - told)[..., None]
         squares = (rest.transpose(0, 2, 1) @ rest)[:, 0, 0]
+        if count:  # no machine has friction that drives, nor a factor that turns over
+            least = np.array([[reading.least for reading in chosen] for chosen in each])
+            squares[np.any(told < self._least, axis=1) | np.any(sizes <= least, axis=1)] = np.inf
         return [_Fit(*fit) for fit in zip(sets, sizes, squares.tolist(), covariance)]
 
     def _applied(self, each: Sequence[Sequence[Reading]], sizes: np.ndarray) -> np.ndarray:

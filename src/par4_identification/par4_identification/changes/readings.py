@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -72,8 +74,10 @@ class Reading(ABC):
 
     Attributes:
         joint: the one that it concerns, None for all.
+        least: size that it exceeds on any machine.
     """
 
+    least: ClassVar[float] = -math.inf
     joint: int | None
 
     @abstractmethod
@@ -120,6 +124,8 @@ class LoadFactor(Reading):
     The inertia of that mass goes with the square of the lever, which nobody knows; it is a reading
     of its own.
     """
+
+    least: ClassVar[float] = -1.0
 
     def apply(self, now: Parameters, size: float) -> np.ndarray:
         values = now.values.copy()
@@ -171,6 +177,7 @@ class FrictionFactor(Reading):
         kinds: Coulomb, viscous or both.
     """
 
+    least: ClassVar[float] = -1.0
     kinds: tuple[str, ...]
 
     def apply(self, now: Parameters, size: float) -> np.ndarray:
@@ -191,6 +198,8 @@ class FrictionFactor(Reading):
 @dataclass(frozen=True)
 class GainFactor(Reading):
     """Recorded torque by the factor 1 + size: a gain, the supply, the sensor of the current."""
+
+    least: ClassVar[float] = -1.0
 
     def apply(self, now: Parameters, size: float) -> np.ndarray:
         values, rows = now.values.copy(), self._rows

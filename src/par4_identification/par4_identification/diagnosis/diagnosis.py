@@ -197,7 +197,7 @@ def _alike(run: Run, beyond: Mapping[str, np.ndarray]) -> Run:
                        for term in base_terms(run.state)], axis=1)
     torque = np.einsum('njp,jp->nj', base_columns(run.state), values)
     measured = run.state.measured
-    return replace(run, tau=run.tau - run.rows(torque), state=replace(
+    return replace(run, tau=run.tau - run.rows(torque), apart=beyond, state=replace(
         run.state, measured=None if measured is None else measured - torque))
 
 

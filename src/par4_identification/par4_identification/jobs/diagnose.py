@@ -16,8 +16,10 @@ from par4_dynamics.model_file import ModelFile
 from par4_identification.changes.between_logs import (
     MOST,
     NEARLY_ALL,
+    WORTH_A_TRY,
     LogDifferences,
     differences_between_logs,
+    mends,
 )
 from par4_identification.changes.changes import (
     Changes,
@@ -79,6 +81,8 @@ from par4_sim.report.terminal import say
 from par4_sim.report.words import number, shortened
 
 TOOL = 'par4_diagnose'
+ROUNDS = 3
+"""Times that differences of recordings and causes are looked for in turn, at most."""
 
 
 @dataclass(frozen=True)
@@ -277,21 +281,24 @@ def _diagnosis(measured: Measured, progress: Progress
         if between is None or not isinstance(whole, Diagnosis):
             return None
         alike = of_logs(between.apart)
-        if not isinstance(alike, Diagnosis):
-            return None
-        # beside causes that the difference had hidden it may be read otherwise
-        better = differences_between_logs(whole, machine, baseline, alike=alike, before=between)
-        if better is None or better.told == between.told:
-            return alike, between
-        again = of_logs(better.apart)
-        return (again, better) if isinstance(again, Diagnosis) else (alike, between)
+        for _ in range(ROUNDS):
+            if not isinstance(alike, Diagnosis):
+                return None
+            # beside causes that the difference had hidden it may be read otherwise
+            better = differences_between_logs(whole, machine, baseline, min(least, MOST), alike,
+                                              between)
+            if better is None or better.is_like(between):
+                break
+            alike, between = of_logs(better.apart), better
+        return (alike, between) if isinstance(alike, Diagnosis) and (
+            between.share > MOST or mends(alike, whole)) else None
 
     if len(measured.check.logs) > 1:
         found = compared(of_logs({}, {}, rules_of_no_cause(isinstance(machine, Axis))), NEARLY_ALL)
         if found is not None:
             return found
     whole = of_logs({})
-    return compared(whole, MOST) or (whole, None)
+    return compared(whole, WORTH_A_TRY) or (whole, None)
 
 
 def _changes(asked: Asked, measured: Measured, baseline: ModelFile, diagnosis: Diagnosis

@@ -10,7 +10,7 @@ friction counts as its mean there (`State.direction`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -77,6 +77,8 @@ class Run:
             beside their stamps would cause, (m, J), N m; zero of plateaus.
         turning_error: the same of times of turning that are wrong by `TURNED_WITHIN`, over the
             Coulomb friction of the joint, (m, J).
+        apart: what base parameters (J,) this log has beyond others, by name. Its torque is taken
+            out of `tau`; joints carry its bodies all the same.
     """
 
     name: str
@@ -98,6 +100,7 @@ class Run:
     position_noise: np.ndarray = field(default_factory=lambda: np.zeros(1))
     timing_error: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
     turning_error: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
+    apart: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def rows(self, columns: np.ndarray) -> np.ndarray:
         """Return columns (n, J, ...) of `state` filtered like the torque, at the rows (m, ...)."""

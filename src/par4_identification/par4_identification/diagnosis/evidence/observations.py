@@ -30,12 +30,14 @@ class Observations:
         target: torque minus what the baseline knows besides its base terms, (m, J) a run.
         base: base columns, (m, J, p) a run.
         terms: the base terms.
+        known: the baseline, if there is one.
     """
 
     runs: tuple[Run, ...]
     target: tuple[np.ndarray, ...]
     base: tuple[np.ndarray, ...]
     terms: tuple[BaseTerm, ...]
+    known: Model | None = None
     _kept: dict[Any, Any] = field(default_factory=dict)
 
     @property
@@ -130,20 +132,36 @@ def observe(runs: list[Run], machine: Robot | Axis, rigid_body: RigidBody, basel
         baseline: model whose rigid body and effects are taken as known; its base parameters are
             fitted anew.
     """
+    if baseline is not None:
+        runs = [_with_nominal_torque(run, baseline) for run in runs]
     targets, bases = [], []
     for run in runs:
         known = (known_torque(machine, rigid_body, run.state) if baseline is None
                  else baseline.known_torque(run.state))
         targets.append(run.tau - run.rows(known))
         bases.append(run.rows(base_columns(run.state)))
-    return Observations(tuple(runs), tuple(targets), tuple(bases), base_terms(runs[0].state))
+    return Observations(tuple(runs), tuple(targets), tuple(bases), base_terms(runs[0].state),
+                        baseline)
 
 
 def with_nominal(observations: Observations, model: Model) -> Observations:
-    """Return the observations with the torque of `model` as nominal torque."""
-    return replace(observations, _kept=lasting(observations._kept), runs=tuple(
-        replace(run, state=replace(run.state, nominal=model.nominal(run.state)))
-        for run in observations.runs))
+    """Return the observations with the torque of `model` as nominal torque.
+
+    What the baseline knows may follow from it: a gain scales a payload that it does not know, too.
+    """
+    runs = tuple(_with_nominal_torque(run, model) for run in observations.runs)
+    known, target = observations.known, observations.target
+    if known is not None:
+        target = tuple(
+            part if old.state.nominal is None else part - new.rows(
+                known.following_torque(new.state) - known.following_torque(old.state))
+            for part, old, new in zip(target, observations.runs, runs))
+    return replace(observations, _kept=lasting(observations._kept), runs=runs, target=target)
+
+
+def _with_nominal_torque(run: Run, model: Model) -> Run:
+    own = replace(model, apart=dict(run.apart)) if run.apart else model
+    return replace(run, state=replace(run.state, nominal=own.nominal(run.state)))
 
 
 def remembered(observations: Observations, memory: float) -> Observations:

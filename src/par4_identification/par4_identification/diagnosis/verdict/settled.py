@@ -99,7 +99,7 @@ def settle(search: Search, model: Model, of_axis: bool) -> Settled:
         if less is None:
             causes = with_doubt_of_counts(search, widened(search, by_any_law, named, weak), named,
                                           changed)
-            less = _without_idle_joints(model, named, causes)
+            less = _without_idle(search, model, named, causes)
         if less is None:
             return Settled(model, named, told, tuple(causes), loose, blocks)
         model = less
@@ -126,8 +126,9 @@ def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...]
         weak: see `weak_causes`.
     """
     for item, cause, doubted in reversed(list(zip(named, causes, by_any_law))):
-        if cause.is_nothing or (doubted.is_zero_within(EITHER_SIDE) and not
-                                search.belief.is_possible(item, others_of(named, item))):
+        if cause.is_nothing or (doubted.is_zero_within(EITHER_SIDE) and (
+                unnamed_of(model)
+                or not search.belief.is_possible(item, others_of(named, item)))):
             search.journal.reject(item, 'all its values are zero within their deviations')
             return search.with_nameless(others_of(model, item))
     beside_weak = widened(search, on_any_joints, named, weak)
@@ -140,10 +141,15 @@ def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...]
     return None
 
 
-def _without_idle_joints(model: Model, named: Sequence[Hypothesis], causes: Sequence[Cause]
-                         ) -> Model | None:
-    """Return the model in which a name lost the joints where it is nothing; None if none has any.
+def _without_idle(search: Search, model: Model, named: Sequence[Hypothesis],
+                  causes: Sequence[Cause]) -> Model | None:
+    """Return the model without the weakest name that is nothing, or the joints where a name is
+    nothing, by the deviations that are told; None if there are none.
     """
+    for item, cause in reversed(list(zip(named, causes))):
+        if cause.is_nothing:
+            search.journal.reject(item, 'all its values are zero within their deviations')
+            return search.with_nameless(others_of(model, item))
     for item, cause in zip(named, causes):
         if cause.idle_joints:
             acting = without_joints(item, cause.idle_joints)
