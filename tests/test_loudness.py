@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -80,3 +81,15 @@ def test_a_machine_with_play_that_no_library_has_is_not_clean():
     assert found.remaining.no_noise
     assert 'too much for noise' in ' '.join(
         remark.text for remark in outcome_of_diagnosis(found, REFERENCE).remarks)
+
+
+@pytest.mark.parametrize('share', [0.0, 0.05, 0.3])
+def test_what_is_left_of_a_large_part_of_the_torque_is_no_noise(share):
+    """It wanders as noise does, but a model that leaves so much does not describe the machine."""
+    random = np.random.default_rng(3)
+    log = log_of_model(REFERENCE, model_of(), duration=12.0, seed=3, noise=0.05)
+    wander = lfilter([1.0], [1.0, -0.97], random.normal(size=log.tau.shape), axis=0)
+    wander *= share * np.sqrt(np.mean(log.tau ** 2)) / np.sqrt(np.mean(wander ** 2))
+    found = diagnose([replace(log, tau=log.tau + wander)], REFERENCE, library={})
+    assert found.causes == ()
+    assert (found.verdict == 'clean') == (share < 0.1)

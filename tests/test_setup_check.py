@@ -24,7 +24,7 @@ from par4_dynamics.model import read_model
 from par4_dynamics.parameters import Parameter
 from par4_identification.logs.log import Log, Reference
 from par4_identification.reports.outcome.setup import with_setup
-from par4_identification.setup_check import calibration
+from par4_identification.setup_check import calibration, timing
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.clustered import basis_of, clustered_std, clusters_of
 from par4_identification.setup_check.drive_answer import Answer, answer_of
@@ -159,6 +159,20 @@ def test_the_delay_is_right_to_a_fifth_of_a_millisecond(clean, delay):
     slope = np.gradient(clean.tau, clean.period, axis=0)[rows]
     wrong = mended.tau[1000:-1000] - clean.tau[rows]
     assert abs(np.sum(slope * wrong) / np.sum(slope ** 2)) < 2e-4
+
+
+def test_a_delay_that_nothing_tells_is_none(clean, monkeypatch):
+    """A torque that stays the same tells no time; its deviation ended in a traceback."""
+    refined = timing._refined
+
+    def vague(*args, **more):
+        delay, rate, _, rate_std, fit = refined(*args, **more)
+        return delay, rate, np.inf, rate_std, fit
+
+    late = mistakes.recorded_late(clean, 0.02)
+    assert [kind for kind, _ in found(late)[0]] == ['delay']
+    monkeypatch.setattr(timing, '_refined', vague)
+    assert found(late)[0] == []
 
 
 @pytest.mark.parametrize('factor', [0.25, 0.5, 2.0, 10.0])
@@ -490,6 +504,20 @@ def test_a_joint_that_rests_is_not_frozen(clean):
     assert np.ptp(q[4600:5900, 2]) == 0.0
     assert np.ptp(q[4600:5900, 1]) > 0.4
     assert held_stretches(replace(clean, q=q)) == []
+
+
+@pytest.mark.parametrize('is_held', [False, True])
+def test_a_single_joint_that_rests_and_starts_at_once_is_not_frozen(is_held):
+    """No other joint tells that the machine moved; a held reading makes up its way in a jump."""
+    t = 4e-3 * np.arange(3000)
+    q = np.where(t < 3.0, 0.0, 1.2 * (t - 3.0) + 0.02)
+    if is_held:
+        q[1500:1520] = q[1500]
+    q = np.round(q / 1e-5)[:, None] * 1e-5
+    tau = 2.0 + 0.1 * np.random.default_rng(1).normal(size=q.shape)
+    log = Log('started', ('motor',), 1, 4e-3, t, q, tau, (slice(0, len(t)),), None, None)
+    assert [(held.start, held.end) for held in held_stretches(log)] == (
+        [(1500, 1520)] if is_held else [])
 
 
 def test_a_reading_with_a_fixed_number_of_digits_is_not_frozen_where_it_turns_round():

@@ -80,7 +80,7 @@ from par4_identification.diagnosis.verdict.loose_loads import cause_of
 from par4_identification.diagnosis.verdict.loudness import follows_in_size
 from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.settled import settle
-from par4_identification.diagnosis.verdict.sure import is_no_noise
+from par4_identification.diagnosis.verdict.sure import is_most_of_it, is_no_noise
 from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, unrelated
 from par4_identification.logs.log import Log
 from par4_identification.signals.conditioning import Conditioning
@@ -314,9 +314,10 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     swing = None if steady or excess < rules.floor_excess or alone.lines else swing_of(rest)
     # there may be causes that no function of the motion follows, such as a load with play
     no_noise = not steady and (
-        is_no_noise(heldout, left, [old - new for old, new in zip(before, after)], floor, rules)
-        if isinstance(machine, Axis) else
-        excess > rules.floor_excess and follows_in_size(*rest))
+        is_most_of_it(heldout, left, floor, rules) or (
+            is_no_noise(heldout, left, [old - new for old, new in zip(before, after)], floor, rules)
+            if isinstance(machine, Axis) else
+            excess > rules.floor_excess and follows_in_size(*rest)))
     remaining = Remaining(excess, alone, None if near is None else near.named,
                           steady and excess > UNEVEN, swing, no_noise)
     doubts = [doubt_of(search, item, model) for item in unnamed_of(model)] or [

@@ -113,12 +113,13 @@ def _unheld(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
             'these stretches are left out',
             'Record on a less busy machine or with a longer queue, and do not publish a reading '
             'twice: repeated readings look like play in the joints.', True))
+    meanwhile = 'while the machine moves' if everything > 1 else 'and then makes up its way at once'
     for joint, own in sorted(frozen.items()):
         lost = sum(item.end - item.start - 1 for item in own) * log.period
         found.append(Finding(
             'frozen_encoder', (joint,), _span(log, own[0].start, own[-1].end),
             f'the position of joint {joint} in {log.name} stands still to the last count for '
-            f'{number(lost, 2)} s while the machine moves; this stretch is left out',
+            f'{number(lost, 2)} s {meanwhile}; this stretch is left out',
             f'Check plug, cable and supply of the encoder of joint {joint}.', True))
     return found, filled(log, stretches)
 

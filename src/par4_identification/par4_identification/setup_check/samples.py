@@ -34,6 +34,9 @@ FASTER = 3.0
 BRIEF, UNMOVED = 0.06, 4.0
 """s up to which a joint cannot have turned round unseen, and ratio of a jump to what the joint
 travels in that time at the speed beside it, from which the jump is no end of a held reading."""
+MADE_UP = 0.3
+"""Of a joint beside which no other tells that the machine moved: least part of the way at the speed
+beside a held reading that its jump makes up, and least ratio of the speeds before and after."""
 BESIDE = 0.2
 """Most that other joints travel, in the jump, while a joint rested before it slipped."""
 STOPPED = 3.0
@@ -224,7 +227,9 @@ def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, in
             jump = abs(own[end] - own[end - 1])
             after = abs(own[min(end + AROUND, len(own) - 1)] - own[end]) / AROUND
             speed = max(before, after)
-            if jump > COUNTS * count and jump > FASTER * speed:
+            rested = q.shape[1] == 1 and (min(before, after) < MADE_UP * speed
+                                          or jump < MADE_UP * speed * (end - start))
+            if jump > COUNTS * count and jump > FASTER * speed and not rested:
                 short = (end - start) * period < BRIEF
                 alone = q.shape[1] > 1 and _travel_beside(q[start:end + 1], joint) < BESIDE * jump
                 found.append((start, end, alone or (

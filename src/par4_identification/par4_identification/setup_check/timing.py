@@ -124,7 +124,8 @@ def timing_of(rows: Equations, rival: Equations | None = None) -> Timing | None:
     if drifts:
         return Timing(late - rate * (middle - start), rate, start, end,
                       (drifting[2], rate_std), before, own)
-    if abs(delay) > smallest and fit.left < min(fewer * now.left, other) and fit.physical and (
+    told = abs(delay) > smallest and np.isfinite(delay_std)  # a constant torque has no time
+    if told and fit.left < min(fewer * now.left, other) and fit.physical and (
             abs(delay) < LONGEST and fit.error < min(
                 UNEXPLAINED, BETTER * before.error)):
         return Timing(delay, 0.0, start, end, (delay_std, 0.0), before, fit)

@@ -37,6 +37,8 @@ MOST_LEFT = 0.5
 are told although what they leave is no noise."""
 NO_NOISE = 5.0
 """Ratio of an error to the white noise of the rows above which it is no noise."""
+LARGEST = 0.15
+"""Share of the measured torque (rms) beyond which noise is part of what the machine does."""
 CHANCE = 0.025
 """Largest probability, over draws of parts of the motion, that the error on held-out rows is no
 smaller with the names."""
@@ -91,6 +93,17 @@ def is_no_noise(heldout: Observations, left: Sequence[np.ndarray], named: Sequen
     error = np.hypot(np.sqrt(np.mean(floor ** 2)), rules.base_error * measured)
     limit = np.hypot(NO_NOISE * error, rules.named_error * rms_of(heldout, named))
     return bool(rms_of(heldout, left) > limit)
+
+
+def is_most_of_it(heldout: Observations, left: Sequence[np.ndarray], floor: np.ndarray,
+                  rules: Rules) -> bool:
+    """Return whether what a model leaves is beyond the noise floor and a large part of the torque.
+
+    It may wander as noise does: a model that does not know so much of a machine is none of it.
+    """
+    rest = rms_of(heldout, left)
+    return bool(rest > rules.floor_excess * np.sqrt(np.mean(floor ** 2))
+                and rest > LARGEST * rms_of(heldout, heldout.varying))
 
 
 def _without(search: Search, model: Model, *doubts: Doubt) -> Model:
