@@ -179,6 +179,16 @@ def test_a_decimal_comma_may_come_late(rows, numbers, tmp_path):
     np.testing.assert_array_equal(read_columns(path, ('2',))['2'], numbers)
 
 
+@pytest.mark.parametrize('separator', [', ', ',', ' ', '\t'])
+def test_a_semicolon_may_end_the_rows_of_a_matrix(separator, tmp_path):
+    """It was taken for what parts the cells, and no line held numbers."""
+    path = tmp_path / 'log.csv'
+    path.write_text('% from a motor\n' + ''.join(
+        separator.join(map(repr, row)) + ';\n' for row in zip(T.tolist(), Q.tolist())),
+        encoding='utf-8')
+    np.testing.assert_array_equal(read_columns(path, ('2',))['2'], Q)
+
+
 def test_commas_among_points_are_no_decimal_commas(tmp_path):
     """They part thousands."""
     path = tmp_path / 'log.csv'

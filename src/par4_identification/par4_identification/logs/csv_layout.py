@@ -16,7 +16,8 @@ import numpy as np
 from par4_identification.logs.dates import DATES
 from par4_kinematics.errors import InputError
 
-DELIMITERS = (';', '\t', ',')
+ROW_END = ';'
+DELIMITERS = (ROW_END, '\t', ',')
 """Tried in this order: where one of the first two parts the fields, a comma is a decimal comma."""
 COMMENTS = '#%'
 MOST_ABOVE = 10_000
@@ -169,12 +170,20 @@ def _delimiter(text: str) -> str | None:
 
     Where spaces part more numbers than commas do, the commas are decimal ones.
     """
+    text = row_of(text, None)
     mark = next((mark for mark in DELIMITERS if mark in text), None)
     if mark == ',' and len(text.split()) > 1:
         spaced = sum(_is_number(field, True) and not field.endswith(',') for field in text.split())
         if spaced > sum(_is_number(field, False) for field in text.split(',')):
             return None
     return mark
+
+
+def row_of(line: str, delimiter: str | None) -> str:
+    """Return a line without the semicolon that ends a row of a matrix, and parts no cells."""
+    text = line.rstrip()
+    ends = delimiter != ROW_END and text.endswith(ROW_END) and text.count(ROW_END) == 1
+    return text[:-1] if ends else line
 
 
 def is_comment(text: str) -> bool:
@@ -263,6 +272,7 @@ def _has_decimal_comma(lines: Iterable[str], delimiter: str | None) -> bool:
 
 
 def fields_of(text: str, delimiter: str | None) -> list[str]:
+    text = row_of(text, delimiter)
     if delimiter is None:
         return text.split()
     return next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))

@@ -15,7 +15,13 @@ from pathlib import Path
 import numpy as np
 import scipy
 
-from par4_identification.logs.csv_layout import Layout, fields_of, is_comment, layout_of
+from par4_identification.logs.csv_layout import (
+    Layout,
+    fields_of,
+    is_comment,
+    layout_of,
+    row_of,
+)
 from par4_identification.logs.dates import DATES, EXAMPLES, unit_of_date
 from par4_kinematics.errors import InputError
 from par4_kinematics.held_signals import held_back
@@ -195,7 +201,7 @@ def _of_csv(path: Path, wanted: Sequence[str], dates: Mapping[str, str]
              for name in wanted}
     try:
         with path.open(encoding=layout.encoding, newline='') as stream:
-            rows = (line for line in islice(stream, layout.first, None)
+            rows = (row_of(line, layout.delimiter) for line in islice(stream, layout.first, None)
                     if line.strip() and not is_comment(line))
             values = np.loadtxt(rows, delimiter=layout.delimiter, ndmin=2, usecols=places,
                                 converters=dict(zip(places, cells.values())), comments=None,
