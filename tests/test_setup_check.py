@@ -565,6 +565,23 @@ def test_what_is_filled_goes_on_from_both_sides(clean):
     assert rest < 0.03 * np.abs(log.q - clean.q).max()
 
 
+@pytest.mark.parametrize(('acceleration', 'is_doubtful'), [
+    (0.0, False), (0.1, False), (3.0, True)])
+def test_what_a_single_joint_repeats_at_a_steady_speed_is_filled_in(acceleration, is_doubtful):
+    """Of a slow log with a repeat every third of a second no row was left."""
+    t = 5e-3 * np.arange(4000)
+    q = (0.4 * t + acceleration * 0.16 * (1.0 - np.cos(2.5 * t)))[:, None]
+    held = [Held(first, first + 6, (0,), True) for first in range(100, 3900, 70)]
+    repeated = q.copy()
+    for item in held:
+        repeated[item.start:item.end] = repeated[item.start]
+    log = Log('slow', ('motor',), 1, 5e-3, t, repeated, np.sin(t)[:, None], (slice(0, 4000),),
+              None, None)
+    mended = filled(log, held)
+    np.testing.assert_allclose(mended.q, q, atol=5e-4)
+    assert mended.doubtful.any() == is_doubtful
+
+
 def test_a_frozen_encoder_is_cut_out(clean):
     kinds, check = found(mistakes.frozen(clean, 2, 4.0, 5.2))
     assert kinds == [('frozen_encoder', (2,))]

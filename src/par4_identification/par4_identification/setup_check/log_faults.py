@@ -110,7 +110,7 @@ def _unheld(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
             'held_samples', tuple(range(everything)), _span(log, held[0].start, held[-1].end),
             f'{len(held)} times the log {log.name} repeats its readings while the machine moves '
             f'and then jumps, for up to {number(1e3 * longest, 3)} ms, {number(lost, 2)} s in all; '
-            'these stretches are left out',
+            'they are filled in, or left out where that might show',
             'Record on a less busy machine or with a longer queue, and do not publish a reading '
             'twice: repeated readings look like play in the joints.', True))
     meanwhile = 'while the machine moves' if everything > 1 else 'and then makes up its way at once'

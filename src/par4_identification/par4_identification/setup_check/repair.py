@@ -15,6 +15,9 @@ from par4_identification.setup_check.samples import Held
 
 LONGEST_FILLED = 0.06
 """s; longer stretches are cut out: the log goes on as another segment."""
+STRAIGHT = 0.2
+"""Ways of a sample by which positions that are filled in may be off a straight line, of a single
+joint, to be taken for measured ones: at a steady speed they can hardly have been others."""
 SLOPE_SAMPLES = 5
 """From which the speed at either end of a stretch is taken."""
 
@@ -31,9 +34,8 @@ def filled(log: Log, held: Sequence[Held]) -> Log:
         if (item.end - item.start) * log.period > LONGEST_FILLED or item.end >= len(log.t):
             cut[rows] = True
             continue
-        doubtful[rows] = True
-        for joint in item.joints:
-            _bridge(q[:, joint], item.start, item.end)
+        bends = [_bridge(q[:, joint], item.start, item.end) for joint in item.joints]
+        doubtful[rows] |= q.shape[1] > 1 or max(bends, default=0.0) > STRAIGHT
         if item.torque:
             inside = np.arange(item.start + 1, item.end)
             for joint in range(tau.shape[1]):
@@ -42,8 +44,11 @@ def filled(log: Log, held: Sequence[Held]) -> Log:
     return without(replace(log, q=q, tau=tau, doubtful=doubtful), cut)
 
 
-def _bridge(values: np.ndarray, start: int, end: int) -> None:
-    """Fill values between two rows by the cubic that goes on from both sides with their slopes."""
+def _bridge(values: np.ndarray, start: int, end: int) -> float:
+    """Fill values between two rows by the cubic that goes on from both sides with their slopes.
+
+    Returns how far it is from a straight line, over the way of a sample.
+    """
     first, last = max(start - SLOPE_SAMPLES, 0), min(end + SLOPE_SAMPLES, len(values) - 1)
     before = (values[start] - values[first]) / max(start - first, 1)
     after = (values[last] - values[end]) / max(last - end, 1)
@@ -53,6 +58,9 @@ def _bridge(values: np.ndarray, start: int, end: int) -> None:
     values[start + 1:end] = (
         rest ** 2 * (1.0 + 2.0 * share) * values[start] + share ** 2 * (3.0 - 2.0 * share)
         * values[end] + length * share * rest * (rest * before - share * after))
+    straight = rest * values[start] + share * values[end]
+    way = abs(values[end] - values[start]) / length
+    return float(np.max(np.abs(values[start + 1:end] - straight), initial=0.0)) / max(way, 1e-30)
 
 
 def without(log: Log, cut: np.ndarray) -> Log:
