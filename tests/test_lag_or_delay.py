@@ -15,10 +15,13 @@ from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.model import read_model
 from par4_dynamics.state import state_of_platform
 from par4_identification.diagnosis.evidence.dithered import DRAWS, Dithered, dithered
+from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
+from par4_identification.diagnosis.evidence.observations import with_nominal
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.unnamed import Kinds
+from par4_identification.diagnosis.evidence.whitener import flat_whitener
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.lag_or_delay import obeys
 from par4_identification.diagnosis.search.rules import Rules
@@ -147,6 +150,18 @@ def test_laws_that_counts_hide_are_twins_whatever_the_first_order_prefers(counts
                     Kinds(evidence.observations))
     offset = case.hypothesis('time_offset')[0]
     assert judge(search, offset, (offset,)).twins == twins
+
+
+def test_a_lag_of_a_torque_that_is_nothing_breaks_no_law():
+    """Base parameters that all come out negative are none; the equations were singular then."""
+    observations = Case('reference', 'actuator_lag').projection.evidence.observations
+    model = ROBOTS['reference'][1]
+    nothing = replace(model, values={name: np.full(4, 1e-190) for name in model.values})
+    rows = with_nominal(observations, nothing)
+    projection = project(gather(rows, flat_whitener(rows, np.ones(4))), [])
+    with np.errstate(invalid='raise', divide='raise'):
+        assert obeys(dithered(rows).with_nominal(nothing), projection,
+                     Hypothesis(CATALOGUE['actuator_lag'], {}, EVERY), TIME)
 
 
 def test_nothing_is_held_against_anybody_where_counts_are_not_known():

@@ -55,6 +55,8 @@ def obeys(dithered: Dithered, projection: Projection, hypothesis: Hypothesis, ti
     orders = _orders(hypothesis, evidence.observations.runs[0].conditioning.torque_cutoff_hz)
     whole = stacked(evidence, [run.rows(orders(run.state)) for run in evidence.observations.runs])
     columns = projection.rest(whole)
+    if not columns[:, 0] @ columns[:, 0] > 0.0:  # it is nothing, and nothing tells its law
+        return True
     told = columns.T @ columns, columns.T @ projection.residual
     (gram, moment), blurred = told, np.zeros_like(told[0])
     for torque, noise in zip(dithered.noise(evidence, delivered), dithered.noise(evidence, orders)):
