@@ -99,7 +99,7 @@ def settle(search: Search, model: Model, of_axis: bool) -> Settled:
         if less is None:
             causes = with_doubt_of_counts(search, widened(search, by_any_law, named, weak), named,
                                           changed)
-            less = _without_idle(search, model, named, causes)
+            less = _without_idle_joints(model, named, causes)
         if less is None:
             return Settled(model, named, told, tuple(causes), loose, blocks)
         model = less
@@ -141,15 +141,10 @@ def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...]
     return None
 
 
-def _without_idle(search: Search, model: Model, named: Sequence[Hypothesis],
-                  causes: Sequence[Cause]) -> Model | None:
-    """Return the model without the weakest name that is nothing, or the joints where a name is
-    nothing, by the deviations that are told; None if there are none.
+def _without_idle_joints(model: Model, named: Sequence[Hypothesis], causes: Sequence[Cause]
+                         ) -> Model | None:
+    """Return the model in which a name lost the joints where it is nothing; None if none has any.
     """
-    for item, cause in reversed(list(zip(named, causes))):
-        if cause.is_nothing:
-            search.journal.reject(item, 'all its values are zero within their deviations')
-            return search.with_nameless(others_of(model, item))
     for item, cause in zip(named, causes):
         if cause.idle_joints:
             acting = without_joints(item, cause.idle_joints)
