@@ -33,6 +33,8 @@ def pytest_configure() -> None:
     """Hear Ctrl-C, and let children hear it: a script that runs tests with `&` has it ignored."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:  # under nohup; nodes would ignore it, too
+        signal.signal(signal.SIGHUP, lambda *_: None)
 
 
 def pytest_collection_finish() -> None:
