@@ -89,8 +89,8 @@ class State:
             friction bends the speed there, and the low-pass rounds the bend. (J,), or of all.
         told_hz: frequency, Hz, up to which a model may let the positions swing a load. Beyond it
             motors follow the noise of their encoders. Infinite if the data show no such noise.
-        measured: torque of the motors, (n, J) N m; None of a motion that nobody measured. It tells
-            how loads swing at its first sample, which depends on what was before.
+        measured: torque of the motors, (n, J) N m, of a recording that begins in motion; else None.
+            It tells how loads swing at the first sample, which depends on what was before.
     """
 
     t: np.ndarray

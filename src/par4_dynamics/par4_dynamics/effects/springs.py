@@ -89,7 +89,7 @@ class Springs:
         self._last: tuple[tuple[Drive, tuple[float, ...]] | None, np.ndarray] = (
             None, self._whole_load)
         self._first = min(len(state.t), round(FIRST / self._period))
-        self._told_at_first = self._known_friction()
+        self._friction_known = self._known_friction()
 
     def resonances(self, compliance: np.ndarray, drive: Drive = USUAL) -> np.ndarray:
         """Return the frequency at which each load swings against its resting motor, (J,) Hz.
@@ -236,13 +236,9 @@ class Springs:
                      if with_slopes else None)
 
     def _known_friction(self) -> np.ndarray:
-        """Return at which of the first samples the measured torque tells a load, (f, J)."""
-        if self._state.measured is None:
-            return np.zeros((0, self._state.joints), dtype=bool)
+        """Return at which of the first samples the sign of the friction is known, (f, J)."""
         speed = np.abs(self._state.qd)
-        usual = np.sqrt(np.mean(speed ** 2, axis=0))
-        moving = speed[:self._first] > MOVING * usual
-        return moving & bool(moving[0].any())  # what begins at rest swings as it must
+        return speed[:self._first] > MOVING * np.sqrt(np.mean(speed ** 2, axis=0))
 
     def _swinging_at_first(self, load: np.ndarray, beyond: np.ndarray,
                            swing: Callable[[np.ndarray, slice], Swung], every: int,
@@ -263,10 +259,10 @@ class Springs:
         """
         begin = -(-self._before // every)
         samples = slice(every * begin - self._before, self._first, every)
-        told = self._told_at_first[samples].copy()
+        told = self._friction_known[samples].copy()
         told[:2] = False  # where the kicks are
         measured = self._state.measured
-        if begin < 1 or measured is None or not told.any():
+        if measured is None or begin < 1 or not told.any():
             return load
         steps = slice(begin - 1, begin + len(told))
         left = (measured - self._state.known.delivered - beyond)[samples] - swing(

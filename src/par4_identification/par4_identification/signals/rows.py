@@ -154,11 +154,10 @@ class Run:
     def remembered(self, memory: float) -> Run:
         """Return the same run without rows that follow from what was before it, s before them.
 
-        One that begins at rest has nothing before it. Of a short one at least half stays.
+        Before one that begins at rest nothing was. Of a short one at least half stays.
         """
         state = self.state
-        begun = np.abs(state.qd[state.t < state.t[0] + AT_FIRST])
-        if self.conditioning.steady or np.all(begun < self.conditioning.low_speed):
+        if state.measured is None:
             return self
         memory = min(memory, 0.5 * float(state.t[-1] - state.t[0]))
         return self.part(self.t >= state.t[0] + memory)
@@ -329,7 +328,9 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
 
     geometry = machine.geometry if isinstance(machine, Robot) else None
     state = state_of_joints(geometry, log.t[segment], q, qd, qdd, period)
-    state = replace(state, measured=log.tau[segment], told_hz=smoother.told_hz(
+    at_first = state.t < state.t[0] + AT_FIRST
+    rests = np.all(np.abs(state.qd[at_first]) < conditioning.low_speed)
+    state = replace(state, measured=None if rests else log.tau[segment], told_hz=smoother.told_hz(
         period, conditioning.position_cutoff_hz))
     if isinstance(machine, Axis):
         state = replace(state, hanging=machine.hanging)
