@@ -104,10 +104,6 @@ class Model:
             (active.torque(state) for active in self.effects if active.effect.is_body),
             np.zeros_like(state.q))
 
-    def friction_torque(self, state: State) -> np.ndarray:
-        """Return Coulomb and viscous friction of (20), (n, J) N m."""
-        return torque_of_values(state, {name: self.values[name] for name in FRICTION})
-
     def following_torque(self, state: State) -> np.ndarray:
         """Return the torque (n, J), N m, of the effects that follow from the nominal one."""
         return sum((active.torque(state) for active in self.effects if active.effect.needs_nominal),

@@ -14,15 +14,16 @@ import numpy as np
 
 from par4_dynamics.base_terms import BaseTerm
 from par4_dynamics.effects.distributed_rods import DistributedRods
+from par4_dynamics.effects.effect import beyond
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
-from par4_identification.changes.changes import explained_change, gains_of
-from par4_identification.changes.explanation import CERTAIN, CHANCE, Explanation
+from par4_identification.changes.changes import explained_change, gains_of, rows_beside
+from par4_identification.changes.explanation import CHANCE, Explanation
 from par4_identification.changes.explanation import MOST as MOST_READINGS
 from par4_identification.changes.joint_values import JointValues, fitted_values, left_by
 from par4_identification.changes.readings import Parameters, applied
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.evidence.observations import Observations, observe, with_nominal
+from par4_identification.diagnosis.evidence.observations import Observations, with_nominal
 from par4_identification.diagnosis.verdict.answer import Diagnosis
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
@@ -196,9 +197,7 @@ def _all_rows(diagnosis: Diagnosis, machine: Robot | Axis, baseline: ModelFile |
     if not kept:
         return fitted
     known = None if baseline is None else build_model(machine, baseline)
-    rows = with_nominal(
-        observe(kept, machine, baseline.rigid_body if baseline else 'paper', known),
-        build_model(machine, diagnosis.extended_model, diagnosis.effects)).with_terms_of(fitted)
+    rows = rows_beside(diagnosis, kept, machine, known)
     return replace(fitted, runs=(*fitted.runs, *rows.runs), target=(*fitted.target, *rows.target),
                    base=(*fitted.base, *rows.base), _kept={})
 
@@ -233,7 +232,8 @@ def _values(rows: Observations, causes: Sequence[Hypothesis]) -> JointValues | N
     except InputError:
         return None
     never = [term.nonnegative for term in found.terms]
-    return None if np.any(found.values[:, never] < -CERTAIN * found.std[:, never]) else found
+    unlike = beyond(found.values[:, never], found.std[:, never], low=0.0)
+    return found if unlike is None else None
 
 
 def _most_alike(values: Mapping[str, JointValues]) -> list[str]:

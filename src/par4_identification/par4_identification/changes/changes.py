@@ -110,7 +110,7 @@ def changes_since_model(diagnosis: Diagnosis, machine: Robot | Axis, model_file:
     model = build_model(machine, model_file)
     seen = diagnosis.evidence.observations
     after = fitted_values(seen, diagnosis.hypotheses, diagnosis.unnamed_hypotheses)
-    heldout = _heldout(diagnosis, machine, model)
+    heldout = rows_beside(diagnosis, diagnosis.holdout.runs, machine, model)
     shared = not any(isinstance(parameter.value, tuple)
                      for parameter in model_file.parameters.values())
     after = replace(after, bias=swallowed_values(after, (seen, heldout), shared))
@@ -182,15 +182,20 @@ def _changes(diagnosis: Diagnosis, machine: Robot | Axis, model: Model, before: 
     parameters, explanation = min(
         (explained_change(replace(before, gains=own), after, swallowed) for own in gains),
         key=lambda item: (not item[1].is_complete, len(item[1].read)))
-    heldout = _heldout(diagnosis, machine, model)
+    heldout = rows_beside(diagnosis, diagnosis.holdout.runs, machine, model)
     margins = _margins(explanation.read, parameters, after, heldout, diagnosis)
     return Changes(before.terms, before, after, explanation, margins, parameters,
                    given_rms(diagnosis.holdout.runs, model), since)
 
 
-def _heldout(diagnosis: Diagnosis, machine: Robot | Axis, model: Model) -> Observations:
-    """Return the rows held out, with what a baseline knows beside the values of a diagnosis."""
-    rows = observe(list(diagnosis.holdout.runs), machine, model.rigid_body, model)
+def rows_beside(diagnosis: Diagnosis, runs: Sequence[Run], machine: Robot | Axis,
+                baseline: Model | None) -> Observations:
+    """Return other rows than the fitted ones, with the nominal torque of a diagnosis.
+
+    What a baseline knows follows from it.
+    """
+    rows = observe(list(runs), machine, 'paper' if baseline is None else baseline.rigid_body,
+                   baseline)
     return with_nominal(rows, build_model(machine, diagnosis.extended_model, diagnosis.effects)
                         ).with_terms_of(diagnosis.evidence.observations)
 

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from par4_dynamics.base_terms import TERMS
+from par4_dynamics.effects.effect import CERTAIN
 from par4_identification.changes.readings import Parameters, Reading, applied
 
 CHANCE = 1e-4
@@ -19,8 +20,6 @@ MOST = 6
 READING_ERROR = 0.01
 """Share (rms) by which what a reading does may differ from what really happened: a payload is no
 point, a joint that warms does not change its friction by exactly one factor."""
-CERTAIN = 3.0
-"""Standard deviations below zero from which on a friction, an inertia or a mass is none."""
 MAIN = 0.9
 """Share of the squares of a change that readings must explain to be told where more than chance is
 left."""

@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
-from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model import Model, build_model, read_file_and_model
 from par4_dynamics.model_file import ModelFile
-from par4_identification.changes.between_logs import (
-    MOST,
-    NEARLY_ALL,
-    WORTH_A_TRY,
-    LogDifferences,
-    differences_between_logs,
-    mends,
-)
+from par4_identification.changes.apart import diagnosed_apart
+from par4_identification.changes.between_logs import LogDifferences
 from par4_identification.changes.changes import (
     Changes,
     changes_between,
@@ -39,7 +32,7 @@ from par4_identification.diagnosis.experiment.next_experiment import (
     next_experiment,
 )
 from par4_identification.diagnosis.progress import Progress
-from par4_identification.diagnosis.search.rules import Rules, rules_of_no_cause
+from par4_identification.diagnosis.search.rules import rules_of_no_cause
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis, Unusable
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.jobs.read_bags import read_bags
@@ -81,8 +74,6 @@ from par4_sim.report.terminal import say
 from par4_sim.report.words import number, shortened
 
 TOOL = 'par4_diagnose'
-ROUNDS = 3
-"""Times that differences of recordings and causes are looked for in turn, at most."""
 
 
 @dataclass(frozen=True)
@@ -260,45 +251,16 @@ def _answer(asked: Asked, measured: Measured, progress: Progress) -> Answer:
 
 def _diagnosis(measured: Measured, progress: Progress
                ) -> tuple[Diagnosis | Unusable, LogDifferences | None]:
-    """Diagnose the recordings, without what they differ in if they do.
-
-    They are compared by the bodies alone, and again beside the causes found. A load in one of them
-    is large beside any cause, and there would be no end of causes that explain some of it.
-    """
+    """Diagnose the recordings, without what they differ in if they do."""
     machine, baseline = measured.machine, measured.baseline
 
-    def of_logs(apart: Apart, library: Mapping[str, Effect] | None = None,
-                rules: Rules | None = None) -> Diagnosis | Unusable:
+    def of_logs(apart: Apart, *, bodies_alone: bool = False) -> Diagnosis | Unusable:
+        rules = rules_of_no_cause(isinstance(machine, Axis)) if bodies_alone else None
         return diagnosed_if_sound(measured.check, lambda sound: diagnose(
             sound.logs[:measured.fitted], sound.machine, baseline, sound.logs[measured.fitted:],
-            library, rules, measured.conditioning, progress, apart))
+            {} if bodies_alone else None, rules, measured.conditioning, progress, apart))
 
-    def compared(whole: Diagnosis | Unusable, least: float
-                 ) -> tuple[Diagnosis, LogDifferences] | None:
-        progress('comparing the recordings')
-        between = None if not isinstance(whole, Diagnosis) else differences_between_logs(
-            whole, machine, baseline, least)
-        if between is None or not isinstance(whole, Diagnosis):
-            return None
-        alike = of_logs(between.apart)
-        for _ in range(ROUNDS):
-            if not isinstance(alike, Diagnosis):
-                return None
-            # beside causes that the difference had hidden it may be read otherwise
-            better = differences_between_logs(whole, machine, baseline, min(least, MOST), alike,
-                                              between)
-            if better is None or better.is_like(between):
-                break
-            alike, between = of_logs(better.apart), better
-        return (alike, between) if isinstance(alike, Diagnosis) and (
-            between.share > MOST or mends(alike, whole)) else None
-
-    if len(measured.check.logs) > 1:
-        found = compared(of_logs({}, {}, rules_of_no_cause(isinstance(machine, Axis))), NEARLY_ALL)
-        if found is not None:
-            return found
-    whole = of_logs({})
-    return compared(whole, WORTH_A_TRY) or (whole, None)
+    return diagnosed_apart(of_logs, len(measured.check.logs), machine, baseline, progress)
 
 
 def _changes(asked: Asked, measured: Measured, baseline: ModelFile, diagnosis: Diagnosis
