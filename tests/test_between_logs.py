@@ -272,6 +272,32 @@ def test_a_gain_that_nobody_knew_is_no_change_beside_a_payload():
     assert read.size == pytest.approx(0.5, abs=0.003)
 
 
+def test_the_same_is_told_where_it_stays_within_its_deviation():
+    def differences(size, reading=None, log='loaded'):
+        read = SimpleNamespace(reading=reading or Added(None, 'platform_mass_1'), size=size,
+                               std=0.01)
+        return between_logs.LogDifferences((), (SimpleNamespace(
+            log=log, other='bare', explanation=SimpleNamespace(read=(read,))),), 0.9)
+
+    first = differences(0.4)
+    assert differences(0.409).is_like(first)
+    assert not differences(0.411).is_like(first)
+    assert not differences(0.4, GainFactor(None)).is_like(first)
+    assert not differences(0.4, log='other').is_like(first)
+
+
+def test_a_diagnosis_mends_what_leaves_a_quarter_of_the_squares():
+    def leaving(fitted, heldout):
+        return SimpleNamespace(fitted_rms=fitted, holdout=SimpleNamespace(
+            extended_rms=np.full(4, heldout), noise_floor_rms=np.full(4, 0.1)))
+
+    whole = leaving(1.0, 1.0)
+    assert between_logs.mends(leaving(0.4, 0.4), whole)
+    assert between_logs.mends(leaving(0.1, 0.1), leaving(0.1, 1.0))
+    assert not between_logs.mends(leaving(0.6, 0.6), whole)
+    assert not between_logs.mends(leaving(1.0, 0.1), whole)
+
+
 def test_what_leaves_nothing_unexplained_is_not_compared(cogging):
     found = diagnosed([recorded(cogging, 'one', 1)], [recorded(cogging, 'two', 2)])
     assert found.verdict == 'explained'
