@@ -203,6 +203,24 @@ def test_a_slide_has_one_order_whatever_its_pitch(pitch):
         'amplitude': 'N', 'periods': 'rad/m', 'phase': 'rad'}
 
 
+@pytest.mark.parametrize('unit', [1.0, 1e-2, 50.0], ids=['m', 'cm', '20 mm'])
+def test_the_names_of_a_slide_do_not_depend_on_its_length(unit):
+    """What is logged is the same machine in another unit: no length is a turn."""
+    pitch = 0.02
+    fit, heldout = (sliding(lambda q: 8.0 * np.sin(2.0 * np.pi * q / pitch) + 60.0 * q, seed,
+                            period=2e-3) for seed in (1, 2))
+    found = diagnosed(*([replace(log, q=unit * log.q)] for log in (fit, heldout)),
+                      axis(kind='linear'))
+    causes = {cause.effect.name: cause.parameters for cause in found.causes}
+    assert set(causes) == {'cogging', 'position_torque'}
+    assert causes['cogging']['periods'].number == pytest.approx(
+        2.0 * np.pi / (unit * pitch), rel=1e-3)
+    slope = causes['position_torque']
+    low, high = (float(np.ravel(end)[0]) for end in slope['range'].value)
+    assert 2.0 * np.ravel(slope['coefficients'].value)[1] / (high - low) == pytest.approx(
+        60.0 / unit, rel=0.02)
+
+
 def test_a_constant_force_beside_another_cause_is_no_force_that_follows_the_position():
     """A series that is constant explains as much, with a coefficient more."""
     fit, heldout = (sliding(lambda q: 12.0 + 8.0 * np.sin(2.0 * np.pi * q / 0.02), seed,

@@ -9,6 +9,7 @@ import pytest
 
 from par4_dynamics.effects.catalogue import CATALOGUE, SEVERAL_ORDERS
 from par4_dynamics.effects.effect import beyond
+from par4_dynamics.effects.guide import GUIDES
 from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
 from par4_dynamics.effects.transmission import MOTOR_SHARE
 from par4_dynamics.model import build_model, read_model
@@ -918,6 +919,27 @@ def test_a_stiff_joint_leaves_the_swing_of_a_soft_one_as_it_is(case):
     rigid = springs.torque(np.zeros(4))[0][:, 1]
     assert rms(alone - rigid) > 0.05 * rms(rigid)
     assert rms(alone - beside) < 1e-4 * rms(alone - rigid)
+
+
+MASSES = {'distributed_rods', 'payload', 'theta_inertia', 'joint_inertia_difference',
+          'arm_mass_offset'}
+ON_THEIR_OWN = [name for name, effect in CATALOGUE.items()
+                if not (effect.needs_nominal or effect.of_axis or name == 'cable_spring')]
+
+
+@pytest.mark.parametrize('name', ON_THEIR_OWN)
+def test_springs_carry_what_has_mass(case, name):
+    """Masses behind a spring twist it as (20) does; friction and drives do not."""
+    _, model, state = case
+
+    def twisted(some):
+        return added(some, state, 'elastic_transmission', stiffness=8e3, damping_ratio=0.05)
+
+    beside = model_with(model, name, **GUIDES[name].usual)
+    more = np.abs(twisted(beside) - twisted(model)).max()
+    own = np.abs(beside.torque(state) - model.torque(state)).max()
+    assert (more > 5e-3 * own) == (name in MASSES)
+    assert more > 5e-3 * own or more < 1e-9
 
 
 def test_backlash_leaves_the_load_half_a_gap_behind(case):

@@ -31,10 +31,6 @@ class _PerTravel:
     def shapes(self, state):
         return tuple({'periods': float(number)} for number in periods(float(np.ptp(state.q))))
 
-    def refined(self, shape, step):
-        return tuple({'periods': shape['periods'] + 0.5 * step * side * SPACING}
-                     for side in (-1.0, 0.0, 1.0))
-
 
 class CoggingOfScrew(_PerTravel, Cogging):
     """`cogging` of a linear axis."""

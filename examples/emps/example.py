@@ -84,9 +84,9 @@ def claims_table(diagnosis: Diagnosis) -> Table:
                   box=SIMPLE_HEAD, title=f'Diagnosis: {diagnosis.verdict}')
     for claim in claims(diagnosis):
         values = '\n'.join(
-            f'{name} {np.atleast_1d(entry.value)[0]:.4g} ± {np.atleast_1d(entry.std)[0]:.1g} '
-            f'{UNITS_OF_AXIS.get(entry.unit, entry.unit)}'
-            for name, entry in claim.parameters.items())
+            f'{name} {value:.4g} ± {std:.1g} {UNITS_OF_AXIS.get(entry.unit, entry.unit)}'
+            for name, entry in claim.parameters.items()
+            for value, std in zip(np.ravel(entry.value), np.ravel(entry.std)))
         table.add_row(
             '\n'.join((claim.name, *(f'({twin})' for twin in claim.twins))), values,
             PUBLISHED_VALUES.get(claim.name, '-'), f'{claim.likelihood_ratio:.0f}',

@@ -83,6 +83,8 @@ class State:
         x, xd, xdd: pose of D (in `base`) and theta, and their derivatives, (n, 4).
         nominal: nominal torque of this motion; None if only the motion is known.
         hanging: how gravity loads a single axis; None if it does not, and with a geometry.
+        slides: whether it is a single axis that slides. Its positions are metres, of which none is
+            a turn.
         period: time between samples whose positions tell speeds and accelerations, s; zero where
             these are those of the instants.
         bend: speed, rad/s, that the low-pass of the positions leaves where a joint turns back. Its
@@ -103,6 +105,7 @@ class State:
     xdd: np.ndarray | None = None
     nominal: Nominal | None = None
     hanging: Hanging | None = None
+    slides: bool = False
     period: float = 0.0
     bend: np.ndarray | float = 0.0
     told_hz: float = np.inf

@@ -15,13 +15,15 @@ from par4_dynamics.effects.effect import (
     Shape,
     Signature,
     Values,
-    single,
 )
 from par4_dynamics.state import State
 
 LOWEST_PERIODS, HIGHEST_PERIODS = 4, 160
 MOST_PERIODS = 4000
-"""Of an axis: the teeth of a motor's gear, some tens of turns of which make one of the joint."""
+"""Of an axis: the teeth of a motor's gear, some tens of turns of which make one of the joint. Of a
+slide it is the number of orders that are tried."""
+OF_A_SPAN = 4.0
+"""Orders of a slide that are tried in the distance at which its range tells two apart."""
 AT_ONCE = 256
 """Rows of which powers are computed together."""
 LEAST_TURNS = 1.5
@@ -61,12 +63,18 @@ def _power_rows(phasor, exponents, columns):
                     columns[first + row, joint, count + place] = power[row]
 
 
-def waves_of_orders(state: State, orders: Sequence[Sequence[int]]) -> np.ndarray:
+def waves_of_orders(state: State, orders: Sequence[Sequence[int]], step: float = 1.0) -> np.ndarray:
     """Return sines, then cosines, (n, J, 2 k) of k whole multiples of the positions of each joint.
+
+    Args:
+        state: the motion.
+        orders: the multiples of each joint, (J, k).
+        step: of which they are multiples, 1/m of what slides.
     """
     exponents = np.array(orders, dtype=np.int64)
     columns = np.empty((*state.q.shape, 2 * exponents.shape[1]))
-    _power_rows(state.phasor, exponents, columns)
+    phasor = state.phasor if step == 1.0 else np.exp(1j * step * state.q, order='C')
+    _power_rows(phasor, exponents, columns)
     return columns
 
 
@@ -77,20 +85,33 @@ def _waves(state: State, periods: float) -> np.ndarray:
     return waves_of_orders(state, [(int(periods),)] * state.joints)
 
 
-def lowest_order(state: State, span: float, least_turns: float = LEAST_TURNS) -> int:
-    """Return the lowest order worth trying of a joint that moves over a range of `span` rad.
+def order_step(state: State) -> float:
+    """Return the distance of the orders worth trying: they are its multiples.
 
-    It has `least_turns` periods in that range and is at least `LOWEST_PERIODS`, or 1 on an axis
-    that makes `LEAST_TURNS` turns: a weight off its axis pulls once in a turn. The weight of an
-    axis that is known to hang is a base term, though.
+    What turns has whole ones, as its torque returns after one turn. What slides may have any, in
+    1/m: those that its range of positions tells apart, a quarter of that from one to the next.
     """
+    if not state.slides:
+        return 1.0
+    return 2.0 * np.pi / (OF_A_SPAN * max(float(np.max(np.ptp(state.q, axis=0))), 1e-9))
+
+
+def lowest_order(state: State, span: float, least_turns: float = LEAST_TURNS) -> int:
+    """Return the lowest order worth trying of a joint that moves over a range of `span`, in steps.
+
+    It has `least_turns` periods in that range. Of what turns it is at least `LOWEST_PERIODS`, or 1
+    on an axis that makes `LEAST_TURNS` turns: a weight off its axis pulls once in a turn. The
+    weight of an axis that is known to hang is a base term, though.
+    """
+    if state.slides:
+        return int(np.ceil(least_turns * OF_A_SPAN))
     turns = state.geometry is None and span >= LEAST_TURNS * 2.0 * np.pi
     usual = (2 if state.hanging == 'turning' else 1) if turns else LOWEST_PERIODS
     return max(usual, int(np.ceil(least_turns * 2.0 * np.pi / max(span, 1e-3))))
 
 
 def highest_order(state: State) -> int:
-    """Return the highest order worth trying.
+    """Return the highest order worth trying, in steps of `order_step`.
 
     An arm of a Par4 has `HIGHEST_PERIODS`. An axis may have the orders of a motor behind a gear:
     those that half the sample rate carries at the speeds of the slower quarter of its motion.
@@ -100,7 +121,7 @@ def highest_order(state: State) -> int:
     speed = np.abs(state.qd)
     slower = float(np.quantile(speed[speed > 0.05 * np.max(speed)], 0.25)) if speed.any() else 1.0
     rate = 1.0 / float(state.t[1] - state.t[0])
-    return int(np.clip(np.pi * rate / slower, HIGHEST_PERIODS, MOST_PERIODS))
+    return int(np.clip(np.pi * rate / (slower * order_step(state)), HIGHEST_PERIODS, MOST_PERIODS))
 
 
 class Cogging(Effect):
@@ -108,9 +129,6 @@ class Cogging(Effect):
 
     The shape `periods` is one order or a tuple of K orders; each order has a column with its sine
     and one with its cosine. On a slide q is in metres and an order is 2 pi over a pitch.
-
-    Args:
-        whole_orders: whether orders are sought among whole numbers only.
 
     Attributes:
         least_turns: periods in the range of a joint below which an order is not sought.
@@ -124,23 +142,11 @@ class Cogging(Effect):
         EffectParameter('periods', '1/turn', 'machine', is_shape=True, per_order=True),
         EffectParameter('phase', 'rad', 'joint', per_order=True, qualifies=True))
 
-    def __init__(self, whole_orders: bool = True) -> None:
-        self.whole_orders = whole_orders
-
-    def on_slide(self) -> Effect:
-        return type(self)(whole_orders=False)
-
-    def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:
-        if self.whole_orders:
-            return (shape,)
-        return tuple({**shape, 'periods': single(shape['periods']) + side * step}
-                     for side in (-0.5, 0.5))
-
     def shapes(self, state: State) -> tuple[Shape, ...]:
-        # periods a turn are whole: the torque returns after one turn
         span = float(np.max(np.ptp(state.q, axis=0)))  # of the joint that moves most
-        return tuple({'periods': float(periods)}
-                     for periods in range(lowest_order(
+        step = order_step(state)
+        return tuple({'periods': step * steps}
+                     for steps in range(lowest_order(
                          state, span, self.least_turns), highest_order(state) + 1))
 
     def parts(self, shape: Shape) -> tuple[Shape, ...]:

@@ -190,10 +190,6 @@ class Effect(ABC):
         """Return shapes around `shape`; `step` is in units of the spacing of `shapes`."""
         return (shape,)
 
-    def on_slide(self) -> Effect:
-        """Return the effect in the form in which it is searched on a linear axis."""
-        return self
-
     def parts(self, shape: Shape) -> tuple[Shape, ...]:
         """Return the shapes whose columns, side by side, are those of `shape`."""
         return (shape,)

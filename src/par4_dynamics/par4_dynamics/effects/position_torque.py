@@ -21,6 +21,11 @@ WIDEST = 4.0 * np.pi
 """rad: no spring is wound up further; what goes on for longer turns round."""
 
 
+def goes_on_turning(state: State) -> bool:
+    """Return whether a joint goes on turning, so that no spring can follow its position."""
+    return not state.slides and float(np.max(np.ptp(state.q, axis=0))) > WIDEST
+
+
 def polynomials(q: np.ndarray, low: float, high: float, degree: int) -> np.ndarray:
     """Return the Legendre polynomials up to a degree, (..., degree + 1), of positions q (...).
 
@@ -51,7 +56,7 @@ class PositionTorque(Effect):
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         low, high = float(state.q.min()), float(state.q.max())
-        if not 0.0 < high - low <= WIDEST:
+        if low == high or goes_on_turning(state):
             return ()
         weighed = {'lowest': 1.0} if state.hanging == 'sliding' else {}
         return tuple({'degree': float(degree), 'low': low, 'high': high, **weighed}

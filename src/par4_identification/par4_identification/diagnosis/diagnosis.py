@@ -46,6 +46,7 @@ from par4_identification.diagnosis.nominal.start import (
     is_mended,
     shown,
     start_beside,
+    start_beside_position,
     start_of,
 )
 from par4_identification.diagnosis.nominal.turning import turning
@@ -172,6 +173,8 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
     answer = _diagnosed(start, heldout, machine, baseline, searched, rules, tuple(fit_runs),
                         progress)
     again = None
+    if start.left_out and not answer.causes and answer.unnamed:
+        again = start_beside_position(start, observations, machine, rigid_body, rules)
     if (start.left_out or start.unless_mended) and answer.causes:
         beside = observe(fit_runs, machine, rigid_body,
                          build_model(machine, answer.extended_model, effects))
@@ -210,7 +213,7 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
     rigid_body = baseline.rigid_body if baseline else 'paper'
     effects = {**CATALOGUE, **searched}
     slides = isinstance(machine, Axis) and machine.kind == 'linear'
-    applicable = {name: effect.on_slide() if slides else effect for name, effect in searched.items()
+    applicable = {name: effect for name, effect in searched.items()
                   if not (effect.of_axis if isinstance(machine, Robot) else
                           effect.needs_platform or effect.against_the_others
                           or (slides and effect.needs_turning))

@@ -274,7 +274,7 @@ def _run_of_plateaus(logs: Sequence[Log], machine: Robot | Axis, conditioning: C
     moving = np.abs(speed) >= conditioning.low_speed
     return Run(
         name=logs[0].name, state=State(number, q, speed, np.zeros_like(q),
-                                          hanging=machine.hanging),
+                                          hanging=machine.hanging, slides=machine.kind == 'linear'),
         t=number, speed=speed, tau=torque, valid=moving, standstill=np.zeros_like(moving),
         noise_floor=np.sqrt(np.mean(deviation ** 2, axis=0)), conditioning=conditioning,
         _first=0, _every=1, timing_error=np.zeros_like(torque),
@@ -333,7 +333,7 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
     state = replace(state, measured=None if rests else log.tau[segment], told_hz=smoother.told_hz(
         period, conditioning.position_cutoff_hz))
     if isinstance(machine, Axis):
-        state = replace(state, hanging=machine.hanging)
+        state = replace(state, hanging=machine.hanging, slides=machine.kind == 'linear')
     every = max(1, round(1.0 / (conditioning.row_rate_hz * period)))
 
     reach = int(np.ceil(conditioning.reach / period))

@@ -61,6 +61,11 @@ class Ranges:
     end: float
     platform: PlatformRanges | None
     periods: Periods = ()
+    step: float = 1.0
+
+    def waves(self, state: State) -> np.ndarray:
+        """Return sines and cosines (n, J, 2 k) of the periods, which are multiples of `step`."""
+        return waves_of_orders(state, self.periods, self.step)
 
     def place(self, q: np.ndarray) -> np.ndarray:
         """Return joint positions (n, J) in -1 .. 1 of the fitted ones."""
@@ -115,8 +120,9 @@ def time(state: State, ranges: Ranges) -> np.ndarray:
 
 def acceleration(state: State, ranges: Ranges) -> np.ndarray:
     scaled = state.qdd / ranges.qdd
-    bent = [np.sin(state.q) * scaled, np.cos(state.q) * scaled, state.direction * np.abs(scaled),
-            (state.qd / ranges.qd) ** 2 * np.cos(state.q)]
+    angle = ranges.place(state.q) if state.slides else state.q
+    bent = [np.sin(angle) * scaled, np.cos(angle) * scaled, state.direction * np.abs(scaled),
+            (state.qd / ranges.qd) ** 2 * np.cos(angle)]
     return np.stack([scaled, np.abs(scaled), *bent], axis=-1)
 
 
@@ -132,11 +138,11 @@ def platform(state: State, ranges: Ranges) -> np.ndarray:
 
 
 def periodic(state: State, ranges: Ranges) -> np.ndarray:
-    return waves_of_orders(state, ranges.periods)
+    return ranges.waves(state)
 
 
 def torque(state: State, ranges: Ranges) -> np.ndarray:
-    return state.known.delivered[..., None] * waves_of_orders(state, ranges.periods)
+    return state.known.delivered[..., None] * ranges.waves(state)
 
 
 def rate(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
@@ -171,7 +177,7 @@ def place(state: State, ranges: Ranges) -> np.ndarray:
 
 def uneven(state: State, ranges: Ranges) -> np.ndarray:
     """A level and waves around it."""
-    waves = waves_of_orders(state, ranges.periods)
+    waves = ranges.waves(state)
     level = np.ones_like(waves[..., :1])
     return np.concatenate((level, waves), axis=-1) * state.direction[..., None]
 

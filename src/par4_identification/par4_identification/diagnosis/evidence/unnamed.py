@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from par4_dynamics.effects.cogging import highest_order, lowest_order
-from par4_dynamics.effects.position_torque import WIDEST
+from par4_dynamics.effects.cogging import highest_order, lowest_order, order_step
+from par4_dynamics.effects.position_torque import goes_on_turning
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence import kind_functions as functions
 from par4_identification.diagnosis.evidence.kind import Kind
@@ -96,8 +96,8 @@ class Kinds:
             functions.uneven: lambda run: np.sign(run.speed)}
         periods = {function: _strongest_periods(observations, [
             weight(run) * part for run, part in zip(observations.runs, left)], high - low,
-            highest) for function, weight in weights.items()}
-        wound = np.max(high - low) <= WIDEST  # no spring goes on turning
+            highest, self.ranges.step) for function, weight in weights.items()}
+        wound = not any(goes_on_turning(run.state) for run in observations.runs)
         return tuple(self._kind(kind, periods.get(kind.function, ())) for kind in KINDS
                      if (self.ranges.platform is not None or not kind.needs_platform)
                      and (kind.told_by_speeds or not observations.steady)
@@ -128,7 +128,7 @@ def ranges_of(observations: Observations) -> Ranges:
         span('q'), largest('qd'), largest('qdd'), np.sqrt(squares.mean(axis=0)) + 1e-9,
         float(max(state.t[-1] for state in states)),
         PlatformRanges(span('x'), largest('xd'), largest('xdd'), _equal_forces(states))
-        if platform else None)
+        if platform else None, step=order_step(states[0]))
 
 
 def _equal_forces(states: Sequence[State]) -> np.ndarray:
@@ -139,14 +139,14 @@ def _equal_forces(states: Sequence[State]) -> np.ndarray:
 
 
 def _strongest_periods(observations: Observations, left: Sequence[np.ndarray], span: np.ndarray,
-                       highest: int) -> Periods:
+                       highest: int, step: float) -> Periods:
     state = observations.runs[0].state
     chosen = []
     for joint in range(observations.joints):
         q = np.concatenate([run.q[:, joint] for run in observations.runs])
         residual = np.concatenate([np.where(run.valid[:, joint], part[:, joint], 0.0)
                                    for run, part in zip(observations.runs, left)])
-        power = _powers(q, residual, highest)
+        power = _powers(step * q, residual, highest)
         power[:lowest_order(state, float(span[joint]))] = 0.0
         chosen.append(tuple(int(period) for period in np.argsort(-power)[:4]))
     return tuple(chosen)

@@ -21,6 +21,7 @@ from par4_dynamics.model_file import RigidBody
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.fit import residuals, solve
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.whitener import flat_whitener
@@ -34,6 +35,8 @@ from par4_kinematics.robot import Axis, Robot
 STRONGER = 2.0
 """Acceleration over that which all but a hundredth of the rows to fit stay below, up to which a
 model without inertia is held against rows."""
+BOUND = Cogging(), PositionTorque()
+"""Torques that depend on the position alone."""
 
 
 @dataclass(frozen=True)
@@ -93,9 +96,9 @@ def start_of(observations: Observations, machine: Robot | Axis, rigid_body: Rigi
             again = _start(known, None, machine, rigid_body, (INERTIA,))
             return start if again.reasons else replace(again, inertia=inertia)
         return replace(start, reasons=()) if start.unless_mended else start
-    bound = () if observations.steady else (Cogging(), PositionTorque())
-    for effect in (None, *bound):
-        target = None if effect is None else _without(effect, observations, rules)
+    bound = () if observations.steady else BOUND
+    for effects in ((), *((effect,) for effect in bound)):
+        target = _without(effects, observations, rules) if effects else None
         again = _start(observations, target, machine, rigid_body)
         if _hides_inertia(again):  # of which a negative value that may be chance is no reason
             left = None if target is None else [
@@ -103,7 +106,7 @@ def start_of(observations: Observations, machine: Robot | Axis, rigid_body: Rigi
                 for part, less, whole in zip(target, known.target, observations.target)]
             again = replace(_start(known, left, machine, rigid_body, (INERTIA,)), inertia=inertia)
         if not again.reasons:
-            return replace(again, bound=effect is not None)
+            return replace(again, bound=bool(effects))
     return start
 
 
@@ -122,6 +125,19 @@ def start_beside(start: Start, observations: Observations, target: Sequence[np.n
     """
     again = _start(observations, target, machine, rigid_body)
     return None if again.reasons or _hides_inertia(again) else replace(again, bound=start.bound)
+
+
+def start_beside_position(start: Start, observations: Observations, machine: Robot | Axis,
+                          rigid_body: RigidBody, rules: Rules) -> Start | None:
+    """Return a start beside all torques that depend on the position; None if there is none.
+
+    A wave and a constant together may hide an inertia that neither hides alone, and without it
+    neither is told from what it leaves. Arguments as of `start_beside`.
+    """
+    if not observations.of_axis or observations.steady:
+        return None
+    return start_beside(start, observations, _without(BOUND, observations, rules), machine,
+                        rigid_body)
 
 
 def is_mended(parameters: Mapping[str, Parameter]) -> bool:
@@ -187,19 +203,21 @@ def _inertia(identification: Identification) -> tuple[float, float]:
     return float(value), float(std)
 
 
-def _without(effect: Effect, observations: Observations, rules: Rules) -> tuple[np.ndarray, ...]:
-    """Return the target (m, J) of each run without an effect that depends on the position."""
+def _without(effects: Sequence[Effect], observations: Observations, rules: Rules
+             ) -> tuple[np.ndarray, ...]:
+    """Return the target (m, J) of each run without effects, each found beside those before it."""
     squares = sum(np.sum(np.where(run.valid, target, 0.0) ** 2, axis=0)
                   for run, target in zip(observations.runs, observations.target))
     rows = sum(run.valid.sum(axis=0) for run in observations.runs)
     sigma = np.sqrt(squares / np.maximum(rows, 1))
     evidence = gather(observations, flat_whitener(observations, np.maximum(sigma, 1e-30)))
-    found = Candidates({effect.name: effect}, evidence, rules).best(effect, project(evidence, ()))
-    if found is None:
-        return observations.target
-    model = (found.hypothesis,)
-    fit = solve(evidence, model)
-    left, whole = (residuals(observations, part, own) for part, own in (
-        (model, fit), ((), fit)))
+    model: tuple[Hypothesis, ...] = ()
+    for effect in effects:
+        found = Candidates({effect.name: effect}, evidence, rules).best(
+            effect, project(evidence, model))
+        if found is not None:
+            model = (*model, found.hypothesis)
+    fit = solve(evidence, model)  # of which both have the base parameters
+    left, whole = (residuals(observations, part, fit) for part in (model, ()))
     return tuple(target - (without - rest) for target, without, rest in zip(
         observations.target, whole, left))

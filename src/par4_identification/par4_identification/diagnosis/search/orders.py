@@ -106,12 +106,16 @@ class _Orders:
     projection: Projection
     rules: Rules
 
+    @property
+    def _slides(self) -> bool:
+        return self.projection.evidence.observations.runs[0].state.slides
+
     @cached_property
     def _apart(self) -> float:
         """Distance of two orders that the range of positions tells apart."""
         runs = self.projection.evidence.observations.runs
         span = max(float(np.max(np.ptp(run.q, axis=0))) for run in runs)
-        return 0.999 * 2.0 * np.pi / max(span, 1e-9)
+        return 0.999 * 2.0 * np.pi / max(span, 1e-12)
 
     @cached_property
     def _before(self) -> float:
@@ -149,14 +153,17 @@ class _Orders:
     def settled(self, order: float, others: Sequence[float]) -> float:
         """Return an order between those of the grid where it gains most beside all others.
 
-        Lines that are hardly apart push each other away, so that one of them may be of the grid.
+        Lines that are hardly apart push each other away, so that one of them may be of a grid of
+        whole orders.
         """
         beside = self.beside(sorted(others))
 
         def worth(some: np.ndarray) -> np.ndarray:
             return beside.gains(self.effect, self._shapes(some))
 
-        settled, gain = _settled(order, float(worth(np.array([order]))[0]), self._apart, worth)
+        settled, gain = self._moved(order, float(worth(np.array([order]))[0]), worth)
+        if self._slides:
+            return settled
         nearest = float(self.tried[np.argmin(np.abs(self.tried - settled))])
         is_near = abs(nearest - settled) < 0.5 * self._apart and nearest not in others
         if is_near and not _is_decided(gain, float(worth(np.array([nearest]))[0]), self.rules):
@@ -167,7 +174,8 @@ class _Orders:
         """Return the order that gains most and twice its gain, -inf where none is left.
 
         Orders that are not apart from those that were found before gain nothing. Where the joint
-        makes several turns one may lie between those of the grid, if it explains decidedly more.
+        makes several turns one may lie between those of the grid, if it explains decidedly more;
+        where it slides, the grid means nothing.
         """
         def is_new(some: np.ndarray) -> np.ndarray:
             return np.min(np.abs(some[:, None] - [*found, np.inf]), axis=1) >= self._apart
@@ -185,6 +193,8 @@ class _Orders:
         shape, gain = best_shape(self.effect, self._shapes(
             self.tried[strong | (self.tried < LOW * self._apart)]), worth)
         order = single(shape[self.name])
+        if self._slides:
+            return self._moved(order, gain, lambda some: worth(self._shapes(some)))
         if self._apart > WIDEST_APART:
             return order, gain
         found_at, most = order, gain
@@ -193,8 +203,27 @@ class _Orders:
             worths = worth(self._shapes(between))
             if _is_decided(float(np.max(worths)), gain, self.rules):
                 found_at, most = float(between[np.argmax(worths)]), float(np.max(worths))
-        moved = _settled(found_at, most, self._apart, lambda some: worth(self._shapes(some)))
+        moved = self._moved(found_at, most, lambda some: worth(self._shapes(some)))
         return moved if _is_decided(moved[1], gain, self.rules) else (order, gain)
+
+    def _moved(self, order: float, gain: float, worth: Callable[[np.ndarray], np.ndarray]
+               ) -> tuple[float, float]:
+        """Return the order of the largest worth around one that is right to half of `_apart`.
+
+        Parabolas through three orders lead there. None is lower than the lowest one tried.
+        """
+        for step in self._apart * np.array(SETTLING):
+            below, above = worth(order + step * np.array((-1.0, 1.0)))
+            if not np.isfinite(below + above + gain):  # another order is there
+                break
+            curvature = below + above - 2.0 * gain
+            shift = (float(np.clip(0.5 * (below - above) / curvature, -1.0, 1.0))
+                     if curvature < 0.0 else float(np.sign(above - below)))
+            trial = max(order + shift * step, float(self.tried[0]))
+            most = float(worth(np.array([trial]))[0])
+            if most > gain:
+                order, gain = trial, most
+        return order, gain
 
     def _shapes(self, some: np.ndarray) -> list[Shape]:
         return [{self.name: float(order)} for order in some]
@@ -203,26 +232,6 @@ class _Orders:
 def _is_decided(gain: float, whole: float, rules: Rules) -> bool:
     """Return whether an order gains (twice, each) decidedly more than one of the grid."""
     return gain > whole + 2.0 * rules.evidence + rules.named_error ** 2 * max(whole, 0.0)
-
-
-def _settled(order: float, gain: float, apart: float,
-             worth: Callable[[np.ndarray], np.ndarray]) -> tuple[float, float]:
-    """Return the order of the largest worth around one that is right to half of `apart`.
-
-    Parabolas through three orders lead there.
-    """
-    for step in apart * np.array(SETTLING):
-        below, above = worth(order + step * np.array((-1.0, 1.0)))
-        if not np.isfinite(below + above + gain):  # another order is there
-            break
-        curvature = below + above - 2.0 * gain
-        shift = (float(np.clip(0.5 * (below - above) / curvature, -1.0, 1.0)) if curvature < 0.0
-                 else float(np.sign(above - below)))
-        trial = order + shift * step
-        most = float(worth(np.array([trial]))[0])
-        if most > gain:
-            order, gain = trial, most
-    return order, gain
 
 
 @dataclass(frozen=True)
