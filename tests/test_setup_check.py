@@ -510,7 +510,7 @@ def test_a_joint_that_rests_is_not_frozen(clean):
 def test_a_single_joint_that_rests_and_starts_at_once_is_not_frozen(is_held):
     """No other joint tells that the machine moved; a held reading makes up its way in a jump."""
     t = 4e-3 * np.arange(3000)
-    q = np.where(t < 3.0, 0.0, 1.2 * (t - 3.0) + 0.02)
+    q = np.where(t < 3.0, 0.0, 1.2 * (t - 3.0) + 0.1)
     if is_held:
         q[1500:1520] = q[1500]
     q = np.round(q / 1e-5)[:, None] * 1e-5

@@ -10,7 +10,9 @@ import pytest
 from measured import excitation
 from planned import log_of
 
+from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.verdict.sure import is_most_of_it
 from par4_identification.diagnosis.verdict.unrelated import lines_of, unrelated
 from par4_identification.signals.filtering import low_pass
 from par4_identification.signals.rows import runs_of_log
@@ -142,3 +144,16 @@ def test_what_a_cause_without_a_name_leaves_is_no_burst_of_noise(parts, named, f
     """It is larger in places than elsewhere, too, but most of the time it is more than noise."""
     told = unrelated(*with_a_burst(parts), np.full(4, floor), Rules(), named)
     assert bool(told.bursts) == is_burst
+
+
+@pytest.mark.parametrize(('share', 'floor', 'expected'), [
+    (0.3, 0.01, True), (0.1, 0.01, False), (0.3, 0.3, False)])
+def test_a_large_part_of_the_torque_is_no_noise_however_it_wanders(share, floor, expected):
+    """Shares of the torque, rms; a loud torque sensor has a floor that is as high."""
+    motion = excitation('reference', 8.0, 90)
+    torque = np.random.default_rng(3).normal(0.0, 5.0, motion.q.shape)
+    run, = runs_of_log(log_of(REFERENCE, motion.t, motion.q, torque, 1), REFERENCE)
+    heldout = observe([run], REFERENCE, 'paper', None)
+    size = np.sqrt(np.mean(run.tau[run.valid] ** 2))
+    left = np.random.default_rng(4).normal(0.0, share * size, run.tau.shape)
+    assert is_most_of_it(heldout, [left], np.full(4, floor * size), Rules()) == expected
