@@ -36,8 +36,8 @@ class LaunchConfiguration(Action):
 
 MODULES = {
     'launch': ('LaunchContext', 'LaunchDescription'),
-    'launch.actions': ('DeclareLaunchArgument', 'EmitEvent', 'ExecuteProcess', 'OpaqueFunction',
-                       'Shutdown'),
+    'launch.actions': ('DeclareLaunchArgument', 'EmitEvent', 'ExecuteProcess', 'LogInfo',
+                       'OpaqueFunction', 'Shutdown'),
     'launch.events': ('matches_action',),
     'launch.events.process': ('ProcessExited', 'SignalProcess'),
     'launch.substitutions': (),

@@ -479,7 +479,7 @@ def test_a_node_that_another_one_ended_says_that_who_ran_them_has_ended(monkeypa
                            _look_at_runner=lambda: told.append('the runner has ended'))
     monkeypatch.setattr('par4_kinematics.ros.node.SingleThreadedExecutor', mock.Mock())
     with pytest.raises(InputError, match='nobody publishes'):
-        Par4Node.work(node)
+        Par4Node._serve(node)
     assert told
 
 

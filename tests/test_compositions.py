@@ -191,7 +191,14 @@ def test_a_part_that_ends_too_early_ends_all(launched, name, code):
     for index in range(count):
         node = launch_stand_in.started(launched(name), **given)[index]
         if node.executable != 'par4_motion' or code != 0:
-            assert launch_stand_in.kinds(ends(node, code)) == ['Shutdown']
+            action, = ends(node, code)
+            if code == 0:
+                assert launch_stand_in.kinds([action]) == ['Shutdown']
+                continue
+            # which `launch` answers with exit code 1 and this line; a shutdown ends with 0
+            with pytest.raises(RuntimeError, match=f'{node.executable} .* exit code {code}'):
+                action.function(None)
+            assert ends(node, code) == []
 
 
 def test_a_played_motion_ends_all_and_then_the_model_is_identified(launched):
@@ -208,13 +215,21 @@ def test_a_played_motion_ends_all_and_then_the_model_is_identified(launched):
     tool, = ends(last, 0)
     assert tool.cmd[1:] == ['bag', '--robot', 'reference', '--rigid-body', 'paper', '--output',
                             'there']
-    assert launch_stand_in.kinds([tool.on_exit]) == ['Shutdown']
+    assert launch_stand_in.kinds(ends(tool, 0)) == ['Shutdown']
+    with pytest.raises(RuntimeError, match='par4_identify has ended with exit code 2'):
+        ends(tool, 2)[0].function(None)
+
+
+def test_a_misspelt_argument_of_a_launch_is_told(launched):
+    first, *nodes = launch_stand_in.started(launched('cell'), motoin='adept', of_another_file='1')
+    assert first.msg == 'argument motoin is unknown and ignored; did you mean motion?'
+    assert launch_stand_in.kinds(nodes) == ['Node'] * 3
 
 
 def test_a_recorder_that_fails_at_the_end_leaves_nothing_to_identify(launched):
     nodes = launch_stand_in.started(launched('identification'))
     ends(nodes.pop(), 0)
-    assert launch_stand_in.kinds(ends(nodes[-1], 2)) == ['Shutdown']
+    assert launch_stand_in.kinds(ends(nodes[-1], 2)) == ['OpaqueFunction']
 
 
 def test_a_recording_by_processes_and_what_follows_it(bench, monkeypatch, capfd):

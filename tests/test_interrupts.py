@@ -90,6 +90,30 @@ sys.exit(process.run(Stuck))
     assert 'Traceback' not in done.stderr
 
 
+def test_signals_while_python_ends_kill_no_node_that_has_ended_well(bench):
+    """`ros2 launch` sends several; then it would tell that the process has died."""
+    code = """
+import os, signal, sys
+from par4_kinematics.ros import process
+from par4_kinematics.ros.kinematics_node import KinematicsNode
+class Brief(KinematicsNode):
+    def work(self):
+        pass
+class Last:  # which is forgotten when Python has no handlers any more
+    def __init__(self):
+        self.kill, self.number, self.me = os.kill, signal.SIGINT, os.getpid()
+    def __del__(self):
+        self.kill(self.me, self.number)
+sys.argv = ['par4_kinematics']
+code = process.run(Brief)
+sys.last = Last()
+sys.exit(code)
+"""
+    done = subprocess.run([sys.executable, '-c', code], cwd=bench.folder, env=bench.environment,
+                          capture_output=True, text=True, check=False, timeout=200)
+    assert (done.returncode, done.stderr) == (0, '')
+
+
 def test_an_interrupt_while_a_cell_starts_its_nodes_ends_them_all(bench):
     """A terminal sends it to all at once, before the nodes have reached their first lines."""
     code = """

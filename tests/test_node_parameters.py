@@ -19,6 +19,7 @@ from par4_kinematics.ros.motion_parameters import MotionParameters
 from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.parameters import ALIKE, declare, tell_unknown_overrides
 from par4_kinematics.ros.process import _initialise
+from par4_sim.cell.cell import COMPOSITIONS
 
 
 def names_of(node: str) -> list[str]:
@@ -40,6 +41,18 @@ def told(monkeypatch: pytest.MonkeyPatch, given: list[str], arguments: list[str]
     log = node.get_logger.return_value
     return tuple([call.args[0] for call in level.call_args_list]
                  for level in (log.warning, log.info))
+
+
+def test_a_path_at_home_is_meant_as_in_a_shell(monkeypatch, tmp_path):
+    """No shell expands it behind `:=`; the node made a folder of the name `~`."""
+    monkeypatch.setenv('HOME', str(tmp_path))
+    node = mock.Mock()
+    node.get_parameters_by_prefix.return_value = ['motion']
+    node.get_parameter.side_effect = lambda _: SimpleNamespace(value='~/mine.yaml')
+    assert declare(node, MotionParameters).motion == str(tmp_path / 'mine.yaml')
+    session = COMPOSITIONS['cell'].session({'record': '~/bag', 'motion': 'circle'})
+    told = {part.executable: part.parameters for part in session.nodes}
+    assert told['par4_record']['output'] == str(tmp_path / 'bag')
 
 
 @pytest.mark.parametrize('prefix', ['', 'par4_motion:'])

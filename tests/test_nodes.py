@@ -784,7 +784,13 @@ def test_a_full_disk_ends_the_recorder_with_one_line_and_a_bag_to_mend(bench):
 
     bench.start = start
     recorded = Recorded(bench, storage='sqlite3')
+    diagnostics = bench.listen(DIAGNOSTICS)
     bench.wait(lambda: recorded.publish(100) or recorded.child.poll() is not None, 'a full disk')
+    # whoever watches the cell is told, too
+    bench.wait(lambda: any('cannot be written' in status.message
+                           and status.level == DiagnosticStatus.ERROR
+                           for message in diagnostics for status in message.status),
+               'the end on the diagnostics')
     assert recorded.child.returncode == 2
     errors = [line for line in bench.said().splitlines() if 'error: ' in line]
     assert len(errors) == 1

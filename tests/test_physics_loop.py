@@ -13,6 +13,7 @@ import pytest
 
 from par4_dynamics.model import read_model
 from par4_kinematics.errors import InputError, Par4Error
+from par4_kinematics.limits import EndSwitches
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.ros.convert import Trajectory
 from par4_kinematics.ros.node import Par4Node
@@ -47,7 +48,7 @@ class Run:
         self.refused: list[Par4Error] = []
         self.loop = PhysicsLoop(simulation(), self.publish, self.refused.append, factor,
                                 feedforward_timeout, following_error_limit,
-                                Pace(factor, 'exact', 0.25e-3))
+                                EndSwitches(REFERENCE), Pace(factor, 'exact', 0.25e-3))
 
     def publish(self, time_ns: int, sample: Sample) -> None:
         self.times.append(time_ns)
@@ -263,6 +264,51 @@ def test_too_far_from_its_reference_the_machine_brakes_and_takes_no_more_until_a
     run.loop.queue_reference(run.loop.now_ns, rest_at_home(0.0))
     run.go_on(10)
     assert len(run.refused) == 1
+
+
+@pytest.mark.parametrize(('pose', 'push', 'told'), [
+    ((0.0, 0.0, -0.895, 0.0), (199.0,) * 4, 'z of D'),
+    ((0.0, 0.0, -0.78, 0.75), (199.0,) * 4, 'theta'),
+    ((0.0, 0.0, -0.895, 0.0), (20.0,) * 4, '')])
+def test_a_machine_that_is_pushed_beyond_its_limits_is_braked(pose, push, told):
+    """No reference breaks one: a feedforward torque within that of the drives does."""
+    run = Run(following_error_limit=0.25)
+    there = inverse_kinematics(REFERENCE.geometry, np.array(pose))
+    push = np.array(push) * np.sign((there - HOME_Q) if told == 'theta' else 1.0)
+    still = np.zeros((2, 4))
+    begin, went = SECOND // 5, 3 * SECOND // 2
+    run.loop.queue_reference(begin, Trajectory(0, np.array((0, went)), np.stack((HOME_Q, there)),
+                                               still, still))
+    run.go_on(900)
+    assert run.loop.fault == ''
+    times = np.array((0, SECOND // 100, 3 * SECOND // 10, 31 * SECOND // 100))
+    four = np.zeros((4, 4))
+    start = run.loop.now_ns + SECOND // 10
+    run.loop.queue_effort(start, Trajectory(0, times, np.tile(there, (4, 1)), four, four,
+                                            np.stack((four[0], push, push, four[0]))))
+    run.loop.queue_reference(start, Trajectory(0, times, np.tile(there, (4, 1)), four, four))
+    run.go_on(500)
+    if not told:
+        assert run.loop.fault == ''
+        return
+    assert f'the machine is outside its limits: {told}' in run.loop.fault
+    assert 'braked; call ~/reset' in run.loop.fault
+    assert np.abs(run.samples[-1].qd).max() < 0.02
+
+
+@pytest.mark.parametrize(('row', 'allowed'), [
+    ((0.2, 0.0, -0.7, 0.0), ''), ((0.504, 0.0, -0.7, 0.0), ''), ((0.51, 0.0, -0.7, 0.0), 'radius'),
+    ((0.0, 0.0, -0.54, 0.0), 'z of D'), ((0.0, 0.0, -0.7, -0.9), 'theta'),
+    ((np.nan, 0.0, -0.7, 0.0), 'no number')])
+def test_end_switches_leave_room_for_overshoot_and_none_for_what_is_no_number(row, allowed):
+    found = EndSwitches(REFERENCE).breach(HOME_Q, np.zeros(4), np.array(row))
+    assert (found is None) == (allowed == '')
+    assert found is None or allowed in found.found
+    inside = np.array((0.2, 0.0, -0.7, 0.0))
+    for q, qd, what in ((HOME_Q + 3.0, np.zeros(4), 'joint position'),
+                        (HOME_Q, np.array((0.0, 16.6, 0.0, 0.0)), 'joint speed')):
+        assert what in EndSwitches(REFERENCE).breach(q, qd, inside).found
+    assert EndSwitches(REFERENCE).breach(HOME_Q, np.full(4, 16.4), inside) is None
 
 
 def wave(seconds: float) -> Trajectory:

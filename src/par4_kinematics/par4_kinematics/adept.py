@@ -61,6 +61,7 @@ def adept_motion(robot: Robot, *, speed: float = 5.0, acceleration: float = 150.
     t = sample_times(2.0 * cycles * one_way, period)
     x = np.zeros((3, len(t), 4))
     x[0] += np.append(middle, 0.0) - 0.5 * step_across
+    gone = np.zeros((len(t) + 1, 4))  # by the segments that end at each sample
     for way in range(2 * cycles):
         start = way * one_way
         for law, delay, step in (
@@ -70,7 +71,8 @@ def adept_motion(robot: Robot, *, speed: float = 5.0, acceleration: float = 150.
             first, last = np.searchsorted(t, (start + delay, start + delay + law.duration))
             parts = np.stack(law.sample(t[first:last] - start - delay))
             x[:, first:last] += parts[..., None] / law.length * step
-            x[0, last:] += step
+            gone[last] += step
+    x[0] += np.cumsum(gone[:-1], axis=0)
     return motion_of_platform('adept', robot.geometry, t, *x)
 
 

@@ -19,6 +19,9 @@ from par4_kinematics.robot import PAGE, Robot
 
 TOLERANCE = 1e-6
 """By how much a limit may be exceeded, rad, rad/s, m: rounding, no more."""
+OVERSHOOT_ANGLE, OVERSHOOT_PLACE, OVERSHOOT_SPEED = 0.05, 0.005, 0.1
+"""By how much a machine may overshoot what its references keep: joint positions and theta, rad; the
+place of D, m; the joint speed, as a part of it. Good drives need a tenth of that."""
 QUICKEST_RISE = 1e-3
 """Seconds in which no robot of this kind goes from rest to its full joint speed."""
 
@@ -85,6 +88,38 @@ def platform_breach(robot: Robot, x: np.ndarray) -> Breach | None:
         ('radius of D', np.hypot(x[:, 0], x[:, 1]), 0.0, space.radius, 'm'),
         ('z of D', x[:, 2], *space.z, 'm'),
         ('theta', x[:, 3], -space.theta, space.theta, 'rad')))
+
+
+class EndSwitches:
+    """What stops a machine that is beyond the limits of its robot, whatever it was told.
+
+    References keep the limits; a machine may leave them where its drives have no more torque, or
+    where they are told a feedforward torque that the motion does not need.
+
+    Args:
+        robot: whose limits hold, with some room for overshoot.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        limits, space = robot.limits, robot.limits.workspace
+        speed = (1.0 + OVERSHOOT_SPEED) * limits.joint_speed
+        low, high = limits.joint_position
+        self._robot = robot
+        self._low = np.repeat((low - OVERSHOOT_ANGLE, -speed, -np.inf,
+                               space.z[0] - OVERSHOOT_PLACE, -space.theta - OVERSHOOT_ANGLE),
+                              (4, 4, 1, 1, 1))
+        self._high = np.repeat((high + OVERSHOOT_ANGLE, speed, space.radius + OVERSHOOT_PLACE,
+                                space.z[1] + OVERSHOOT_PLACE, space.theta + OVERSHOOT_ANGLE),
+                               (4, 4, 1, 1, 1))
+
+    def breach(self, q: np.ndarray, qd: np.ndarray, x: np.ndarray) -> Breach | None:
+        """Return which limit joints (4,) or a pose (4,) of the machine are beyond, if any."""
+        values = np.concatenate((q, qd, (math.hypot(x[0], x[1]), x[2], x[3])))
+        if ((values >= self._low) & (values <= self._high)).all():
+            return None
+        # what is no number is beyond every limit
+        return joint_breach(self._robot, q[None], qd[None]) or platform_breach(
+            self._robot, x[None]) or Breach(0, 'a reading that is no number', 'all limits')
 
 
 def first_breach(robot: Robot, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray | None = None

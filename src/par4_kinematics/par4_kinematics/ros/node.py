@@ -24,7 +24,7 @@ from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverriding
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
-from par4_kinematics.errors import InputError, Par4Error, UnreachableError
+from par4_kinematics.errors import InputError, Par4Error, UnreachableError, one_line
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, Topic
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.robot import JOINT_NAMES, Robot
@@ -42,6 +42,8 @@ SIMULATED_TIME = 'use_sim_time'
 """Parameter of every node of ROS: whether it follows a published clock."""
 SILENCE = 0.95
 """Seconds of wall time after which a stream that flowed, or the clock, counts as dead."""
+LAST_WORDS = 0.5
+"""Longest wait, s, until those who hear the diagnostics have the last one of a node that failed."""
 REPORT_PERIOD = 1.0
 """Seconds of wall time between diagnostics, and at the least between warnings of one topic."""
 
@@ -350,7 +352,7 @@ class Par4Node(Node):
         return self.get_clock().now().nanoseconds
 
     def report(self) -> None:
-        """Tell the state on the diagnostics, and log what is new in it."""
+        """Tell the state, and faults that are new."""
         self._look_at_runner()
         self._look_at_clock()
         faults = self.faults()
@@ -361,7 +363,10 @@ class Par4Node(Node):
         if unsaid:
             self.get_logger().warning(', '.join(f'{count} {name}'
                                                 for name, count in unsaid.items()))
-        state = self.state()
+        self._tell(self.state(), new)
+
+    def _tell(self, state: State, new: dict[str, int]) -> None:
+        """Tell a state and new faults, by name, on the diagnostics, and log what is new in it."""
         said = f'{state.text}: {state.detail}' if state.detail else state.text
         if (state.level, state.text) != (self._last_state.level, self._last_state.text):
             good = state.level == self._last_state.level == State.OK
@@ -381,11 +386,24 @@ class Par4Node(Node):
             name=self.get_fully_qualified_name(),
             message=f'{said}; {news}' if news else said,
             values=[KeyValue(key=name, value=str(value)) for name, value in
-                    {**faults, **self.traffic(), **self.measures()}.items()])]
+                    {**self._reported, **self.traffic(), **self.measures()}.items()])]
         self._diagnostics.publish(message)
 
     def work(self) -> None:
-        """Serve callbacks until the node is finished."""
+        """Serve callbacks until the node is finished; what it fails of is told on the diagnostics.
+
+        Raises:
+            Par4Error: the node has not done its work.
+        """
+        try:
+            self._serve()
+        except Par4Error as error:
+            state = self._last_state = State(State.ERROR, f'ended: {one_line(str(error))}')
+            self._tell(state, {})  # but not on the terminal, where `run` tells it
+            self._diagnostics.wait_for_all_acked(Duration(seconds=LAST_WORDS))
+            raise
+
+    def _serve(self) -> None:
         executor = SingleThreadedExecutor()
         executor.add_node(self)
         while not self.finished:

@@ -6,6 +6,7 @@ import dataclasses
 import difflib
 import inspect
 import math
+import os
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -148,6 +149,8 @@ def _checked(field: dataclasses.Field[Any], value: Any) -> Any:
     if wanted is float and type(value) is int:
         value = float(value)
     _check_type(field.name, value, wanted, field.metadata['description'])
+    if wanted is str and value.startswith('~/'):  # no shell expands it behind :=
+        value = os.path.expanduser(value)
     if wanted in (int, float):
         lowest, highest = _range(field)
         if value in (math.inf, -math.inf):

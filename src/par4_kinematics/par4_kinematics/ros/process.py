@@ -29,6 +29,10 @@ LAST_DOMAIN = 232
 """The ports of further domains would be beyond 65535 (DDSI-RTPS 2.5, 9.6.2)."""
 
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Which end a node."""
+
+
 class Interrupted(KeyboardInterrupt):
     """A second signal has interrupted a node that did not end."""
 
@@ -90,7 +94,7 @@ def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
             if node is not None:
                 node.end()
 
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN or number != signal.SIGHUP:
             signal.signal(number, end)
     try:
@@ -108,6 +112,10 @@ def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
             node.close()
             node.destroy_node()
         try_shutdown()
+        # while Python ends it has no handlers any more: a second Ctrl-C would kill it, and
+        # `ros2 launch`, which sends several, would call a node dead that has ended well
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
 
 
 def run(node_class: type[Par4Node]) -> int:

@@ -7,6 +7,7 @@ is played, what comes after it. Nothing here starts a process and nothing knows 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -49,6 +50,8 @@ class Argument:
                              f'{", ".join(self.allowed)}')
         if isinstance(self.default, bool):
             return text == 'true'
+        if text.startswith('~/'):  # no shell expands it behind :=
+            text = os.path.expanduser(text)
         try:
             return type(self.default)(text)
         except ValueError:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import signal
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
     ExecuteProcess,
+    LogInfo,
     OpaqueFunction,
     Shutdown,
 )
@@ -30,6 +32,8 @@ from par4_sim.description.robot_description import complete_description
 PICTURES_HZ = 31.0
 """Of robot_state_publisher: with a shorter period than that of the passive joints in joint_states,
 it takes each message with them whole, and arms and rods are drawn at the same time."""
+ALIKE = 0.7
+"""Likeness of two names, of 0 to 1, from which on one is taken for the other misspelt."""
 VIEW = Argument('rviz', False, 'show the robot in RViz')
 
 
@@ -41,6 +45,7 @@ def launch_description(name: str, view: Path | None = None) -> LaunchDescription
         view: file of RViz, with which the argument `rviz` shows the robot.
     """
     composition = COMPOSITIONS[name]
+    arguments = (*composition.arguments, *(() if view is None else (VIEW,)))
 
     def actions(context: LaunchContext) -> Sequence[Any]:
         texts = {argument.name: LaunchConfiguration(argument.name).perform(context)
@@ -49,15 +54,27 @@ def launch_description(name: str, view: Path | None = None) -> LaunchDescription
         shown = view is not None and VIEW.value(
             LaunchConfiguration(VIEW.name).perform(context)) is True
         # first, because its packages may be missing: then nothing has started yet
-        return [*(_rviz(view, texts['robot_file'], session) if shown else ()),
+        return [*_misspelt(context.launch_configurations, [one.name for one in arguments]),
+                *(_rviz(view, texts['robot_file'], session) if shown else ()),
                 *_Launched(session).nodes()]
 
     return LaunchDescription([
         *(DeclareLaunchArgument(argument.name, default_value=argument.written,
                                 description=argument.description,
                                 choices=list(argument.allowed) or None)
-          for argument in (*composition.arguments, *(() if view is None else (VIEW,)))),
+          for argument in arguments),
         OpaqueFunction(function=actions)])
+
+
+def _misspelt(given: Iterable[str], known: Sequence[str]) -> list[LogInfo]:
+    """Tell of arguments that are nearly one of the known: `ros2 launch` takes any name.
+
+    Others may belong to a launch file that includes this one.
+    """
+    meant = {name: difflib.get_close_matches(name, known, 1, ALIKE)
+             for name in given if name not in known}
+    return [LogInfo(msg=f'argument {name} is unknown and ignored; did you mean {near[0]}?')
+            for name, near in meant.items() if near]
 
 
 class _Launched:
@@ -67,6 +84,7 @@ class _Launched:
         self._session = session
         self._actions = [self._node(part) for part in session.nodes]
         self._playing = True
+        self._ending = False
         self._running = len(self._actions)
 
     def nodes(self) -> list[Node]:
@@ -78,9 +96,13 @@ class _Launched:
             self._running -= 1
             if part is self._session.player and event.returncode == 0:
                 return self._played()
-            if self._playing or event.returncode != 0:
-                return [Shutdown(reason=f'{part.executable} has ended with exit code '
-                                        f'{event.returncode}')]
+            if self._ending:  # each Shutdown would interrupt all once more
+                return []
+            if event.returncode != 0:
+                return self._failure(part.executable, event.returncode)
+            if self._playing:
+                self._ending = True
+                return [Shutdown(reason=f'{part.executable} has ended')]
             return self._afterwards()
 
         return Node(package=part.package, executable=part.executable, output='screen',
@@ -90,10 +112,24 @@ class _Launched:
                     remappings=list(self._session.remappings), on_exit=ended,
                     additional_env=run_by_this_process({}))
 
+    def _failure(self, executable: str, code: int) -> list[Any]:
+        """Return what ends the launch with exit code 1: an action that raises.
+
+        A shutdown alone ends with 0, without a word of the reason. What fails while all end is
+        told by the launch itself.
+        """
+        def fail(_context: LaunchContext) -> None:
+            raise RuntimeError(f'{executable} has ended with exit code {code}, so all are ended; '
+                               f'what it said stands above')
+
+        self._ending = True
+        return [OpaqueFunction(function=fail)]
+
     def _played(self) -> list[Any]:
         """Return what ends the other nodes, so that a recorder completes its bag."""
         self._playing = False
         if self._session.then is None:
+            self._ending = True
             return [Shutdown(reason='the motion has been played')]
         return [EmitEvent(event=SignalProcess(signal_number=signal.SIGINT,
                                               process_matcher=matches_action(action)))
@@ -105,8 +141,14 @@ class _Launched:
         if self._running > 0 or self._session.then is None:
             return []
         tool = self._session.then
+
+        def ended(event: ProcessExited, _context: LaunchContext) -> list[Any]:
+            if event.returncode != 0:
+                return self._failure(tool.executable, event.returncode)
+            return [Shutdown(reason=f'{tool.executable} has ended')]
+
         return [ExecuteProcess(cmd=[executable_path(tool), *tool.arguments], output='screen',
-                               on_exit=Shutdown(reason=f'{tool.executable} has ended'))]
+                               on_exit=ended)]
 
 
 def _rviz(view: Path | None, robot_file: str, session: Session) -> list[Node]:

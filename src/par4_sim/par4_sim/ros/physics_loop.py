@@ -10,6 +10,7 @@ from threading import Event, Lock
 import numpy as np
 
 from par4_kinematics.errors import InputError, Par4Error
+from par4_kinematics.limits import EndSwitches
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import Trajectory
 from par4_kinematics.stamps import SECOND
@@ -51,7 +52,8 @@ class PhysicsLoop:
 
     def __init__(self, simulation: Simulation, publish: Callable[[int, Sample], None],
                  refuse: Callable[[Par4Error], None], real_time_factor: float,
-                 feedforward_timeout: float, following_error_limit: float, pace: Pace) -> None:
+                 feedforward_timeout: float, following_error_limit: float,
+                 switches: EndSwitches, pace: Pace) -> None:
         """Prepare to publish each sample with its time.
 
         Args:
@@ -62,6 +64,7 @@ class PhysicsLoop:
             feedforward_timeout: longest stand, s, for the torque of a reference point.
             following_error_limit: distance of a joint from its reference, rad, beyond which the
                 drives brake and take no reference more; 0 for none.
+            switches: which brake the machine, too, where it is beyond its limits.
             pace: told how long the physics takes.
         """
         self.now_ns = 0
@@ -81,6 +84,7 @@ class PhysicsLoop:
         self._refuse = refuse
         self._pace = pace
         self._following_error_limit = following_error_limit
+        self._switches = switches
         self._factor = real_time_factor
         self._feedforward_timeout = feedforward_timeout
         self._started_ns = 0
@@ -225,7 +229,7 @@ class PhysicsLoop:
             self._pace.physics += time.monotonic() - began
             self.now_ns = self._started_ns + sample.time_ns
             self._publish(self.now_ns, sample)
-            self._watch()
+            self._watch(sample)
             if self._factor > 0.0:
                 deadline = self._keep_pace(deadline + self._simulation.sample_period / self._factor)
 
@@ -261,16 +265,28 @@ class PhysicsLoop:
         except Empty:
             return
 
-    def _watch(self) -> None:
-        """Brake and take no reference more where the machine is too far from its reference."""
-        if self.fault or self._following_error_limit == 0.0:
+    def _watch(self, sample: Sample) -> None:
+        """Brake and take no reference more where the machine is too far from its reference.
+
+        The same where it is beyond its limits.
+        """
+        if self.fault:
             return
-        errors = np.abs(self._simulation.following_error)
-        joint = int(errors.argmax())
-        if not errors[joint] <= self._following_error_limit:
+        found = ''
+        if self._following_error_limit > 0.0:
+            errors = np.abs(self._simulation.following_error)
+            joint = int(errors.argmax())
+            if not errors[joint] <= self._following_error_limit:
+                found = (f'{JOINT_NAMES[joint]} was {errors[joint]:.3g} rad from its reference, '
+                         f'beyond {self._following_error_limit:g} rad')
+        breach = self._switches.breach(sample.q, sample.qd, sample.true_pose)
+        if breach is not None and not found:
+            found = f'the machine is outside its limits: {breach.found}, not {breach.allowed}'
+        if found:
+            if self._simulation.counts['saturated_commands']:
+                found += ' (its drives were at their torque limit)'
             self._simulation.brake()
-            self.fault = (f'{JOINT_NAMES[joint]} was {errors[joint]:.3g} rad from its reference, '
-                          f'beyond {self._following_error_limit:g} rad: braked; call ~/reset')
+            self.fault = f'{found}: braked; call ~/reset'
 
     def _come_to_an_end(self, asked: float) -> None:
         """Brake in time and note the end where the machine rests, or where it has to."""

@@ -19,7 +19,7 @@ from par4_kinematics.interface import (
     ROBOT_DESCRIPTION,
     Topic,
 )
-from par4_kinematics.limits import check_torque
+from par4_kinematics.limits import EndSwitches, check_torque
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import Trajectory
 from par4_kinematics.ros.node import Par4Node, State
@@ -83,7 +83,7 @@ class SimulationNode(Par4Node):
         self._physics = PhysicsLoop(
             simulation, self._publish, lambda error: self.reject(REFERENCE, error),
             asked.real_time_factor, asked.feedforward_timeout, asked.following_error_limit,
-            self._pace)
+            EndSwitches(self._robot), self._pace)
         self._fault = ''
         self.create_timer(FAULT_PERIOD, self._tell_new_fault, clock=self.wall_clock)
         self._zero_stamps = ZeroStamps()
