@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import deque
 from contextlib import nullcontext
 from functools import partial
 from importlib import import_module
@@ -60,7 +61,7 @@ from par4_kinematics.motion_file import named_motion, write_motion
 from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.ros.convert import joint_values, time_ns, write_joint_state
-from par4_kinematics.ros.node import Par4Node
+from par4_kinematics.ros.node import TO_AND_FRO, Par4Node
 from par4_kinematics.ros.parameters import config
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.workspace import inside
@@ -241,6 +242,23 @@ def test_a_robot_whose_joints_have_other_names_is_told(bench):
         diagnostics, 'par4_kinematics')), 'par4_kinematics to have heard the robot')
 
 
+def test_the_clock_of_a_simulation_that_was_killed_is_no_second_one():
+    """The middleware knows it for some 20 s more; two that run make the clock jump to and fro."""
+    times = iter((0.0, 0.01))
+    node = SimpleNamespace(simulated_time=True, clocks=lambda: 2, _jumped=deque(maxlen=2))
+    node._clock_jumps_to_and_fro = lambda: Par4Node._clock_jumps_to_and_fro(node)
+    node._jumped.append(time.monotonic())
+    state = Par4Node.state(node)
+    assert state.level == WARN
+    assert 'may have been killed' in state.text
+    node._jumped.append(time.monotonic())
+    state = Par4Node.state(node)
+    assert state.level == ERROR
+    assert state.text.startswith('2 publish /clock: end all but one simulation')
+    node._jumped.extend(time.monotonic() - TO_AND_FRO - next(times) for _ in range(2))
+    assert Par4Node.state(node).level == WARN
+
+
 def test_a_restart_of_the_simulation_is_noticed_by_all_and_two_are_told_by_both(bench):
     simulated = Simulated(bench, publish_rate_hz=100)
     diagnostics = simulated.diagnostics
@@ -367,6 +385,8 @@ def test_two_robots_in_two_namespaces_do_not_hear_each_other(bench):
 def test_late_steps_are_worth_a_warning_from_a_share_on():
     node = SimpleNamespace(_published=1000, _samples=SimpleNamespace(
         published={JOINT_STATES.name: 2000}))
+    node._arrivals = {FEEDFORWARD_TORQUE.name: SimpleNamespace(received=0)}
+    node._unaided = lambda: SimulationNode._unaided(node)
     worrying = SimulationNode.worrying
     assert not worrying(node, {'late_steps': 50})
     node._published = 1000
@@ -374,6 +394,9 @@ def test_late_steps_are_worth_a_warning_from_a_share_on():
     node._published = 1000
     assert worrying(node, {'late_steps': 1, 'late_points': 1})
     assert not worrying(node, {})
+    assert not worrying(node, {'missing_effort': 1000})  # of which there never was any
+    node._arrivals[FEEDFORWARD_TORQUE.name].received = 1
+    assert worrying(node, {'missing_effort': 1})
 
 
 def receiving(now_ns: int) -> tuple[SimpleNamespace, mock.Mock]:

@@ -114,6 +114,22 @@ def test_one_odd_window_is_no_drift_and_a_machine_that_is_mended_none_more():
     assert not watch.drifts
 
 
+def test_an_alarm_that_fades_neither_comes_and_goes_nor_lies_in_the_future():
+    """Windows near the bound of noise add and take; the clock begins anew in the midst of it."""
+    watch, random = DriftWatch(4, learning=30), np.random.default_rng(9)
+    watched(random, 30, watch)
+    changes, alarmed = 0, False
+    for shift in (4.0,) * 8 + (0.0,) * 4 + (0.0, 3.0) * 15 + (0.0,) * 25:
+        watched(random, 1, watch, np.where(np.arange(4)[:, None] == 2, shift, 0.0))
+        changes += alarmed != bool(watch.drifts)
+        alarmed = bool(watch.drifts)
+        if watch.windows == 50:
+            assert f'beside its model since {30 * WINDOW:.0f} s' in str(watch.drifts[0])
+            watch.clock_set_back()
+            assert 'since before the clock was set back' in str(watch.drifts[0])
+    assert changes == 2
+
+
 @pytest.mark.parametrize('faulty', [50, 2000])
 def test_an_alarm_ends_soon_after_a_repair_however_old_it_is(faulty):
     watch, random = DriftWatch(4, learning=30), np.random.default_rng(8)

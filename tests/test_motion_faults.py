@@ -229,6 +229,19 @@ def robot_node(cell, monkeypatch) -> str:
     return '/robot'
 
 
+def test_a_robot_that_stands_and_warns_of_something_is_quoted(cell, robot_node):
+    """Points that come late stop a robot as a trip does; it says which of the two it was."""
+    cell.node._motion = named_motion('excitation', ROBOT, 20.0)
+    cell.run_to_the_middle()
+    cell.node._on_diagnostics(diagnostics(robot_node, DiagnosticStatus.WARN, '250 late_points'))
+    cell.follows = False
+    cell.run(5.0)
+    said = str(cell.node.failure)
+    assert 'stands, while its reference went' in said
+    assert 'it says: 250 late_points' in said
+    assert 'trip' not in said
+
+
 def test_a_robot_that_tells_of_a_trip_ends_the_motion_however_little_that_moves(cell, robot_node):
     cell.run_to_the_middle()
     cell.node._on_diagnostics(diagnostics(robot_node, DiagnosticStatus.WARN, 'busy'))

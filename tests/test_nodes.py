@@ -494,6 +494,9 @@ def test_late_points_and_missing_effort_are_counted(bench):
     simulated.wait_until(start_ns + round(motion.duration * SECOND) + SECOND)
     counts = simulated.fresh_counts()
     assert counts['missing_effort'] == counts['late_points'] == len(motion.t)
+    # nobody has given a torque yet: that is said once, in words
+    assert bench.said().count('no feedforward_torque comes: driven without it') == 1
+    assert 'missing_effort' not in bench.said()
 
 
 def test_a_start_waits_for_its_torque_as_long_as_it_is_told_to(bench):

@@ -72,6 +72,7 @@ class MonitorNode(Par4Node):
     def clock_jumped_back(self) -> None:
         """Begin a window anew."""
         self._forget()
+        self._watch.clock_set_back()
 
     def _taken(self, topic: Topic) -> Callable[[Any], None]:
         def take(message: Any) -> None:

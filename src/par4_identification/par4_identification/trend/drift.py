@@ -28,7 +28,9 @@ SLACK = 1.5
 LEVEL = 20.0
 """Standard deviations, added up, that alarm: far above what chance adds up, because what was learnt
 from some windows is itself off by chance. docs/benchmarks.md has the rate that was measured."""
-HIGHEST = 2.0 * LEVEL
+QUIET = 0.75 * LEVEL
+"""Sum below which an alarm ends: about its level it would come and go with every window."""
+HIGHEST = 1.75 * LEVEL
 """Of a sum: after a repair an alarm lasts no longer than some windows, however old it is."""
 CLIP = 5.0
 """Largest deviation of one window that is added: no single window alarms."""
@@ -50,7 +52,7 @@ class Drift:
         joint: index.
         acts_like: one of WORDS.
         size: by how much more than on the windows learnt from, in the unit of WORDS.
-        since: time of the last window without it, s.
+        since: time of the last window without it, s; NaN if that was before the clock was set back.
     """
 
     joint: int
@@ -60,8 +62,10 @@ class Drift:
 
     def __str__(self) -> str:
         """Return it in words."""
+        since = ('before the clock was set back' if math.isnan(self.since) else
+                 f'{self.since:.0f} s')
         return (f'joint {self.joint} has {self.size:+.3g} {WORDS[self.acts_like]} of '
-                f'{self.acts_like} beside its model since {self.since:.0f} s')
+                f'{self.acts_like} beside its model since {since}')
 
 
 def projections(log: Log, robot: Robot, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -116,6 +120,7 @@ class DriftWatch:
         self._excess = np.zeros((2, joints, len(WORDS)))
         self._size = np.zeros((2, joints, len(WORDS)))
         self._grown = np.zeros((2, joints, len(WORDS)))
+        self._alarmed = np.zeros(joints, dtype=bool)
 
     @property
     def learning(self) -> int:
@@ -144,13 +149,18 @@ class DriftWatch:
             self._grown[side] = np.where(rests, 0.0, self._grown[side] + there)
             self._excess[side] = np.where(rests, 0.0, self._excess[side] + excess)
             self._size[side] = np.where(rests, 0.0, self._size[side] + size)
+        highest = self._sums.max(axis=(0, 2))
+        self._alarmed = highest >= np.where(self._alarmed, QUIET, LEVEL)
+
+    def clock_set_back(self) -> None:
+        """Forget when what is there began: its time may come again."""
+        self._since[:] = np.nan
 
     @property
     def drifts(self) -> list[Drift]:
         """What alarms now, one a joint: along what most torque has come together."""
         found = []
-        highest = self._sums.max(axis=(0, 2))
-        for joint in np.flatnonzero(highest >= LEVEL):
+        for joint in np.flatnonzero(self._alarmed):
             side, kind = np.unravel_index(np.argmax(np.abs(self._excess[:, joint])),
                                           self._excess[:, joint].shape)
             found.append(Drift(int(joint), list(WORDS)[kind],

@@ -38,7 +38,8 @@ def check_start(motion: str, trouble: str, clocks: int, stamp_ns: int, now_ns: i
                          f'anew')
     if clocks > 1:
         raise InputError(f'{clocks} publish {CLOCK.name}: end all but one simulation, or give each '
-                         f'a ROS_DOMAIN_ID of its own')
+                         f'a ROS_DOMAIN_ID of its own; one that was killed counts for some 20 s '
+                         f'more')
     if clocks == 0 and stamp_ns != 0 and abs(stamp_ns - now_ns) > STRANGE_NS:
         raise InputError(f'{JOINT_STATES.name} are stamped {stamp_ns / SECOND:.1f} s, the clock of '
                          f'this node says {now_ns / SECOND:.1f} s: with a simulation give '
@@ -70,13 +71,20 @@ def silent(motion: str, topic: str, seconds: float) -> InputError:
                       f'stamps go on, then play it anew')
 
 
-def stands(motion: str, gone: np.ndarray) -> InputError:
-    """Return the fault of joints that stood while their references went so far, (4,) rad."""
+def stands(motion: str, gone: np.ndarray, told: str) -> InputError:
+    """Return the fault of joints that stood while their references went so far.
+
+    Args:
+        motion: its name.
+        gone: how far, (4,) rad.
+        told: what the robot tells of itself that is not well; empty where it tells nothing.
+    """
     joint = int(np.argmax(gone))
+    why = (f'it says: {told}' if told else
+           f'as after a trip of the drives; {DIAGNOSTICS.name} may say why')
     return InputError(f'{motion} aborted: the robot did not follow: {JOINT_NAMES[joint]} stands, '
-                      f'while its reference went {gone[joint]:.2g} rad, as after a trip of the '
-                      f'drives; {DIAGNOSTICS.name} may say why; see to the robot, then play it '
-                      f'anew')
+                      f'while its reference went {gone[joint]:.2g} rad; {why}; see to the robot, '
+                      f'then play it anew')
 
 
 def missed(motion: str, away: np.ndarray) -> InputError:

@@ -7,7 +7,7 @@ import sys
 import time
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -133,7 +133,8 @@ class MotionNode(Par4Node):
             self._standing = Standing(robot_at, q, self._stamp_ns)
         gone = self._standing.take(robot_at, q, self._stamp_ns)
         if gone.max() > ARRIVED and not self._stop_asked:
-            self._abort(motion_faults.stands(played.motion.name, gone))
+            self._abort(motion_faults.stands(played.motion.name, gone,
+                                             self._trouble(DiagnosticStatus.WARN)))
 
     def _look_for_silence(self, now_ns: int) -> None:
         """Forget where a robot is that tells no more, and abort what is sent to it."""
@@ -154,10 +155,10 @@ class MotionNode(Par4Node):
         if self._played is not None and not self.finished:
             self._fail(motion_faults.started_again(self._played.motion.name))
 
-    def _trouble(self) -> str:
-        """Return what those that publish joint states tell is wrong with the robot."""
+    def _trouble(self, least: bytes = DiagnosticStatus.ERROR) -> str:
+        """Return what those that publish joint states tell is so bad with the robot."""
         return self._troubles.of(self.get_publishers_info_by_topic(
-            self.resolve_topic_name(JOINT_STATES.name)))
+            self.resolve_topic_name(JOINT_STATES.name)), least)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self._troubles.take(message)
@@ -320,7 +321,7 @@ class MotionNode(Par4Node):
         """End when the robot has come to rest, or when it cannot be hoped for any more."""
         first_ns, last_ns = self._rests_between_ns
         if standstill.reached(first_ns):
-            after = ((standstill.since_ns or 0) - played.start_ns) / SECOND
+            after = max((standstill.since_ns or 0) - played.start_ns, 0) / SECOND
             self.get_logger().warning(f'stopped: at rest {after:.3f} s after the start, of '
                                       f'{played.motion.duration:.3f} s')
         elif self._publisher.get_subscription_count() == 0:

@@ -9,21 +9,24 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 
 class Troubles:
-    """The errors that nodes tell of themselves now."""
+    """The errors and warnings that nodes tell of themselves now."""
 
     def __init__(self) -> None:
-        self._told: dict[str, str] = {}
+        self._told: dict[str, tuple[bytes, str]] = {}
 
     def take(self, message: DiagnosticArray) -> None:
-        """Take what nodes tell: an error lasts until its node tells something else."""
+        """Take what nodes tell: it lasts until its node tells something else."""
         for status in message.status:
-            if status.level == DiagnosticStatus.ERROR:
-                self._told[status.name] = status.message or 'ERROR'
+            if status.level in (DiagnosticStatus.WARN, DiagnosticStatus.ERROR):
+                self._told[status.name] = status.level, status.message or 'ERROR'
             else:
                 self._told.pop(status.name, None)
 
-    def of(self, publishers: Iterable[TopicEndpointInfo]) -> str:
-        """Return the error that one of the publishers of a topic has; empty where none has one."""
+    def of(self, publishers: Iterable[TopicEndpointInfo], least: bytes = DiagnosticStatus.ERROR
+           ) -> str:
+        """Return what one of the publishers of a topic tells, at least as bad; empty if none does.
+        """
         nodes = (f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
                  for publisher in publishers)
-        return next((self._told[node] for node in nodes if node in self._told), '')
+        told = (self._told.get(node, (DiagnosticStatus.OK, '')) for node in nodes)
+        return next((message for level, message in told if level >= least), '')

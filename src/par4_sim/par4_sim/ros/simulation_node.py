@@ -85,6 +85,7 @@ class SimulationNode(Par4Node):
             asked.real_time_factor, asked.feedforward_timeout, asked.following_error_limit,
             EndSwitches(self._robot), self._pace)
         self._fault = ''
+        self._told_unaided = False
         self.create_timer(FAULT_PERIOD, self._tell_new_fault, clock=self.wall_clock)
         self._zero_stamps = ZeroStamps()
         self._published = 0
@@ -206,7 +207,8 @@ class SimulationNode(Par4Node):
         for topic, count in zip((CLOCK, AMPLIFIER_VOLTAGE), others, strict=True):
             if count > 1:
                 return State(State.ERROR, f'{count} publish {topic.name}: another simulation or '
-                                          f'robot is in this domain; give each a ROS_DOMAIN_ID')
+                                          f'robot is in this domain; give each a ROS_DOMAIN_ID',
+                             'one that was killed counts for some 20 s more')
         if physics.paused:
             return State(State.WARN, 'paused')
         if physics.ending:
@@ -233,7 +235,19 @@ class SimulationNode(Par4Node):
         published = self._samples.published[JOINT_STATES.name]
         share = new.get('late_steps', 0) / max(1, published - self._published)
         self._published = published
-        return share > LATE_SHARE or bool(new.keys() - {'late_steps'})
+        return share > LATE_SHARE or bool(new.keys() - {'late_steps', *self._unaided()})
+
+    def expected(self) -> tuple[str, ...]:
+        """Return the faults that are not logged: where nobody gives torques, that is said once."""
+        unaided = self._unaided()
+        if unaided and not self._told_unaided and self._physics.counts['missing_effort']:
+            self._told_unaided = True
+            self.get_logger().info(f'no {FEEDFORWARD_TORQUE.name} comes: driven without it')
+        return (*super().expected(), *unaided)
+
+    def _unaided(self) -> tuple[str, ...]:
+        """Return what is no fault of a machine that has never had a feedforward torque."""
+        return () if self._arrivals[FEEDFORWARD_TORQUE.name].received else ('missing_effort',)
 
     def now_ns(self) -> int:
         """Return the simulated time, ns."""
