@@ -115,20 +115,22 @@ class Model:
                     if not active.effect.needs_nominal)
         nominal = Nominal(torque_of_values(state, self._linear), self.body_torque(state),
                           self.values, self.body_torque, added)
-        return replace(nominal, halfway=self._halfway(replace(state, nominal=nominal)))
-
-    def _halfway(self, state: State) -> State | None:
-        """Return the motion halfway to the true one, see `Effect.halfway`; None if it is this one.
-
-        It is this one, too, if the errors of the model are more than the mechanism allows.
-        """
-        motion = state
+        read = replace(state, nominal=nominal)
         try:
-            for active in self.effects:
-                motion = active.effect.halfway(motion, active.values)
-        except UnreachableError:
-            return None
-        return None if motion is state else replace(motion, nominal=state.nominal)
+            halfway = self._half_the_way(read)
+            true = self._half_the_way(halfway)
+        except UnreachableError:  # the errors of the model are more than the mechanism allows
+            return nominal
+        if halfway is read:
+            return nominal
+        return replace(nominal, halfway=replace(halfway, nominal=nominal), true=replace(
+            true, nominal=replace(nominal, load=self.body_torque(true))))
+
+    def _half_the_way(self, state: State) -> State:
+        """Return the motion half of the known errors away from this one, see `Effect.halfway`."""
+        for active in self.effects:
+            state = active.effect.halfway(state, active.values)
+        return state
 
     def known_torque(self, state: State) -> np.ndarray:
         """Return the torque (n, J), N m, of distributed bodies and effects: all but W chi."""

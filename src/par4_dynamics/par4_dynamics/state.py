@@ -43,6 +43,7 @@ class Nominal:
         added: torque of the effects whose torque does not depend on the nominal one, (n, J) N m.
         halfway: the motion halfway between the one read and the true one, of a machine whose
             readings or dimensions are known to be wrong, see `Effect.halfway`; else None.
+        true: the same all the way: the true motion, with its load.
     """
 
     torque: np.ndarray
@@ -51,6 +52,7 @@ class Nominal:
     body_torque: Callable[[State], np.ndarray]
     added: np.ndarray | float = 0.0
     halfway: State | None = None
+    true: State | None = None
 
     @property
     def delivered(self) -> np.ndarray:
@@ -145,6 +147,11 @@ class State:
         The slope of a torque there, times the way, is the change of the torque to second order.
         """
         return self.known.halfway or self
+
+    @property
+    def true(self) -> State:
+        """The true motion; this one where no reading is known to be wrong."""
+        return self.known.true or self
 
     @property
     def bends(self) -> tuple[float, ...]:

@@ -74,6 +74,7 @@ class Springs:
     """
 
     def __init__(self, state: State) -> None:
+        state = state.true  # the loads are where they are, not where encoders tell them
         self._state, self._whole_load = state, told_part(state, state.known.load)
         self._still = len(state.t) < 2
         self._load_torque: tuple[float, np.ndarray] = np.nan, self._whole_load
