@@ -788,3 +788,18 @@ def test_no_zero_is_wrong_where_each_log_by_itself_has_no_such_error(apart, told
     monkeypatch.setattr(calibration, '_error', lambda parts, _geometry, values: (
         0.071 if values.any() else 0.072 if len(parts) == len(stretches) else apart))
     assert (calibration.calibration_of(stretches, REFERENCE.geometry) is not None) == told
+
+
+@pytest.mark.parametrize(('step', 'held'), [
+    *((step, held) for step in (0.5, 1.0, 2.0, 4.0) for held in (False, True)), (8.0, False)])
+def test_a_torque_in_coarse_steps_is_not_held_and_a_logger_that_holds_is(step, held):
+    """Its readings repeat by chance, four times in a row in any log of 20 s."""
+    random, t = np.random.default_rng(7), 1e-3 * np.arange(20_000)
+    q = 0.1 * np.sin(2.0 * np.pi * 0.3 * t)
+    tau = 100.0 * np.sin(2.0 * np.pi * 0.9 * t) + random.normal(0.0, 2.0, len(t))
+    tau = step * np.round(tau / step)
+    if held:
+        tau[5000:5060] = tau[5000]
+    log = Log('coarse', ('motor',), 1, 1e-3, t, q[:, None], tau[:, None], (slice(0, len(t)),),
+              None, None)
+    assert [item.torque for item in held_stretches(log)] == [True] * held

@@ -29,6 +29,8 @@ from par4_identification.logs.masks import stretches
 
 FEWEST = 4
 """Samples in a row that a held reading repeats."""
+BY_CHANCE = 0.05
+"""Runs of a log as long as one that chance may make, at the most, for that one to be held."""
 FASTER = 3.0
 """Ratio of a jump to what the joint travels in a sample, beside it."""
 BRIEF, UNMOVED = 0.06, 4.0
@@ -128,17 +130,27 @@ def held_stretches(log: Log) -> list[Held]:
 
 
 def _held_torques(q: np.ndarray, tau: np.ndarray, stands: np.ndarray, offset: int) -> list[Held]:
-    """Return where all torques repeat exactly while positions go on, and then jump."""
-    found, counts = [], np.array([resolution(own) for own in q.T])
-    for start, last in stretches(stands):
+    """Return where all torques repeat exactly while positions go on, and then jump.
+
+    A torque in coarse steps repeats by chance, mostly once, and changes by a step or two then. How
+    often it repeats once tells how seldom it repeats for longer.
+    """
+    found, runs = [], list(stretches(stands))
+    once = sum(last - start == 1 for start, last in runs) / max(len(stands), 1)
+    counts, steps = (np.array([resolution(own) for own in part.T]) for part in (q, tau))
+    for start, last in runs:
         end = last + 1
         if end - start < FEWEST or end >= len(q) or (np.diff(q[start:end], axis=0) == 0.0).all():
             continue
-        jump = np.abs(tau[end] - tau[end - 1]).max()
+        if len(stands) * once ** (end - start - 1) > BY_CHANCE:
+            continue
+        jumps = np.abs(tau[end] - tau[end - 1])
+        jump = jumps.max()
         usual = np.median(np.abs(np.diff(tau[max(start - 50, 0):start + 1], axis=0)).max(axis=1)) \
             if start > AROUND else 0.0
         moved = np.abs(q[end - 1] - q[start])
-        if jump > FASTER * usual > 0.0 and (moved > COUNTS * counts).any():
+        if (jump > FASTER * usual > 0.0 and (jumps > COUNTS * steps).any()
+                and (moved > COUNTS * counts).any()):
             found.append(Held(offset + start, offset + end, (), True))
     return found
 
