@@ -29,9 +29,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / 'tests'))
 
 import numpy as np
 from blind_study import machine_name, outcomes_of
-from changed import COMPANY, KINDS, Change, Changed, drawn_machine
 from scipy.stats import binomtest
 
+from changed import COMPANY, KINDS, Change, Changed, drawn_machine
 from par4_dynamics.base_terms import FRICTION
 from par4_dynamics.model import build_model
 from par4_identification.changes.changes import (

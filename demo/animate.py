@@ -7,6 +7,7 @@ the tool, `--bag BAG` the liveliest seconds of what a bag measured, as fast as t
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from rich.progress import track
 
 from par4_identification.logs.read_log import read_log
 from par4_kinematics.adept import adept_motion
+from par4_kinematics.errors import Par4Error
 from par4_kinematics.files import written_atomically
 from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import Robot, read_robot
@@ -78,8 +80,11 @@ def main() -> None:
     parser.add_argument('--bag', type=Path, help='show what this bag measured')
     parser.add_argument('--width', type=int, default=480, help='pixels')
     arguments = parser.parse_args()
-    robot = read_robot(arguments.robot)
-    poses = measured_poses(robot, arguments.bag) if arguments.bag else adept_poses(robot)
+    try:
+        robot = read_robot(arguments.robot)
+        poses = measured_poses(robot, arguments.bag) if arguments.bag else adept_poses(robot)
+    except Par4Error as error:
+        sys.exit(f'error: {error}')
     animate(robot, poses, arguments.output, arguments.width)
     print(f'pictures: {arguments.output}, {arguments.output.with_suffix(".png")}')
 

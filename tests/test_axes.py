@@ -874,3 +874,23 @@ def test_a_few_steady_speeds_are_too_few():
     found = diagnosed(held_speeds(screw(6e-4), SPEEDS[:8], 3e-4), [], axis())
     assert found.verdict == 'unusable_data'
     assert any('steady speeds are fitted, 10 are needed' in reason for reason in found.reasons)
+
+
+def test_six_speeds_both_ways_of_a_fast_log_are_no_measurement_of_steady_speeds():
+    """Twelve plateaus leave eight to fit and four to hold out: the log was refused. By its samples
+    it tells the cogging."""
+    speeds = np.array([rate * way for rate in (0.4, 0.8, 1.6, 2.4, 3.2, 4.0) for way in (1, -1)])
+    t = np.arange(0.0, 4.0 * len(speeds), 1e-3)
+    which = np.minimum((t // 4.0).astype(int), len(speeds) - 1)
+    edge = np.clip((t % 4.0) / 0.4, 0.0, 1.0)
+    smooth = edge ** 2 * (3.0 - 2.0 * edge)
+    before = np.concatenate(([0.0], speeds[:-1]))
+    speed = before[which] + smooth * (speeds[which] - before[which])
+    q = np.cumsum(speed) * 1e-3
+    tau = (0.02 * np.gradient(speed, 1e-3) + 0.2 * np.tanh(speed / 1e-3) + 0.03 * speed
+           + 0.05 * np.sin(24.0 * q + 0.3))
+    log = log_of(axis(), t, q[:, None], tau[:, None], 1, 0.01)
+    conditioning = conditioning_for([log], axis(), CONDITIONING)
+    assert not conditioning.steady
+    cause, = diagnose([log], axis(), conditioning=conditioning).causes
+    assert (cause.effect.name, cause.parameters['periods'].number) == ('cogging', 24.0)

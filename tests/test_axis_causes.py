@@ -5,6 +5,7 @@ The plants are stepped in time in `axes.recorded` or here; no formula of an effe
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -344,3 +345,38 @@ def test_torques_without_noise_are_said_to_be_smoothed_or_computed(noise):
     found = diagnosed(logged(q, tau), axis(), ('torque_offset',))
     said = ' '.join(remark.text for remark in outcome_of_diagnosis(found, axis()).remarks)
     assert ('These torques have next to no noise' in said) == (noise == 0.0)
+
+
+def misreading(periods, size, duration=14.0, step=5e-4, loop=120.0, seed=0):
+    """Return the log of a rigid motor whose encoder, which its loop follows, errs in waves."""
+    random, every = np.random.default_rng(seed), 5
+    t = step * np.arange(round(duration / step))
+    asked = turns(t)
+    speed, acceleration = np.gradient(asked, step), np.gradient(np.gradient(asked, step), step)
+    q, qd, last, read, torques = float(asked[0]), float(speed[0]), None, [], []
+    for wanted, rate, change in zip(asked.tolist(), speed.tolist(), acceleration.tolist()):
+        told = q + size * math.sin(periods * q + 1.0)
+        told_rate = rate if last is None else (told - last) / step
+        last = told
+        torque = SPINDLE.inertia * (change + loop ** 2 * (wanted - told)
+                                    + 2.0 * loop * (rate - told_rate)) + SPINDLE.viscous * rate
+        read.append(told)
+        torques.append(torque)
+        friction = SPINDLE.viscous * qd + SPINDLE.coulomb * math.tanh(qd / 1e-3)
+        qd += step * (torque + SPINDLE.coulomb * math.tanh(rate / 1e-3) - friction
+                      ) / SPINDLE.inertia
+        torques[-1] += SPINDLE.coulomb * math.tanh(rate / 1e-3)
+        q += step * qd
+    tau = np.array(torques)[::every] + random.normal(0.0, 0.01, len(torques[::every]))
+    return logged(np.array(read)[::every], tau, every * step)
+
+
+def test_a_reading_that_is_wrong_several_times_a_turn_is_no_cogging():
+    """Its torque grows with the square of the speed; that of slots does not."""
+    periods = 40
+    found = diagnosed(misreading(periods, 4e-5), axis())
+    assert found.verdict == 'unknown'
+    assert named(found) == []
+    slots = recorded(replace(SPINDLE, lines={periods: (0.1, 0.3)}), turns, 14.0, 400.0, noise=0.01,
+                     counts=1 << 20)
+    assert named(diagnosed(slots, axis())) == ['cogging']

@@ -11,6 +11,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hidden.machines import known_machine
+from hidden.physics import Torques
+from planned import evidence_of
+from searches import MODEL, cause, log_with
+
 from changed import (
     KINDS,
     Change,
@@ -19,11 +24,6 @@ from changed import (
     drawn_machine,
     torque_beside_axis,
 )
-from hidden.machines import known_machine
-from hidden.physics import Torques
-from planned import evidence_of
-from searches import MODEL, cause, log_with
-
 from par4_dynamics.base_terms import BASE_TERMS, FRICTION
 from par4_dynamics.model import build_model
 from par4_identification.changes import swallowed

@@ -68,7 +68,7 @@ from par4_kinematics.robot import JOINT_NAMES, Axis
 from par4_sim.bags.bag_writer import BagWriter
 from par4_sim.closed_loop.offline import simulate_to_bag
 from par4_sim.closed_loop.simulation import build_simulation
-from par4_sim.commands import simulate
+from par4_sim.commands import entry, simulate
 from par4_sim.commands.entry import run as run_command
 from par4_sim.commands.numbers import Numbers
 from par4_sim.report.results import plain, write_results
@@ -990,3 +990,12 @@ def test_too_much_data_is_said_in_a_line(capsys, monkeypatch):
     assert said.startswith('error: ')
     assert said.count('\n') == 1
     assert 'shorter bags' in said
+
+
+@pytest.mark.parametrize(('given', 'meant'), [
+    ('--output=~/bag', '--output={}/bag'), ('~/bag', '~/bag'), ('a=~/b', 'a=~/b'),
+    ('--columns=x~/y', '--columns=x~/y')])
+def test_a_path_at_home_behind_an_option_is_meant_as_in_a_shell(monkeypatch, given, meant):
+    """Shells expand `~` at the beginning of a word only; a folder of that name was made."""
+    monkeypatch.setenv('HOME', '/home/ann')
+    assert entry._at_home(given) == meant.format('/home/ann')

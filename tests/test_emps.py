@@ -10,9 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from axis_scales import diagnosis_of_axis
 from click.testing import CliRunner
-from diagnosed import claims, error_as_diagnosed, steps
 from example import (
     PUBLISHED,
     PUBLISHED_BY_DIRECTION,
@@ -21,9 +19,10 @@ from example import (
     delay_of,
     through_a_bag,
 )
-from remainder import low_speed_friction, strongest_periods
 
+from axis_scales import diagnosis_of_axis
 from axis_simulation import simulated, synthetic_recording
+from diagnosed import claims, error_as_diagnosed, steps
 from own_recipe import own_estimates, values_by_name
 from par4_identification.commands.diagnose import diagnose_bags
 from par4_identification.diagnosis.diagnosis import diagnose
@@ -32,6 +31,7 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_yaml
 from published_recipe import BY_DIRECTION, COLUMNS, published_estimate
 from recording import VARIABLE, data_path, read_recording, write_bag
+from remainder import low_speed_friction, strongest_periods
 
 TRUE = {'M': 80.0, 'Fv': 150.0, 'Fc': 18.0, 'offset': -2.0}
 HIDDEN = -25.0

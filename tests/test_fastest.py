@@ -237,7 +237,7 @@ def test_where_nothing_is_reached_no_motion_of_an_earlier_run_stays(tmp_path):
         write_motion(place, SHORT, maker=maker)
         done = CliRunner().invoke(fastest, asked)
         assert done.exit_code == 0, done.output
-        assert 'No controller does adept' in ' '.join(done.output.split())
+        assert 'None of the controllers tried does adept' in ' '.join(done.output.split())
         assert place.exists() == place.with_suffix('.csv').exists() == stays
 
 

@@ -12,13 +12,12 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from axis_scales import diagnosis_of_axis
-from diagnosed import claims, error_as_diagnosed, steps
-from remainder import low_speed_friction, strongest_periods
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from axis_scales import diagnosis_of_axis
+from diagnosed import claims, error_as_diagnosed, steps
 from own_recipe import own_estimates, values_by_name
 from par4_identification.diagnosis.diagnosis import Diagnosis
 from par4_identification.estimators.estimate import Estimate
@@ -26,6 +25,7 @@ from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.files import write_yaml
 from published_recipe import BY_DIRECTION, COLUMNS, published_estimate
 from recording import VARIABLE, Recording, data_path, read_recording, write_bag
+from remainder import low_speed_friction, strongest_periods
 
 PUBLISHED = {
     'M': ('95.1089', '0.1141'), 'Fv': ('203.5034', '0.5631'), 'Fc': ('20.3935', '0.4964'),

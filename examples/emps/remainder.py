@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from axis_scales import SPACING, periods
-from diagnosed import columns_of_causes, moving
 from scipy.interpolate import CubicSpline
 
+from axis_scales import SPACING, periods
+from diagnosed import columns_of_causes, moving
 from par4_identification.diagnosis.diagnosis import Diagnosis
 from par4_identification.estimators.estimate import Estimate
 from par4_identification.estimators.ordinary import ordinary

@@ -13,7 +13,7 @@ import numpy as np
 
 from par4_identification.changes.joint_values import JointValues, torque_of_causes
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.diagnosis.nominal.gate import LEAST_PLATEAUS
+from par4_identification.signals.plateaus import LEAST_PLATEAUS
 
 VAGUER = 4.0
 """Ratio of a parameter's deviations up to which somebody identifies a model from a stretch in place

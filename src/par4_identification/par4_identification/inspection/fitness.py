@@ -10,7 +10,6 @@ import numpy as np
 
 from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.observations import observe
-from par4_identification.diagnosis.nominal.gate import LEAST_PLATEAUS
 from par4_identification.diagnosis.nominal.start import start_of
 from par4_identification.diagnosis.search.rules import rules_for
 from par4_identification.fitting.identification import Identification, identify
@@ -24,6 +23,7 @@ from par4_identification.reports.outcome.identification import (
 from par4_identification.setup_check.finding import SetupCheck
 from par4_identification.setup_check.unusable import SINGULAR
 from par4_identification.signals.conditioning import Conditioning
+from par4_identification.signals.plateaus import LEAST_PLATEAUS
 from par4_identification.signals.rows import Run, runs_of_log
 from par4_identification.signals.scales import conditioning_for
 from par4_identification.trend.bag_values import EARLIEST

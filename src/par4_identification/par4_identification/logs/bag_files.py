@@ -49,5 +49,5 @@ def storage_files(path: Path) -> list[Path]:
              if file.suffix != ZSTD_SUFFIX or file.with_suffix('') not in files]
     if not files:
         raise InputError(f'{path}: not a rosbag2; expected a folder with .mcap or .db3 files, or '
-                         'one such file')
+                         'one such file; of a CSV, .npz or .mat log par4_bag makes one')
     return files

@@ -27,6 +27,8 @@ ENDS = 0.1
 """Share of a plateau left out at either end, where the speed may still change."""
 COVERED = 0.8
 """Share of its time in motion that the plateaus of a log must fill, on average over the logs."""
+LEAST_PLATEAUS = 10
+"""Steady speeds that a fit needs."""
 SPEEDS = 6
 """Different speeds from which on logs of any rate are taken for a measurement of steady speeds."""
 APART = 0.05
@@ -120,8 +122,8 @@ def _samples_of_plateaus(log: Log) -> Iterator[tuple[float, np.ndarray, np.ndarr
 def hold_speeds(logs: Sequence[Log], slowest_hz: float) -> bool:
     """Return whether logs of an axis are measurements of steady speeds.
 
-    They are where plateaus fill them, and either many speeds are held or a log is slower than
-    `slowest_hz`, so that nothing else could be made of it.
+    They are where plateaus fill them, and either many speeds are held, enough to hold some out, or
+    a log is slower than `slowest_hz`, so that nothing else could be made of it.
     """
     held = [plateaus_of(log) for log in logs]
     speeds = [item.speed for plateaus in held for item in plateaus]
@@ -130,7 +132,8 @@ def hold_speeds(logs: Sequence[Log], slowest_hz: float) -> bool:
     if not speeds or np.mean(np.minimum(covered, 1.0)) < COVERED:
         return False
     slow = any(1.0 / log.period < slowest_hz for log in logs)
-    return slow or _different(speeds) >= SPEEDS
+    fitted = int(np.sum(~every_third_between(np.array(speeds))))
+    return slow or bool(_different(speeds) >= SPEEDS and fitted >= LEAST_PLATEAUS)
 
 
 def every_third_between(speeds: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -47,8 +48,9 @@ def _run(command: click.Command) -> int:
     """Run a command and return its exit code."""
     if all(parameter.name != 'version' for parameter in command.params):
         command = click.version_option(package_name='par4_sim', prog_name=command.name)(command)
+    arguments = [_at_home(argument) for argument in sys.argv[1:]]
     try:
-        command.main(standalone_mode=False)
+        command.main(arguments, standalone_mode=False)
     except click.exceptions.Exit as finished:
         return finished.exit_code
     except click.ClickException as error:
@@ -66,6 +68,14 @@ def _run(command: click.Command) -> int:
         print('stopped; nothing was changed', file=sys.stderr)
         return STOPPED
     return 0
+
+
+def _at_home(argument: str) -> str:
+    """Return an argument whose path begins at home as shells expand it, but not behind `=`."""
+    option, mark, path = argument.partition('=~/')
+    if not (mark and option.startswith('--')):
+        return argument
+    return f'{option}={os.path.join(os.path.expanduser("~"), path)}'
 
 
 def _refuse(line: str) -> int:

@@ -49,7 +49,8 @@ def outcome_of_fastest(found: Sequence[Reached | Unreached], fastest: Fastest, m
            if fastest.unknown else '')))
     within = f'within {number(limits.torque)} N m and a peak error of {number(1e3 * peak)} mm'
     if best is None:
-        return Outcome(f'No controller does {motion.name} {within} at any pace.', 'bad', (
+        return Outcome(f'None of the controllers tried does {motion.name} {within} at '
+                       f'any pace.', 'bad', (
             bound, Remark(False, 'Every run breaks the limit of the error, however slow.',
                           'Give a model as --feedforward, or allow a larger error.')))
     time = best.case.run.motion.duration

@@ -12,6 +12,7 @@ from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.estimators.quadratic import quadratic_columns
 from par4_identification.fitting.identification import OTHER_JOINTS, Identification
+from par4_identification.signals.plateaus import LEAST_PLATEAUS
 from par4_identification.signals.rows import Run
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
@@ -19,7 +20,6 @@ from par4_kinematics.robot import Axis, Robot
 LEAST_ROWS = 200
 LEAST_ROWS_OF_AXIS = 60
 """An axis has two base parameters that every motion shows, and rows that are hardly alike."""
-LEAST_PLATEAUS = 10
 SPEED = 0.5
 """rad/s at which the friction of a Par4 must brake."""
 TORN = 10

@@ -16,6 +16,7 @@ from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.diagnosis.search.causes import Model
+from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.signals.rows import Run
 
@@ -31,9 +32,9 @@ FACTORS: dict[str, Follows] = {
     'time': lambda run: np.broadcast_to(run.t[:, None], run.q.shape),
     'the speed of the joint': lambda run: np.abs(run.speed),
     'the direction of the joint': lambda run: np.sign(run.speed),
-    'the position of the joint': lambda run: run.q,
-    **{f'the position of the platform along {name}': _along(axis)
-       for axis, name in enumerate('xyz')}}
+    'the position of the joint': lambda run: run.q}
+OF_PLATFORM: dict[str, Follows] = {
+    f'the position of the platform along {name}': _along(axis) for axis, name in enumerate('xyz')}
 
 
 def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
@@ -41,7 +42,8 @@ def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
 
     It follows something if on the fitted rows and, by themselves, on those held out a size that
     grows with it explains more, by the share that the torque of an unnamed cause may be wrong
-    (`Rules.unnamed_error`) and by more than chance (`Rules.price`, `Rules.margin`).
+    (`Rules.unnamed_error`) and by more than chance (`Rules.price`, `Rules.margin`). That share is
+    larger by as much as the laws of a machine may be wrong by more than those of a Par4.
     """
     rules, pool = search.rules, search.pool
     fitted, heldout = (
@@ -49,7 +51,8 @@ def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
             (pool.evidence, rules.price * pool.width(cause)), (pool.heldout, rules.margin)))
     shares = {name: min(share, heldout[name]) for name, share in fitted.items()}
     most = max(shares, key=lambda name: shares[name])
-    return most if shares[most] > rules.unnamed_error ** 2 else None
+    share = rules.unnamed_error ** 2 * rules.named_error / Rules.named_error
+    return most if shares[most] > share else None
 
 
 def _shares(evidence: Evidence, cause: Hypothesis, others: Model, enough: float
@@ -64,7 +67,7 @@ def _shares(evidence: Evidence, cause: Hypothesis, others: Model, enough: float
     own, torque = 0.5 * (without.squares - beside.squares), evidence.columns(cause)
     noise = max(1.0, beside.squares / max(evidence.rows, 1))
     shares = {}
-    for name, factor in FACTORS.items():
+    for name, factor in {**FACTORS, **({} if observations.of_axis else OF_PLATFORM)}.items():
         values = [factor(run) for run in observations.runs]
         rows = np.concatenate([part[:, joint] for joint in range(observations.joints)
                                for part in values])

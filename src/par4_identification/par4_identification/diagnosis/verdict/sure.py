@@ -64,7 +64,8 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
         for item in named_of(model):
             search.journal.reject(item, reason)
         return search.with_nameless(()) or tuple(unnamed_of(model))
-    return _without(search, model, _continued, _replaced, _outdone, _inertial, _timed_otherwise)
+    return _without(search, model, _continued, _replaced, _outdone, _inertial, _timed_otherwise,
+                    _inconstant)
 
 
 def without_replaceable_names(search: Search, model: Model) -> Model:

@@ -194,8 +194,8 @@ def _bias_remarks(identification: Identification, machine: Robot | Axis) -> list
     if not isinstance(identification.estimate, InstrumentalEstimate):
         remarks.append(note(
             'Whether noise of the positions biases the values was not tested.',
-            'Record the topic reference too and identify once more with --estimator instrumental: '
-            'it tells whether noise of the positions biases least squares.'))
+            'Identify once more with --estimator instrumental, which takes bags with the topic '
+            'reference: it tells whether noise of the positions biases least squares.'))
     return remarks
 
 
