@@ -202,6 +202,20 @@ def test_a_silent_robot_is_not_set_in_motion(cell):
     assert cell.node.failure is None
 
 
+def test_what_is_to_be_done_is_said_where_there_is_no_robot(cell, monkeypatch):
+    monkeypatch.setattr(cell.node, '_robot_is_there', lambda: False)
+    cell.tells = False
+    cell.run(motion_node.DISCOVERY + 2.0)
+    assert cell.node._waits_for == (
+        'joint_states, which nobody publishes: start the driver of the robot, or par4_simulation, '
+        'with the same ROS_DOMAIN_ID and namespace')
+    monkeypatch.setattr(cell.node, '_robot_is_there', lambda: True)
+    cell.tells = True
+    cell.run(10.0)
+    assert cell.node.failure is None
+    assert cell.node.finished
+
+
 @pytest.mark.parametrize('stamped', [True, False])
 def test_a_robot_that_trips_ends_the_motion_at_once(cell, stamped):
     cell.node._motion = named_motion('excitation', ROBOT, 20.0)

@@ -347,7 +347,10 @@ class MotionNode(Par4Node):
             return f'{CLOCK.name}' + (', which nobody publishes: use_sim_time is for a simulation'
                                       if nobody else '')
         if self._robot_at is None:
-            return JOINT_STATES.name
+            nobody = not self._robot_is_there() and time.monotonic() > self._discovered
+            return f'{JOINT_STATES.name}' + (
+                ', which nobody publishes: start the driver of the robot, or par4_simulation, with '
+                'the same ROS_DOMAIN_ID and namespace' if nobody else '')
         wanted = self.parameters.listeners
         if listeners != self._listeners or listeners < wanted:
             self._listeners = listeners
