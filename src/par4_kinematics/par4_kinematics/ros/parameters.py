@@ -6,7 +6,6 @@ import dataclasses
 import difflib
 import inspect
 import math
-import os
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import read_yaml
+from par4_kinematics.paths import at_home
 
 if TYPE_CHECKING:  # help is told without loading ROS
     from rcl_interfaces.msg import ParameterDescriptor
@@ -149,8 +149,8 @@ def _checked(field: dataclasses.Field[Any], value: Any) -> Any:
     if wanted is float and type(value) is int:
         value = float(value)
     _check_type(field.name, value, wanted, field.metadata['description'])
-    if wanted is str and value.startswith('~/'):  # no shell expands it behind :=
-        value = os.path.expanduser(value)
+    if wanted is str:
+        value = at_home(value)
     if wanted in (int, float):
         lowest, highest = _range(field)
         if value in (math.inf, -math.inf):

@@ -7,11 +7,11 @@ is played, what comes after it. Nothing here starts a process and nothing knows 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from par4_kinematics.errors import InputError
+from par4_kinematics.paths import at_home
 from par4_sim.choices import FIDELITIES, LOOKED_AHEAD, POSITION_LAWS, PREDICTIVE
 
 CLOCK = '/clock'
@@ -50,10 +50,8 @@ class Argument:
                              f'{", ".join(self.allowed)}')
         if isinstance(self.default, bool):
             return text == 'true'
-        if text.startswith('~/'):  # no shell expands it behind :=
-            text = os.path.expanduser(text)
         try:
-            return type(self.default)(text)
+            return type(self.default)(at_home(text))
         except ValueError:
             kind = 'a whole number' if isinstance(self.default, int) else 'a number'
             raise InputError(f'argument {self.name}: expected {kind}, found {text!r}; it means: '

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -12,6 +11,7 @@ from typing import NoReturn
 import click
 
 from par4_kinematics.errors import Par4Error, one_line
+from par4_kinematics.paths import at_home
 from par4_sim.commands.output import dropping
 from par4_start import STOPPED, tool_ends_quietly, tool_is_interrupted
 
@@ -71,11 +71,9 @@ def _run(command: click.Command) -> int:
 
 
 def _at_home(argument: str) -> str:
-    """Return an argument whose path begins at home as shells expand it, but not behind `=`."""
-    option, mark, path = argument.partition('=~/')
-    if not (mark and option.startswith('--')):
-        return argument
-    return f'{option}={os.path.join(os.path.expanduser("~"), path)}'
+    """Return an argument `--option=path` with its path as `at_home` has it."""
+    option, mark, path = argument.partition('=')
+    return f'{option}={at_home(path)}' if mark and option.startswith('--') else argument
 
 
 def _refuse(line: str) -> int:

@@ -1,0 +1,14 @@
+"""Paths as users write them."""
+
+from __future__ import annotations
+
+import os
+
+
+def at_home(path: str) -> str:
+    """Return a path that begins with `~/` as a shell means it.
+
+    Shells expand it at the beginning of a word only, not behind `:=` or `=`: a folder of the name
+    `~` would be made.
+    """
+    return os.path.expanduser(path) if path.startswith('~/') else path
