@@ -199,6 +199,10 @@ def test_a_part_that_ends_too_early_ends_all(launched, name, code):
             with pytest.raises(RuntimeError, match=f'{node.executable} .* exit code {code}'):
                 action.function(None)
             assert ends(node, code) == []
+            # nor does a motion that is interrupted then have played
+            player = launch_stand_in.started(launched(name), **given)
+            ends(player[index], code)
+            assert all(ends(other, 0) == [] for other in player)
 
 
 def test_a_played_motion_ends_all_and_then_the_model_is_identified(launched):

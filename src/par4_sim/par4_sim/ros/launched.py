@@ -24,6 +24,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from par4_kinematics.robot import read_robot
+from par4_kinematics.ros.parameters import ALIKE
 from par4_kinematics.runner import run_by_this_process
 from par4_sim.cell.cell import COMPOSITIONS, Argument, NodePart, Session
 from par4_sim.cell.running_cell import executable_path
@@ -32,8 +33,6 @@ from par4_sim.description.robot_description import complete_description
 PICTURES_HZ = 31.0
 """Of robot_state_publisher: with a shorter period than that of the passive joints in joint_states,
 it takes each message with them whole, and arms and rods are drawn at the same time."""
-ALIKE = 0.7
-"""Likeness of two names, of 0 to 1, from which on one is taken for the other misspelt."""
 VIEW = Argument('rviz', False, 'show the robot in RViz')
 
 
@@ -94,10 +93,10 @@ class _Launched:
     def _node(self, part: NodePart) -> Node:
         def ended(event: ProcessExited, _context: LaunchContext) -> list[Any]:
             self._running -= 1
-            if part is self._session.player and event.returncode == 0:
-                return self._played()
             if self._ending:  # each Shutdown would interrupt all once more
                 return []
+            if part is self._session.player and event.returncode == 0:
+                return self._played()
             if event.returncode != 0:
                 return self._failure(part.executable, event.returncode)
             if self._playing:
