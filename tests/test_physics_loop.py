@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import subprocess
 import sys
+from dataclasses import replace
 from threading import Event, Thread
 from unittest import mock
 
@@ -294,6 +295,17 @@ def test_a_machine_that_is_pushed_beyond_its_limits_is_braked(pose, push, told):
     assert f'the machine is outside its limits: {told}' in run.loop.fault
     assert 'braked; call ~/reset' in run.loop.fault
     assert np.abs(run.samples[-1].qd).max() < 0.02
+
+
+def test_a_machine_is_stopped_for_where_it_is_not_for_what_its_encoders_tell():
+    """Recorded noise and a wrong zero are no place of the machine."""
+    run = Run()
+    run.go_on(1)
+    sample = run.samples[0]
+    run.loop._watch(replace(sample, q=sample.q + 3.0))
+    assert run.loop.fault == ''
+    run.loop._watch(replace(sample, true_q=sample.true_q + 3.0))
+    assert 'joint position' in run.loop.fault
 
 
 @pytest.mark.parametrize(('row', 'allowed'), [

@@ -268,7 +268,7 @@ class PhysicsLoop:
     def _watch(self, sample: Sample) -> None:
         """Brake and take no reference more where the machine is too far from its reference.
 
-        The same where it is beyond its limits.
+        The same where it is beyond its limits, wherever its encoders tell that it is.
         """
         if self.fault:
             return
@@ -279,12 +279,10 @@ class PhysicsLoop:
             if not errors[joint] <= self._following_error_limit:
                 found = (f'{JOINT_NAMES[joint]} was {errors[joint]:.3g} rad from its reference, '
                          f'beyond {self._following_error_limit:g} rad')
-        breach = self._switches.breach(sample.q, sample.qd, sample.true_pose)
+        breach = self._switches.breach(sample.true_q, sample.qd, sample.true_pose)
         if breach is not None and not found:
             found = f'the machine is outside its limits: {breach.found}, not {breach.allowed}'
         if found:
-            if self._simulation.counts['saturated_commands']:
-                found += ' (its drives were at their torque limit)'
             self._simulation.brake()
             self.fault = f'{found}: braked; call ~/reset'
 
