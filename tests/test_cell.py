@@ -242,20 +242,21 @@ def test_a_robot_whose_joints_have_other_names_is_told(bench):
         diagnostics, 'par4_kinematics')), 'par4_kinematics to have heard the robot')
 
 
-def test_the_clock_of_a_simulation_that_was_killed_is_no_second_one():
+def test_the_clock_of_a_simulation_that_was_killed_is_no_second_one(monkeypatch):
     """The middleware knows it for some 20 s more; two that run make the clock jump to and fro."""
-    times = iter((0.0, 0.01))
+    wall = SimpleNamespace(monotonic=lambda: 100.0)
+    monkeypatch.setattr('par4_kinematics.ros.node.time', wall)
     node = SimpleNamespace(simulated_time=True, clocks=lambda: 2, _jumped=deque(maxlen=2))
     node._clock_jumps_to_and_fro = lambda: Par4Node._clock_jumps_to_and_fro(node)
-    node._jumped.append(time.monotonic())
+    node._jumped.append(99.0)
     state = Par4Node.state(node)
     assert state.level == WARN
     assert 'may have been killed' in state.text
-    node._jumped.append(time.monotonic())
+    node._jumped.append(99.9)
     state = Par4Node.state(node)
     assert state.level == ERROR
     assert state.text.startswith('2 publish /clock: end all but one simulation')
-    node._jumped.extend(time.monotonic() - TO_AND_FRO - next(times) for _ in range(2))
+    wall.monotonic = lambda: 99.0 + TO_AND_FRO
     assert Par4Node.state(node).level == WARN
 
 

@@ -191,10 +191,16 @@ class SimulationNode(Par4Node):
         self._physics.end()
 
     def _tell_new_fault(self) -> None:
-        """Tell on the diagnostics that there is a fault, or another, or none any more."""
+        """Tell on the diagnostics that there is a fault, or another, or none any more.
+
+        That nobody gives torques is none, and is said once.
+        """
         if self._fault != self._physics.fault:
             self._fault = self._physics.fault
             self.report()
+        if not self._told_unaided and self._unaided() and self._physics.counts['missing_effort']:
+            self._told_unaided = True
+            self.get_logger().info(f'no {FEEDFORWARD_TORQUE.name} comes: driven without it')
 
     def state(self) -> State:
         """Return whether the simulation runs, and why if not."""
@@ -238,12 +244,8 @@ class SimulationNode(Par4Node):
         return share > LATE_SHARE or bool(new.keys() - {'late_steps', *self._unaided()})
 
     def expected(self) -> tuple[str, ...]:
-        """Return the faults that are not logged: where nobody gives torques, that is said once."""
-        unaided = self._unaided()
-        if unaided and not self._told_unaided and self._physics.counts['missing_effort']:
-            self._told_unaided = True
-            self.get_logger().info(f'no {FEEDFORWARD_TORQUE.name} comes: driven without it')
-        return (*super().expected(), *unaided)
+        """Return the faults that are not logged: that nobody gives torques is said once."""
+        return (*super().expected(), *self._unaided())
 
     def _unaided(self) -> tuple[str, ...]:
         """Return what is no fault of a machine that has never had a feedforward torque."""
