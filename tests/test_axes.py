@@ -28,6 +28,7 @@ from par4_dynamics.state import State, state_of_joints
 from par4_identification.changes.changes import changes_between, model_of_bags
 from par4_identification.commands.bag import make_bag
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
+from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.experiment.next_experiment import next_experiment
 from par4_identification.diagnosis.search.search import Rejected
 from par4_identification.diagnosis.verdict.sure import CHANCE
@@ -219,6 +220,19 @@ def test_the_names_of_a_slide_do_not_depend_on_its_length(unit):
     low, high = (float(np.ravel(end)[0]) for end in slope['range'].value)
     assert 2.0 * np.ravel(slope['coefficients'].value)[1] / (high - low) == pytest.approx(
         60.0 / unit, rel=0.02)
+
+
+def test_orders_of_a_slide_are_those_that_all_its_rows_tell_apart():
+    """Not those of its first piece, which may be a short one."""
+    log = sliding(lambda q: 0.0 * q, 1, period=2e-3)
+    log = replace(log, segments=(slice(0, 700), slice(800, len(log.t))))
+    observations = diagnosed([log], [log], axis(kind='linear')).evidence.observations
+    runs, ranges = observations.runs, Kinds(observations).ranges
+    assert np.ptp(runs[0].state.q) < 0.8 * np.ptp(log.q)
+    told = max(np.ptp(np.concatenate([run.state.q for run in runs])), 1e-9)
+    assert ranges.step == pytest.approx(2.0 * np.pi / (4.0 * told))
+    moved = runs[0].state.moved(runs[0].state.q, runs[0].state.qd, runs[0].state.qdd)
+    assert moved.slides
 
 
 def test_a_constant_force_beside_another_cause_is_no_force_that_follows_the_position():

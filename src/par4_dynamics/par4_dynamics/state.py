@@ -226,8 +226,8 @@ class State:
             UnreachableError: joint positions with which the mechanism does not close.
         """
         moved = state_of_joints(geometry or self.geometry, self.t, q, qd, qdd, self.period)
-        return replace(moved, bend=self.bend, hanging=self.hanging, told_hz=self.told_hz,
-                       measured=self.measured)
+        return replace(moved, bend=self.bend, hanging=self.hanging, slides=self.slides,
+                       told_hz=self.told_hz, measured=self.measured)
 
     def part(self, rows: slice) -> State:
         """Return the motion of some of the samples, without its nominal torque."""

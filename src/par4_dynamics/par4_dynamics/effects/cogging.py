@@ -85,15 +85,14 @@ def _waves(state: State, periods: float) -> np.ndarray:
     return waves_of_orders(state, [(int(periods),)] * state.joints)
 
 
-def order_step(state: State) -> float:
+def order_step(slides: bool, span: float) -> float:
     """Return the distance of the orders worth trying: they are its multiples.
 
     What turns has whole ones, as its torque returns after one turn. What slides may have any, in
-    1/m: those that its range of positions tells apart, a quarter of that from one to the next.
+    1/m: those that its range of positions, `span` m, tells apart, a quarter of that from one to the
+    next.
     """
-    if not state.slides:
-        return 1.0
-    return 2.0 * np.pi / (OF_A_SPAN * max(float(np.max(np.ptp(state.q, axis=0))), 1e-9))
+    return 2.0 * np.pi / (OF_A_SPAN * max(span, 1e-9)) if slides else 1.0
 
 
 def lowest_order(state: State, span: float, least_turns: float = LEAST_TURNS) -> int:
@@ -110,7 +109,7 @@ def lowest_order(state: State, span: float, least_turns: float = LEAST_TURNS) ->
     return max(usual, int(np.ceil(least_turns * 2.0 * np.pi / max(span, 1e-3))))
 
 
-def highest_order(state: State) -> int:
+def highest_order(state: State, step: float) -> int:
     """Return the highest order worth trying, in steps of `order_step`.
 
     An arm of a Par4 has `HIGHEST_PERIODS`. An axis may have the orders of a motor behind a gear:
@@ -121,7 +120,7 @@ def highest_order(state: State) -> int:
     speed = np.abs(state.qd)
     slower = float(np.quantile(speed[speed > 0.05 * np.max(speed)], 0.25)) if speed.any() else 1.0
     rate = 1.0 / float(state.t[1] - state.t[0])
-    return int(np.clip(np.pi * rate / (slower * order_step(state)), HIGHEST_PERIODS, MOST_PERIODS))
+    return int(np.clip(np.pi * rate / (slower * step), HIGHEST_PERIODS, MOST_PERIODS))
 
 
 class Cogging(Effect):
@@ -144,10 +143,10 @@ class Cogging(Effect):
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         span = float(np.max(np.ptp(state.q, axis=0)))  # of the joint that moves most
-        step = order_step(state)
+        step = order_step(state.slides, span)
         return tuple({'periods': step * steps}
                      for steps in range(lowest_order(
-                         state, span, self.least_turns), highest_order(state) + 1))
+                         state, span, self.least_turns), highest_order(state, step) + 1))
 
     def parts(self, shape: Shape) -> tuple[Shape, ...]:
         periods = shape['periods']

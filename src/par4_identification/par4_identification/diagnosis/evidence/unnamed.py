@@ -89,7 +89,7 @@ class Kinds:
                 torque of the machine may have.
         """
         low, high = self.ranges.q
-        highest = highest or highest_order(observations.runs[0].state)
+        highest = highest or highest_order(observations.runs[0].state, self.ranges.step)
         weights: dict[Function, Callable[[Run], np.ndarray]] = {
             functions.periodic: lambda run: np.ones_like(run.q),
             functions.torque: lambda run: run.rows(run.state.known.delivered),
@@ -123,12 +123,13 @@ def ranges_of(observations: Observations) -> Ranges:
                 np.max([getattr(state, name).max(axis=0) for state in states], axis=0))
 
     platform = states[0].x is not None
+    low, high = span('q')
     squares = np.concatenate([state.known.delivered ** 2 for state in states])
     return Ranges(
-        span('q'), largest('qd'), largest('qdd'), np.sqrt(squares.mean(axis=0)) + 1e-9,
+        (low, high), largest('qd'), largest('qdd'), np.sqrt(squares.mean(axis=0)) + 1e-9,
         float(max(state.t[-1] for state in states)),
         PlatformRanges(span('x'), largest('xd'), largest('xdd'), _equal_forces(states))
-        if platform else None, step=order_step(states[0]))
+        if platform else None, step=order_step(states[0].slides, float(np.max(high - low))))
 
 
 def _equal_forces(states: Sequence[State]) -> np.ndarray:
