@@ -35,8 +35,7 @@ def _inertia(run: Run, model: Model) -> np.ndarray:
     every = max(1, round(SPACING / float(run.state.t[1] - run.state.t[0])))
     t, q, qd, qdd = (np.ascontiguousarray(part[::every]) for part in (
         run.state.t, run.state.q, run.state.qd, run.state.qdd))
-    some = replace(state_of_joints(run.state.geometry, t, q, qd, qdd), hanging=run.state.hanging,
-                   slides=run.state.slides)
+    some = replace(state_of_joints(run.state.geometry, t, q, qd, qdd), hanging=run.state.hanging)
     matrix = replace(some, nominal=model.nominal(some)).torque_by_qdd
     inertia = np.median(np.einsum('njj->nj', matrix), axis=0)
     return np.where(inertia > 0.0, inertia, np.inf)
