@@ -891,8 +891,7 @@ def test_a_few_steady_speeds_are_too_few():
 
 
 def test_six_speeds_both_ways_of_a_fast_log_are_no_measurement_of_steady_speeds():
-    """Twelve plateaus leave eight to fit and four to hold out: the log was refused. By its samples
-    it tells the cogging."""
+    """Twelve plateaus leave eight to fit and four to hold out: the log was refused."""
     speeds = np.array([rate * way for rate in (0.4, 0.8, 1.6, 2.4, 3.2, 4.0) for way in (1, -1)])
     t = np.arange(0.0, 4.0 * len(speeds), 1e-3)
     which = np.minimum((t // 4.0).astype(int), len(speeds) - 1)
@@ -901,10 +900,13 @@ def test_six_speeds_both_ways_of_a_fast_log_are_no_measurement_of_steady_speeds(
     before = np.concatenate(([0.0], speeds[:-1]))
     speed = before[which] + smooth * (speeds[which] - before[which])
     q = np.cumsum(speed) * 1e-3
-    tau = (0.02 * np.gradient(speed, 1e-3) + 0.2 * np.tanh(speed / 1e-3) + 0.03 * speed
-           + 0.05 * np.sin(24.0 * q + 0.3))
-    log = log_of(axis(), t, q[:, None], tau[:, None], 1, 0.01)
-    conditioning = conditioning_for([log], axis(), CONDITIONING)
-    assert not conditioning.steady
-    cause, = diagnose([log], axis(), conditioning=conditioning).causes
+    sound = 0.02 * np.gradient(speed, 1e-3) + 0.2 * np.tanh(speed / 1e-3) + 0.03 * speed
+    found = []
+    for tau in (sound, sound + 0.05 * np.sin(24.0 * q + 0.3)):
+        log = log_of(axis(), t, q[:, None], tau[:, None], 1, 0.01)
+        conditioning = conditioning_for([log], axis(), CONDITIONING)
+        assert not conditioning.steady
+        found.append(diagnose([log], axis(), conditioning=conditioning))
+    assert found[0].verdict == 'clean'
+    cause, = found[1].causes
     assert (cause.effect.name, cause.parameters['periods'].number) == ('cogging', 24.0)

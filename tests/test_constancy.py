@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from searches import BELT, COGGING, EVERY, LOADED, cause, names, search_of
 
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.causes import named_of, unnamed_of
-from par4_identification.diagnosis.verdict import sure
+from par4_identification.diagnosis.search.rules import OF_AXIS, Rules
+from par4_identification.diagnosis.verdict import constancy, sure
 from par4_identification.diagnosis.verdict.constancy import followed_by
 from par4_identification.diagnosis.verdict.sure import without_replaceable_names
 
@@ -85,3 +88,13 @@ def test_causes_of_one_size_are_told_whatever_is_unknown_beside_them():
     assert set(names(told)) == {'cogging', 'load_dependent_friction'}
     assert unnamed_of(model)
     assert all(item.joints == EVERY for item in told)
+
+
+@pytest.mark.parametrize(('share', 'of_par4', 'of_axis'), [
+    (0.04, None, None), (0.09, 'speed', None), (0.2, 'speed', 'speed')])
+def test_an_axis_may_follow_its_laws_less_closely(monkeypatch, share, of_par4, of_axis):
+    """The screw of EMPS has 0.06 in its directions; encoders that err in waves 0.2 to 0.4."""
+    monkeypatch.setattr(constancy, '_shares', lambda *_: {'time': 0.0, 'speed': share})
+    pool = SimpleNamespace(evidence=None, heldout=None, width=lambda _: 1)
+    assert [constancy.followed_by(SimpleNamespace(rules=rules, pool=pool), None, ())
+            for rules in (Rules(), OF_AXIS)] == [of_par4, of_axis]

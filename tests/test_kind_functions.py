@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from par4_dynamics.effects.cogging import waves_of_orders
 from par4_dynamics.state import Nominal, State
-from par4_identification.diagnosis.evidence.kind_functions import Ranges, creep, gain
+from par4_identification.diagnosis.evidence.kind_functions import Ranges, acceleration, creep, gain
 
 T = np.arange(0.0, 6.0, 0.01)
 RANGES = Ranges(q=(np.array([-1.0]), np.array([1.0])), qd=np.array([1.0]), qdd=np.array([1.0]),
@@ -46,3 +48,15 @@ def test_an_amplifier_bends_at_the_same_torque_however_lively_a_run_is():
     same = lively == calm
     assert np.ptp(here[same], axis=0)[:4].min() > 0.1
     np.testing.assert_array_equal(here[same], there[same])
+
+
+def test_an_inertia_of_a_slide_changes_with_its_place_whatever_the_unit_of_length():
+    q = 0.4 * np.sin(1.7 * T)[:, None]
+    qd, qdd = 0.68 * np.cos(1.7 * T)[:, None], -1.156 * np.sin(1.7 * T)[:, None]
+    found = []
+    for unit in (1.0, 1000.0):
+        ranges = replace(RANGES, q=(np.array([-0.4 * unit]), np.array([0.4 * unit])),
+                         qd=np.array([0.68 * unit]), qdd=np.array([1.156 * unit]))
+        found.append(acceleration(State(T, unit * q, unit * qd, unit * qdd, slides=True), ranges))
+    np.testing.assert_allclose(found[1], found[0], atol=1e-12)
+    assert np.ptp(found[0][:, 0, 2]) > 0.1
