@@ -22,7 +22,7 @@ from par4_kinematics.interface import (
 from par4_kinematics.limits import EndSwitches, check_torque
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.convert import Trajectory
-from par4_kinematics.ros.node import Par4Node, State
+from par4_kinematics.ros.node import REPORT_PERIOD, Par4Node, State
 from par4_kinematics.ros.process import run
 from par4_kinematics.ros.serialised_trajectory import (
     SerialisedTrajectory,
@@ -87,6 +87,7 @@ class SimulationNode(Par4Node):
         self._fault = ''
         self._told_unaided = False
         self.create_timer(FAULT_PERIOD, self._tell_new_fault, clock=self.wall_clock)
+        self.create_timer(REPORT_PERIOD, self._tell_unaided, clock=self.wall_clock)
         self._zero_stamps = ZeroStamps()
         self._published = 0
         self.subscribe(REFERENCE, self._on_reference, raw=True)
@@ -191,13 +192,13 @@ class SimulationNode(Par4Node):
         self._physics.end()
 
     def _tell_new_fault(self) -> None:
-        """Tell on the diagnostics that there is a fault, or another, or none any more.
-
-        That nobody gives torques is none, and is said once.
-        """
+        """Tell on the diagnostics that there is a fault, or another, or none any more."""
         if self._fault != self._physics.fault:
             self._fault = self._physics.fault
             self.report()
+
+    def _tell_unaided(self) -> None:
+        """Say once that nobody gives torques, which is no fault."""
         if not self._told_unaided and self._unaided() and self._physics.counts['missing_effort']:
             self._told_unaided = True
             self.get_logger().info(f'no {FEEDFORWARD_TORQUE.name} comes: driven without it')
