@@ -22,7 +22,7 @@ class Places:
     """Whether JointStates tell of one place of the robot's joints, or jump between two."""
 
     def __init__(self) -> None:
-        self._names: list[str] = []
+        self._names: list[str] | None = None
         self._order: list[int] = []
         self._last: tuple[int, list[float]] | None = None
         self._jumped: deque[float] = deque(maxlen=JUMPS)

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -107,15 +107,16 @@ def _running(node_class: type[Par4Node]) -> Iterator[Par4Node]:
         gc.freeze()  # what is loaded stays: a full collection of it would stop the node for 0.1 s
         yield node
     finally:
-        if node is not None:
-            node.finished = True
-            node.close()
-            node.destroy_node()
-        try_shutdown()
-        # while Python ends it has no handlers any more: a second Ctrl-C would kill it, and
-        # `ros2 launch`, which sends several, would call a node dead that has ended well
-        for number in SIGNALS:
-            signal.signal(number, signal.SIG_IGN)
+        with ExitStack() as ending:  # each step is taken even if one before it fails
+            # while Python ends it has no handlers any more: a second Ctrl-C would kill it, and
+            # `ros2 launch`, which sends several, would call a node dead that has ended well
+            for number in SIGNALS:
+                ending.callback(signal.signal, number, signal.SIG_IGN)
+            ending.callback(try_shutdown)
+            if node is not None:
+                node.finished = True
+                ending.callback(node.destroy_node)
+                ending.callback(node.close)
 
 
 def run(node_class: type[Par4Node]) -> int:
