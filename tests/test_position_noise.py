@@ -11,7 +11,7 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.verdict.floor import encoder_noise
 from par4_identification.signals.position_noise import position_noise
 from par4_identification.signals.rows import runs_of_log
-from par4_identification.signals.scales import conditioning_for
+from par4_identification.signals.scales import conditioning_for, resolved_hz
 
 PERIOD = 1e-3
 T = np.arange(0.0, 30.0, PERIOD)
@@ -49,6 +49,15 @@ def test_the_noise_of_positions_is_that_above_the_motion():
     assert position_noise([q], PERIOD) < 3e-7
 
 
+@pytest.mark.parametrize('seconds', [1.2, 2.0, 4.0, 12.0])
+def test_white_noise_has_its_variance_in_logs_of_any_length(seconds):
+    """A median of the power of few windows is less than its mean."""
+    random = np.random.default_rng(6)
+    noises = [position_noise([random.standard_normal((round(seconds / PERIOD), 1))], PERIOD)
+              for _ in range(20)]
+    assert np.mean(np.square(noises)) == pytest.approx(1.0, abs=0.03)
+
+
 def test_the_noise_of_positions_is_in_the_floor_of_an_axis():
     """White noise of a position gives the inertia's torque that of its second difference."""
     log = sound_log(5, counts=16384)
@@ -79,3 +88,39 @@ def test_stamps_that_tremble_are_no_cause(seed):
     assert found.causes == ()
     assert found.unnamed == ()
     assert found.remaining.unrelated.lines == ()  # the motion has lines of its own
+
+
+def driven_log(seed, counts, damping=30.0, passed=0.1):
+    """Return the log of a rigid axis whose drive answers the counts of its encoder.
+
+    The drive takes a share `passed` of each new difference for the speed. There are friction and a
+    constant torque of 0.2 N m.
+    """
+    step = 2.0 * np.pi / counts
+    wanted, speed, rate = (part[:, 0] for part in motion(seed))
+    stiffness = 0.25 * damping ** 2 / INERTIA
+    known = INERTIA * rate + COULOMB * np.sign(speed) + VISCOUS * speed + 0.2
+    told, tau = np.empty(len(T)), np.empty(len(T))
+    q, qd, slow, before = wanted[0], speed[0], speed[0], wanted[0] - speed[0] * PERIOD
+    for row in range(len(T)):
+        told[row] = step * np.round(q / step)
+        slow += passed * ((told[row] - before) / PERIOD - slow)
+        before = told[row]
+        tau[row] = known[row] + stiffness * (wanted[row] - before) + damping * (speed[row] - slow)
+        qd += PERIOD * (tau[row] - COULOMB * np.sign(qd) - VISCOUS * qd - 0.2) / INERTIA
+        q += PERIOD * qd
+    return log_of(AXIS, T, told[:, None], tau[:, None], seed, 0.05)
+
+
+@pytest.mark.parametrize(('counts', 'passed'), [(2000, 1.0), (4000, 0.1)])
+def test_rows_end_where_a_drive_answers_the_counts_of_its_encoder(counts, passed):
+    """Above, the torque follows the counts, which the rows do not know."""
+    log = driven_log(12, counts, passed=passed)
+    conditioning = conditioning_for([log], AXIS, CONDITIONING)
+    assert conditioning.position_cutoff_hz == pytest.approx(resolved_hz([log]))
+    assert conditioning.torque_cutoff_hz == pytest.approx(0.5 * resolved_hz([log]))
+    found = diagnose([log], AXIS, conditioning=conditioning)
+    assert found.verdict == 'explained'
+    assert [cause.effect.name for cause in found.causes] == ['torque_offset']
+    openly = conditioning_for([sound_log(12, counts)], AXIS, CONDITIONING)
+    assert openly.torque_cutoff_hz == 40.0

@@ -239,6 +239,17 @@ def test_files_that_are_no_tables_of_one_recording_are_refused(angles, torques, 
     assert not (tmp_path / 'bag').exists()
 
 
+def test_a_table_that_has_nothing_in_the_part_that_is_meant_is_refused(tool, tmp_path):
+    told = tool(csv(tmp_path / 'angles.csv', t=T, q=Q),
+                csv(tmp_path / 'torques.csv', t=T[:200], tau=TAU[:200]), '--columns',
+                'time=t:s position=q:rad torque=tau:Nm', '--joints', 'motor', '--between', '0.5',
+                '0.8', '--output', tmp_path / 'bag')
+    assert told.code == 2
+    assert 'torques.csv: 0 of 200 rows are left, at least 20 are needed' in told.err
+    assert len(told.err.splitlines()) == 1
+    assert not (tmp_path / 'bag').exists()
+
+
 def test_the_velocity_of_an_axis_will_do_for_a_position(tool, tmp_path):
     slow, fast = QD.copy(), QD.copy()
     fast[37] = np.nan

@@ -290,9 +290,11 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     pool, rules = search.pool, search.rules
     evidence, heldout = pool.evidence, pool.heldout.observations
     progress('comparing each cause with what could stand in its place')
-    settled = settle(search, model, isinstance(machine, Axis))
+    base_only = solve(evidence, ())
+    settled = settle(search, model, noise_floor(heldout.runs, build_model(
+        machine, extended_model(baseline, rigid_body, evidence, (), base_only), effects)))
     model, named, told, causes = settled.model, settled.named, settled.told, list(settled.causes)
-    whole, base_only = (solve(evidence, part) for part in (model, ()))
+    whole = solve(evidence, model)
     blocks = settled.blocks
     unnamed = sorted(((unnamed_cause(search, item, model), item) for item in unnamed_of(model)),
                      key=lambda pair: -pair[0].margin)

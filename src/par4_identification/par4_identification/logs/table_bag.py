@@ -94,11 +94,9 @@ def measured_of_files(files: Sequence[str | Path], choices: dict[str, Choice],
     time, values, rows = table.time, table.values, sum(len(one.time) for one in tables)
     kept = np.isfinite(time) & (time >= part.start) & (time <= part.end)
     untimed = sum(int(np.count_nonzero(~np.isfinite(one.time))) for one in tables)
-    if np.count_nonzero(kept) < FEWEST_SAMPLES:
-        spans = f', the time goes from {np.nanmin(time):.6g} to {np.nanmax(time):.6g} s' if (
-            untimed < rows) else ''
-        raise InputError(f'{", ".join(map(str, files))}: {np.count_nonzero(kept)} of {rows} rows '
-                         f'are left, at least {FEWEST_SAMPLES} are needed{spans}')
+    for one in tables:
+        one.refuse_few(part)
+    _refuse_few(files, time, int(np.count_nonzero(kept)))
     time = time[kept]
     _refuse_rate(files, time)
     kind = motion.meaning.kind
@@ -160,7 +158,6 @@ class _Table:
         _refuse_overlap(files, time, lengths)
         return cls(tuple(files), time, values)
 
-
     @property
     def span(self) -> tuple[float, float]:
         """First and last time, s; a table without a time has none."""
@@ -176,6 +173,28 @@ class _Table:
         """Return the times (n,), s, of the rows of a part."""
         known = self.time[np.isfinite(self.time)]
         return known[(known >= part.start) & (known <= part.end)]
+
+    def refuse_few(self, part: Part) -> None:
+        """Refuse a table that has hardly a row in a part.
+
+        Raises:
+            InputError: says how many there are, and when.
+        """
+        _refuse_few(self.files, self.time, len(self.kept(part)))
+
+
+def _refuse_few(files: Sequence[str | Path], time: np.ndarray, left: int) -> None:
+    """Refuse files of which fewer rows are left than any tool can use, of all their times (n,), s.
+
+    Raises:
+        InputError: says how many there are, and when.
+    """
+    if left >= FEWEST_SAMPLES:
+        return
+    spans = f', the time goes from {np.nanmin(time):.6g} to {np.nanmax(time):.6g} s' if (
+        np.isfinite(time).any()) else ''
+    raise InputError(f'{", ".join(map(str, files))}: {left} of {len(time)} rows are left, at least '
+                     f'{FEWEST_SAMPLES} are needed{spans}')
 
 
 def _tables(files: Sequence[str | Path], choices: dict[str, Choice]

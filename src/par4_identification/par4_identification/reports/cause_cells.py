@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,10 @@ from par4_sim.report.words import (
 
 FOLDED = 9.0
 """Periods in the range of a joint above which a periodic signature is drawn over one period."""
+MOST_PARTS = 30
+"""Of the lowest order's period that the common period may have, as waves of 7 and 36 share 1."""
+DRIFT = 1.0
+"""rad by which a wave may be off at one end of the range where it is right at the other."""
 
 
 def cause_cells(diagnosis: Diagnosis, index: int, machine: Robot | Axis, names: Names
@@ -109,7 +114,7 @@ def _signature_of_cause(diagnosis: Diagnosis, index: int, machine: Robot | Axis,
         places = [np.mod(place, period) for place in places]
         sliding = isinstance(machine, Axis) and machine.kind == 'linear'
         one = (f'a pitch of {number(1e3 * period, 3)} mm' if sliding else
-               f'one of {2.0 * np.pi / period:.0f} periods a turn')
+               f'one of {number(2.0 * np.pi / period, 4)} periods a turn')
         label = f'{quantity} within {one}, {unit}'
     drawn: dict[str, list[np.ndarray]] = {
         name: [] for name in ('place', 'before', 'alone', 'own')}
@@ -131,7 +136,21 @@ def _period(cause: Cause, places: Sequence[np.ndarray]) -> float | None:
              if item.unit == '1/turn']
     if not rates:
         return None
-    # of several orders all return after that of their greatest common divisor
-    common = rates[0][0] if len(rates[0]) == 1 else math.gcd(*(round(rate) for rate in rates[0]))
-    period = 2.0 * np.pi / float(common)
-    return period if np.ptp(np.concatenate(places)) > FOLDED * period else None
+    span = float(np.ptp(np.concatenate(places)))
+    common = common_order(rates[0], span)
+    return None if common is None or span * common <= 2.0 * np.pi * FOLDED else (
+        2.0 * np.pi / common)
+
+
+def common_order(orders: np.ndarray, span: float) -> float | None:
+    """Return the order after whose period all orders (k,) return; None if there is none.
+
+    Orders of a motor behind a gear, or on a slide, are no whole numbers. Waves that are taken for
+    multiples of the common one stay within `DRIFT` of them over the whole span of places, rad.
+    """
+    lowest = float(np.min(orders))
+    ratios = [Fraction(float(order) / lowest).limit_denominator(MOST_PARTS) for order in orders]
+    if any(abs(order - lowest * float(ratio)) * span > DRIFT
+           for order, ratio in zip(orders, ratios)):
+        return None
+    return lowest / math.lcm(*(ratio.denominator for ratio in ratios))

@@ -7,8 +7,10 @@ positions hold there is noise, and white noise has the same level below.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from par4_identification.signals.filtering import second_difference
 
@@ -23,12 +25,35 @@ def second_difference_gain(frequency: np.ndarray, period: float) -> np.ndarray:
             / (12.0 * period ** 2)) ** 2
 
 
-def mean_spectrum(signals: Sequence[np.ndarray], period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (k,), Hz, and the mean power of signals (n, J) there, (k, J).
+@dataclass(frozen=True)
+class Spectrum:
+    """The mean power of signals, over windows of a second that overlap by half (Welch 1967).
 
-    That of white noise is its variance at each frequency. The mean is over windows of a second that
-    overlap by half (Welch 1967); zero where no signal is as long.
+    Attributes:
+        frequency: (k,), Hz.
+        power: (k, J); that of white noise is its variance at each frequency. Zero where no signal
+            is as long as a window.
+        windows: how many there are.
     """
+
+    frequency: np.ndarray
+    power: np.ndarray
+    windows: int
+
+    def level(self, chosen: np.ndarray, gain: np.ndarray | float = 1.0) -> np.ndarray:
+        """Return the variance (J,) of white noise at the chosen frequencies (m), by their gain (m,).
+
+        It is told by the median over them, which lines do not move. The power of noise is a sum of
+        squares (a gamma distribution), whose median is below its mean where windows are few.
+        """
+        count = max(self.windows, 1)
+        below = scipy.special.gammaincinv(count, 0.5) / count
+        shares = self.power[chosen] / np.reshape(gain, (-1, 1))
+        return np.asarray(np.median(shares, axis=0) / below)
+
+
+def mean_spectrum(signals: Sequence[np.ndarray], period: float) -> Spectrum:
+    """Return the mean power of signals (n, J)."""
     length = max(round(1.0 / period), 16)
     window = np.hanning(length)
     joints = signals[0].shape[1] if signals else 1
@@ -38,21 +63,19 @@ def mean_spectrum(signals: Sequence[np.ndarray], period: float) -> tuple[np.ndar
             part = signal[first:first + length]
             total += np.abs(np.fft.rfft(window[:, None] * (part - part.mean(axis=0)), axis=0)) ** 2
             windows += 1
-    return (np.fft.rfftfreq(length, period),
-            total / (max(windows, 1) * float(np.sum(window ** 2))))
+    return Spectrum(np.fft.rfftfreq(length, period),
+                    total / (max(windows, 1) * float(np.sum(window ** 2))), windows)
 
 
-def noise_variance(frequency: np.ndarray, power: np.ndarray, period: float) -> np.ndarray:
+def noise_variance(differences: Spectrum, period: float) -> np.ndarray:
     """Return the variance (J,) of the white noise of positions.
 
     Args:
-        frequency: Hz, (k,).
-        power: of the second difference of the positions, (k, J), see `mean_spectrum`.
+        differences: spectrum of the second difference of the positions.
         period: of the samples, s.
     """
-    upper = frequency > UPPER * frequency[-1]
-    return np.asarray(np.median(power[upper] / second_difference_gain(
-        frequency[upper], period)[:, None], axis=0))
+    upper = differences.frequency > UPPER * differences.frequency[-1]
+    return differences.level(upper, second_difference_gain(differences.frequency[upper], period))
 
 
 def position_noise(positions: Sequence[np.ndarray], period: float) -> np.ndarray:
@@ -62,5 +85,5 @@ def position_noise(positions: Sequence[np.ndarray], period: float) -> np.ndarray
         positions: of each uninterrupted stretch.
         period: of the samples, s.
     """
-    return np.sqrt(noise_variance(*mean_spectrum(
+    return np.sqrt(noise_variance(mean_spectrum(
         [second_difference(q, period) for q in positions], period), period))

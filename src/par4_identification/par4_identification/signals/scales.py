@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from par4_identification.logs.jumps import count_of
 from par4_identification.logs.log import Log
@@ -43,7 +44,11 @@ makes its coefficient too small by as much (errors in variables)."""
 LEAST_POSITION = 0.1
 """Cut-off of the positions over that of the torque, at the least."""
 LEAST_CUTOFF = 5.0
-"""Hz, of the torque of a Par4, however coarse its encoders are."""
+"""Hz, of the torque, however coarse the encoders are."""
+ANSWERED, LEAST_SECONDS = 0.5, 5.0
+"""Coherence of torque and noise of positions above which a drive answers that noise, and the
+shortest stretch (s) whose coherence says so: of signals that do not belong together, it is less
+than a fifth there."""
 OPTIONS = {'cutoff_hz': ('--cutoff', 'higher'), 'row_rate_hz': ('--rows', 'higher'),
            'low_speed': ('--low-speed', 'lower')}
 """What a user sets -> its option, and which way there are more rows."""
@@ -75,11 +80,11 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
     The arms of a Par4 have the usual filters. Where its encoders are coarse and much of what they
     tell is rounding from some frequency on, its rows end there: the drives answer what the encoders
     tell, so that the torque follows the rounding. An axis may be any machine: its cut-off is the
-    usual one or, where its torque reaches higher above its noise, so high that it passes; its
-    positions pass as far as their noise lets the acceleration be told; its low speed goes with its
-    speeds and with the steps of its positions. Where it holds one speed after the other, and no
-    filter is asked for, each plateau of its speed is a row, unless its torque follows the position
-    within them.
+    usual one or, where its torque reaches higher above its noise, so high that it passes, or lower
+    where a drive answers its encoder; its positions pass as far as their noise lets the
+    acceleration be told; its low speed goes with its speeds and with the steps of its positions.
+    Where it holds one speed after the other, and no filter is asked for, each plateau of its speed
+    is a row, unless its torque follows the position within them.
 
     Args:
         logs: of the machine.
@@ -100,7 +105,7 @@ def conditioning_for(logs: Sequence[Log], machine: Robot | Axis, usual: Conditio
     if isinstance(machine, Robot):
         cutoff = max(min(LEAST_CUTOFF, cutoff), min(cutoff, _known_hz(logs, machine, usual)))
     if isinstance(machine, Axis):
-        cutoff = max(min(cutoff, OF_RATE * rate), min(OF_RATE * rate, max(map(_reach, logs))))
+        cutoff = _cutoff_of_axis(logs, cutoff, OF_RATE * rate)
         slowest, resolved = zip(*(_low_speeds(log, cutoff) for log in logs))
         low_speed = max(min(slowest), *resolved, 1e-9)
     if chosen.cutoff_hz is not None:
@@ -181,6 +186,36 @@ def _known_hz(logs: Sequence[Log], robot: Robot, usual: Conditioning) -> float:
                 for log in logs if are_coarse(counts, usual, log.period)), default=np.inf)
 
 
+def _cutoff_of_axis(logs: Sequence[Log], usual: float, highest: float) -> float:
+    """Return the cut-off (Hz) of the torque of an axis: the usual one, or as far as it reaches.
+
+    Where its drive answers the noise of its positions, rows end at half of what these tell.
+    """
+    cutoff, told = max(usual, *map(_reach, logs)), resolved_hz(logs)
+    if told < POSITION * cutoff and any(_answers_noise(log, told) for log in logs):
+        cutoff = max(LEAST_CUTOFF, told / POSITION)
+    return min(highest, cutoff)
+
+
+def _answers_noise(log: Log, told: float) -> bool:
+    """Return whether the torque of an axis follows what its positions hold beyond the motion.
+
+    That is so if the two are coherent in the octave above the frequency (Hz) up to which positions
+    tell the motion: a drive makes a torque of the steps of its encoder. Other torques there, waves
+    over the position among them, do not follow the noise.
+    """
+    length, coherent = max(round(1.0 / log.period), 16), [np.zeros(0)]
+    for segment in log.segments:
+        q, tau = log.q[segment][:, 0], log.tau[segment][1:, 0]
+        if len(tau) > LEAST_SECONDS * length and np.ptp(q) > 0.0 and np.ptp(tau) > 0.0:
+            with np.errstate(invalid='ignore'):  # where a signal has nothing, they share nothing
+                frequency, share = scipy.signal.coherence(np.diff(q), tau, 1.0 / log.period,
+                                                          nperseg=length)
+            coherent.append(share[(frequency > told) & (frequency < 2.0 * told)])
+    shares = np.nan_to_num(np.concatenate(coherent))
+    return bool(len(shares) and np.mean(shares) > ANSWERED)
+
+
 def _reach(log: Log) -> float:
     """Return the cut-off (Hz) that passes what the torque has above its noise.
 
@@ -188,9 +223,9 @@ def _reach(log: Log) -> float:
     frequency up to half the sample rate and say nothing of how far the torque of the motion
     reaches.
     """
-    frequency, powers = mean_spectrum([log.tau[segment] for segment in log.segments], log.period)
-    power = powers.sum(axis=1)
-    noise = float(np.median(power[frequency > 0.8 * frequency[-1]]))
+    spectrum = mean_spectrum([log.tau[segment] for segment in log.segments], log.period)
+    frequency, power = spectrum.frequency, spectrum.power.sum(axis=1)
+    noise = float(spectrum.level(frequency > 0.8 * frequency[-1]).sum())
     inside = (frequency > 0.0) & (frequency <= OF_RATE / log.period)
     above = np.cumsum(np.where(inside, np.maximum(power - 2.0 * noise, 0.0), 0.0))
     if above[-1] < noise * len(power):
@@ -208,11 +243,12 @@ def resolved_hz(logs: Sequence[Log]) -> float:
     told, noisy = np.zeros(length), np.zeros(length)
     highest = np.inf
     for log in logs:
-        frequency, power = mean_spectrum([second_difference(log.q[segment], log.period)
-                                          for segment in log.segments], log.period)
+        spectrum = mean_spectrum([second_difference(log.q[segment], log.period)
+                                  for segment in log.segments], log.period)
+        frequency = spectrum.frequency
         noise = (second_difference_gain(frequency, log.period)
-                 * float(noise_variance(frequency, power, log.period).sum()))
-        told += np.maximum(power.sum(axis=1) - 2.0 * noise, 0.0)[:length]
+                 * float(noise_variance(spectrum, log.period).sum()))
+        told += np.maximum(spectrum.power.sum(axis=1) - 2.0 * noise, 0.0)[:length]
         noisy += noise[:length]
         highest = min(highest, float(frequency[-1]))
     few = np.cumsum(noisy) <= UNRESOLVED * np.maximum(np.cumsum(told), 1e-300)

@@ -70,20 +70,22 @@ class Settled:
     blocks: Blocks
 
 
-def settle(search: Search, model: Model, of_axis: bool) -> Settled:
+def settle(search: Search, model: Model, floor: np.ndarray) -> Settled:
     """Return the causes of a search that hold.
+
+    `floor` (J,), N m, is that of the noise on held-out rows.
 
     Names and joints that may as well be nothing are taken back one at a time, the weakest first,
     and what is left is looked at anew.
     """
     heldout = search.pool.heldout.observations
     blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
-    doubtful = without_doubtful_names if of_axis else without_replaceable_names
     while True:
         weak = weak_causes(search, model)
         model, changed = without_count_bias(search, polished(search, model))
         loose, model = loose_loads(search, model)
-        model = doubtful(search, model)
+        model = (without_doubtful_names(search, model, floor) if heldout.of_axis else
+                 without_replaceable_names(search, model))
         named = _strongest_first(search, model)
         told = search.weighing.corrected(solve(search.pool.evidence, named))
         errors = [torque_errors(part, search.pool.solution(model), search.rules)

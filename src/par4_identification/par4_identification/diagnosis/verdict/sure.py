@@ -47,8 +47,10 @@ MOST = 1.0
 something that looks like a torque at another time."""
 
 
-def without_doubtful_names(search: Search, model: Model) -> Model:
+def without_doubtful_names(search: Search, model: Model, floor: np.ndarray) -> Model:
     """Return the model of an axis without doubtful names.
+
+    `floor` (J,), N m, is that of the noise on held-out rows.
 
     A name is doubtful if an unnamed function explains far more in its place, or if more terms of a
     series do as well, or if the motion does not tell it from an inertia. A delay or a lag is
@@ -59,7 +61,7 @@ def without_doubtful_names(search: Search, model: Model) -> Model:
     if {Cogging.name, PERIODIC} <= {item.effect.name for item in model}:
         # its waves may be orders of the cogging that were lost beside other causes
         model = search.tested(tuple(item for item in model if item.effect.name != PERIODIC))
-    reason = _doubt_of_all(search, model)
+    reason = _doubt_of_all(search, model, floor)
     if reason is not None:
         for item in named_of(model):
             search.journal.reject(item, reason)
@@ -254,16 +256,15 @@ def _nameless(search: Search, item: Hypothesis, others: Model
             and not (series and rival.hypothesis.effect.name in (POSITION, PERIODIC))]
 
 
-def _doubt_of_all(search: Search, model: Model) -> str | None:
+def _doubt_of_all(search: Search, model: Model, floor: np.ndarray) -> str | None:
     """Return why the names of a model are doubtful together; None if they are not."""
     named = tuple(named_of(model))
     if not named:
         return None
     heldout = search.pool.heldout.observations
     before, after = (residuals(heldout, part, search.pool.solution(part)) for part in ((), named))
-    floor = np.sqrt(np.mean([run.noise_floor ** 2 for run in heldout.runs]))
     old, new = rms_of(heldout, before), rms_of(heldout, after)
-    if new > MOST_LEFT * old and new > NO_NOISE * floor:
+    if new > MOST_LEFT * old and new > NO_NOISE * np.sqrt(np.mean(floor ** 2)):
         return 'the names together leave most of an error that is no noise'
     blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
     gone = (blocks.draws @ (blocks.sums(before) - blocks.sums(after))).sum(axis=1)
