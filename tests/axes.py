@@ -13,8 +13,20 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from par4_identification.logs.log import Log
+from par4_kinematics.robot import Axis
 
 STEP = 5e-4
+
+
+def axis(**facts):
+    """Return an axis that turns, with facts of its nameplate."""
+    return Axis.model_validate({'schema': 'par4/axis/1', 'name': 'axis', 'joint': 'motor',
+                                'kind': 'revolute', 'gain': 1.0, **facts})
+
+
+def there_and_back(t):
+    """Return positions that go slowly over a turn and back."""
+    return 1.02 * np.pi * (1.0 - np.cos(2.0 * np.pi * t / 24.0))
 
 
 @dataclass(frozen=True)

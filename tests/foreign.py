@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from axes import axis
 
 from par4_identification.logs.log import Log
 from par4_identification.logs.measured import Measured
@@ -14,12 +15,6 @@ from par4_kinematics.robot import Axis
 
 INERTIA, COULOMB, VISCOUS = 1.0, 1.5, 2.0
 """Of the axis, in SI units."""
-
-
-def axis(**fields) -> Axis:
-    """Return the axis with some other fields of its file."""
-    return Axis.model_validate({'schema': 'par4/axis/1', 'name': 'axis', 'joint': 'motor',
-                                'kind': 'revolute', 'gain': 1.0, **fields})
 
 
 def swings(duration: float = 20.0, rate: float = 1000.0, fastest: float = 0.8, seed: int = 2

@@ -6,9 +6,15 @@ import importlib
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from axes import Motor, axis, recorded, there_and_back
+
+from par4_identification import diagnose, identify
+from par4_kinematics.errors import InputError
 
 PAGE = Path(__file__).parents[1] / 'docs' / 'api.md'
 PACKAGES = ('par4_kinematics', 'par4_dynamics', 'par4_sim', 'par4_identification')
@@ -50,3 +56,28 @@ def test_the_page_runs_and_names_the_effect_of_its_own(tmp_path, monkeypatch, ca
     assert abs(value - scope['machine'].values['coulomb_friction'][0]) < 5.0 * std + 0.02
     assert verdict == 'clean'
     assert causes == "[('brake_drag', (1,))]"
+
+
+@pytest.fixture(scope='module')
+def log():
+    """Return the log of a motor that turns there and back."""
+    return recorded(Motor(4.7e-6, 0.002, 1e-5), there_and_back, 24.0, 500.0)
+
+
+@pytest.mark.parametrize('work', [identify, diagnose])
+def test_logs_of_which_nothing_can_be_told_are_refused_in_a_line(work, log):
+    torn = log.tau.copy()
+    torn[7] = np.nan
+    for logs, words in (([], 'no log is given'), ([log, log], 'two logs have this name'),
+                        ([replace(log, tau=torn)], '1 of 12000 torques are no numbers'),
+                        ([replace(log, q=torn)], '1 of 12000 positions are no numbers'),
+                        ([replace(log, tau=0.0 * log.tau)], 'joint 0 never changes')):
+        with pytest.raises(InputError, match=words):
+            work(logs, axis())
+
+
+def test_the_last_of_several_logs_is_held_out(log):
+    """Whatever its name."""
+    found = diagnose([replace(log, name='a'), replace(log, name='b')], axis())
+    assert {run.name for run in found.fit_runs} == {'a'}
+    assert {run.name for run in found.holdout.runs} == {'b'}

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from axes import Motor, held_speeds, recorded
+from axes import Motor, axis, held_speeds, recorded, there_and_back
 from click.testing import CliRunner
 from planned import log_of
 from scipy.integrate import cumulative_trapezoid
@@ -53,7 +53,6 @@ from par4_identification.signals.plateaus import plateaus_of
 from par4_identification.signals.rows import finer, runs_of_log
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
-from par4_kinematics.robot import Axis
 from robots import REFERENCE
 
 DRIVER = Motor(4.7e-6, 0.002, 1e-5, {72: (0.0047, -2.6), 18: (0.0010, 0.2)})
@@ -61,12 +60,6 @@ HEALTHY = replace(DRIVER, lines={})
 BARE = Motor(2e-5, 0.015, 1e-3, {7: (0.048, -0.3), 14: (0.016, 3.0), 28: (0.021, 0.0),
                                  84: (0.006, 1.0)})
 PENDULUM = Motor(5e-3, 0.04, 0.02, hanging=0.48)
-
-
-def axis(**facts):
-    """Return an axis that turns, with facts of its nameplate."""
-    return Axis.model_validate({'schema': 'par4/axis/1', 'name': 'axis', 'joint': 'motor',
-                                'kind': 'revolute', 'gain': 1.0, **facts})
 
 
 def diagnosed(fit, heldout, machine):
@@ -78,11 +71,6 @@ def diagnosed(fit, heldout, machine):
 def speeds(t):
     """Return positions at about a turn a second, now faster, now slower."""
     return 5.3 * t + 1.0 * np.sin(1.1 * t)
-
-
-def there_and_back(t):
-    """Return positions that go slowly over a turn and back."""
-    return 1.02 * np.pi * (1.0 - np.cos(2.0 * np.pi * t / 24.0))
 
 
 # --------------------------------------------------------------------------------- base terms

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import mistakes
 import numpy as np
 import pytest
-from axes import Motor, recorded
+from axes import Motor, axis, recorded
 
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
@@ -26,17 +26,10 @@ from par4_identification.reports.outcome.diagnosis import (
 )
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.scales import conditioning_for
-from par4_kinematics.robot import Axis
 
 SPINDLE = Motor(0.03, 0.2, 0.02)
 ONCE_IN_A_TURN = ('torque_offset', 'stribeck', 'cogging', 'encoder_eccentricity', 'time_offset')
 SPRINGS = ('torque_offset', 'position_torque', 'friction_drift')
-
-
-def axis(**facts):
-    """Return an axis that turns, with facts of its nameplate."""
-    return Axis.model_validate({'schema': 'par4/axis/1', 'name': 'axis', 'joint': 'motor',
-                                'kind': 'revolute', 'gain': 1.0, **facts})
 
 
 def turns(t):

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from axes import Motor, held_speeds, recorded
+from axes import Motor, held_speeds, recorded, there_and_back
 from click.testing import CliRunner
 from measured_axes import DATA_SETS, LAAS_COLUMNS, VARIABLE, DataSet, answer, chosen
 
@@ -53,11 +53,6 @@ def screw(load, rise, velocity):
     """Return the friction of a screw under a load, N m, that rises towards standstill."""
     return lambda speed: load + 5e-5 * speed + math.copysign(
         2.6e-3 + rise * math.exp(-(speed / velocity) ** 2), speed)
-
-
-def there_and_back(t):
-    """Return positions that go slowly over a turn and back."""
-    return 1.02 * np.pi * (1.0 - np.cos(2.0 * np.pi * t / 24.0))
 
 
 def simulated_archives(folder: Path) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from axes import axis
 from click.testing import CliRunner
-from foreign import axis, log_of, read, swings, torque_of
+from foreign import log_of, read, swings, torque_of
 from scipy.signal import lfilter
 
 from par4_identification.commands.diagnose import diagnose_bags

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from foreign import COULOMB, INERTIA, VISCOUS, axis, read, swings, torque_of
+from axes import axis
+from foreign import COULOMB, INERTIA, VISCOUS, read, swings, torque_of
 
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.verdict.answer import Unusable

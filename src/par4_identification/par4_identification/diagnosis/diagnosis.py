@@ -83,7 +83,8 @@ from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.settled import settle
 from par4_identification.diagnosis.verdict.sure import is_most_of_it, is_no_noise
 from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, unrelated
-from par4_identification.logs.log import Log
+from par4_identification.fitting.identification import SINGULAR
+from par4_identification.logs.log import Log, refuse_logs
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.rows import Run
 from par4_identification.signals.scales import conditioning_for
@@ -117,8 +118,7 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         holdout_logs: logs to confirm causes on; see `split_runs` if there are none.
         library: effects that may be named, by name; `LIBRARY` by default.
         rules: what a cause must gain; by default those of a Par4, or `OF_AXIS` for an axis.
-        conditioning: filters and rates. By default those that suit a Par4 and its encoders; for an
-            axis, give those of `conditioning_for`.
+        conditioning: filters and rates; by default those that suit the logs, `conditioning_for`.
         progress: called with the name of each step.
         apart: what base parameters of some logs have beyond those of the others, which is taken
             out of their torque (`differences_between_logs`).
@@ -127,13 +127,16 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         the answer, or why the data cannot carry one.
 
     Raises:
-        InputError: data that cannot be filtered.
+        InputError: no log, two of one name, readings that are no numbers, or data that cannot be
+            filtered.
         UnreachableError: joint positions with which the mechanism does not close.
     """
+    refuse_logs(fit_logs)
+    if holdout_logs:
+        refuse_logs(holdout_logs)
     rules = rules or rules_for(isinstance(machine, Axis))
     if conditioning is None:
-        conditioning = CONDITIONING if isinstance(machine, Axis) else conditioning_for(
-            [*fit_logs, *holdout_logs], machine, CONDITIONING)
+        conditioning = conditioning_for([*fit_logs, *holdout_logs], machine, CONDITIONING)
     with plain_linear_algebra():
         return _diagnosed_logs(fit_logs, machine, baseline, holdout_logs,
                                LIBRARY if library is None else library, rules, conditioning,
@@ -144,13 +147,26 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
                     holdout_logs: Sequence[Log], searched: Mapping[str, Effect], rules: Rules,
                     conditioning: Conditioning, progress: Progress, apart: Apart
                     ) -> Diagnosis | Unusable:
-    rigid_body = baseline.rigid_body if baseline else 'paper'
     known = build_model(machine, baseline) if baseline else None
     progress('filtering the logs')
     fit_logs, holdout_logs, share = manageable(fit_logs, holdout_logs, machine, conditioning)
     fit_runs, holdout_runs = (
         [_alike(run, apart[run.name]) if run.name in apart else run for run in runs]
         for runs in split_runs(fit_logs, holdout_logs, machine, conditioning))
+    try:
+        answer = _diagnosed_runs(fit_runs, holdout_runs, machine, baseline, known, searched, rules,
+                                 progress)
+    except np.linalg.LinAlgError:
+        answer = Unusable((SINGULAR,), tuple(fit_runs))
+    return replace(answer, share=share) if isinstance(answer, Diagnosis) else answer
+
+
+def _diagnosed_runs(fit_runs: list[Run], holdout_runs: list[Run], machine: Robot | Axis,
+                    baseline: ModelFile | None, known: DynamicModel | None,
+                    searched: Mapping[str, Effect], rules: Rules, progress: Progress
+                    ) -> Diagnosis | Unusable:
+    """Return the diagnosis of rows; once more from better base parameters if causes give them."""
+    rigid_body = baseline.rigid_body if baseline else 'paper'
     observations = observe(fit_runs, machine, rigid_body, known)
     progress('fitting the base model')
     inertia = None if known is None else known.values[INERTIA]
@@ -159,7 +175,8 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
         told = isinstance(machine, Robot) and not (start.left_out or start.unless_mended)
         model = _base_model(start, machine, baseline)
         del observations, start  # which are large for a long log, and made anew
-        fit_runs, holdout_runs = (turning(runs, model, told) for runs in (fit_runs, holdout_runs))
+        for runs in (fit_runs, holdout_runs):  # in place: nobody keeps those before
+            runs[:] = turning(runs, model, told)
         observations = observe(fit_runs, machine, rigid_body, known)
         start = start_of(observations, machine, rigid_body, rules, inertia)
     heldout = observe(holdout_runs, machine, rigid_body, known)
@@ -191,7 +208,7 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
         driving = driving_when_fast(answer.base_after, fit_runs)
         if driving is not None:
             return Unusable((driving,), tuple(fit_runs))
-    return replace(answer, share=share)
+    return answer
 
 
 def _alike(run: Run, beyond: Mapping[str, np.ndarray]) -> Run:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -36,7 +37,7 @@ from par4_identification.estimators.robust import robust
 from par4_identification.estimators.weighted import weighted
 from par4_identification.fitting.physical import physical_constraints
 from par4_identification.fitting.simulated import simulated_log
-from par4_identification.logs.log import Log
+from par4_identification.logs.log import Log, refuse_logs
 from par4_identification.logs.stretches import in_pieces
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.rows import Run, runs_of_log, runs_of_logs
@@ -44,6 +45,8 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 
+SINGULAR = ('the equations of these data are singular, so that no parameter can be told; record a '
+            'longer motion of all joints, and check that torque and position belong together')
 INSIGNIFICANT = 3.0
 """Standard deviations within which a negative value is taken for zero."""
 OTHER_JOINTS = ('whether other joints moved at the same time, whose weight and inertia an axis '
@@ -204,6 +207,20 @@ def known_torque(machine: Robot | Axis, rigid_body: RigidBody, state: State) -> 
     return distributed_torque(machine.bodies, state)
 
 
+@contextmanager
+def singular_refused() -> Iterator[None]:
+    """Refuse data whose equations are singular.
+
+    Raises:
+        InputError: they are.
+    """
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        raise InputError(SINGULAR) from error
+
+
+@singular_refused()
 def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'paper',
              payloads: dict[str, float] | None = None,
              conditioning: Conditioning | None = None, fitting: Fitting | None = None,
@@ -221,11 +238,13 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'pa
         left_out: names of base terms that are not fitted, with a PLAIN estimator.
 
     Raises:
-        InputError: data that cannot be filtered or do not excite the parameters; for instruments,
-            a log without a reference or a machine that cannot be simulated.
+        InputError: no log, two of one name, readings that are no numbers, data that cannot be
+            filtered or do not excite the parameters; for instruments, a log without a reference or
+            a machine that cannot be simulated.
         UnreachableError: joint positions with which the mechanism does not close; for instruments,
             the simulated machine leaves its workspace.
     """
+    refuse_logs(logs)
     targets, bases = [], []
     fitting, payloads = fitting or Fitting(), payloads or {}
     steady = conditioning is not None and conditioning.steady
@@ -260,6 +279,7 @@ def identify(logs: list[Log], machine: Robot | Axis, rigid_body: RigidBody = 'pa
     return _with_instruments(identification, targets, bases, logs, machine, payloads, conditioning)
 
 
+@singular_refused()
 def identify_runs(runs: Sequence[Run], targets: Sequence[np.ndarray], bases: Sequence[np.ndarray],
                   rigid_body: RigidBody, fitting: Fitting | None = None,
                   terms: Sequence[BaseTerm] | None = None) -> Identification:

@@ -12,7 +12,11 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.diagnosis.nominal.start import start_of
 from par4_identification.diagnosis.search.rules import rules_for
-from par4_identification.fitting.identification import Identification, identify
+from par4_identification.fitting.identification import (
+    Identification,
+    identify,
+    singular_refused,
+)
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.identification import (
     LARGEST_CONDITION,
@@ -21,7 +25,6 @@ from par4_identification.reports.outcome.identification import (
     relative_deviations,
 )
 from par4_identification.setup_check.finding import SetupCheck
-from par4_identification.setup_check.unusable import SINGULAR
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.plateaus import LEAST_PLATEAUS
 from par4_identification.signals.rows import Run, runs_of_log
@@ -86,8 +89,7 @@ def unfit(reason: str) -> tuple[Fitness, ...]:
 def fitness_of(check: SetupCheck) -> tuple[tuple[Fitness, ...], tuple[Run, ...]]:
     """Return what each tool could do with the log of a setup check, and its rows."""
     if check.useless:
-        finding = check.useless[0]
-        return unfit(f'{finding.evidence}; {finding.mend}'), ()
+        return unfit(check.useless[0].sentence), ()
     log, machine = check.logs[0], check.machine
     try:
         runs = tuple(runs_of_log(log, machine, conditioning_for([log], machine, CONDITIONING)))
@@ -100,8 +102,6 @@ def fitness_of(check: SetupCheck) -> tuple[tuple[Fitness, ...], tuple[Run, ...]]
             [log], machine, Conditioning())))
     except Par4Error as error:
         identified = Fitness('identify', 'no', str(error))
-    except np.linalg.LinAlgError:
-        identified = Fitness('identify', 'no', SINGULAR)
     return (identified, _validated(runs), _diagnosed(check, runs),
             _trended(log, identified), _monitored(check, runs)), runs
 
@@ -143,13 +143,12 @@ def _validated(runs: Sequence[Run]) -> Fitness:
 def _diagnosed(check: SetupCheck, runs: Sequence[Run]) -> Fitness:
     observations = observe(list(runs), check.machine, 'paper', None)
     try:
-        start = start_of(observations, check.machine, 'paper',
-                         rules_for(isinstance(check.machine, Axis)))
+        with singular_refused():
+            start = start_of(observations, check.machine, 'paper',
+                             rules_for(isinstance(check.machine, Axis)))
         reasons = list(start.reasons or start.unless_mended)
     except Par4Error as error:
         reasons = [str(error)]
-    except np.linalg.LinAlgError:
-        reasons = [SINGULAR]
     if reasons:
         return Fitness('diagnose', 'no', reasons[0])
     return Fitness('diagnose', 'yes', 'all joints move enough; without a second bag (--holdout) '

@@ -116,4 +116,4 @@ def _inspected(shown: Path, path: Path, machine: Robot | Axis, namespace: str | 
         str(shown), cut_off, machine.name, log.bag_accounts.duration, topics, joints,
         joint_motions(runs, machine.joint_names) if runs else (),
         (*log.bag_accounts.findings(),
-         *(f'{finding.evidence}; {finding.mend}' for finding in check.findings)), fitness)
+         *(finding.sentence for finding in check.findings)), fitness)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from par4_identification.logs.accounts import Accounts
+from par4_kinematics.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -69,3 +71,27 @@ class Log:
         if self.accounts is None:
             raise TypeError(f'{self.name}: comes from no bag')
         return self.accounts
+
+
+def refuse_logs(logs: Sequence[Log]) -> None:
+    """Refuse logs from which nothing can be told.
+
+    Raises:
+        InputError: none, two of one name, positions or torques that are no numbers, or torques
+            that never change.
+    """
+    if not logs:
+        raise InputError('no log is given; give at least one')
+    names = [log.name for log in logs]
+    for log in logs:
+        if names.count(log.name) > 1:
+            raise InputError(f'{log.name}: two logs have this name; give each its own')
+        for what, values in (('positions', log.q), ('torques', log.tau)):
+            wrong = np.count_nonzero(~np.isfinite(values).all(axis=1))
+            if wrong:
+                raise InputError(f'{log.name}: {wrong} of {len(values)} {what} are no numbers; '
+                                 f'leave these samples out')
+        still = np.flatnonzero(np.ptp(log.tau, axis=0) == 0.0)
+        if len(still):
+            raise InputError(f'{log.name}: the torque of joint {still[0]} never changes; check '
+                             f'what measures torque or current')

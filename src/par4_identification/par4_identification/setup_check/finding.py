@@ -57,6 +57,11 @@ class Finding:
     useless: bool = False
     amount: Amount | None = None
 
+    @property
+    def sentence(self) -> str:
+        """What was found and what to do about it, as one sentence."""
+        return f'{self.evidence}; {self.mend[0].lower()}{self.mend[1:]}'
+
     def to_json(self) -> dict[str, Any]:
         """Return the finding as the interface contract has it."""
         return {'finding': self.finding, 'joints': list(self.joints),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -49,9 +50,9 @@ def without_log_faults(check: SetupCheck) -> SetupCheck:
                 continue
             if sound_time(mended) < min(LEAST_SOUND, sound_time(log)) or (
                     sound_time(mended) < LEAST_SHARE * sound_time(log)):
-                findings = [Finding(finding.finding, finding.joints, finding.when,
-                                    f'{finding.evidence}; too little of the log is left',
-                                    finding.mend, False, True) for finding in findings]
+                findings = [replace(
+                    finding, evidence=f'{finding.evidence}; too little of the log is left',
+                    certain=False, useless=True) for finding in findings]
                 mended = log
             logs = list(check.logs)
             logs[number_of_log] = mended
@@ -80,9 +81,9 @@ def _despiked(log: Log, machine: Robot | Axis) -> tuple[list[Finding], Log]:
         rows = np.flatnonzero(wrong.any(axis=1))
         found.append(Finding(
             'spikes', joints, _span(log, rows[0], rows[-1]),
-            f'{int(wrong.sum())} single {name} of {joints_in_words(joints)} in {log.name} lie up '
-            f'to {number(size, 2)} {unit} off their neighbours and come back at once; they are '
-            'interpolated',
+            f'{int(wrong.sum())} times a single reading of the {name} of {joints_in_words(joints)} '
+            f'in {log.name} lies off its neighbours, by up to {number(size, 2)} {unit}, and comes '
+            'back at once; this is interpolated',
             'Look for a loose plug, a missing shield or a lost bit on the way of these readings.',
             True))
         log = mended
@@ -124,9 +125,9 @@ def _unheld(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
     return found, filled(log, stretches)
 
 
-def _with_own_torques(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
+def _with_own_torques(log: Log, machine: Robot | Axis) -> tuple[list[Finding], Log]:
     """Return the log without the stretches in which the torque of a joint is not its own."""
-    stretches = mute_torques(log)
+    stretches = mute_torques(log, not (isinstance(machine, Axis) and machine.gravity == 'none'))
     found, cut = [], np.zeros(len(log.t), dtype=bool)
     for other in dict.fromkeys(item.copied_from for item in stretches):
         own = [item for item in stretches if item.copied_from == other]

@@ -171,12 +171,13 @@ class Mute:
     copied_from: int | None
 
 
-def mute_torques(log: Log) -> list[Mute]:
+def mute_torques(log: Log, swings: bool = True) -> list[Mute]:
     """Return where a torque stands still while its joint turns round, or is that of another.
 
     A drive at its limit may turn a joint round, and one without power lets it swing. So a torque
-    that moves elsewhere must stand below its largest, and beside torques that move. Without power a
-    joint slows down, so that a torque of nothing at a lasting speed is none that moves the joint.
+    that moves elsewhere must stand below its largest, and beside torques that move unless nothing
+    `swings` the joint but its drive. Without power a joint slows down, so that a torque of nothing
+    at a lasting speed is none that moves the joint.
     """
     way, top = np.ptp(log.q, axis=0), np.abs(log.tau).max(axis=0)
     dead = np.ptp(log.tau, axis=0) == 0.0
@@ -189,8 +190,8 @@ def mute_torques(log: Log) -> list[Mute]:
                 if end - start < max(FEWEST, MUTE / log.period):
                     continue
                 own, beside = q[start:end, joint], np.delete(tau[start:end], joint, axis=1)
-                silent = dead[joint] or (abs(tau[start, joint]) < top[joint]
-                                         and bool(np.ptp(beside, axis=0).any()))
+                silent = dead[joint] or (abs(tau[start, joint]) < top[joint] and (
+                    not swings or bool(np.ptp(beside, axis=0).any())))
                 turns = np.ptp(own) - abs(own[-1] - own[0]) > OUT_AND_BACK * way[joint] > 0.0
                 carried = (tau[start, joint] == 0.0 and (end - start) * log.period >= COPIED
                            and np.ptp(own) > OUT_AND_BACK * way[joint] > 0.0 and _lasts(own))

@@ -5,28 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-import numpy as np
-
+from par4_identification.diagnosis.split import manageable
 from par4_identification.diagnosis.verdict.answer import Diagnosis, Unusable
+from par4_identification.fitting.identification import singular_refused
 from par4_identification.setup_check.finding import Finding, SetupCheck
+from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.rows import Run, runs_of_log
 from par4_kinematics.errors import InputError, Par4Error
 
 Result = TypeVar('Result')
-
-SINGULAR = ('the equations of these data are singular, so that no parameter can be told; record a '
-            'longer motion of all joints, and check that torque and position belong together')
-
 
 def diagnosed_if_sound(check: SetupCheck, diagnose: Callable[[SetupCheck], Diagnosis | Unusable]
                        ) -> Diagnosis | Unusable:
     """Return the diagnosis of mended data, or what makes them unusable."""
     if check.useless:
         return _unusable(check, tuple(map(_reason, check.useless)))
-    try:
-        return diagnose(check)
-    except np.linalg.LinAlgError:
-        return _unusable(check, (SINGULAR,))
+    return diagnose(check)
 
 
 def sound_or_refused(check: SetupCheck, work: Callable[[], Result]) -> Result:
@@ -36,23 +30,24 @@ def sound_or_refused(check: SetupCheck, work: Callable[[], Result]) -> Result:
         InputError: the work fails; names the finding that makes the data useless, if any.
     """
     try:
-        return work()
-    except (Par4Error, np.linalg.LinAlgError) as error:
+        with singular_refused():
+            return work()
+    except Par4Error as error:
         if check.useless:
             raise InputError(_reason(check.useless[0])) from error
-        if isinstance(error, Par4Error):
-            raise
-        raise InputError(SINGULAR) from error
+        raise
 
 
 def _reason(finding: Finding) -> str:
     """Return what makes data useless and what to do, as one sentence without its full stop."""
-    return f'{finding.evidence}; {finding.mend[0].lower()}{finding.mend[1:].removesuffix(".")}'
+    return finding.sentence.removesuffix('.')
 
 
 def _unusable(check: SetupCheck, reasons: tuple[str, ...]) -> Unusable:
+    """Return why data are unusable, with rows to be looked at; of long logs, those of stretches."""
     runs: list[Run] = []
-    for log in check.logs:
+    fitted, held, _ = manageable(check.logs, (), check.machine, Conditioning())
+    for log in (*fitted, *held):
         try:
             runs += runs_of_log(log, check.machine)
         except Par4Error:

@@ -41,7 +41,7 @@ class Spectrum:
     windows: int
 
     def level(self, chosen: np.ndarray, gain: np.ndarray | float = 1.0) -> np.ndarray:
-        """Return the variance (J,) of white noise at the chosen frequencies (m), by their gain (m,).
+        """Return the variance (J,) of white noise, by its gain (m,) at the chosen frequencies (m).
 
         It is told by the median over them, which lines do not move. The power of noise is a sum of
         squares (a gamma distribution), whose median is below its mean where windows are few.
