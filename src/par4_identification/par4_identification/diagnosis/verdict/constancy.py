@@ -43,7 +43,8 @@ def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
     It follows something if on the fitted rows and, by themselves, on those held out a size that
     grows with it explains more, by the share that the torque of an unnamed cause may be wrong
     (`Rules.unnamed_error`) and by more than chance (`Rules.price`, `Rules.margin`). That share is
-    larger by as much as the laws of a machine may be wrong by more than those of a Par4.
+    larger by as much as the laws of a machine may be wrong by more than those of a Par4; a series
+    over the position has no law that may be wrong.
     """
     rules, pool = search.rules, search.pool
     fitted, heldout = (
@@ -51,7 +52,9 @@ def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
             (pool.evidence, rules.price * pool.width(cause)), (pool.heldout, rules.margin)))
     shares = {name: min(share, heldout[name]) for name, share in fitted.items()}
     most = max(shares, key=lambda name: shares[name])
-    share = rules.unnamed_error ** 2 * rules.named_error / Rules.named_error
+    share = rules.unnamed_error ** 2
+    if not any(parameter.per_order for parameter in cause.named.parameters):
+        share *= rules.named_error / Rules.named_error
     return most if shares[most] > share else None
 
 
