@@ -295,6 +295,24 @@ def test_recordings_of_an_axis_that_were_joined_are_cut_apart():
     assert joints_of_recordings(slipped, width).tolist() == []
 
 
+@pytest.mark.parametrize('lacking', [None, 2])
+def test_trials_of_one_length_that_were_joined_are_cut_apart(lacking):
+    """The joint is brought home between them, and each begins from rest."""
+    place = np.r_[0.0, 0.31, 0.05, 0.4, -0.2, 0.15, 0.0]
+    if lacking is not None:
+        place[lacking] = place[lacking - 1]  # where it was brought, to the same place
+    t = 1e-2 * np.arange(501)
+    q = np.concatenate([start + 0.05 * (1.0 - np.cos(0.8 * t)) for start in place])
+    jumps = 501 * (1 + np.flatnonzero(np.abs(np.diff(place)) > 1e-9))
+    found = joints_of_recordings(q[:, None], np.ones(len(q) - 1))
+    assert set(jumps) <= set(found)
+    assert np.all(found % 501 == 0)
+    moved = q.copy()
+    moved[jumps[0]:] += 0.3
+    moved[jumps[0]:jumps[0] + 7] -= 0.3  # a jump in any row
+    assert len(joints_of_recordings(moved[:, None], np.ones(len(q) - 1))) < len(jumps)
+
+
 @pytest.mark.parametrize('tones', [(2.0,), (2.0, 0.7)])
 def test_a_spring_is_told_only_where_it_is_not_the_inertia(tones):
     """On a single sine the acceleration is the position turned over, also on rows held out."""

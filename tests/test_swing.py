@@ -19,6 +19,7 @@ from par4_dynamics.effects.springs import DAMPING_RATIO, FIRST, Drive, Springs
 from par4_dynamics.effects.transmission import MOTOR_SHARE
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile
+from par4_dynamics.state import State
 from par4_identification.diagnosis.diagnosis import LIBRARY, diagnose
 from par4_identification.diagnosis.evidence.dithered import dithered
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
@@ -228,6 +229,26 @@ def test_the_resonance_is_that_of_the_load_on_its_spring():
     compliance = np.array((1.0 / (LOAD * (2.0 * np.pi * 22.0) ** 2),))
     np.testing.assert_allclose(springs.resonances(compliance), 22.0, rtol=1e-6)
     assert springs.resonances(np.zeros(1)) == np.inf
+
+
+@pytest.mark.parametrize(('over_weight', 'holds'), [(1.5, True), (0.9, False)])
+def test_a_spring_that_does_not_hold_its_load_up_twists_nothing(over_weight, holds):
+    """The load of an axis stands upside down; on a softer spring than its weight it falls over."""
+    weight = 40.0
+    model = build_model(AXIS.model_copy(update={'gravity': 'vertical'}), ModelFile(
+        schema='par4/model/1', parameters={
+            'actuator_inertia': {'value': INERTIA}, 'coulomb_friction': {'value': COULOMB},
+            'viscous_friction': {'value': VISCOUS}, 'gravity_sine': {'value': -weight},
+            'gravity_cosine': {'value': 0.0}}))
+    q = 0.05 * np.sin(3.0 * T[:, None])
+    state = State(T, q, 0.15 * np.cos(3.0 * T[:, None]), -0.45 * np.sin(3.0 * T[:, None]),
+                  hanging='turning')
+    springs = Springs(replace(state, nominal=model.nominal(state)))
+    compliance = np.array([1.0 / (over_weight * weight)])
+    change = springs.torque(compliance)[1]
+    assert np.any(change) == holds
+    assert np.any(springs.slopes(compliance)) == holds
+    assert np.abs(change).max() < 3.0 * weight * 0.05
 
 
 def slope_errors(state, compliance, drive):

@@ -250,6 +250,26 @@ def test_a_table_that_has_nothing_in_the_part_that_is_meant_is_refused(tool, tmp
     assert not (tmp_path / 'bag').exists()
 
 
+@pytest.mark.parametrize(('torque', 'told'), [(np.abs(QD), 1), (QD, 0), (5.0 + QD, 0)])
+def test_a_torque_without_a_sign_is_told(torque, told, tool, tmp_path):
+    """That of a joint which holds a weight may have one sign, but does not come down to zero."""
+    said = tool(csv(tmp_path / 'log.csv', t=T, q=Q, tau=torque), '--columns',
+                'time=t:s position=q:rad torque=tau:Nm', '--joints', 'motor', '--output',
+                tmp_path / 'bag')
+    assert said.code == 0
+    assert said.out.count('is its sign lost?') == told
+
+
+def test_positions_that_jump_do_not_spoil_the_look_at_speeds(tool, tmp_path):
+    """Where trials are joined the joint was brought elsewhere."""
+    q = Q + 3.0 * (np.arange(len(Q)) >= 100) - 2.0 * (np.arange(len(Q)) >= 200)
+    said = tool(csv(tmp_path / 'log.csv', t=T, q=q, qd=QD, tau=TAU), '--columns',
+                'time=t:s position=q:rad velocity=qd:rad/s torque=tau:Nm', '--joints', 'motor',
+                '--output', tmp_path / 'bag')
+    assert said.code == 0
+    assert 'velocity of joint 0' not in said.out
+
+
 def test_the_velocity_of_an_axis_will_do_for_a_position(tool, tmp_path):
     slow, fast = QD.copy(), QD.copy()
     fast[37] = np.nan

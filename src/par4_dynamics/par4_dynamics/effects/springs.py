@@ -120,10 +120,11 @@ class Springs:
             every: samples from step to step of the integration; more than one is quick and coarse.
 
         Returns:
-            Two (n, J), N m; the nominal torque and zero where nothing twists.
+            Two (n, J), N m; the nominal torque and zero where nothing twists, and for springs that
+            do not hold the weight of an axis up: its load would fall over, without end.
         """
         rigid = self.rigid(drive)
-        if self._still or not np.any(compliance > 0.0):
+        if not self._twist(compliance):
             return rigid, np.zeros_like(rigid)
         load = self._load(compliance, drive, every)
         spring, change, _, _ = self._swung(load, compliance, drive, every)
@@ -136,12 +137,19 @@ class Springs:
         share. They leave out how what the first order misses changes; rigid joints have none.
         """
         slopes = np.zeros((*self._whole_load.shape, self._whole_load.shape[1] + 2))
-        if self._still or not np.any(compliance > 0.0):
+        if not self._twist(compliance):
             return slopes
         load = self._load(compliance, drive, every)
         found = self._told(self._swung(load, compliance, drive, every, True)[3], every)
         slopes[..., [*np.flatnonzero(compliance > 0.0), -2, -1]] = found
         return slopes
+
+    def _twist(self, compliance: np.ndarray) -> bool:
+        """Return whether springs (J,) twist, and hold their load where it stands upside down."""
+        if self._still or not np.any(compliance > 0.0):
+            return False
+        return self._state.geometry is not None or bool(
+            np.all(1.0 + compliance * self._by_motion[2].min(axis=0)[0] > 0.0))
 
     def _load(self, compliance: np.ndarray, drive: Drive, every: int) -> np.ndarray:
         """Return what rigid springs would carry, with what the first order misses, (n, J), N m.

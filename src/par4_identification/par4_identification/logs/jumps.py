@@ -34,6 +34,9 @@ NEAR_TURN = 0.02
 """Largest deviation of a step from whole turns and what its neighbours move, in turns."""
 LONGEST_STEP = 4.5
 """Periods; readings so far apart belong to stretches of their own."""
+FEWEST_EVEN, SHORTEST_EVEN = 3, 50
+"""Jumps that are evenly apart, at the least, and by how many rows; of three that are anywhere one
+in some thousand triples is."""
 FEWEST_HELD, STOPPED = 4, 3.0
 """A reading is held by the logger, not by a machine at rest, if it repeats for so many samples
 after a step of more than so many encoder counts: no machine stops from that speed within a
@@ -107,7 +110,8 @@ def without_turns(q: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndar
 def joints_of_recordings(q: np.ndarray, width: np.ndarray) -> np.ndarray:
     """Return the rows before which several positions jump and stay, or any beside an end.
 
-    The only joint of an axis must also go on at another speed, or its encoder may have slipped.
+    The only joint of an axis must also go on at another speed, or its encoder may have slipped,
+    but where it jumps after every so many rows.
 
     A jump so near an end cannot be told from a wrong reading; what lies beyond is too short to
     be used.
@@ -125,10 +129,25 @@ def joints_of_recordings(q: np.ndarray, width: np.ndarray) -> np.ndarray:
     beside = (rows < AROUND) | (rows >= len(off) - AROUND)
     rate = np.diff(q, axis=0) / width
     least = min(2, q.shape[1])
-    return np.array([row + 1 for row in rows[large.any(axis=1)]
-                     if (_is_alone(rate, off / width, large, row) if beside[row] else
-                         _stays(off, large, row) >= least and not _held(q, row)
-                         and (least > 1 or _goes_on_otherwise(rate[:, 0], row)))], dtype=int)
+    jumping = rows[large.any(axis=1)]
+    ends = [row for row in jumping if beside[row] and _is_alone(rate, off / width, large, row)]
+    inside = jumping[~beside[jumping]]
+    stay = np.array([row for row in inside if _stays(off, large, row) >= least
+                     and not _held(q, row)], dtype=int)
+    if least == 1:
+        every = _length_of_recordings(stay)
+        stay = inside[(inside - stay[0]) % every == 0] if every else np.array(
+            [row for row in stay if _goes_on_otherwise(rate[:, 0], row)], dtype=int)
+    return np.sort(np.array([*stay, *ends], dtype=int)) + 1
+
+
+def _length_of_recordings(rows: np.ndarray) -> int:
+    """Return how many rows a recording has of many that were joined at some rows, 0 for others.
+
+    An encoder does not know in which rows it slips.
+    """
+    every = int(np.gcd.reduce(np.diff(rows))) if len(rows) >= FEWEST_EVEN else 0
+    return every if every >= SHORTEST_EVEN else 0
 
 
 def _goes_on_otherwise(rate: np.ndarray, row: int) -> bool:

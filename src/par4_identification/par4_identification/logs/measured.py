@@ -12,6 +12,7 @@ import numpy as np
 
 from par4_identification.logs.accounts import held_words
 from par4_identification.logs.counters import restarts_of
+from par4_identification.logs.jumps import jumps_of
 from par4_identification.logs.refresh import FEWEST, jumps, refresh_of
 from par4_identification.logs.stamps import FASTEST, GAP
 from par4_identification.logs.units import JointKind, si_unit
@@ -33,6 +34,9 @@ PLAIN_TURNS = 1e3
 """Turns beyond which whole numbers are counts rather than angles."""
 SLOWEST = 0.5
 """s from row to row above which times are likely to count another unit."""
+BOTH_WAYS, NEAR_ZERO = 0.2, 0.01
+"""Share of the steps of one way over those of the other from which a joint moves both ways, and
+part of its largest value below which a torque comes down to zero."""
 FASTEST_JOINT = {'revolute': 1e4, 'linear': 50.0}
 """rad/s and m/s; a motor turns at a tenth of the former, a slide moves at a tenth of the latter."""
 
@@ -108,7 +112,7 @@ class Measured:
                     what = 'the same in all rows' if low == high else 'no numbers'
                     found.append(f'{quantity} of joint {joint}: {what}; is it the right column?')
         return (*found, *self._twins(), *self._held(), *self._odd_times(),
-                *self._odd_positions(), *self._odd_speeds())
+                *self._odd_positions(), *self._odd_speeds(), *self._unsigned_torques())
 
     def _twins(self) -> list[str]:
         """Return which columns hold the numbers of another one that does not stand still."""
@@ -174,6 +178,22 @@ class Measured:
                              f'times right?')
         return found
 
+    def _unsigned_torques(self) -> list[str]:
+        """Return where a torque comes near zero and never below though its joint goes both ways."""
+        found = []
+        for quantity in sorted({'torque', 'voltage'} & self.values.keys()):
+            for joint, (q, tau) in enumerate(zip(self.values['position'].T,
+                                                 self.values[quantity].T)):
+                known = are_readings(q) & are_readings(tau)
+                steps = np.diff(q[known])
+                ways = [np.count_nonzero(part) for part in (steps > 0.0, steps < 0.0)]
+                if min(ways) < BOTH_WAYS * max(ways) or max(ways) == 0:
+                    continue
+                if 0.0 <= tau[known].min() < NEAR_ZERO * tau[known].max():
+                    found.append(f'{quantity} of joint {joint}: never negative though the joint '
+                                 f'moves both ways; is its sign lost?')
+        return found
+
     def _odd_positions(self) -> list[str]:
         found, unit = [], si_unit('position', self.kind)
         for joint, column in enumerate(self.values['position'].T):
@@ -208,7 +228,7 @@ class Measured:
     def _odd_speeds(self) -> list[str]:
         """Return where the integral of the speed is not the position but a multiple of it.
 
-        What happens in gaps of the log belongs to neither.
+        What happens in gaps of the log, and where positions jump, belongs to neither.
         """
         if 'velocity' not in self.values:
             return []
@@ -219,7 +239,7 @@ class Measured:
                 continue  # said elsewhere
             q, qd = (column[known] for column in columns)
             spacing = 1e-9 * np.diff(self.stamp[known])
-            whole = (spacing > 0.0) & (spacing <= GAP * np.median(spacing))
+            whole = (spacing > 0.0) & (spacing <= GAP * np.median(spacing)) & ~jumps_of(q)[1]
             if self.kind == 'revolute':
                 whole &= ~_wraps(q)
             q, way = (np.cumsum(np.where(whole, steps, 0.0)) for steps in (

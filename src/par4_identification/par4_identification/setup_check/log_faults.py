@@ -65,6 +65,11 @@ def joints_in_words(joints: Sequence[int]) -> str:
     return f'joint{"s" if len(joints) > 1 else ""} {listed([str(joint) for joint in joints])}'
 
 
+def _readings(count: int) -> str:
+    """Return a number of single readings as the beginning of a sentence."""
+    return 'a single reading' if count == 1 else f'{count} single readings'
+
+
 def _despiked(log: Log, machine: Robot | Axis) -> tuple[list[Finding], Log]:
     found, geometry = [], machine.geometry if isinstance(machine, Robot) else None
     for column, name, unit in (
@@ -81,9 +86,9 @@ def _despiked(log: Log, machine: Robot | Axis) -> tuple[list[Finding], Log]:
         rows = np.flatnonzero(wrong.any(axis=1))
         found.append(Finding(
             'spikes', joints, _span(log, rows[0], rows[-1]),
-            f'{int(wrong.sum())} times a single reading of the {name} of {joints_in_words(joints)} '
-            f'in {log.name} lies off its neighbours, by up to {number(size, 2)} {unit}, and comes '
-            'back at once; this is interpolated',
+            f'{_readings(int(wrong.sum()))} of the {name} of {joints_in_words(joints)} in '
+            f'{log.name}: off the neighbours by up to {number(size, 2)} {unit} and back at once; '
+            'this is interpolated',
             'Look for a loose plug, a missing shield or a lost bit on the way of these readings.',
             True))
         log = mended
@@ -97,8 +102,10 @@ def _unheld(log: Log, _machine: Robot | Axis) -> tuple[list[Finding], Log]:
     everything = log.q.shape[1]
     frozen: dict[int, list[Held]] = {}
     held = []
+    # positions of an axis that stand still are those of a logger that holds torques, too
+    holds = everything == 1 and any(item.torque for item in stretches)
     for item in stretches:
-        if item.torque or len(item.joints) == everything > 1:
+        if item.torque or holds or len(item.joints) == everything > 1:
             held.append(item)
         else:
             for joint in item.joints:

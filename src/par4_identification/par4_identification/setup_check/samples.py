@@ -41,6 +41,9 @@ MADE_UP = 0.3
 beside a held reading that its jump makes up, and least ratio of the speeds before and after."""
 BESIDE = 0.2
 """Most that other joints travel, in the jump, while a joint rested before it slipped."""
+SLIGHT = 0.02
+"""Least jump at the end of a held reading, over what the joint travels in a sample at full speed:
+controllers that interpolate between encoder counts tell less of them."""
 STOPPED = 3.0
 """Encoder counts a sample: from a higher speed no drive stops a joint within a sample."""
 CHANGES = 6
@@ -229,6 +232,7 @@ def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, in
     With each goes whether its end is so sudden that the joint cannot have moved so far meanwhile.
     """
     own, finest = q[:, joint], resolution(q[:, joint])
+    least = SLIGHT * float(np.quantile(np.abs(np.diff(own)), 0.95))
     found = []
     for start, last in stretches(np.diff(own) == 0.0):
         end = last + 1  # the first row with another reading
@@ -242,7 +246,7 @@ def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, in
             speed = max(before, after)
             rested = q.shape[1] == 1 and (min(before, after) < MADE_UP * speed
                                           or jump < MADE_UP * speed * (end - start))
-            if jump > COUNTS * count and jump > FASTER * speed and not rested:
+            if jump > max(COUNTS * count, FASTER * speed, least) and not rested:
                 short = (end - start) * period < BRIEF
                 alone = q.shape[1] > 1 and _travel_beside(q[start:end + 1], joint) < BESIDE * jump
                 found.append((start, end, alone or (

@@ -299,17 +299,19 @@ def _joints_remark(rms: np.ndarray, floor: np.ndarray, machine: Robot | Axis) ->
 
 def autocorrelation(residuals: Sequence[np.ndarray], valid: Sequence[np.ndarray], lags: int
                     ) -> np.ndarray:
-    """Return the autocorrelation (lags, J) of residuals (m, J) of runs over pairs of valid rows."""
-    products = np.zeros((lags, residuals[0].shape[1]))
-    pairs = np.zeros_like(products)
+    """Return the autocorrelation (lags, J) of residuals (m, J) of runs over pairs of valid rows.
+
+    Each is the correlation of the two rows of its pairs, about zero: from -1 to 1.
+    """
+    products, earlier, later = np.zeros((3, lags, residuals[0].shape[1]))
     for residual, mask in zip(residuals, valid, strict=True):
         kept = np.where(mask, residual, 0.0)
         for lag in range(min(lags, len(kept))):
             end = len(kept) - lag
             products[lag] += (kept[lag:] * kept[:end]).sum(axis=0)
-            pairs[lag] += (mask[lag:] & mask[:end]).sum(axis=0)
-    covariance = products / np.maximum(pairs, 1)
-    return covariance / np.maximum(covariance[0], 1e-30)
+            earlier[lag] += (kept[:end] ** 2 * mask[lag:]).sum(axis=0)
+            later[lag] += (kept[lag:] ** 2 * mask[:end]).sum(axis=0)
+    return products / np.maximum(np.sqrt(earlier * later), 1e-30)
 
 
 def memory(identification: Identification) -> float:
