@@ -433,6 +433,9 @@ def test_autocorrelation_of_a_decaying_series_decays_and_joins_nothing():
     single = [np.ones((1, 1))] * 9
     apart = autocorrelation(single, [part > 0.0 for part in single], 3)
     np.testing.assert_array_equal(apart[:, 0], [1.0, 0.0, 0.0])
+    place = np.arange(200)[:, None] % 5  # large ones in pairs, small ones alone
+    large = np.select([place == 4, (place == 1) | (place == 2)], [0.1, 10.0])
+    assert autocorrelation([large], [large > 0.0], 2)[1, 0] == pytest.approx(1.0)
 
 
 # par4_validate

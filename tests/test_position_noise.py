@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from planned import log_of
@@ -110,6 +112,16 @@ def driven_log(seed, counts, damping=30.0, passed=0.1):
         qd += PERIOD * (tau[row] - COULOMB * np.sign(qd) - VISCOUS * qd - 0.2) / INERTIA
         q += PERIOD * qd
     return log_of(AXIS, T, told[:, None], tau[:, None], seed, 0.05)
+
+
+@pytest.mark.parametrize('seed', [11, 12])
+def test_a_name_beside_what_counts_make_of_the_torque_is_told(seed):
+    """The noise of positions leaves most of the error, and is known."""
+    log = sound_log(seed, 8192)
+    log = replace(log, tau=log.tau + 0.2)
+    found = diagnose([log], AXIS)
+    assert found.verdict == 'explained'
+    assert [cause.effect.name for cause in found.causes] == ['torque_offset']
 
 
 @pytest.mark.parametrize(('counts', 'passed'), [(2000, 1.0), (4000, 0.1)])

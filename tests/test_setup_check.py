@@ -521,6 +521,34 @@ def test_a_single_joint_that_rests_and_starts_at_once_is_not_frozen(is_held):
         [(1500, 1520)] if is_held else [])
 
 
+def test_what_a_controller_interpolates_between_counts_is_not_held_as_it_starts():
+    """It tells a tenth of a count, which is no jump beside what the joint travels in a sample."""
+    t = 4e-3 * np.arange(3000)
+    q = np.where(t < 2.0, 1e-5 * t, 2e-5 + 0.6 * (1.0 - np.cos(1.5 * (t - 2.0))))
+    q[300:320] = q[300]
+    log = Log('interpolated', ('motor',), 1, 4e-3, t, q[:, None], np.sin(7.0 * t)[:, None],
+              (slice(0, len(t)),), None, None)
+    assert held_stretches(log) == []
+    q[320:] += 1e-2
+    assert [(held.start, held.end) for held in held_stretches(replace(log, q=q[:, None]))] == [
+        (300, 320)]
+
+
+def test_a_logger_of_an_axis_that_holds_is_told_once():
+    """Where its force goes on for a sample while it holds, that is no frozen encoder."""
+    t = 2e-3 * np.arange(6000)
+    q, tau = 0.5 * np.sin(1.3 * t), np.cos(5.0 * t)
+    for first in (700, 1500, 3100):
+        q[first:first + 25] = q[first]
+        tau[first:first + 25] = tau[first]
+    tau[3110] += 1e-3
+    log = Log('holding', ('motor',), 1, 2e-3, t, q[:, None], tau[:, None], (slice(0, len(t)),),
+              None, None)
+    finding, = check_setup([log], axis()).findings
+    assert finding.finding == 'held_samples'
+    assert finding.evidence.startswith('3 times ')
+
+
 def test_a_reading_with_a_fixed_number_of_digits_is_not_frozen_where_it_turns_round():
     """Of 100 degrees five digits leave steps of 0.01 degrees, of small angles finer ones."""
     t = 2e-4 * np.arange(20000)

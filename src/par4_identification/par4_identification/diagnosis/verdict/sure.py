@@ -37,6 +37,8 @@ MOST_LEFT = 0.5
 are told although what they leave is no noise."""
 NO_NOISE = 5.0
 """Ratio of an error to the white noise of the rows above which it is no noise."""
+KNOWN_NOISE = 2.0
+"""The same where the noise is all that is known of: what the noise of positions makes, too."""
 LARGEST = 0.15
 """Share of the measured torque (rms) beyond which noise is part of what the machine does."""
 CHANCE = 0.025
@@ -264,7 +266,9 @@ def _doubt_of_all(search: Search, model: Model, floor: np.ndarray) -> str | None
     heldout = search.pool.heldout.observations
     before, after = (residuals(heldout, part, search.pool.solution(part)) for part in ((), named))
     old, new = rms_of(heldout, before), rms_of(heldout, after)
-    if new > MOST_LEFT * old and new > NO_NOISE * np.sqrt(np.mean(floor ** 2)):
+    white = np.mean([run.noise_floor ** 2 for run in heldout.runs])
+    noise = np.sqrt(max(NO_NOISE ** 2 * white, KNOWN_NOISE ** 2 * np.mean(floor ** 2)))
+    if new > MOST_LEFT * old and new > noise:
         return 'the names together leave most of an error that is no noise'
     blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
     gone = (blocks.draws @ (blocks.sums(before) - blocks.sums(after))).sum(axis=1)
