@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from browser import check_in_browser
@@ -14,6 +16,8 @@ from par4_identification.commands import diagnose, identify
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import LIBRARY
 from par4_identification.jobs import diagnose as jobs
+from par4_identification.setup_check.finding import SetupCheck
+from par4_identification.signals.conditioning import Conditioning
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
 from par4_sim.closed_loop.offline import simulate_to_bag
@@ -166,3 +170,29 @@ def test_a_bag_both_before_and_now(bags, tmp_path):
                '--output', tmp_path)
     assert done.code == 2
     assert 'given twice' in done.err
+
+
+def test_filters_of_all_bags_are_those_of_mended_ones(monkeypatch):
+    """In degrees the steps of an encoder look finer than they are."""
+    own, before = (SimpleNamespace(name=name, mended=False) for name in ('own', 'before'))
+    table, fitted = read_model_file('table1'), []
+
+    def mended(logs, machine, _known=None):
+        return SetupCheck((), tuple(SimpleNamespace(name=log.name, mended=True) for log in logs),
+                          machine)
+
+    def chosen(logs, *_):
+        return Conditioning(torque_cutoff_hz=16.0 if all(log.mended for log in logs) else 40.0)
+
+    def fit(logs, _machine, _baseline, conditioning):
+        fitted.append(([log.mended for log in logs], conditioning.torque_cutoff_hz))
+        return table
+
+    for name, stand_in in (('read_bags', lambda *_: [own, before]), ('check_setup', mended),
+                           ('conditioning_for', chosen), ('model_of_bags', fit)):
+        monkeypatch.setattr(jobs, name, stand_in)
+    asked = jobs.Asked(('own',), (), ('before',), 'reference', None, Path('out'), None, None, None,
+                       None, False, False)
+    measured = jobs._measured(asked, REFERENCE, None, lambda _: None)
+    assert measured.conditioning.torque_cutoff_hz == 16.0
+    assert fitted[-1] == ([True], 16.0)

@@ -135,7 +135,9 @@ def test_the_extended_model_brings_the_simulation_to_the_measurement(effect, pla
 
 
 def test_on_a_clean_machine_before_and_after_are_one_and_near_the_floor(clean_log):
-    found = confront(REFERENCE, TABLE_FILE, TABLE_FILE, clean_log, fidelity='exact', length=3.5)
+    found = confront(REFERENCE, TABLE_FILE, TABLE_FILE, clean_log, fidelity='exact', length=3.5,
+                     conditioning=replace(CONDITIONING, row_rate_hz=50.0))
+    assert np.diff(found.t).min() == pytest.approx(0.02)
     assert found.same
     assert found.tracking is None
     np.testing.assert_array_equal(found.baseline, found.extended)

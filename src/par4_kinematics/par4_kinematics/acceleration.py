@@ -1,6 +1,6 @@
 """Second order kinematics: Xddot = J qddot + Jdot qdot, both ways and for whole logs.
 
-The dots of this relation and of (15) are missing in the paper's print.
+The paper prints it, behind (24), without the dot of Jdot.
 """
 
 from __future__ import annotations

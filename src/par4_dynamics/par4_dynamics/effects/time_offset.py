@@ -68,7 +68,8 @@ class TimeOffset(Effect):
 def _earlier(state: State, values: np.ndarray, delay: float) -> np.ndarray:
     """Return `values` (n, J) at t - delay; the first and last hold beyond the ends.
 
-    Cubic through four samples: a straight line between two would low-pass fast torque.
+    A cubic by the values and slopes at the two samples around: a straight line between them would
+    low-pass fast torque.
     """
     earlier = np.empty(values.shape)
     _earlier_rows(state.t, values, time_rate(state, values), delay, earlier)

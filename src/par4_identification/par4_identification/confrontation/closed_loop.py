@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -36,14 +37,12 @@ def closed_loop(robot: Robot, model: Model, path: Reference, t: np.ndarray, fide
     """
     from scipy.interpolate import CubicSpline  # slow to load and only needed here
 
-    home = build_simulation(robot, model, 'exact', PERIOD)
-    approach = approach_to(path.q[0], robot, home.q, PERIOD, 'the stretch')
-    there = home.time + approach.duration + BLEND
-    home.close()
+    with closing(build_simulation(robot, model, 'exact', PERIOD)) as home:
+        approach = approach_to(path.q[0], robot, home.q, PERIOD, 'the stretch')
+        there = home.time + approach.duration + BLEND
     # a whole number of samples, so that samples of an even log fall on simulated ones
     shift = PERIOD * np.ceil((there - path.t[0]) / PERIOD)
-    simulation = build_simulation(robot, _warmed(model, -shift), fidelity, PERIOD)
-    try:
+    with closing(build_simulation(robot, _warmed(model, -shift), fidelity, PERIOD)) as simulation:
         simulation.queue_reference(simulation.time + approach.t, approach.q, approach.qd,
                                    approach.qdd)
         simulation.queue_reference(shift + path.t, path.q, path.qd, path.qdd)
@@ -60,8 +59,6 @@ def closed_loop(robot: Robot, model: Model, path: Reference, t: np.ndarray, fide
             q[row:row + AT_A_TIME], tau[row:row + AT_A_TIME] = samples.q, samples.effort
             if progress:
                 progress(row / count)
-    finally:
-        simulation.close()
     return CubicSpline(told, q)(t), CubicSpline(told, tau)(t)
 
 

@@ -35,6 +35,7 @@ from par4_identification.diagnosis.verdict.floor import noise_floor, torque_nois
 from par4_identification.fitting.realisable import realisable
 from par4_identification.fitting.simulated import with_ideal_encoders
 from par4_identification.logs.log import Log, Reference
+from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.geometry import LEGS
@@ -134,7 +135,7 @@ def confront_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequen
     try:
         return confront(machine, model_before(diagnosis), model_after(diagnosis), log,
                         (float(times.min()) - SETTLING, float(times.max())), fidelity, length,
-                        progress)
+                        progress, diagnosis.holdout.runs[0].conditioning)
     except Par4Error as error:
         return Unsimulated(str(error))
 
@@ -158,7 +159,8 @@ def model_before(diagnosis: Diagnosis) -> ModelFile:
 
 def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
              within: tuple[float, float] = (-np.inf, np.inf), fidelity: str = 'fast',
-             length: float = LENGTH, progress: Progress = silent) -> Confrontation:
+             length: float = LENGTH, progress: Progress = silent,
+             conditioning: Conditioning = CONDITIONING) -> Confrontation:
     """Return the differences between a log and the plant with the model before and after.
 
     The stretch begins where the machine is slow and is the one in which the torques of the two
@@ -173,6 +175,7 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
         fidelity: of the plant.
         length: s at most.
         progress: called with the name of each step.
+        conditioning: of the torques that are compared.
 
     Raises:
         InputError: no stretch that is long enough, drives that cannot follow, a model that no
@@ -181,8 +184,8 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
     """
     before, after = build_model(robot, baseline), build_model(robot, extended)
     same = baseline.effects == extended.effects and baseline.parameters == extended.parameters
-    part = stretch_of(log, robot, None if same else (before, after), within, length)
-    measured, = runs_of_log(part, robot, CONDITIONING)
+    part = stretch_of(log, robot, None if same else (before, after), within, length, conditioning)
+    measured, = runs_of_log(part, robot, conditioning)
     path, late, why = path_followed(log.reference, part, measured, robot,
                                     after.limit_of_drives(robot))
     # the counts of the encoders are in a measured motion already
@@ -200,7 +203,7 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
     if why:
         _refuse_stray(new[0][settled] - wanted[settled], wanted[settled])
 
-    runs = [runs_of_log(replace(part, q=q, tau=tau), robot, CONDITIONING)[0] for q, tau in
+    runs = [runs_of_log(replace(part, q=q, tau=tau), robot, conditioning)[0] for q, tau in
             (old, new)]
     rows = measured.t >= part.t[0] + SETTLING
     valid = (measured.valid & runs[0].valid & runs[1].valid)[rows]

@@ -8,8 +8,8 @@ import numpy as np
 
 from par4_dynamics.model import Model
 from par4_identification.confrontation.closed_loop import targets_at
-from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.logs.log import Log, Reference
+from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.filtering import central_difference
 from par4_identification.signals.rows import Run, runs_of_log
 from par4_kinematics.errors import InputError
@@ -31,13 +31,13 @@ UNEXPLAINED = 'from the reference the drives of the robot file would ask for ano
 
 
 def stretch_of(log: Log, robot: Robot, models: tuple[Model, Model] | None,
-             within: tuple[float, float], length: float) -> Log:
+             within: tuple[float, float], length: float, conditioning: Conditioning) -> Log:
     """Return the part of a log that is simulated."""
     low, high = within
     if log.reference is not None and log.reference.t[0] < min(high, log.t[-1]) - SHORTEST:
         low = max(low, float(log.reference.t[0]))
     best, chosen = -1.0, None
-    for run in runs_of_log(log, robot, CONDITIONING):
+    for run in runs_of_log(log, robot, conditioning):
         state, period = run.state, log.period
         inside = np.flatnonzero((state.t >= low) & (state.t <= high))
         if min(len(inside) * period, length) < SHORTEST:

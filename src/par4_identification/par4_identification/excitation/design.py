@@ -149,7 +149,7 @@ def _fast_samples(robot: Robot, limits: MotionLimits, request: DesignRequest, pe
         # D moves about as fast as an elbow
         fastest = robot.geometry.arm_length * limits.joint_speed
         frequency = min(BASE_SHARE * limits.acceleration / (2.0 * math.pi * fastest), highest)
-        # at least two periods have to fit
+        # at least four periods have to fit
         frequency = max(frequency, 4.0 / ((1.0 - request.slow_fraction) * request.duration))
     if frequency > highest:
         raise InputError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -215,13 +214,17 @@ def _measured(asked: Asked, machine: Robot | Axis, believed: tuple[ModelFile, Mo
     as_given = machine
     for group in (logs[:own], logs[own:]) if asked.before else (logs,):
         machine = machine if _hangs(machine) else with_gravity_told(as_given, group, conditioning)
-    earlier = Earlier.of(logs[own:], machine, baseline, conditioning) if asked.before else None
-    if earlier is not None:
-        baseline, known = earlier.model_file, build_model(machine, earlier.model_file)
-    check = check_setup(logs[:own], machine, known)
-    if earlier is None:
+    if not asked.before:
+        check = check_setup(logs[:own], machine, known)
         conditioning = conditioning_for(check.logs, check.machine, CONDITIONING, asked.chosen)
-    return Measured(check, len(asked.bags), conditioning, baseline, earlier)
+        return Measured(check, len(asked.bags), conditioning, baseline, None)
+    before = check_setup(logs[own:], machine)
+    earlier = Earlier.of(before, machine, baseline, conditioning)
+    check = check_setup(logs[:own], machine, build_model(machine, earlier.model_file))
+    mended = conditioning_for((*check.logs, *before.logs), machine, CONDITIONING, asked.chosen)
+    if mended != conditioning:  # which were those of logs with their mistakes
+        earlier = Earlier.of(before, machine, baseline, mended)
+    return Measured(check, len(asked.bags), mended, earlier.model_file, earlier)
 
 
 def _answer(asked: Asked, measured: Measured, progress: Progress) -> Answer:
@@ -363,14 +366,13 @@ class Earlier:
     setup_lines: tuple[str, ...]
 
     @classmethod
-    def of(cls, logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None,
+    def of(cls, check: SetupCheck, machine: Robot | Axis, baseline: ModelFile | None,
            conditioning: Conditioning) -> Earlier:
-        """Return earlier bags with their model.
+        """Return earlier bags, whose setup was checked, with their model.
 
         Raises:
             InputError: no model can be identified from them.
         """
-        check = check_setup(logs, machine)
         model_file = sound_or_refused(check, lambda: model_of_bags(
             check.logs, machine, baseline, conditioning))
         return cls(check.logs, model_file, tuple(

@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from par4_dynamics.base_terms import FRICTION, INERTIA
 from par4_dynamics.effects.rest import fading_sign
 from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
 from par4_dynamics.state import State
+from par4_identification.estimators.quadratic import quadratic_columns
 from par4_identification.setup_check.clustered import basis_of, clustered_std, clusters_of
 from par4_identification.setup_check.equations import (
     Equations,
@@ -323,10 +323,7 @@ def _own(rows: Equations) -> np.ndarray:
 
 def _polynomials(q: np.ndarray) -> np.ndarray:
     """Return linear and quadratic functions of the positions (m, J) on each joint, (m, J, k)."""
-    centred = q - q.mean(axis=0)
-    functions = np.column_stack((centred, *(
-        centred[:, one] * centred[:, two]
-        for one, two in combinations_with_replacement(range(LEGS), 2))))
+    functions = quadratic_columns(q)[:, 1:]
     return (functions[:, None, None, :] * np.eye(LEGS)[:, :, None]).reshape(*q.shape, -1)
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from par4_identification.signals.filtering import reach_of
 
 
@@ -35,11 +33,3 @@ class Conditioning:
     def reach(self) -> float:
         """Half the time over which the low-passes remember, s."""
         return reach_of(min(self.torque_cutoff_hz, 0.5 * self.position_cutoff_hz))
-
-    def passed(self, frequency: np.ndarray) -> np.ndarray:
-        """Return the share of a wave's amplitude that the low-pass of the torque lets through.
-
-        Args:
-            frequency: Hz, well below half the sample rate.
-        """
-        return 1.0 / (1.0 + (frequency / self.torque_cutoff_hz) ** 8)

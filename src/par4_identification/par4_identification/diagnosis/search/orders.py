@@ -14,6 +14,7 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import Projection, project
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import best_shape, order_name
+from par4_identification.signals.filtering import passed
 
 MOST = 16
 """Orders of a torque; what a motor, its gear and its encoder have together."""
@@ -294,8 +295,10 @@ class Lines:
             weights, edges = np.histogram(np.abs(run.speed[valid, joint]), SPEEDS,
                                           weights=0.5 * height ** 2)
             hertz = orders[:, None] * (edges[1:] + edges[:-1]) / (4.0 * np.pi)
-            squares += (run.conditioning.passed(hertz) ** 2
-                        * noise.whitened_power(hertz * run.row_time)) @ weights
+            period = float(run.state.t[1] - run.state.t[0])
+            share = passed(np.minimum(hertz, 0.5 / period), run.conditioning.torque_cutoff_hz,
+                           period)
+            squares += (share ** 2 * noise.whitened_power(hertz * run.row_time)) @ weights
         return squares
 
     def gains(self, orders: np.ndarray) -> np.ndarray:
