@@ -178,7 +178,8 @@ def test_filters_of_all_bags_are_those_of_mended_ones(monkeypatch):
     table, fitted = read_model_file('table1'), []
 
     def mended(logs, machine, _known=None):
-        return SetupCheck((), tuple(SimpleNamespace(name=log.name, mended=True) for log in logs),
+        return SetupCheck((), tuple(SimpleNamespace(
+            name=log.name, mended=True, accounts=None) for log in logs),
                           machine)
 
     def chosen(logs, *_):
