@@ -100,8 +100,9 @@ PASSES = 3
 Apart = Mapping[str, Mapping[str, np.ndarray]]
 """Base parameters (J,) by which logs differ, by the name of the log and of the parameter."""
 UNEVEN = 3.0
-"""What is left at steady speeds over what the parts of each say of its mean, beyond which something
-is left: noise that wanders is in both."""
+"""Ratio beyond which the means of steady speeds contain more than noise: what the model leaves of
+them (rms) over their deviation, as told by how the parts of each stretch differ. Noise that wanders
+makes both larger."""
 
 
 def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None = None,

@@ -98,27 +98,31 @@ def splines(values: np.ndarray, low: np.ndarray, high: np.ndarray, count: int) -
 
 
 def position(state: State, ranges: Ranges) -> np.ndarray:
+    """Return a smooth function of each joint's position."""
     return splines(state.q, *ranges.q, 10)
 
 
 def speed(state: State, ranges: Ranges) -> np.ndarray:
+    """Return a function of each joint's speed that turns over with it, fine at low speeds."""
     sign = state.direction
     if state.geometry is None:  # of an axis, whose speeds may be any, and whose ways may differ
         decays = [np.exp(-(state.qd / (share * ranges.qd)) ** 2) for share in (0.01, 0.03, 0.1)]
         slow = [decay * part for decay in decays for part in (sign, np.ones_like(sign))]
     else:
-        slow = [np.exp(-(state.qd / speed) ** 2) * sign for speed in (0.05, 0.15, 0.5)]
+        slow = [np.exp(-(state.qd / low) ** 2) * sign for low in (0.05, 0.15, 0.5)]
     smooth = splines(np.abs(state.qd), np.zeros_like(ranges.qd), ranges.qd, 6)
     return np.concatenate((np.stack([*slow, np.ones_like(sign), np.abs(state.qd)], axis=-1),
                            smooth * sign[..., None]), axis=-1)
 
 
 def time(state: State, ranges: Ranges) -> np.ndarray:
-    time = np.broadcast_to(state.t[:, None], state.q.shape)
-    return splines(time, np.zeros(state.joints), np.full(state.joints, ranges.end), 6)
+    """Return a smooth function of the time."""
+    times = np.broadcast_to(state.t[:, None], state.q.shape)
+    return splines(times, np.zeros(state.joints), np.full(state.joints, ranges.end), 6)
 
 
 def acceleration(state: State, ranges: Ranges) -> np.ndarray:
+    """Return the acceleration, its size and direction, and both with the position."""
     scaled = state.qdd / ranges.qdd
     angle = ranges.place(state.q) if state.slides else state.q
     bent = [np.sin(angle) * scaled, np.cos(angle) * scaled, state.direction * np.abs(scaled),
@@ -127,62 +131,68 @@ def acceleration(state: State, ranges: Ranges) -> np.ndarray:
 
 
 def platform(state: State, ranges: Ranges) -> np.ndarray:
+    """Return pose, speed and acceleration of the platform, and products of these, of all axes."""
     motion, scales = state.platform, ranges.of_platform
-    place, speed, acceleration = (
-        scales.place(motion.x), motion.xd / scales.xd, motion.xdd / scales.xdd)
-    parts = [place, speed, acceleration]
-    parts += [acceleration * place[:, [axis]] for axis in range(4)]
-    parts += [speed * speed[:, [axis]] for axis in range(4)]
+    x, xd, xdd = scales.place(motion.x), motion.xd / scales.xd, motion.xdd / scales.xdd
+    parts = [x, xd, xdd, *(xdd * x[:, [axis]] for axis in range(4)),
+             *(xd * xd[:, [axis]] for axis in range(4))]
     features = np.concatenate(parts, axis=1)
     return np.broadcast_to(features[:, None, :], (*state.q.shape, features.shape[1]))
 
 
 def periodic(state: State, ranges: Ranges) -> np.ndarray:
+    """Return waves over the position of each joint."""
     return ranges.waves(state)
 
 
 def torque(state: State, ranges: Ranges) -> np.ndarray:
+    """Return the delivered torque times waves over the position."""
     return state.known.delivered[..., None] * ranges.waves(state)
 
 
 def rate(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    """Return the rate of the delivered torque."""
     # The second rate would do, too, but the noise of encoder counts in it is that of the torque.
     return time_rate(state, state.known.delivered)[..., None]
 
 
 def reading(state: State, ranges: Ranges) -> np.ndarray:
+    """Return what positions make of the torque that are misread by a polynomial of themselves."""
     errors = legvander(ranges.place(state.q), READING_DEGREE)  # (n, J, k), by its own position
     return np.concatenate([shift_columns(state.halfway, errors[..., degree])
                            for degree in range(READING_DEGREE + 1)], axis=-1)
 
 
 def load(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    """Return the delivered torque, and its size in the direction of the speed."""
     delivered = state.known.delivered
     return np.stack((delivered, np.abs(delivered) * state.direction), axis=-1)
 
 
 def wrench(state: State, ranges: Ranges) -> np.ndarray:
+    """Return joint torques of forces on the platform: constant, by place, side and speed."""
     motion, scales = state.platform, ranges.of_platform
-    place, speed = scales.place(motion.x), motion.xd / scales.xd
-    side = np.concatenate((np.sign(speed[:, :3]), fading_sign(motion.xd[:, 3:])), axis=1)
-    forces = scales.force * np.stack(
-        (np.ones_like(place), place, side, speed, np.abs(speed) * speed))
+    x, xd = scales.place(motion.x), motion.xd / scales.xd
+    side = np.concatenate((np.sign(xd[:, :3]), fading_sign(motion.xd[:, 3:])), axis=1)
+    forces = scales.force * np.stack((np.ones_like(x), x, side, xd, np.abs(xd) * xd))
     return np.stack([state.torque_of_force(axis * force)
                      for axis in np.eye(4) for force in forces], axis=-1)
 
 
 def place(state: State, ranges: Ranges) -> np.ndarray:
+    """Return friction that is a smooth function of the position."""
     return splines(state.q, *ranges.q, 20) * state.direction[..., None]
 
 
 def uneven(state: State, ranges: Ranges) -> np.ndarray:
-    """A level and waves around it."""
+    """Return friction that has a level and waves around it over the position."""
     waves = ranges.waves(state)
     level = np.ones_like(waves[..., :1])
     return np.concatenate((level, waves), axis=-1) * state.direction[..., None]
 
 
 def memory(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    """Return springs that slip at a deflection, those of `SLIPS`."""
     return elastic_slip(np.ascontiguousarray(state.q), SLIPS)
 
 
@@ -204,19 +214,20 @@ def elastic_slip(q, slips):
 
 
 def pose(state: State, ranges: Ranges) -> np.ndarray:
-    place = ranges.of_platform.place(state.platform.x)
-    features = np.concatenate((np.ones_like(place[:, :1]), place, place ** 2), axis=1)
+    """Return friction of the joints that changes with the pose of the platform."""
+    x = ranges.of_platform.place(state.platform.x)
+    features = np.concatenate((np.ones_like(x[:, :1]), x, x ** 2), axis=1)
     return features[:, None, :] * state.direction[..., None]
 
 
 def creep(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
-    """A spring at rest anywhere, and others whose forces die away with `RELAXATIONS`."""
+    """Return a spring at rest anywhere, and others whose forces die away with `RELAXATIONS`."""
     start = state.q[0]
     period = (state.t[-1] - state.t[0]) / max(len(state.t) - 1, 1)
     columns = [np.ones_like(state.q), state.q]
-    for time in RELAXATIONS:
+    for relaxation in RELAXATIONS:
         moved = state.q - start
-        columns.append(moved - _crept(moved, np.exp(-period / time)))
+        columns.append(moved - _crept(moved, np.exp(-period / relaxation)))
     return np.stack(columns, axis=-1)
 
 
@@ -235,19 +246,23 @@ def _crept(moved, kept):
 
 
 def gain(state: State, ranges: Ranges) -> np.ndarray:
-    torque = state.known.delivered
-    drifts = time(state, ranges) * torque[..., None]
-    bent = [np.tanh(torque / (share * ranges.torque)) for share in (0.03, 0.1, 0.3)]
-    bent += [torque * np.abs(torque) / ranges.torque, torque * np.abs(state.qd) / ranges.qd]
+    """Return what a gain adds that changes with the time, the torque or the speed."""
+    delivered = state.known.delivered
+    drifts = time(state, ranges) * delivered[..., None]
+    bent = [np.tanh(delivered / (share * ranges.torque)) for share in (0.03, 0.1, 0.3)]
+    bent += [delivered * np.abs(part) / scale
+             for part, scale in ((delivered, ranges.torque), (state.qd, ranges.qd))]
     return np.concatenate((drifts, np.stack(bent, axis=-1)), axis=-1)
 
 
 def coupling(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
-    torque = state.known.delivered
-    return np.stack([np.delete(torque, joint, axis=1) for joint in range(state.joints)], axis=1)
+    """Return the delivered torques of the other joints."""
+    delivered = state.known.delivered
+    return np.stack([np.delete(delivered, joint, axis=1) for joint in range(state.joints)], axis=1)
 
 
 def drift(state: State, ranges: Ranges) -> np.ndarray:
+    """Return Coulomb friction that is a smooth function of the time."""
     return time(state, ranges) * state.direction[..., None]
 
 

@@ -18,8 +18,9 @@ from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 
 LEAST_ROWS = 200
+"""Rows in motion, of each joint of a Par4, below which there are too few."""
 LEAST_ROWS_OF_AXIS = 60
-"""An axis has two base parameters that every motion shows, and rows that are hardly alike."""
+"""The same of an axis: it has fewer base parameters."""
 SPEED = 0.5
 """rad/s at which the friction of a Par4 must brake."""
 TORN = 10
@@ -32,7 +33,9 @@ FAST_SHARE, CERTAIN = 0.95, 5.0
 """Share of the motion that is slower than the speed at which friction must brake, too, and standard
 deviations below zero from which a value is negative."""
 WORST_ERROR = 0.6
+"""Share of the torque (rms) that the rigid bodies leave, beyond which something basic is wrong."""
 WORST_STD = 0.3
+"""Deviation of a value, over the value, beyond which a motion does not tell it."""
 
 
 class Reason(NamedTuple):

@@ -20,6 +20,7 @@ from par4_identification.signals.rows import Run
 FRESH, LEANING = 0.05, 0.15
 """s around and after a change of sides in which a load rattles, and after which it has settled."""
 LEAST_ROWS = 40
+"""Near changes of sides, and of leaning loads: fewer tell no scatter."""
 CONTRAST = 10.0
 """Least ratio of the slip's rms near changes of sides to that of leaning loads. Noise gives 1, lags
 and friction that the model lacks up to 9, gaps of some mrad 14 and more."""
