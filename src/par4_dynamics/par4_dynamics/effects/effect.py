@@ -274,10 +274,20 @@ class Effect(ABC):
                 return f'{parameter.name}: expected more than 0{unit}, found {least:g}'
         return None
 
-    def assumes(self, values: Values) -> str | None:
-        """Return what sizes take for granted of the machine, which no data told, in a sentence.
+    def begun(self, values: Values, base: Base, begin: float) -> tuple[Values, Base]:
+        """Return its values and the base parameters on a clock that begins later.
 
-        None if nothing. Their standard deviations do not hold it.
+        Args:
+            values: of all parameters.
+            base: base parameters (J,) that belong to them.
+            begin: time, s, on the clock of the values, that is zero on the other.
+        """
+        return values, base
+
+    def assumes(self, values: Values) -> str | None:
+        """Return what is taken for granted of machine and log, which no data told, in a sentence.
+
+        None if nothing. Standard deviations do not hold it.
         """
         return None
 

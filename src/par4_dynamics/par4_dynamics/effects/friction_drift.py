@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from par4_dynamics.base_terms import FRICTION
 from par4_dynamics.effects.effect import (
     Base,
     Effect,
@@ -50,6 +51,18 @@ class FrictionDrift(Effect):
         values = state.known.values
         return np.stack((-warm * values['coulomb_friction'] * state.direction,
                          -warm * values['viscous_friction'] * state.qd), axis=-1)
+
+    def begun(self, values: Values, base: Base, begin: float) -> tuple[Values, Base]:
+        # 1 - a (1 - exp(-(t + b) / T)) = c (1 - a' (1 - exp(-t / T))), a the drop, b the beginning,
+        # with c = 1 - a (1 - exp(-b / T)), a' = a exp(-b / T) / c; before the log by more than T
+        # counts as T
+        left = np.exp(np.minimum(-begin / values['time_constant'], 1.0))
+        values, base = dict(values), dict(base)
+        for friction, drop in zip(FRICTION, ('drop', 'viscous_drop')):
+            scale = 1.0 - values[drop] * (1.0 - left)
+            base[friction] = scale * base[friction]
+            values[drop] = values[drop] * left / scale
+        return values, base
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         for kind, name in (('Coulomb', 'drop'), ('viscous', 'viscous_drop')):

@@ -54,6 +54,12 @@ class TimeOffset(Effect):
     def shape_of(self, values: Values) -> Shape:
         return {'expanded_at': float(values['delay'])}
 
+    def assumes(self, values: Values) -> str | None:
+        delay = float(np.max(values['delay']))
+        return None if delay <= 0.0 else (
+            f'A first-order low pass of the logged torque or current, with a time constant of '
+            f'{delay:.2g} s, looks like this delay: see whether the drive filters what it logs.')
+
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         delay = float(values['delay'][0])
         if beyond(delay, std['delay'][0], -LONGEST, LONGEST) is not None:

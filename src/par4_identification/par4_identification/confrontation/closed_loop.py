@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_dynamics.base_terms import FRICTION
+from par4_dynamics.effects.effect import Base
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints
 from par4_identification.logs.log import Reference
@@ -42,7 +42,7 @@ def closed_loop(robot: Robot, model: Model, path: Reference, t: np.ndarray, fide
         there = home.time + approach.duration + BLEND
     # a whole number of samples, so that samples of an even log fall on simulated ones
     shift = PERIOD * np.ceil((there - path.t[0]) / PERIOD)
-    with closing(build_simulation(robot, _warmed(model, -shift), fidelity, PERIOD)) as simulation:
+    with closing(build_simulation(robot, _begun(model, -shift), fidelity, PERIOD)) as simulation:
         simulation.queue_reference(simulation.time + approach.t, approach.q, approach.qd,
                                    approach.qdd)
         simulation.queue_reference(shift + path.t, path.q, path.qd, path.qdd)
@@ -62,25 +62,14 @@ def closed_loop(robot: Robot, model: Model, path: Reference, t: np.ndarray, fide
     return CubicSpline(told, q)(t), CubicSpline(told, tau)(t)
 
 
-def _warmed(model: Model, begin: float) -> Model:
-    """Return the model for a clock that begins `begin` seconds after that of the log.
-
-    Only friction that drifts knows the time. With a the drop of a friction and T the time constant,
-    1 - a (1 - exp(-(t + b) / T)) = c (1 - a' (1 - exp(-t / T))), c = 1 - a (1 - exp(-b / T)),
-    a' = a exp(-b / T) / c. What went before the log by more than T is taken as T.
-    """
-    for index, active in enumerate(model.effects):
-        if active.effect.name == 'friction_drift':
-            left = np.exp(np.minimum(-begin / active.values['time_constant'], 1.0))
-            base, warmed = dict(model.values), dict(active.values)
-            for friction, drop in zip(FRICTION, ('drop', 'viscous_drop')):
-                scale = 1.0 - active.values[drop] * (1.0 - left)
-                base[friction] = scale * base[friction]
-                warmed[drop] = active.values[drop] * left / scale
-            effects = list(model.effects)
-            effects[index] = replace(active, values=warmed)
-            return replace(model, effects=tuple(effects), values=base)
-    return model
+def _begun(model: Model, begin: float) -> Model:
+    """Return the model for a clock that begins `begin` seconds after that of the log."""
+    base: Base = model.values
+    effects = []
+    for active in model.effects:
+        values, base = active.effect.begun(active.values, base, begin)
+        effects.append(replace(active, values=dict(values)))
+    return replace(model, effects=tuple(effects), values=dict(base))
 
 
 def torque_along(robot: Robot, model: Model, path: Reference) -> np.ndarray:

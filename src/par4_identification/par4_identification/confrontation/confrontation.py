@@ -24,8 +24,7 @@ from par4_identification.confrontation.closed_loop import (
 )
 from par4_identification.confrontation.followed import (
     SETTLING,
-    UNEXPLAINED,
-    path_followed,
+    course_of,
     stretch_of,
 )
 from par4_identification.diagnosis.diagnosis import CONDITIONING
@@ -69,6 +68,8 @@ class Confrontation:
         fidelity: of the plant.
         followed: 'reference' or 'measured motion'.
         why: why the reference was not followed; empty if it was.
+        drives_unlike: True where there is a reference that the drives of the robot file do not
+            explain.
         same: True where there is one model only.
         t: of the rows, s, (m,).
         valid: where the joints move, in the measurement and both simulations, (m, J).
@@ -87,6 +88,7 @@ class Confrontation:
     fidelity: str
     followed: Followed
     why: str
+    drives_unlike: bool
     same: bool
     t: np.ndarray
     valid: np.ndarray
@@ -97,12 +99,6 @@ class Confrontation:
     deviations: tuple[np.ndarray, np.ndarray, np.ndarray] | None
     motion: Errors | None
     tracking: tuple[np.ndarray, np.ndarray] | None
-
-
-    @property
-    def drives_unlike(self) -> bool:
-        """True where there is a reference that the drives of the robot file do not explain."""
-        return self.why.startswith(UNEXPLAINED)
 
 
 @dataclass(frozen=True)
@@ -186,8 +182,8 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
     same = baseline.effects == extended.effects and baseline.parameters == extended.parameters
     part = stretch_of(log, robot, None if same else (before, after), within, length, conditioning)
     measured, = runs_of_log(part, robot, conditioning)
-    path, late, why = path_followed(log.reference, part, measured, robot,
-                                    after.limit_of_drives(robot))
+    course = course_of(log.reference, part, measured, robot, after.limit_of_drives(robot))
+    path, late, why = course.path, course.late, course.why_not
     # the counts of the encoders are in a measured motion already
     followers = with_ideal_encoders(robot) if why else robot
 
@@ -228,7 +224,8 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
         followed = with_old, with_new
     return Confrontation(
         log=log.name, start=float(part.t[0]) + SETTLING, end=float(part.t[-1]), fidelity=fidelity,
-        followed='measured motion' if why else 'reference', why=why, same=same,
+        followed='measured motion' if why else 'reference', why=why,
+        drives_unlike=course.drives_unlike, same=same,
         t=measured.t[rows], valid=valid, measured=torques[0], baseline=torques[1],
         extended=torques[2], torque=Errors(_rms(torques[1] - torques[0], valid),
                                            _rms(torques[2] - torques[0], valid), noise),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +27,24 @@ UNLIKE = 0.2
 """Share of the torque of the feedback that drives may leave unexplained."""
 LATEST = 1e-3
 """Seconds by which a record of torque and the speeds that drives read may be late."""
-UNEXPLAINED = 'from the reference the drives of the robot file would ask for another torque'
+
+
+@dataclass(frozen=True)
+class Course:
+    """What simulated drives follow.
+
+    Attributes:
+        path: the reference, or the measured motion.
+        late: how late the drives read speeds, s.
+        why_not: why it is not the reference; empty where it is.
+        drives_unlike: whether there is a reference that the drives of the robot file do not
+            explain.
+    """
+
+    path: Reference
+    late: float
+    why_not: str
+    drives_unlike: bool = False
 
 
 def stretch_of(log: Log, robot: Robot, models: tuple[Model, Model] | None,
@@ -63,11 +80,11 @@ def stretch_of(log: Log, robot: Robot, models: tuple[Model, Model] | None,
                    segments=(slice(0, len(chosen)),), reference=None)
 
 
-def path_followed(reference: Reference | None, part: Log, measured: Run, robot: Robot, limit: float
-          ) -> tuple[Reference, float, str]:
-    """Return what the drives follow, how late they read speeds, s, and why not the reference."""
+def course_of(reference: Reference | None, part: Log, measured: Run, robot: Robot, limit: float
+              ) -> Course:
+    """Return what the drives follow: the reference, if they explain the torque by it."""
     if reference is None:
-        return _measured_path(measured), 0.0, 'the bag has no reference'
+        return Course(_measured_path(measured), 0.0, 'the bag has no reference')
     rows = slice(max(0, int(np.searchsorted(reference.t, part.t[0] + 1e-9)) - 1),
                  int(np.searchsorted(reference.t, part.t[-1])) + 1)
     path = Reference(reference.t[rows], reference.q[rows], reference.qd[rows],
@@ -75,15 +92,16 @@ def path_followed(reference: Reference | None, part: Log, measured: Run, robot: 
                      None if reference.effort is None else reference.effort[rows])
     if (len(path.t) < 2 or path.t[0] > part.t[0] + part.period
             or not all(np.isfinite(values).all() for values in (path.q, path.qd, path.qdd))):
-        return (_measured_path(measured), 0.0,
-                'its reference lacks points, velocities or accelerations')
+        return Course(_measured_path(measured), 0.0,
+                      'its reference lacks points, velocities or accelerations')
     left, feedback, late = _left_by_drives(path, part, measured, robot, limit)
     noise = float(np.sqrt(np.mean(measured.noise_floor ** 2)))
     if left > max(UNLIKE * feedback, 3.0 * noise):
-        return _measured_path(measured), 0.0, (
-            f'{UNEXPLAINED} than the bag holds ({left:.2g} N m rms apart, of {feedback:.2g} N m): '
-            f'the machine has other drives, or a feedforward that the bag lacks')
-    return path, late, ''
+        return Course(_measured_path(measured), 0.0, (
+            f'from the reference the drives of the robot file would ask for another torque than '
+            f'the bag holds ({left:.2g} N m rms apart, of {feedback:.2g} N m): the machine has '
+            f'other drives, or a feedforward that the bag lacks'), drives_unlike=True)
+    return Course(path, late, '')
 
 
 def _left_by_drives(path: Reference, part: Log, measured: Run, robot: Robot, limit: float

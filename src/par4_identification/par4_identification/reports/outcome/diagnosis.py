@@ -349,12 +349,6 @@ def remarks_of_cause(cause: Cause, machine: Robot | Axis, experiment: NextExperi
             False, f'{capital(cause.effect.phrase)} is read off where the residual is large, '
             f'not off its course; the size is good to a third.',
             'Preload or adjust the transmission; feedforward alone does not remove it.'))
-    if cause.effect.name == 'time_offset' and (
-            late := float(np.max(cause.parameters['delay'].value))) > 0.0:
-        remarks.append(note(
-            f'A first-order low pass of the logged torque or current, with a time '
-            f'constant of {number(late, 2)} s, looks like this delay.',
-            'See whether the drive filters what it logs.'))
     assumed = cause.effect.assumes({name: np.asarray(parameter.value)
                                     for name, parameter in cause.parameters.items()})
     if assumed is not None:
