@@ -89,12 +89,11 @@ class Candidates:
                      ) -> list[Shape]:
         """Return the shapes of the grid that explain more than `least`, the best first.
 
-        There are none for orders of periodic torques and for transmissions that twist, which have
-        no grid, and for series, which hold only near their one coefficient.
+        There are none for orders of periodic torques, which have no grid, for series, which hold
+        only near their one coefficient, and for effects with one shape.
         """
         effect = candidate.hypothesis.named
-        if (order_name(effect) is not None or effect.expanded
-                or isinstance(effect, ElasticTransmission)):
+        if order_name(effect) is not None or effect.expanded:
             return []
         gains = [(0.5 * projection.gain(effect, shape), shape)
                  for shape in self._shapes.get(effect.name, ()) if shape]

@@ -12,7 +12,7 @@ import scipy
 from par4_dynamics.effects.effect import Effect, Shape, single
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import Projection, project
-from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.rules import OF_PAR4, Rules
 from par4_identification.diagnosis.search.shapes import best_shape, order_name
 from par4_identification.signals.filtering import passed
 
@@ -140,7 +140,7 @@ class _Orders:
         named = max(self._before - beside.squares, 0.0)
         return 0.5 * more >= (
             self.rules.evidence + 0.5 * coefficients * np.log(max(evidence.rows, 2))
-            + np.log(len(self.tried)) + 0.5 * Rules.named_error ** 2 * named)
+            + np.log(len(self.tried)) + 0.5 * OF_PAR4.named_error ** 2 * named)
 
     def is_whole(self, some: Sequence[float]) -> bool:
         """Return whether each of some orders is worth it beside the others, and no further one."""

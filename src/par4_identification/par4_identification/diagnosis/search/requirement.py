@@ -13,7 +13,7 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.search.causes import named_of
-from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.rules import OF_PAR4, Rules
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def error_of(item: Hypothesis, rules: Rules) -> float:
     An axis may have other laws of friction, springs and gaps than the library. A delay or a lag has
     no such law: on any machine it is the torque at another time. So it has the error of a Par4.
     """
-    return min(rules.named_error, Rules.named_error) if item.named.retimes else rules.named_error
+    return min(rules.named_error, OF_PAR4.named_error) if item.named.retimes else rules.named_error
 
 
 def _errors_of_named(pool: Pool, named: Sequence[Hypothesis], rules: Rules) -> tuple[float, ...]:

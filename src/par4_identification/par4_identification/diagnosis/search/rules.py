@@ -47,6 +47,8 @@ class Rules:
     floor_excess: float = 1.6
 
 
+OF_PAR4 = Rules()
+"""Rules for a Par4."""
 OF_AXIS = Rules(base_error=3e-3, named_error=0.1, better=100.0)
 """Rules for a single axis. It may be any machine, so its friction, springs and gaps follow the laws
 of the library less closely than those of a Par4. Its torque, often a current times a constant, is
@@ -55,7 +57,7 @@ known less exactly, too. Delays and lags keep the error of a Par4, see `error_of
 
 def rules_for(of_axis: bool) -> Rules:
     """Return the rules of a single axis or of a Par4."""
-    return OF_AXIS if of_axis else Rules()
+    return OF_AXIS if of_axis else OF_PAR4
 
 
 def rules_of_no_cause(of_axis: bool) -> Rules:

@@ -16,7 +16,7 @@ from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import Projection
 from par4_identification.diagnosis.search.causes import Model
-from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.rules import OF_PAR4
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.signals.rows import Run
 
@@ -54,7 +54,7 @@ def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
     most = max(shares, key=lambda name: shares[name])
     share = rules.unnamed_error ** 2
     if not any(parameter.per_order for parameter in cause.named.parameters):
-        share *= rules.named_error / Rules.named_error
+        share *= rules.named_error / OF_PAR4.named_error
     return most if shares[most] > share else None
 
 
