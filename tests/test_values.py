@@ -403,6 +403,17 @@ def test_a_cause_is_zero_where_each_of_its_sizes_is_within_its_deviations():
     assert told.is_zero_within(2.0)
 
 
+@pytest.mark.parametrize(('largest', 'joints', 'told'), [
+    (1.9, 1, True), (2.1, 1, False), (2.1, 2, True), (2.4, 4, True), (2.6, 4, False)])
+def test_of_many_sizes_that_are_zero_one_may_be_farther_off(largest, joints, told):
+    """The largest of so many is within as often as one alone is within two deviations."""
+    values = (largest, *(0.5,) * (joints - 1))
+    found = Cause(CATALOGUE['torque_offset'], tuple(range(joints)), {
+        'offset': Parameter(value=values, std=(1.0,) * joints)}, (), 1.0, 0.0, 1.0, None,
+        Gain(1.0, 0.5, 1.5))
+    assert found.may_be_zero == told
+
+
 @pytest.mark.parametrize('name', sorted(CATALOGUE))
 def test_a_cause_all_of_whose_sizes_are_zero_is_nothing_whatever_its_other_values(name):
     """A phase, an exponent, a range and an anchor may be anything then."""

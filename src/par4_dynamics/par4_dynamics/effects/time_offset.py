@@ -55,10 +55,10 @@ class TimeOffset(Effect):
         return {'expanded_at': float(values['delay'])}
 
     def assumes(self, values: Values) -> str | None:
-        delay = float(np.max(values['delay']))
-        return None if delay <= 0.0 else (
-            f'A first-order low pass of the logged torque or current, with a time constant of '
-            f'{delay:.2g} s, looks like this delay: see whether the drive filters what it logs.')
+        if 'delay' in values and np.max(values['delay']) <= 0.0:
+            return None
+        return ('A first-order low pass of the logged torque or current, with a time constant of '
+                'the same size, looks like a delay: see whether the drive filters what it logs.')
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         delay = float(values['delay'][0])

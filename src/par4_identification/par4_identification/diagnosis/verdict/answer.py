@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
+import scipy
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
@@ -21,6 +22,8 @@ from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.unrelated import Unrelated
 from par4_identification.signals.rows import Run
 
+EITHER_SIDE = 2.0
+"""Deviations of a 95 % interval."""
 UNLIKE = 5.0
 """Error on fitted rows over that on rows held out from which the recordings hold different things:
 motions alone make a factor of two or three."""
@@ -88,6 +91,17 @@ class Cause:
         """Return whether all its sizes are zero within so many standard deviations."""
         return bool(self._sizes) and all(
             np.all(np.abs(size) <= deviations * std) for size, std in self._sizes)
+
+    @property
+    def may_be_zero(self) -> bool:
+        """Whether all its sizes may be zero: by chance alone the largest of so many is as far off.
+
+        One alone is within `EITHER_SIDE` deviations then, one of many by as much more as makes all
+        of them as likely to be within (Sidak 1967).
+        """
+        count = max(sum(np.count_nonzero(std) for _, std in self._sizes), 1)
+        inside = (2.0 * scipy.special.ndtr(EITHER_SIDE) - 1.0) ** (1.0 / count)
+        return self.is_zero_within(float(scipy.special.ndtri(0.5 + 0.5 * inside)))
 
     @property
     def _sizes(self) -> list[tuple[np.ndarray, np.ndarray]]:

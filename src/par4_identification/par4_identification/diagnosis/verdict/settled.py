@@ -42,8 +42,6 @@ from par4_identification.diagnosis.verdict.swinging_loads import (
 )
 from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widened
 
-EITHER_SIDE = 2.0
-"""Deviations of a 95 % interval."""
 Errors = Sequence[Sequence[np.ndarray]]
 """What torques may be wrong by, on the rows to fit and on the rows held out, see `torque_errors`.
 """
@@ -128,7 +126,7 @@ def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...]
         weak: see `weak_causes`.
     """
     for item, cause, doubted in reversed(list(zip(named, causes, by_any_law))):
-        if cause.is_nothing or (doubted.is_zero_within(EITHER_SIDE) and (
+        if cause.is_nothing or (doubted.may_be_zero and (
                 unnamed_of(model)
                 or not search.belief.is_possible(item, others_of(named, item)))):
             search.journal.reject(item, 'all its values are zero within their deviations')
@@ -136,7 +134,7 @@ def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...]
     beside_weak = widened(search, on_any_joints, named, weak)
     for item, cause in reversed(list(zip(named, beside_weak))):
         if (cause.margin <= 0.0 and cause.rival not in cause.twins
-                and cause.is_zero_within(EITHER_SIDE)):
+                and cause.may_be_zero):
             search.journal.reject(item, f'all its values may be zero, and on rows held out '
                                   f'{cause.rival or "no cause at all"} explains as much')
             return search.with_nameless(others_of(model, item))
