@@ -93,7 +93,8 @@ def test_causes_of_one_size_are_told_whatever_is_unknown_beside_them():
 @pytest.mark.parametrize(('name', 'share', 'of_par4', 'of_axis'), [
     ('stribeck', 0.04, None, None), ('stribeck', 0.09, 'speed', None),
     ('stribeck', 0.2, 'speed', 'speed'), ('cogging', 0.04, None, None),
-    ('cogging', 0.09, 'speed', 'speed'), ('position_torque', 0.09, 'speed', 'speed')])
+    ('cogging', 0.06, 'speed', None), ('cogging', 0.09, 'speed', 'speed'),
+    ('position_torque', 0.09, 'speed', 'speed')])
 def test_an_axis_may_follow_its_laws_less_closely(monkeypatch, name, share, of_par4, of_axis):
     """The screw of EMPS has 0.06 in its directions; encoders that err in waves 0.2 to 0.4.
 

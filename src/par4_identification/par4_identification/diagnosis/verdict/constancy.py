@@ -20,6 +20,8 @@ from par4_identification.diagnosis.search.rules import OF_PAR4
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.signals.rows import Run
 
+HALF = 0.5
+"""Exponent of half a factor: used twice it makes the whole."""
 Follows = Callable[[Run], np.ndarray]
 """What a size may follow, at the rows of a run, (m, J)."""
 
@@ -43,8 +45,9 @@ def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
     It follows something if on the fitted rows and, by themselves, on those held out a size that
     grows with it explains more, by the share that the torque of an unnamed cause may be wrong
     (`Rules.unnamed_error`) and by more than chance (`Rules.price`, `Rules.margin`). That share is
-    larger by as much as the laws of a machine may be wrong by more than those of a Par4; a series
-    over the position has no law that may be wrong.
+    larger by as much as torques of a machine may be wrong by more than those of a Par4: for its
+    laws, and for how they are measured. A series over the position has no law, so that half of that
+    factor is left for it.
     """
     rules, pool = search.rules, search.pool
     fitted, heldout = (
@@ -52,9 +55,9 @@ def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
             (pool.evidence, rules.price * pool.width(cause)), (pool.heldout, rules.margin)))
     shares = {name: min(share, heldout[name]) for name, share in fitted.items()}
     most = max(shares, key=lambda name: shares[name])
-    share = rules.unnamed_error ** 2
-    if not any(parameter.per_order for parameter in cause.named.parameters):
-        share *= rules.named_error / OF_PAR4.named_error
+    is_series = any(parameter.per_order for parameter in cause.named.parameters)
+    larger = (rules.named_error / OF_PAR4.named_error) ** (HALF if is_series else 1.0)
+    share = rules.unnamed_error ** 2 * larger
     return most if shares[most] > share else None
 
 
