@@ -205,6 +205,11 @@ class Effect(ABC):
         """
         return None
 
+    @property
+    def is_series(self) -> bool:
+        """Whether it is a series over the position, which has no law: waves, polynomials."""
+        return any(parameter.per_order for parameter in self.parameters)
+
     def free_numbers(self, shape: Shape) -> int:
         """Return how many numbers of a shape a fit chooses besides the coefficients.
 

@@ -15,6 +15,7 @@ from par4_kinematics.errors import InputError, Par4Error
 
 Result = TypeVar('Result')
 
+
 def diagnosed_if_sound(check: SetupCheck, diagnose: Callable[[SetupCheck], Diagnosis | Unusable]
                        ) -> Diagnosis | Unusable:
     """Return the diagnosis of mended data, or what makes them unusable."""

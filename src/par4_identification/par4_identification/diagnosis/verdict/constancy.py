@@ -20,8 +20,6 @@ from par4_identification.diagnosis.search.rules import OF_PAR4
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.signals.rows import Run
 
-HALF = 0.5
-"""Exponent of half a factor: used twice it makes the whole."""
 Follows = Callable[[Run], np.ndarray]
 """What a size may follow, at the rows of a run, (m, J)."""
 
@@ -46,8 +44,8 @@ def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
     grows with it explains more, by the share that the torque of an unnamed cause may be wrong
     (`Rules.unnamed_error`) and by more than chance (`Rules.price`, `Rules.margin`). That share is
     larger by as much as torques of a machine may be wrong by more than those of a Par4: for its
-    laws, and for how they are measured. A series over the position has no law, so that half of that
-    factor is left for it.
+    laws, and for how they are measured. A series over the position has no law: it has the root of
+    that factor.
     """
     rules, pool = search.rules, search.pool
     fitted, heldout = (
@@ -55,8 +53,7 @@ def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
             (pool.evidence, rules.price * pool.width(cause)), (pool.heldout, rules.margin)))
     shares = {name: min(share, heldout[name]) for name, share in fitted.items()}
     most = max(shares, key=lambda name: shares[name])
-    is_series = any(parameter.per_order for parameter in cause.named.parameters)
-    larger = (rules.named_error / OF_PAR4.named_error) ** (HALF if is_series else 1.0)
+    larger = (rules.named_error / OF_PAR4.named_error) ** (0.5 if cause.named.is_series else 1.0)
     share = rules.unnamed_error ** 2 * larger
     return most if shares[most] > share else None
 

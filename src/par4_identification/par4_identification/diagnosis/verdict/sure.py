@@ -251,11 +251,10 @@ def _nameless(search: Search, item: Hypothesis, others: Model
     contains the name's own torque. For a series over the position, smooth functions and waves of
     the position are left out, because they say the same.
     """
-    series = any(parameter.per_order for parameter in item.named.parameters)
     return [(rival.hypothesis, rival.margin) for rival in search.rivals(item, others)
             if rival.hypothesis is not None and isinstance(rival.hypothesis.effect, Kind)
             and not rival.hypothesis.effect.needs_nominal
-            and not (series and rival.hypothesis.effect.name in (POSITION, PERIODIC))]
+            and not (item.named.is_series and rival.hypothesis.effect.name in (POSITION, PERIODIC))]
 
 
 def _doubt_of_all(search: Search, model: Model, floor: np.ndarray) -> str | None:
