@@ -302,7 +302,7 @@ def test_trials_of_one_length_that_were_joined_are_cut_apart(lacking):
     if lacking is not None:
         place[lacking] = place[lacking - 1]  # where it was brought, to the same place
     t = 1e-2 * np.arange(501)
-    q = np.concatenate([start + 0.05 * (1.0 - np.cos(0.8 * t)) for start in place])
+    q = np.concatenate([start + 0.05 * (1.0 - np.cos(2.0 * np.pi * t / 5.0)) for start in place])
     jumps = 501 * (1 + np.flatnonzero(np.abs(np.diff(place)) > 1e-9))
     found = joints_of_recordings(q[:, None], np.ones(len(q) - 1))
     assert set(jumps) <= set(found)

@@ -541,7 +541,7 @@ def test_a_logger_of_an_axis_that_holds_is_told_once():
     for first in (700, 1500, 3100):
         q[first:first + 25] = q[first]
         tau[first:first + 25] = tau[first]
-    tau[3110] += 1e-3
+    tau[3124] = np.cos(5.0 * t[3124])
     log = Log('holding', ('motor',), 1, 2e-3, t, q[:, None], tau[:, None], (slice(0, len(t)),),
               None, None)
     finding, = check_setup([log], axis()).findings
