@@ -14,6 +14,8 @@ import pytest
 from axes import Motor, axis, recorded, there_and_back
 
 from par4_identification import diagnose, identify
+from par4_identification.diagnosis.diagnosis import CONDITIONING
+from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.errors import InputError
 
 PAGE = Path(__file__).parents[1] / 'docs' / 'api.md'
@@ -81,3 +83,9 @@ def test_the_last_of_several_logs_is_held_out(log):
     found = diagnose([replace(log, name='a'), replace(log, name='b')], axis())
     assert {run.name for run in found.fit_runs} == {'a'}
     assert {run.name for run in found.holdout.runs} == {'b'}
+
+
+def test_an_axis_is_diagnosed_by_filters_that_suit_its_logs(log):
+    suited = conditioning_for([log], axis(), CONDITIONING)
+    assert suited != CONDITIONING
+    assert {run.conditioning for run in diagnose([log], axis()).fit_runs} == {suited}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import EffectEntry, read_model_file, write_model_file
 from par4_dynamics.parameters import Parameter
 from par4_dynamics.state import state_of_joints
+from par4_identification.confrontation import confrontation
 from par4_identification.confrontation.confrontation import (
     Unsimulated,
     confront,
@@ -132,6 +135,20 @@ def test_the_extended_model_brings_the_simulation_to_the_measurement(effect, pla
     left = np.where(found.valid, found.extended - found.measured, 0.0)
     np.testing.assert_allclose(np.sqrt((left ** 2).sum(axis=0) / found.valid.sum(axis=0)),
                                torque.extended)
+
+
+def test_a_diagnosis_is_confronted_by_its_own_filters(clean_log, monkeypatch):
+    """Encoders may be so coarse that rows end below the usual cut-off."""
+    own = replace(CONDITIONING, torque_cutoff_hz=16.0)
+    held = SimpleNamespace(name=clean_log.name, t=clean_log.t, conditioning=own,
+                           valid=np.ones((len(clean_log.t), 4), dtype=bool))
+    confronted = mock.Mock()
+    for name, stand_in in (('confront', confronted), ('model_before', lambda _: TABLE_FILE),
+                           ('model_after', lambda _: TABLE_FILE)):
+        monkeypatch.setattr(confrontation, name, stand_in)
+    confront_diagnosis(SimpleNamespace(holdout=SimpleNamespace(runs=[held])), REFERENCE,
+                       [clean_log])
+    assert own in confronted.call_args.args
 
 
 def test_on_a_clean_machine_before_and_after_are_one_and_near_the_floor(clean_log):
