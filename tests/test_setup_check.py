@@ -23,6 +23,7 @@ from singular_log import singular_log
 
 from par4_dynamics.model import read_model
 from par4_dynamics.parameters import Parameter
+from par4_identification.diagnosis import split
 from par4_identification.logs.log import Log, Reference
 from par4_identification.reports.outcome.setup import with_setup
 from par4_identification.setup_check import calibration, timing
@@ -35,6 +36,7 @@ from par4_identification.setup_check.repair import filled
 from par4_identification.setup_check.samples import Held, held_stretches, mute_torques, spikes
 from par4_identification.setup_check.scale import UNSEEN
 from par4_identification.setup_check.total import total_lines, totals
+from par4_identification.setup_check.unusable import diagnosed_if_sound
 from par4_identification.signals.filtering import low_pass
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.approach import with_approach
@@ -846,3 +848,20 @@ def test_a_torque_in_coarse_steps_is_not_held_and_a_logger_that_holds_is(step, h
     log = Log('coarse', ('motor',), 1, 1e-3, t, q[:, None], tau[:, None], (slice(0, len(t)),),
               None, None)
     assert [item.torque for item in held_stretches(log)] == [True] * held
+
+
+def test_of_a_long_log_that_is_useless_only_stretches_are_looked_at(clean, monkeypatch):
+    """Its rows are drawn, and need memory like any others."""
+    count, rows = 8, len(clean.t)
+    long = replace(
+        clean, t=np.concatenate([clean.t + 2.0 * copy * clean.t[-1] for copy in range(count)]),
+        q=np.tile(clean.q, (count, 1)), tau=np.tile(clean.tau, (count, 1)), doubtful=None,
+        segments=tuple(slice(copy * rows, (copy + 1) * rows) for copy in range(count)))
+    useless = Finding('not_moving', (), None, 'it rests', 'Move it.', False, useless=True)
+    check = SetupCheck((useless,), (long,), REFERENCE)
+    whole = diagnosed_if_sound(check, mock.Mock())
+    monkeypatch.setattr(split, 'MOST', long.tau.size // 8)
+    some = diagnosed_if_sound(check, mock.Mock())
+    assert whole.reasons == some.reasons == ('it rests; move it',)
+    more, less = (sum(len(run.t) for run in found.fit_runs) for found in (whole, some))
+    assert 0 < less < 0.5 * more
