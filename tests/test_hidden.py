@@ -9,10 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hidden import study
 from hidden.kept import Kept, generator_hash, read_kept
+from hidden.physics import OutOfReach
 from hidden.scenario import (
     KINDS,
     LARGE,
+    Scenario,
     Task,
     draw_scenario,
     planned_strength,
@@ -25,6 +28,7 @@ from hidden.truth import VISIBLE
 from short_scenarios import short_scenario
 
 from par4_identification.logs.log import Log
+from par4_kinematics.errors import UnreachableError
 
 
 def diagnosed(task: Task):
@@ -110,6 +114,32 @@ def test_a_scenario_is_what_its_seed_says():
     other = draw_scenario(replace(task, seed=12))
     assert other.noise != one.noise
     assert not np.array_equal(other.motions[0].q, one.motions[0].q)
+
+
+@pytest.mark.parametrize('lost', [OutOfReach('no pose'), UnreachableError('leg 0')])
+def test_another_machine_is_drawn_where_one_leaves_its_reach(lost, monkeypatch):
+    task, drawn = Task('pair', 11, 'cogging', True), list[Scenario]()
+
+    def recorded(of, scenario, _started):
+        drawn.append(scenario)
+        if len(drawn) < 3:
+            raise lost
+        return of
+
+    monkeypatch.setattr(study, '_recorded', recorded)
+    assert study.made(task) is task
+    assert all(scenario.task is task for scenario in drawn)
+    assert drawn[0].noise == draw_scenario(task).noise
+    assert len({scenario.noise for scenario in drawn}) == 3
+
+
+def test_draws_that_all_leave_their_reach_end(monkeypatch):
+    def recorded(*_of):
+        raise OutOfReach('no pose')
+
+    monkeypatch.setattr(study, '_recorded', recorded)
+    with pytest.raises(OutOfReach):
+        study.made(Task('pair', 11, 'cogging', True))
 
 
 def test_a_study_is_the_same_list_of_distinct_tasks():

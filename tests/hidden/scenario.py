@@ -96,9 +96,14 @@ class Scenario:
     every: int = 1
 
 
-def draw_scenario(task: Task) -> Scenario:
-    """Return the scenario that a task draws."""
-    random = np.random.default_rng((task.seed, KINDS.index(task.kind)))
+def draw_scenario(task: Task, again: int = 0) -> Scenario:
+    """Return the scenario that a task draws.
+
+    Args:
+        task: the task.
+        again: how many of its draws cannot be recorded or judged.
+    """
+    random = np.random.default_rng((task.seed, KINDS.index(task.kind), *([again] if again else ())))
     known = known_machine(random.choice(('reference', 'other', 'other friction')), random)
     shape, every = str(random.choice(SHAPES)), 1
     if task.kind == 'coarse':

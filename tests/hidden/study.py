@@ -14,8 +14,10 @@ from hidden.hider import Values
 from hidden.hiders import HIDERS
 from hidden.kept import Kept, generator_hash
 from hidden.outside import OUTSIDE
+from hidden.physics import OutOfReach
 from hidden.recording import Recording
 from hidden.scenario import (
+    DRAWS,
     KINDS,
     LARGE,
     UNREAL,
@@ -28,6 +30,7 @@ from hidden.scenario import (
 from hidden.scoring import diagnosed
 from hidden.truth import CHAOTIC, VISIBLE, Truth, true_noise
 from par4_identification.diagnosis.diagnosis import Diagnosis
+from par4_kinematics.errors import UnreachableError
 
 COUNTS = {'single': 420, 'pair': 115, 'removed': 110, 'clean': 400, 'below': 50, 'rods': 55,
           'triple': 125, 'company': 165, 'outside': 75, 'realistic': 105, 'wander': 100,
@@ -104,10 +107,23 @@ def _in_turn(names: Sequence[str], number: int, seed: tuple[int, ...]) -> list[s
     return drawn[:number]
 
 
-def made(task: Task) -> Kept:
-    """Return the recordings of a task and the truth behind them."""
+def made(task: Task, again: int = 0) -> Kept:
+    """Return the recordings of a task and the truth behind them.
+
+    Another machine is drawn where the true one leaves its reach, or the known one cannot move as it
+    does.
+    """
     started = time.perf_counter()
-    scenario = draw_scenario(task)
+    scenario = draw_scenario(task, again)
+    try:
+        return _recorded(task, scenario, started)
+    except (OutOfReach, UnreachableError):
+        if again >= DRAWS:
+            raise
+        return made(task, again + 1)
+
+
+def _recorded(task: Task, scenario: Scenario, started: float) -> Kept:
     fit, heldout = record_scenario(scenario)
     recorded = time.perf_counter()
     truth = truth_of(scenario, fit) if scenario.hidden or scenario.outside else None
