@@ -204,7 +204,7 @@ def test_what_a_weak_cause_would_change_is_in_the_deviation():
         assert search.weighing.standing(cause('torque_offset'), (item,)) < 1.0
         evidence, weak = search.pool.evidence, weak_causes(search, (item,))
         plain = effect_parameters(evidence, item, solve(evidence, (item,)), 0)
-        wide, = widened(search, [SimpleCause(plain)], (item,), weak)
+        wide = widened(search, SimpleCause(plain), item, (item,), weak)
         told[size] = names(weak), plain['asymmetry'], wide.parameters['asymmetry']
     found, plain, wide = told[0.0025]
     assert found == ['torque_offset']
@@ -346,6 +346,21 @@ def test_other_rows_give_a_shape_of_their_own():
     np.testing.assert_allclose(told.value, 0.2, rtol=0.03)
     amplitude = parameters_by(evidence, model, 0)['amplitude'].value
     np.testing.assert_allclose(amplitude, 0.3, rtol=0.1)
+
+
+def test_the_square_of_a_speed_is_no_other_law_on_other_rows():
+    """With any other exponent its size is another parameter, and the two would never agree."""
+    true = 0.39
+    search = search_of(('nonlinear_viscous', {'torque': (true, 0.0, 0.0, 0.0), 'exponent': 2.05}))
+    item = cause('nonlinear_viscous', joints=(0,), exponent=2.0)
+    one, other = (parameters_by(part, (item,), 0)
+                  for part in (search.pool.evidence, search.pool.heldout))
+    assert other['exponent'].value == (2.0,)
+    told = with_disagreement(one, one, other)['quadratic']
+    assert abs(told.value[0] - true) < 0.1 * true
+    assert told.std[0] < 0.1 * true
+    wrong = replace(item, shape={'exponent': 1.9})
+    assert 2.0 < parameters_by(search.pool.heldout, (wrong,), 0)['exponent'].value[0] < 2.1
 
 
 def test_a_law_that_one_motion_shows_otherwise_is_as_doubtful_as_that():

@@ -59,7 +59,7 @@ def with_doubt_of_time(parameters: dict[str, Parameter], observations: Observati
 
 
 def with_doubt_of_choice(parameters: dict[str, Parameter], evidence: Evidence,
-                         hypothesis: Hypothesis, named: Sequence[Hypothesis],
+                         hypothesis: Hypothesis, model: Sequence[Hypothesis],
                          corrected: Callable[[Fit], Fit]) -> dict[str, Parameter]:
     """Return the parameters of a cause with deviations that allow for other joints and parts.
 
@@ -71,15 +71,15 @@ def with_doubt_of_choice(parameters: dict[str, Parameter], evidence: Evidence,
         parameters: of the cause.
         evidence: rows that were fitted.
         hypothesis: the cause.
-        named: all that were fitted together.
+        model: all that were fitted together.
         corrected: takes out of a fit what is known to be wrong with it.
     """
     effect = hypothesis.named
     joints = tuple(range(evidence.observations.joints))
-    together = [_whole(item, joints) for item in named]
-    if all(item is whole for item, whole in zip(named, together)):
+    together = [_whole(item, joints) for item in model]
+    if all(item is whole for item, whole in zip(model, together)):
         return parameters
-    index = list(named).index(hypothesis)
+    index = list(model).index(hypothesis)
     rest = [joint for joint in joints if joint not in hypothesis.joints]
     free = effect_parameters(evidence, together[index], corrected(solve(evidence, together)),
                              index)

@@ -41,7 +41,7 @@ def polished(search: Search, model: Sequence[Hypothesis]) -> Model:
             continue
         moved = _with_best_shape(pool, model, item)
         gain = 0.5 * (pool.fit(model).fit_squares - pool.fit(moved).fit_squares)
-        if (gain > (search.rules.price if _is_usual(item) else 0.0)
+        if (gain > (search.rules.price if is_usual(item) else 0.0)
                 and search.belief.objection(moved[place], others_of(moved, moved[place])) is None):
             model = moved
     return model
@@ -114,7 +114,7 @@ def stepped(item: Hypothesis, step: np.ndarray, largest: float) -> Hypothesis:
     return moved
 
 
-def _is_usual(item: Hypothesis) -> bool:
+def is_usual(item: Hypothesis) -> bool:
     """Return whether all numbers of a shape have their defaults, such as a power of two."""
     return all(parameter.default == item.shape[parameter.name]
                for parameter in item.named.parameters if parameter.name in item.shape)

@@ -17,7 +17,7 @@ from par4_identification.diagnosis.evidence.estimates import effect_parameters, 
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.search.polish import shape_step, stepped
+from par4_identification.diagnosis.search.polish import is_usual, shape_step, stepped
 from par4_identification.diagnosis.search.shapes import order_name
 
 LARGEST = 0.5
@@ -53,7 +53,8 @@ def parameters_by(evidence: Evidence, hypotheses: Sequence[Hypothesis], index: i
                   errors: Sequence[np.ndarray] = ()) -> dict[str, Parameter]:
     """Return the parameters of one of several causes by other rows, its shape moved by one step.
 
-    Orders of periodic torques stay whole numbers.
+    Orders of periodic torques stay whole numbers, and a shape that is told as usual, such as the
+    square of a speed, stays as it is.
 
     Args:
         evidence: the rows.
@@ -63,7 +64,8 @@ def parameters_by(evidence: Evidence, hypotheses: Sequence[Hypothesis], index: i
     """
     hypotheses = list(hypotheses)
     fit = solve(evidence, hypotheses)
-    if shape_knobs(hypotheses[index]) and order_name(hypotheses[index].named) is None:
-        hypotheses[index] = stepped(hypotheses[index], shape_step(evidence, fit, index)[0], LARGEST)
+    item = hypotheses[index]
+    if shape_knobs(item) and order_name(item.named) is None and not is_usual(item):
+        hypotheses[index] = stepped(item, shape_step(evidence, fit, index)[0], LARGEST)
         fit = solve(evidence, hypotheses)
     return effect_parameters(evidence, hypotheses[index], fit, index, errors)

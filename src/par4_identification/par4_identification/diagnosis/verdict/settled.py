@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.doubt import (
     with_doubt,
     with_doubt_of_choice,
@@ -42,6 +43,9 @@ from par4_identification.diagnosis.verdict.swinging_loads import (
 )
 from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widened
 
+OWN = 0.5
+"""Share of what a name explains without unnamed causes, or another would explain in its place, from
+which on it has little to do with them."""
 Errors = Sequence[Sequence[np.ndarray]]
 """What torques may be wrong by, on the rows to fit and on the rows held out, see `torque_errors`.
 """
@@ -68,6 +72,25 @@ class Settled:
     blocks: Blocks
 
 
+@dataclass(frozen=True)
+class Doubted:
+    """A name with deviations that allow for more and more.
+
+    Attributes:
+        plain: they take its joints and its law for right.
+        by_any_law: it may act on other joints, with other parts and by another law; `plain` for a
+            name that is something by itself beside unnamed causes.
+        beside_weak: it may act on other joints, but for such a name, and weak causes beside it, see
+            `weak_causes`.
+        told: all of these.
+    """
+
+    plain: Cause
+    by_any_law: Cause
+    beside_weak: Cause
+    told: Cause
+
+
 def settle(search: Search, model: Model, floor: np.ndarray) -> Settled:
     """Return the causes of a search that hold.
 
@@ -88,17 +111,11 @@ def settle(search: Search, model: Model, floor: np.ndarray) -> Settled:
         told = search.weighing.corrected(solve(search.pool.evidence, named))
         errors = [torque_errors(part, search.pool.solution(model), search.rules)
                   for part in (search.pool.evidence, search.pool.heldout)]
-        causes = [_cause(item, search, named, told, blocks, model, errors) for item in named]
-        on_any_joints = [replace(cause, parameters=with_doubt_of_choice(
-            cause.parameters, search.pool.evidence, item, named, search.weighing.corrected))
-            for cause, item in zip(causes, named)]
-        by_any_law = [replace(cause, parameters=with_doubt_of_law(
-            cause.parameters, search, item, named, errors[0]))
-            for cause, item in zip(on_any_joints, named)]
-        less = _without_nothing(search, model, named, causes, on_any_joints, by_any_law, weak)
+        values = [_doubted(search, item, _cause(item, search, named, told, blocks, model, errors),
+                           named, model, errors, weak) for item in named]
+        less = _without_nothing(search, model, named, values)
         if less is None:
-            causes = with_doubt_of_counts(search, widened(search, by_any_law, named, weak), named,
-                                          changed)
+            causes = with_doubt_of_counts(search, [own.told for own in values], named, changed)
             less = _without_idle_joints(model, named, causes)
         if less is None:
             return Settled(model, named, told, tuple(causes), loose, blocks)
@@ -110,29 +127,55 @@ def _strongest_first(search: Search, model: Model) -> tuple[Hypothesis, ...]:
         item, others_of(model, item))[0]))
 
 
+def _doubted(search: Search, item: Hypothesis, cause: Cause, named: Model, model: Model,
+             errors: Errors, weak: Sequence[Hypothesis]) -> Doubted:
+    """Return a name with its values, and with doubts about them.
+
+    Without unnamed causes the values are in doubt by what these change. A name that has nothing to
+    do with them explains beside them what it does without them, and no other explains far more in
+    its place. It has the values that it has beside them, and these say whether it is something.
+    """
+    corrected = search.weighing.corrected
+    by_itself = _is_by_itself(search, item, cause, model)
+    beside = model if by_itself else named
+    if by_itself:
+        cause = replace(cause, parameters=_parameters(
+            search, item, beside, corrected(solve(search.pool.evidence, beside)), model, errors))
+    on_any_joints = replace(cause, parameters=with_doubt_of_choice(
+        cause.parameters, search.pool.evidence, item, beside, corrected))
+    by_any_law = replace(on_any_joints, parameters=with_doubt_of_law(
+        on_any_joints.parameters, search, item, beside, errors[0]))
+    return Doubted(
+        cause, cause if by_itself else by_any_law,
+        widened(search, cause if by_itself else on_any_joints, item, beside, weak),
+        widened(search, by_any_law, item, beside, weak))
+
+
+def _is_by_itself(search: Search, item: Hypothesis, cause: Cause, model: Model) -> bool:
+    """Return whether a name has little to do with the unnamed causes of a model, if it has any."""
+    others = others_of(model, item)
+    alone, _ = search.weighing.gains(item, tuple(named_of(others)))
+    gain, heldout_gain = search.weighing.gains(item, others)
+    return bool(unnamed_of(model)) and gain >= OWN * alone and (
+        heldout_gain >= OWN * (heldout_gain - cause.margin))
+
+
 def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...],
-                     causes: Sequence[Cause], on_any_joints: Sequence[Cause],
-                     by_any_law: Sequence[Cause], weak: Sequence[Hypothesis]) -> Model | None:
+                     values: Sequence[Doubted]) -> Model | None:
     """Return the model without the weakest name that may as well be nothing; None if none may.
 
     How large a cause is depends on its law, on its joints and on what else acts, not whether it is
     one. But values that no machine can have say nothing if they may as well be zero; neither does a
     name that may be zero where something that is no twin explains rows held out as well.
-
-    Args:
-        causes: with deviations that take their joints and laws for right.
-        on_any_joints: the same, as they may act on other joints and with other parts.
-        by_any_law: these, as their laws may be others.
-        weak: see `weak_causes`.
     """
-    for item, cause, doubted in reversed(list(zip(named, causes, by_any_law))):
-        if cause.is_nothing or (doubted.may_be_zero and (
+    for item, own in reversed(list(zip(named, values))):
+        if own.plain.is_nothing or (own.by_any_law.may_be_zero and (
                 unnamed_of(model)
                 or not search.belief.is_possible(item, others_of(named, item)))):
             search.journal.reject(item, 'all its values are zero within their deviations')
             return search.with_nameless(others_of(model, item))
-    beside_weak = widened(search, on_any_joints, named, weak)
-    for item, cause in reversed(list(zip(named, beside_weak))):
+    for item, own in reversed(list(zip(named, values))):
+        cause = own.beside_weak
         if (cause.margin <= 0.0 and cause.rival not in cause.twins
                 and cause.may_be_zero):
             search.journal.reject(item, f'all its values may be zero, and on rows held out '
@@ -155,28 +198,35 @@ def _without_idle_joints(model: Model, named: Sequence[Hypothesis], causes: Sequ
 def _cause(hypothesis: Hypothesis, search: Search, named: Sequence[Hypothesis], fit: Fit,
            blocks: Blocks, model: Model, errors: Errors) -> Cause:
     evidence, heldout = search.pool.evidence, search.pool.heldout
-    judgement, corrected = judge(search, hypothesis, model), search.weighing.corrected
-    index = named.index(hypothesis)
-    parameters = effect_parameters(evidence, hypothesis, fit, index, errors[0])
-    parameters = with_doubt_of_size(parameters, evidence, hypothesis, fit)
-    if unnamed_of(model):
-        parameters = with_doubt(parameters, effect_parameters(
-            evidence, hypothesis, corrected(solve(evidence, model)), model.index(hypothesis),
-            errors[0]))
-    # unnamed causes that differ from motion to motion are no disagreement about the named one
-    parameters = with_disagreement(parameters, *(
-        parameters_by(part, model, model.index(hypothesis), wrong)
-        for part, wrong in zip((evidence, heldout), errors)))
-    if not goes_both_ways(evidence.observations):
-        parameters = with_doubt_of_time(parameters, evidence.observations)
+    judgement, index = judge(search, hypothesis, model), named.index(hypothesis)
     before, after = (left_by(heldout, part, solve(evidence, part))
                      for part in (others_of(model, hypothesis), model))
     return Cause(
         effect=hypothesis.named, joints=hypothesis.joints,
-        parameters=parameters,
+        parameters=_parameters(search, hypothesis, named, fit, model, errors),
         twins=judgement.twins,
         visible_fraction=search.weighing.beside(()).left_share(
             evidence.columns(hypothesis), hypothesis.stacked(fit.coefficients[index])),
         p_value=judgement.p_value, margin=judgement.margin, rival=judgement.rival,
         gain=blocks.whitened_gain(before, after),
         by_shape=variance_of_shape(evidence, hypothesis, fit, index, errors[0]))
+
+
+def _parameters(search: Search, hypothesis: Hypothesis, beside: Sequence[Hypothesis], fit: Fit,
+                model: Model, errors: Errors) -> dict[str, Parameter]:
+    """Return the parameters of a name by a fit of the causes `beside`, all or the named ones."""
+    evidence, heldout = search.pool.evidence, search.pool.heldout
+    parameters = effect_parameters(
+        evidence, hypothesis, fit, list(beside).index(hypothesis), errors[0])
+    parameters = with_doubt_of_size(parameters, evidence, hypothesis, fit)
+    if len(beside) < len(model):
+        parameters = with_doubt(parameters, effect_parameters(
+            evidence, hypothesis, search.weighing.corrected(solve(evidence, model)),
+            model.index(hypothesis), errors[0]))
+    # unnamed causes that differ from motion to motion are no disagreement about the named one
+    parameters = with_disagreement(parameters, *(
+        parameters_by(part, model, model.index(hypothesis), wrong)
+        for part, wrong in zip((evidence, heldout), errors)))
+    if goes_both_ways(evidence.observations):
+        return parameters
+    return with_doubt_of_time(parameters, evidence.observations)

@@ -160,8 +160,9 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
 def _outdone(search: Search, item: Hypothesis, model: Model) -> Model | None:
     """Return the model without a name, if a name that was rejected explains far more in its place.
 
-    It may have been rejected because all its values may as well be zero. A name that is so far
-    behind one that is no cause has no better claim.
+    That one takes its place if it is a cause beside the others. It may also have been rejected
+    because all its values may as well be zero. A name that is so far behind one that is no cause
+    has no better claim.
     """
     others = others_of(model, item)
     rival = next((rival for rival in search.rivals(item, others) if rival.believable
@@ -170,8 +171,11 @@ def _outdone(search: Search, item: Hypothesis, model: Model) -> Model | None:
     if rival is None or rival.hypothesis is None or (
             -rival.margin <= _law_may_lose(search, item, rival.hypothesis, others)):
         return None
-    search.journal.reject(item, f'{rival.hypothesis.label} explains {-rival.margin:.0f} more in '
-                                f'its place on rows held out, and is no cause itself')
+    reason = f'{rival.hypothesis.label} explains {-rival.margin:.0f} more in its place'
+    if search.weighing.standing(rival.hypothesis, others) > 1.0:
+        search.journal.reject(item, f'{reason} on rows held out')
+        return (*others, rival.hypothesis)
+    search.journal.reject(item, f'{reason} on rows held out, and is no cause itself')
     return search.with_nameless(others)
 
 

@@ -46,21 +46,22 @@ def weak_causes(search: Search, model: Model) -> list[Hypothesis]:
     return found
 
 
-def widened(search: Search, causes: Sequence[Cause], named: Sequence[Hypothesis],
-            weak: Sequence[Hypothesis]) -> list[Cause]:
-    """Return causes with deviations that include what each weak cause would change.
+def widened(search: Search, cause: Cause, hypothesis: Hypothesis, model: Model,
+            weak: Sequence[Hypothesis]) -> Cause:
+    """Return a cause with deviations that include what each weak cause would change.
 
-    Weak causes change how large a cause is, not whether it is one, so every cause keeps its name.
+    Weak causes change how large a cause is, not whether it is one, so it keeps its name.
 
     Args:
         search: of the causes.
-        causes: of the named hypotheses, in their order.
-        named: these.
+        cause: with its values beside the others of the model.
+        hypothesis: of this cause.
+        model: all that were fitted together.
         weak: see `weak_causes`.
     """
-    parameters = [cause.parameters for cause in causes]
+    parameters = cause.parameters
     for item in weak:
-        fit = search.weighing.corrected(search.pool.solution((*named, item)))
-        parameters = [with_doubt(own, told_values(search.pool.evidence, cause, fit, index), SHARE)
-                      for index, (own, cause) in enumerate(zip(parameters, named))]
-    return [replace(cause, parameters=own) for cause, own in zip(causes, parameters)]
+        fit = search.weighing.corrected(search.pool.solution((*model, item)))
+        parameters = with_doubt(parameters, told_values(
+            search.pool.evidence, hypothesis, fit, model.index(hypothesis)), SHARE)
+    return replace(cause, parameters=parameters)

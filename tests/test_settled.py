@@ -1,0 +1,86 @@
+"""Which names hold beside causes that have none, and with which values they are told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from searches import names, search_of
+
+from par4_identification.diagnosis.search.causes import named_of, unnamed_of
+from par4_identification.diagnosis.verdict import settled
+from par4_identification.diagnosis.verdict.judgement import judge
+from par4_identification.diagnosis.verdict.settled import settle
+
+FLOOR = np.full(4, 0.05)
+LEG = {'arm_length': (0.0, 0.0, 0.0, 0.0), 'forearm_length': (0.0, 0.0, -0.0013, 0.0)}
+
+
+def springs_that_yield(*sizes):
+    """Return friction, N m, that builds up over 0.1 rad of a joint, as no effect does."""
+    def torque(state):
+        share = np.zeros_like(state.q)
+        for row, step in enumerate(np.diff(state.q, axis=0) / 0.1, start=1):
+            share[row] = (share[row - 1] + step) / (1.0 + np.abs(step))
+        return np.array(sizes) * share
+
+    return torque
+
+
+@pytest.fixture(scope='module', params=[
+    ('leg_length_error', LEG, 'forearm_length', (2,), (0.3, 0.0, 0.4, 0.0)),
+    ('leg_length_error', LEG, 'forearm_length', (2,), (1.2, 0.0, 1.0, 0.9)),
+    ('torque_offset', {'offset': (0.1, 0.0, 0.0, 0.0)}, 'offset', (0,), (0.3, 0.0, 0.4, 0.0))])
+def beside_unnamed(request):
+    """A name, its true value and what was found beside friction that has no name."""
+    name, values, size, joints, friction = request.param
+    search = search_of((name, values), library=(name,), beside=springs_that_yield(*friction))
+    return name, joints, [values[size][joint] for joint in joints], size, settle(
+        search, search.run(), FLOOR)
+
+
+def test_a_name_holds_though_an_unnamed_cause_disturbs_what_it_is_without_it(beside_unnamed):
+    name, joints, _, _, found = beside_unnamed
+    assert set(names(found.model)) == {name, 'memory'}
+    told, = found.causes
+    assert (told.effect.name, told.joints) == (name, joints)
+
+
+def test_such_a_name_has_the_value_that_it_has_beside_the_unnamed_cause(beside_unnamed):
+    _, _, true, size, found = beside_unnamed
+    value = found.causes[0].parameters[size]
+    np.testing.assert_allclose(value.value, true, rtol=0.3)
+    assert np.all(np.abs(np.array(value.value) - true) < 2.0 * np.array(value.std))
+
+
+def offset_beside_friction():
+    """Return a search that found an offset beside friction that has no name, and what it found."""
+    search = search_of(('torque_offset', {'offset': (0.1, 0.0, 0.0, 0.0)}),
+                       library=('torque_offset',), beside=springs_that_yield(0.3, 0.0, 0.4, 0.0))
+    model = search.run()
+    assert set(names(model)) == {'torque_offset', 'memory'}
+    return search, model
+
+
+@pytest.mark.parametrize(('margin', 'holds'), [(0.0, True), (-1.5, False)])
+def test_a_name_that_another_far_outdoes_is_told_as_it_is_without_the_unnamed_cause(
+        margin, holds, monkeypatch):
+    search, model = offset_beside_friction()
+    others = tuple(unnamed_of(model))
+    _, gain = search.weighing.gains(named_of(model)[0], others)
+    monkeypatch.setattr(settled, 'judge', lambda *of: replace(judge(*of), margin=margin * gain))
+    assert ('torque_offset' in names(settle(search, model, FLOOR).model)) is holds
+
+
+@pytest.mark.parametrize(('more', 'holds'), [(1.0, True), (3.0, False)])
+def test_so_is_one_that_explains_the_same_as_an_unnamed_cause(more, holds, monkeypatch):
+    search, model = offset_beside_friction()
+    gains = search.weighing.gains
+
+    def alone_more(item, others):
+        fit, heldout = gains(item, others)
+        return (fit if unnamed_of(others) else more * fit), heldout
+
+    monkeypatch.setattr(search.weighing, 'gains', alone_more)
+    assert ('torque_offset' in names(settle(search, model, FLOOR).model)) is holds
