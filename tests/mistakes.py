@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from par4_identification.logs.log import Log
-from par4_kinematics.geometry import Geometry
 from par4_kinematics.robot import Robot
 
 
@@ -84,11 +84,9 @@ def _torque_at(log: Log, times: np.ndarray) -> Log:
     return replace(log, t=log.t[rows], q=log.q[rows], tau=tau, segments=(slice(0, len(tau)),))
 
 
-def other_dimensions(robot: Robot, **errors: float) -> Robot:
+def other_dimensions(robot: Robot, **errors: ArrayLike) -> Robot:
     """Return the robot file in which dimensions are wrong by these, m."""
-    dimensions = robot.geometry.model_dump()
-    return robot.model_copy(update={'geometry': Geometry(**{
-        **dimensions, **{name: dimensions[name] + error for name, error in errors.items()}})})
+    return robot.model_copy(update={'geometry': robot.geometry.with_errors(**errors)})
 
 
 def frozen(log: Log, joint: int, start: float, end: float) -> Log:

@@ -51,6 +51,19 @@ def poses_in(robot: Robot, count: int, seed: int) -> np.ndarray:
                             generator.uniform(-space.theta, space.theta, count)))
 
 
+def test_errors_are_added_to_those_of_the_file_and_packed_anew():
+    geometry = OTHER.geometry
+    assert geometry.packed[0] == 0.22  # kept, and not to be kept by the other one
+    changed = geometry.with_errors(
+        arm_length=0.03, forearm_length_errors=np.array((0.001, 0.0, 0.0, -0.002)))
+    expected = Geometry.model_validate(geometry.model_dump() | {
+        'arm_length': geometry.arm_length + 0.03,
+        'forearm_length_errors': (0.001, 0.012, -0.006, 0.003 - 0.002)})
+    assert changed == expected
+    np.testing.assert_array_equal(changed.packed, expected.packed)
+    hash(changed)  # as the file's does
+
+
 def circle_poses(radius: float, z: float, theta: float) -> np.ndarray:
     azimuth = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
     return np.column_stack((radius * np.cos(azimuth), radius * np.sin(azimuth),

@@ -23,7 +23,6 @@ from experiments import (
 
 from par4_dynamics.mechanism import kinetic_energy, potential_energy
 from par4_dynamics.state import GRAVITY
-from par4_kinematics.geometry import Geometry
 from par4_kinematics.position import inverse_kinematics
 from robots import REFERENCE
 
@@ -39,10 +38,8 @@ BESIDE = np.array((0.09, -0.06, 0.03, 0.0))
 ERRORS = {'arm_length': 6e-3, 'forearm_length': -9e-3, 'base_radius': 12e-3,
           'platform_radius': -6e-3, 'platform_bar_length': 15e-3}
 LEG_ERRORS = {'arm_length': (0.05, 0.0, -0.04, 0.02), 'forearm_length': (0.0, 0.06, -0.05, 0.0)}
-UNEVEN = Geometry.model_validate(GEOMETRY.model_dump() | {
-    f'{name}_errors': error for name, error in LEG_ERRORS.items()})
-TRUE = Geometry.model_validate(GEOMETRY.model_dump() | {
-    name: getattr(GEOMETRY, name) + error for name, error in ERRORS.items()})
+UNEVEN = GEOMETRY.with_errors(**{f'{name}_errors': error for name, error in LEG_ERRORS.items()})
+TRUE = GEOMETRY.with_errors(**ERRORS)
 
 
 def up_in_tilted_base():

@@ -146,8 +146,7 @@ def test_encoder_offset_and_eccentricity(fidelity):
 def test_geometry_error_in_closed_loop(fidelity):
     """The drives bring true arms to the nominal angles; the platform is then elsewhere."""
     told = told_by(fidelity, entry('geometry_error', arm_length=4e-3, base_radius=-6e-3))
-    longer = GEOMETRY.model_validate(GEOMETRY.model_dump() | {
-        'arm_length': GEOMETRY.arm_length + 4e-3, 'base_radius': GEOMETRY.base_radius - 6e-3})
+    longer = GEOMETRY.with_errors(arm_length=4e-3, base_radius=-6e-3)
     np.testing.assert_allclose(told['q'], inverse_kinematics(longer, told['true_pose']), atol=5e-6)
     assert np.abs(told['q'] - arms(told)).min() > 2e-4
 

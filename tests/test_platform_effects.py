@@ -379,9 +379,8 @@ def test_an_offset_of_one_encoder_changes_the_torque_of_all(robot):
 @ROBOTS
 def test_geometry_error_is_the_torque_of_the_true_machine(robot):
     state, model = moving_state(robot), MODELS[robot.name]
-    nominal = robot.geometry.model_dump()
     for name, error in VALUES['geometry_error'].items():
-        true = Geometry(**{**nominal, name: nominal[name] + error})
+        true = robot.geometry.with_errors(**{name: error})
         expected = model.torque(
             state_of_joints(true, state.t, state.q, state.qd, state.qdd)) - model.torque(state)
         tau = effect_torque(robot, state, 'geometry_error', **{name: error})
@@ -394,12 +393,10 @@ def test_geometry_error_is_the_torque_of_the_true_machine(robot):
 def test_leg_length_error_is_the_torque_of_the_true_machine(robot):
     """A forearm moves the platform by its direction, an arm by its own, and turns other levers."""
     state, model = moving_state(robot), MODELS[robot.name]
-    nominal = robot.geometry.model_dump()
     for leg in range(4):
         for name in ('arm_length', 'forearm_length'):
             error = tuple((1e-4 * np.eye(4)[leg]).tolist())
-            true = Geometry(**{**nominal, f'{name}_errors': tuple(
-                np.add(nominal[f'{name}_errors'], error).tolist())})
+            true = robot.geometry.with_errors(**{f'{name}_errors': error})
             expected = model.torque(
                 state_of_joints(true, state.t, state.q, state.qd, state.qdd)) - model.torque(state)
             tau = effect_torque(robot, state, 'leg_length_error', **{

@@ -42,7 +42,6 @@ from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.approach import with_approach
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.excitation import excitation_motion
-from par4_kinematics.geometry import Geometry
 from par4_kinematics.position import closes
 from par4_kinematics.robot import Axis, Drives
 from par4_sim.closed_loop.simulation import build_simulation
@@ -264,9 +263,7 @@ def test_a_wrong_dimension_is_measured(clean, name, error):
 def test_the_length_of_one_leg_is_no_wrong_zero(clean, name, leg, error):
     """It turns the joint's reading for a pose, as a zero does."""
     key = f'{name}_errors'
-    wrong = tuple((error * np.eye(4)[leg]).tolist())
-    robot = REFERENCE.model_copy(update={'geometry': Geometry.model_validate(
-        REFERENCE.geometry.model_dump() | {key: wrong})})
+    robot = mistakes.other_dimensions(REFERENCE, **{key: error * np.eye(4)[leg]})
     kinds, check = found(clean, robot)
     assert kinds == [('wrong_dimensions', (leg,))]
     for lengths in ('arm_length_errors', 'forearm_length_errors'):

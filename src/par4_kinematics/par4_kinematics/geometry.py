@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import AfterValidator, Field, StrictFloat, field_validator, model_validator
 
 from par4_kinematics.files import FileModel
@@ -131,6 +132,18 @@ class Geometry(FileModel):
     def forearm_lengths(self) -> tuple[float, ...]:
         """l of each leg, m."""
         return tuple(self.forearm_length + error for error in self.forearm_length_errors)
+
+    def with_errors(self, **errors: ArrayLike) -> Geometry:
+        """Return the geometry with errors, m, added to its attributes of these names.
+
+        Each is one number, or (4,) for `arm_length_errors` and `forearm_length_errors`. The result
+        is not validated: the slope of a torque at a radius of 0 needs one below 0.
+        """
+        content = self.model_dump()
+        for name, error in errors.items():
+            sums = np.add(content[name], error).tolist()
+            content[name] = tuple(sums) if isinstance(sums, list) else sums
+        return Geometry.model_construct(**content)
 
     @cached_property
     def packed(self) -> np.ndarray:

@@ -14,7 +14,6 @@ from par4_dynamics.effects.effect import (
     beyond,
 )
 from par4_dynamics.state import State
-from par4_kinematics.geometry import Geometry
 
 DIMENSIONS = ('arm_length', 'forearm_length', 'base_radius', 'platform_radius',
               'platform_bar_length')
@@ -42,23 +41,19 @@ class GeometryError(Effect):
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         motion = state.halfway
-        dimensions = motion.platform.geometry.model_dump()
         columns = []
         for name in DIMENSIONS:
             ends = []
             for step in (-STEP, STEP):
-                # not validated: a radius of 0 is stepped below 0 as well
-                changed = Geometry.model_construct(
-                    **{**dimensions, name: dimensions[name] + step})
+                changed = motion.platform.geometry.with_errors(**{name: step})
                 ends.append(state.known.body_torque(
                     motion.nearby(changed, motion.q, motion.qd, motion.qdd)))
             columns.append((ends[1] - ends[0]) / (2.0 * STEP))
         return np.stack(columns, axis=-1)
 
     def halfway(self, state: State, values: Values) -> State:
-        changed = Geometry.model_construct(**{
-            name: size + 0.5 * float(values[name][0]) if name in values else size
-            for name, size in state.platform.geometry.model_dump().items()})
+        changed = state.platform.geometry.with_errors(
+            **{name: 0.5 * value[0] for name, value in values.items()})
         return state.moved(state.q, state.qd, state.qdd, changed)
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:

@@ -15,7 +15,7 @@ from par4_dynamics.effects.effect import (
 )
 from par4_dynamics.effects.geometry_error import LARGEST
 from par4_dynamics.state import State
-from par4_kinematics.geometry import LEGS, Geometry
+from par4_kinematics.geometry import LEGS
 
 LENGTHS = ('arm_length', 'forearm_length')
 STEP = 1e-6
@@ -45,15 +45,16 @@ class LegLengthError(Effect):
         here, columns = state.known.body_torque(motion), []
         for leg in range(LEGS):
             for name in LENGTHS:
-                changed = _resized(motion.platform.geometry, {name: STEP * np.eye(LEGS)[leg]})
+                changed = motion.platform.geometry.with_errors(
+                    **{f'{name}_errors': STEP * np.eye(LEGS)[leg]})
                 there = state.known.body_torque(motion.nearby(
                     changed, motion.q, motion.qd, motion.qdd))
                 columns.append((there - here) / STEP)
         return np.stack(columns, axis=-1)
 
     def halfway(self, state: State, values: Values) -> State:
-        changed = _resized(state.platform.geometry,
-                           {name: 0.5 * np.asarray(size) for name, size in values.items()})
+        changed = state.platform.geometry.with_errors(
+            **{f'{name}_errors': 0.5 * np.asarray(error) for name, error in values.items()})
         return state.moved(state.q, state.qd, state.qdd, changed)
 
     def coefficients(self, values: Values) -> np.ndarray:
@@ -74,11 +75,3 @@ class LegLengthError(Effect):
 
     def signature(self, state: State) -> Signature:
         return Signature(state.q, 'joint position, rad')
-
-
-def _resized(geometry: Geometry, errors: Values) -> Geometry:
-    """Return a geometry with errors (4,), m, added to those that its legs have by name."""
-    old = geometry.model_dump()
-    return Geometry.model_construct(**{**old, **{
-        f'{name}_errors': tuple(map(float, np.add(old[f'{name}_errors'], error)))
-        for name, error in errors.items()}})

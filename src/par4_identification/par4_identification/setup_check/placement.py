@@ -278,13 +278,10 @@ def with_dimensions(geometry: Geometry, errors: np.ndarray) -> Geometry:
     """
     if not errors.any():
         return geometry
-    content = geometry.model_dump()
     common, of_legs = np.split(errors, (len(DIMENSIONS),))
-    return Geometry.model_construct(**{**content, **{
-        name: content[name] + float(error)
-        for name, error in zip(DIMENSIONS, common, strict=True)}, **{
-        f'{name}_errors': tuple(np.add(content[f'{name}_errors'], own).tolist())
-        for name, own in zip(OF_LEGS, of_legs.reshape(-1, LEGS), strict=True)}})
+    names = [*DIMENSIONS, *(f'{name}_errors' for name in OF_LEGS)]
+    return geometry.with_errors(
+        **dict(zip(names, (*common, *of_legs.reshape(-1, LEGS)), strict=True)))
 
 
 def _travelled(stretch: Stretch) -> np.ndarray:

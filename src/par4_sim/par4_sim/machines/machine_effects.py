@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from par4_dynamics.effects.position_torque import polynomials
 from par4_dynamics.model import ActiveEffect, Model
@@ -244,19 +245,17 @@ def _base_tilt(machine: Machine, active: ActiveEffect) -> Machine:
 
 
 def _geometry_error(machine: Machine, active: ActiveEffect) -> Machine:
-    true = {name: getattr(machine.geometry, name) + float(values[0])
-            for name, values in active.values.items()}
-    # validated anew: a copy would keep what is cached of the nominal dimensions
-    return replace(machine, geometry=parse(
-        {**machine.geometry.model_dump(), **true}, Geometry, 'effect geometry_error'))
+    return _resized(machine, active, {name: values[0] for name, values in active.values.items()})
 
 
 def _leg_length_error(machine: Machine, active: ActiveEffect) -> Machine:
-    true = {f'{name}_errors': np.add(getattr(machine.geometry, f'{name}_errors'),
-                                     _acting(active, name, 0.0)).tolist()
-            for name in active.values}
-    return replace(machine, geometry=parse(
-        {**machine.geometry.model_dump(), **true}, Geometry, 'effect leg_length_error'))
+    return _resized(machine, active, {
+        f'{name}_errors': _acting(active, name, 0.0) for name in active.values})
+
+
+def _resized(machine: Machine, active: ActiveEffect, errors: Mapping[str, ArrayLike]) -> Machine:
+    true = machine.geometry.with_errors(**errors).model_dump()
+    return replace(machine, geometry=parse(true, Geometry, f'effect {active.effect.name}'))
 
 
 def _external_force(machine: Machine, active: ActiveEffect) -> Machine:
