@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 from planned import log_of
 from test_swing import AXIS, MODEL
 
 from par4_identification.diagnosis.diagnosis import CONDITIONING, diagnose
 from par4_identification.diagnosis.verdict.floor import encoder_noise
-from par4_identification.signals.position_noise import position_noise
+from par4_identification.signals.position_noise import mean_spectrum, position_noise
 from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.scales import conditioning_for, resolved_hz
 
@@ -49,6 +50,17 @@ def test_the_noise_of_positions_is_that_above_the_motion():
     assert position_noise([noisy], PERIOD) == pytest.approx(3e-5, rel=0.1)
     assert position_noise([counted], PERIOD) == pytest.approx(1e-4 / np.sqrt(12.0), rel=0.1)
     assert position_noise([q], PERIOD) < 3e-7
+
+
+@pytest.mark.parametrize('centred', [True, False])
+def test_the_mean_spectrum_is_that_of_welch_over_all_stretches(centred):
+    window, signal = np.hanning(201)[:-1], np.random.default_rng(7).normal(1.0, 2.0, (2000, 2))
+    detrend = 'constant' if centred else False
+    _, density = scipy.signal.welch(signal, 1.0 / PERIOD, window, detrend=detrend,
+                                    return_onesided=False, axis=0)
+    spectrum = mean_spectrum([signal[:1100], signal[1000:], signal[:199]], PERIOD, window, centred)
+    assert spectrum.windows == 10 + 9
+    np.testing.assert_allclose(spectrum.power, density[:101] / PERIOD, rtol=1e-12)
 
 
 @pytest.mark.parametrize('seconds', [1.2, 2.0, 4.0, 12.0])

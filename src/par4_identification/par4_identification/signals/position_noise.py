@@ -27,7 +27,7 @@ def second_difference_gain(frequency: np.ndarray, period: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """The mean power of signals, over windows of a second that overlap by half (Welch 1967).
+    """The mean power of signals, over windows that overlap by half (Welch 1967).
 
     Attributes:
         frequency: (k,), Hz.
@@ -52,16 +52,26 @@ class Spectrum:
         return np.asarray(np.median(shares, axis=0) / below)
 
 
-def mean_spectrum(signals: Sequence[np.ndarray], period: float) -> Spectrum:
-    """Return the mean power of signals (n, J)."""
-    length = max(round(1.0 / period), 16)
-    window = np.hanning(length)
+def mean_spectrum(signals: Sequence[np.ndarray], period: float, window: np.ndarray | None = None,
+                  centred: bool = True) -> Spectrum:
+    """Return the mean power of signals (n, J).
+
+    Args:
+        signals: of each uninterrupted stretch.
+        period: of the samples, s.
+        window: weights (m,) of the samples of a window; None for one of a second.
+        centred: whether the mean of each window is taken off.
+    """
+    if window is None:
+        window = np.hanning(max(round(1.0 / period), 16))
+    length = len(window)
     joints = signals[0].shape[1] if signals else 1
     total, windows = np.zeros((length // 2 + 1, joints)), 0
     for signal in signals:
         for first in range(0, len(signal) - length + 1, length // 2):
             part = signal[first:first + length]
-            total += np.abs(np.fft.rfft(window[:, None] * (part - part.mean(axis=0)), axis=0)) ** 2
+            part = part - part.mean(axis=0) if centred else part
+            total += np.abs(np.fft.rfft(window[:, None] * part, axis=0)) ** 2
             windows += 1
     return Spectrum(np.fft.rfftfreq(length, period),
                     total / (max(windows, 1) * float(np.sum(window ** 2))), windows)

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.lib.stride_tricks import sliding_window_view
+
+from par4_identification.signals.position_noise import mean_spectrum
 
 WINDOW = 0.25
 """Seconds over which spectra are taken and the filter remembers, half to each side."""
@@ -118,13 +119,13 @@ def smoother_of(parts: Sequence[np.ndarray], counts: int, period: float) -> Smoo
     if half < 2 or samples < FEWEST_WINDOWS * half or not _in_counts(parts, counts):
         return UNCHANGED
     step = 2.0 * np.pi / counts
-    told = _spectrum(parts, half)
+    told = _spectrum(parts, half, period)
     white = step ** 2 / 12.0 * (2.0 - 2.0 * np.cos(
         np.pi * np.arange(half + 1) / half))[:, None] ** 2
     first = _smoother(told, white, samples)
     motions = [first(q) for q in parts]
     noise = np.mean([_spectrum([rounded(motion, counts, place) - motion for motion in motions],
-                               half)
+                               half, period)
                      for place in np.arange(ROUNDINGS) / ROUNDINGS], axis=0)
     return _smoother(told, noise, samples)
 
@@ -150,19 +151,14 @@ def speed_noise(counts: int, cutoff_hz: float, period: float) -> float:
     return float(rounding * np.sqrt(2.0 * cutoff_hz * period / 3.0) * 2.0 * np.pi * cutoff_hz)
 
 
-def _spectrum(stretches: Sequence[np.ndarray], half: int) -> np.ndarray:
+def _spectrum(stretches: Sequence[np.ndarray], half: int, period: float) -> np.ndarray:
     """Return the spectrum (half + 1, J) of the second difference of positions (n, J) of stretches.
 
-    Its lines leak less into its faint end than those of the positions would. That of white noise
-    is its variance. The mean is over windows that overlap by half (Welch 1967).
+    Its lines leak less into its faint end than those of the positions would. No mean is taken off:
+    what is slow is motion.
     """
-    window = np.hanning(2 * half + 1)[:-1]
-    total, count = np.zeros(()), 0
-    for q in stretches:
-        parts = sliding_window_view(np.diff(q, 2, axis=0), 2 * half, axis=0)[::half]
-        total = total + np.sum(np.abs(np.fft.rfft(window * parts, axis=2)) ** 2, axis=0)
-        count += len(parts)
-    return np.asarray(total.T / (count * np.sum(window ** 2)))
+    return mean_spectrum([np.diff(q, 2, axis=0) for q in stretches], period,
+                         np.hanning(2 * half + 1)[:-1], centred=False).power
 
 
 def _smoother(told: np.ndarray, noise: np.ndarray, samples: int) -> Smoother:
