@@ -72,15 +72,14 @@ def home_pose(robot: Robot) -> np.ndarray:
     return home
 
 
-def workspace_grid(robot: Robot, radii: int = 6, azimuths: int = 24, heights: int = 8,
-                   angles: int = 9) -> np.ndarray:
+def workspace_grid(robot: Robot) -> np.ndarray:
     """Return poses (n, 4) that span the robot's workspace limits, their boundary included."""
     space = robot.limits.workspace
     radius, azimuth, height, theta = (part.ravel() for part in np.meshgrid(
-        np.linspace(0.0, space.radius, radii),
-        np.linspace(0.0, 2.0 * np.pi, azimuths, endpoint=False),
-        np.linspace(*space.z, heights),
-        np.linspace(-space.theta, space.theta, angles), indexing='ij'))
+        np.linspace(0.0, space.radius, 6),
+        np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False),
+        np.linspace(*space.z, 8),
+        np.linspace(-space.theta, space.theta, 9), indexing='ij'))
     return np.column_stack((radius * np.cos(azimuth), radius * np.sin(azimuth), height, theta))
 
 

@@ -26,6 +26,8 @@ from par4_kinematics.motion import Motion, check_limits, motion_of_platform, sam
 from par4_kinematics.robot import Robot
 from par4_kinematics.workspace import home_pose
 
+PERIOD = 1e-3
+"""s between samples of the motion."""
 FASTEST_HARMONIC = 0.5
 """Highest frequency of the fast path, over the cut-off of identification's torque filter."""
 BASE_SHARE = 0.4
@@ -74,7 +76,6 @@ class Design:
 
 def design_excitation(robot: Robot, model: Model, limits: MotionLimits,
                       request: DesignRequest | None = None, noise: np.ndarray | float = 1.0,
-                      period: float = 1e-3, conditioning: Conditioning | None = None,
                       progress: Callable[[float], None] | None = None) -> Design:
     """Return the motion that tells the base parameters best within the limits.
 
@@ -87,20 +88,18 @@ def design_excitation(robot: Robot, model: Model, limits: MotionLimits,
         limits: never exceeded at any sample.
         request: duration, paths, seed.
         noise: torque noise of the joints, (4,) or one for all; only ratios count.
-        period: s between samples.
-        conditioning: how identification will make rows.
         progress: called with the share done, 0 to 1.
 
     Raises:
         InputError: limits that the machine or the duration do not allow.
     """
     request = request or DesignRequest()
-    conditioning = conditioning or Conditioning()
+    conditioning = Conditioning()
     inner = limits.within(MARGIN)
     slow_limits = inner.slower(MARGIN * SLOW_JOINT_SPEED, MARGIN * SLOW_ACCELERATION)
-    t = sample_times(request.duration, period)
-    slow_samples = round(request.slow_period / period)
-    fast_samples = _fast_samples(robot, limits, request, period, conditioning)
+    t = sample_times(request.duration, PERIOD)
+    slow_samples = round(request.slow_period / PERIOD)
+    fast_samples = _fast_samples(robot, limits, request, conditioning)
     slow_time = request.slow_fraction * request.duration
     fast_time = request.duration - slow_time
     of_joints = np.broadcast_to(np.asarray(noise, dtype=float), (len(robot.joint_names),))
@@ -109,7 +108,7 @@ def design_excitation(robot: Robot, model: Model, limits: MotionLimits,
     def path(within: MotionLimits, samples: int, time: float, known: np.ndarray, step: int
              ) -> tuple[FourierPath, np.ndarray]:
         problem = PathProblem(
-            robot.geometry, model.without_effects(), within, samples * period,
+            robot.geometry, model.without_effects(), within, samples * PERIOD,
             conditioning.row_rate_hz * time, relative_noise, known, conditioning)
         best = optimised_path(problem, request.harmonics, request.starts,
                               np.random.default_rng((request.seed, step)),
@@ -136,7 +135,7 @@ def design_excitation(robot: Robot, model: Model, limits: MotionLimits,
                      f'the motion; raise that limit or lower the others')
 
 
-def _fast_samples(robot: Robot, limits: MotionLimits, request: DesignRequest, period: float,
+def _fast_samples(robot: Robot, limits: MotionLimits, request: DesignRequest,
                   conditioning: Conditioning) -> int:
     """Return the samples of a period of the fast path.
 
@@ -156,7 +155,7 @@ def _fast_samples(robot: Robot, limits: MotionLimits, request: DesignRequest, pe
             f'excitation design: {request.harmonics} harmonics of {frequency:.3g} Hz asked; '
             f'identification filters at {conditioning.torque_cutoff_hz:g} Hz, so at most '
             f'{highest:.3g} Hz; lower the base frequency or the harmonics, or give more time')
-    return max(2 * request.harmonics, round(1.0 / (frequency * period)))
+    return max(2 * request.harmonics, round(1.0 / (frequency * PERIOD)))
 
 
 def _assembled(robot: Robot, model: Model, limits: tuple[MotionLimits, MotionLimits],

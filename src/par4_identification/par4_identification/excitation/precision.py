@@ -39,8 +39,7 @@ class Precision:
     rows: float
 
 
-def expected_precision(motion: Motion, robot: Robot, model: Model, noise: np.ndarray,
-                       conditioning: Conditioning | None = None) -> Precision:
+def expected_precision(motion: Motion, robot: Robot, model: Model, noise: np.ndarray) -> Precision:
     """Return what white torque noise leaves uncertain after a motion, tracked exactly.
 
     The rows are made as identification makes them: filtered, masked at low speed. The covariance
@@ -51,12 +50,11 @@ def expected_precision(motion: Motion, robot: Robot, model: Model, noise: np.nda
         motion: sampled at the rate of the log.
         robot, model: the machine; the values of the model only scale `relative_std`.
         noise: of the torque of each joint, N m rms a sample, (4,).
-        conditioning: of the rows.
 
     Raises:
         InputError: a motion too short or too coarse for the filters.
     """
-    conditioning = conditioning or Conditioning()
+    conditioning = Conditioning()
     log = Log(name=motion.name, joint_names=robot.joint_names, start_stamp=0, period=motion.period,
               t=motion.t, q=motion.q, tau=np.zeros_like(motion.q),
               segments=(slice(0, len(motion.t)),), reference=None,

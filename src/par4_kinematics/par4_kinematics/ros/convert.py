@@ -77,21 +77,21 @@ def write_time(stamp: Any, nanoseconds: int) -> None:
     stamp.sec, stamp.nanosec = divmod(int(nanoseconds), SECOND)
 
 
-def joint_columns(names: Sequence[str], joint_names: Sequence[str] = JOINT_NAMES) -> list[int]:
-    """Return where each of `joint_names` stands in `names`; further names are ignored.
+def joint_columns(names: Sequence[str]) -> list[int]:
+    """Return where each of `JOINT_NAMES` stands in `names`; further names are ignored.
 
     Raises:
         InputError: a joint that is missing or named twice.
     """
     names = list(names)
-    missing = [name for name in joint_names if name not in names]
+    missing = [name for name in JOINT_NAMES if name not in names]
     if missing:
         raise InputError(f'missing joint {", ".join(missing)}; found {", ".join(names) or "none"}; '
-                         f'send all of {", ".join(joint_names)}')
-    twice = [name for name in joint_names if names.count(name) > 1]
+                         f'send all of {", ".join(JOINT_NAMES)}')
+    twice = [name for name in JOINT_NAMES if names.count(name) > 1]
     if twice:
         raise InputError(f'joint {", ".join(twice)} is named twice; send each once')
-    return [names.index(name) for name in joint_names]
+    return [names.index(name) for name in JOINT_NAMES]
 
 
 def is_foreign(message: Any) -> bool:

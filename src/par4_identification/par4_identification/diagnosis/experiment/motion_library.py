@@ -49,13 +49,12 @@ EXCITATION = 12.0
 """s"""
 
 
-def motion_library(robot: Robot, model: Model, seed: int = 0) -> list[Motion]:
+def motion_library(robot: Robot, model: Model) -> list[Motion]:
     """Return the motions of the library that keep the limits of a robot, from home and back.
 
     Args:
         robot: the machine.
         model: computes the torque, which must stay within that of the drives.
-        seed: of the random excitations.
 
     Returns:
         motions; none if the drives cannot even hold the platform, or the workspace is out of reach.
@@ -65,7 +64,7 @@ def motion_library(robot: Robot, model: Model, seed: int = 0) -> list[Motion]:
     except Par4Error:
         return []
     motions, at_home = [], _at_home(robot)
-    for name, make in _makers(robot, limits, seed):
+    for name, make in _makers(robot, limits):
         try:
             motion = joined([make(), at_home], name, robot)
             check_limits(motion, robot)
@@ -107,8 +106,7 @@ def joined(parts: Sequence[Motion], name: str, robot: Robot) -> Motion:
     return Motion(name, np.concatenate(times), *map(np.concatenate, zip(*samples, strict=True)))
 
 
-def _makers(robot: Robot, limits: MotionLimits, seed: int
-            ) -> Iterator[tuple[str, Callable[[], Motion]]]:
+def _makers(robot: Robot, limits: MotionLimits) -> Iterator[tuple[str, Callable[[], Motion]]]:
     """Yield the name of each motion and what makes it."""
     for axis in AXES:
         yield (f'strokes along {axis} at many speeds',
@@ -139,7 +137,7 @@ def _makers(robot: Robot, limits: MotionLimits, seed: int
             ('mostly slow excitation', 0.85, 1.0), ('excitation', 0.4, 1.0),
             ('gentle excitation', 0.4, 0.3), ('fast excitation', 0.1, 1.0)):
         yield (name, partial(
-            excitation_motion, robot, EXCITATION, seed, slow_fraction=slow_fraction,
+            excitation_motion, robot, EXCITATION, slow_fraction=slow_fraction,
             acceleration=share * limits.acceleration,
             joint_speed=share ** 0.5 * limits.joint_speed))
 

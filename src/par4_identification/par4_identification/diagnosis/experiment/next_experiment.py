@@ -97,14 +97,12 @@ class NextExperiment:
         return min(item.expected for item in self.separations if item.separated)
 
 
-def next_experiment(diagnosis: Diagnosis, machine: Robot | Axis, seed: int = 0
-                    ) -> NextExperiment | None:
+def next_experiment(diagnosis: Diagnosis, machine: Robot | Axis) -> NextExperiment | None:
     """Return the motion that would tell causes from their twins, and unnamed causes from names.
 
     Args:
         diagnosis: the answer with its evidence.
         machine: that was recorded.
-        seed: of the random motions among the candidates.
 
     Returns:
         the motion and what it separates. None if there are no twins and no doubts, for a single
@@ -120,7 +118,7 @@ def next_experiment(diagnosis: Diagnosis, machine: Robot | Axis, seed: int = 0
         return None
     prospect = Prospect(evidence, machine, diagnosis.extended_model, diagnosis.effects)
     trials = [Trial(prospect, pair) for pair in pairs]
-    motions = motion_library(machine, prospect.model, seed)
+    motions = motion_library(machine, prospect.model)
     if not motions:
         return None
     best = [_choose([trial], [(motion,) for motion in motions]) for trial in trials]
