@@ -140,6 +140,23 @@ def test_an_alarm_ends_soon_after_a_repair_however_old_it_is(faulty):
     assert not watch.drifts
 
 
+def test_a_joint_that_rests_keeps_no_other_from_being_watched():
+    watch, random = DriftWatch(4, learning=10), np.random.default_rng(3)
+    rests = np.where(np.arange(4)[:, None] == 3, np.nan, 0.0)
+    watched(random, 10, watch, rests)
+    assert watch.learning == 0
+    viscous = 20.0 * (np.arange(4) == 2)
+    watched(random, 20, watch, rests + np.where(np.arange(4)[:, None] == 1, viscous, 0.0))
+    drift, = watch.drifts
+    assert (drift.joint, drift.acts_like) == (1, 'viscous friction')
+    watched(random, 100, watch)  # now it moves, and is learnt from
+    assert not watch.drifts
+    watched(random, 20, watch, np.where(np.arange(4)[:, None] == 3, viscous, 0.0))
+    drift, = watch.drifts
+    assert (drift.joint, drift.acts_like) == (3, 'viscous friction')
+    assert drift.since == pytest.approx(130 * WINDOW, abs=3 * WINDOW)
+
+
 def test_windows_without_any_scatter_are_learnt_from():
     """As of a simulation without noise; rounding is no drift, and a drift is one from then on."""
     watch, random = DriftWatch(4, learning=10), np.random.default_rng(7)

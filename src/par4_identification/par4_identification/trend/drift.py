@@ -113,8 +113,9 @@ class DriftWatch:
     def __init__(self, joints: int, learning: int = LEARNING) -> None:
         self.windows = 0
         self._wanted = learning
-        self._learnt: list[np.ndarray] = []
-        self._mean = self._scatter = np.zeros((joints, len(WORDS)))
+        self._learnt: list[list[np.ndarray]] = [[] for _ in range(joints)]
+        self._mean = np.zeros((joints, len(WORDS)))
+        self._scatter = np.ones((joints, len(WORDS)))
         self._sums = np.zeros((2, joints, len(WORDS)))
         self._since = np.zeros((2, joints, len(WORDS)))
         self._excess = np.zeros((2, joints, len(WORDS)))
@@ -124,21 +125,26 @@ class DriftWatch:
 
     @property
     def learning(self) -> int:
-        """How many windows are still needed to know what is normal."""
-        return max(0, self._wanted - len(self._learnt))
+        """How many windows are still needed to know what is normal of a first joint.
+
+        Each joint is watched from then on, be it that another one always rests.
+        """
+        return max(0, self._wanted - max(map(len, self._learnt)))
 
     def take(self, end: float, projected: np.ndarray, lengths: np.ndarray) -> None:
         """Take the `projections` (J, 4) of the window that ends at `end`, s."""
         self.windows += 1
-        if self.learning:
-            if not np.isnan(projected).any():
-                self._learnt.append(projected)
-                self._since[:] = end
-            if not self.learning:
-                self._mean = np.mean(self._learnt, axis=0)
-                self._scatter = np.maximum(np.std(self._learnt, axis=0, ddof=1), LEAST)
-            return
         there = ~np.isnan(projected)
+        for joint, learnt in enumerate(self._learnt):
+            if len(learnt) == self._wanted:
+                continue
+            if there[joint].all():
+                learnt.append(projected[joint])
+                self._since[:, joint] = end
+                if len(learnt) == self._wanted:
+                    self._mean[joint] = np.mean(learnt, axis=0)
+                    self._scatter[joint] = np.maximum(np.std(learnt, axis=0, ddof=1), LEAST)
+            there[joint] = False
         excess = np.where(there, projected - self._mean, 0.0)
         size = np.where(there, excess / lengths, 0.0)
         for side, sign in enumerate((1.0, -1.0)):
