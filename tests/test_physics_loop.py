@@ -7,6 +7,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from threading import Event, Thread
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -26,7 +27,7 @@ from par4_sim.drives.reference_points import ROOM
 from par4_sim.ros import simulation_node
 from par4_sim.ros.inbox import MOST, Inbox
 from par4_sim.ros.pace import Pace
-from par4_sim.ros.physics_loop import PhysicsLoop
+from par4_sim.ros.physics_loop import End, PhysicsLoop
 from par4_sim.ros.simulation_node import SimulationNode
 from robots import REFERENCE
 
@@ -384,16 +385,28 @@ def test_a_loop_that_is_to_end_in_motion_lets_others_brake_and_then_brakes_itsel
     monkeypatch.setattr('par4_sim.ros.physics_loop.LONGEST_END', np.inf)
     run.loop.end()
     run.go_on(150)
-    assert run.loop.ended == ''
+    assert run.loop.ended is None
     assert np.abs(run.samples[-1].qd).max() > 0.1
     monkeypatch.setattr('par4_sim.ros.physics_loop.GRACE', 0.0)
     run.go_on(1)
     run.loop.queue_reference(run.loop.now_ns, rest_at_home(0.1))
     run.loop.run(lambda: False)
-    assert run.loop.ended == 'at rest, braked by the drives'
+    assert run.loop.ended is End.BRAKED
     assert 'the simulation is ending' in str(run.refused[0])
     braked_at_the_end(run)
     assert run.loop.counts['interrupted_references'] == 1
+
+
+@pytest.mark.parametrize(('end', 'told'), [
+    (None, []), (End.PAUSED, []), (End.AT_REST, []),
+    (End.BRAKED, ['asked to end in motion; ended at rest, braked by the drives']),
+    (End.IN_MOTION, ['asked to end in motion; ended in motion: the time to brake in was over'])])
+def test_the_node_warns_of_an_end_that_it_was_asked_for_in_motion(end, told):
+    found = []
+    SimulationNode._tell_end(SimpleNamespace(
+        _physics=SimpleNamespace(ended=end),
+        get_logger=lambda: SimpleNamespace(warning=found.append)))
+    assert found == told
 
 
 def test_a_loop_ends_where_others_have_braked(monkeypatch):
@@ -404,7 +417,7 @@ def test_a_loop_ends_where_others_have_braked(monkeypatch):
     run.go_on(250)
     run.loop.end()
     run.loop.run(lambda: False)
-    assert run.loop.ended == 'at rest'
+    assert run.loop.ended is End.AT_REST
     braked_at_the_end(run)
     assert run.loop.counts['interrupted_references'] == 0
     assert len(run.times) < 1000
@@ -420,7 +433,7 @@ def test_a_loop_does_not_wait_for_rest_or_torque_or_a_pause_for_ever(monkeypatch
     assert run.loop.waiting
     run.loop.end()
     run.loop.run(lambda: False)
-    assert run.loop.ended == 'at rest'
+    assert run.loop.ended is End.AT_REST
 
     run = Run()
     run.loop.queue_reference(0, wave(60.0))
@@ -428,14 +441,14 @@ def test_a_loop_does_not_wait_for_rest_or_torque_or_a_pause_for_ever(monkeypatch
     monkeypatch.setattr('par4_sim.ros.physics_loop.LONGEST_END', 0.0)
     run.loop.end()
     run.loop.run(lambda: False)
-    assert run.loop.ended.startswith('in motion')
+    assert run.loop.ended is End.IN_MOTION
 
     run = Run()
     run.go_on(10)
     run.loop.paused = True
     run.loop.end()
     run.loop.run(lambda: False)
-    assert run.loop.ended == 'paused'
+    assert run.loop.ended is End.PAUSED
 
 
 @pytest.mark.parametrize(('latest', 'samples'), [(60.0, 25), (1.0, 10)])
@@ -458,7 +471,7 @@ def test_a_loop_with_few_turns_has_more_time_to_end_in(monkeypatch, latest, samp
     run.loop._publish, run.loop._factor = slowly, 1.0
     run.loop.end()
     run.loop.run(lambda: False)
-    assert run.loop.ended.startswith('in motion')
+    assert run.loop.ended is End.IN_MOTION
     assert len(run.times) == 100 + samples + 2  # noted with the next sample, ended behind it
 
 

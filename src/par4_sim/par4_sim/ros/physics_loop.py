@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from enum import Enum
 from queue import Empty, Queue
 from threading import Event, Lock
 
@@ -34,6 +35,15 @@ SETTLED_NS = SECOND // 20
 """How long a machine must have rested to count as at rest."""
 
 
+class End(Enum):
+    """How a loop that was asked to end came to its end, in words."""
+
+    PAUSED = 'paused'
+    AT_REST = 'at rest'
+    BRAKED = 'at rest, braked by the drives'
+    IN_MOTION = 'in motion: the time to brake in was over'
+
+
 class PhysicsLoop:
     """The thread that calls `run` owns the simulation; every other method is for other threads.
 
@@ -47,7 +57,7 @@ class PhysicsLoop:
         late_steps: samples that came more than a sample period after their time.
         waiting: whether the simulation stands for the torque of a reference point.
         unaided: whether it goes on without that torque, which did not come while it stood.
-        ended: how the loop came to its end, in words, where `end` asked for it; empty before.
+        ended: how the loop came to its end where `end` asked for it; None before.
     """
 
     def __init__(self, simulation: Simulation, publish: Callable[[int, Sample], None],
@@ -72,7 +82,7 @@ class PhysicsLoop:
         self.fault = ''
         self.late_steps = 0
         self.waiting = self.unaided = False
-        self.ended = ''
+        self.ended: End | None = None
         self._end_asked: float | None = None
         self._end_asked_ns = 0
         self._runs = False
@@ -296,12 +306,12 @@ class PhysicsLoop:
         if self._factor > 0.0:
             simulated = (self.now_ns - self._end_asked_ns) / SECOND / self._factor
         if self.paused:
-            self.ended = 'paused'
+            self.ended = End.PAUSED
         elif (self._rests_since_ns is not None
                 and self.now_ns - self._rests_since_ns >= SETTLED_NS):
-            self.ended = 'at rest, braked by the drives' if self._braked else 'at rest'
+            self.ended = End.BRAKED if self._braked else End.AT_REST
         elif simulated > LONGEST_END or elapsed > LATEST_END:
-            self.ended = 'in motion: the time to brake in was over'
+            self.ended = End.IN_MOTION
         elif elapsed > GRACE and not self._braked:
             self._simulation.end_reference()
             self._braked = True

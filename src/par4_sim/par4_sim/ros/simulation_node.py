@@ -38,7 +38,7 @@ from par4_sim.pictures.window import Window
 from par4_sim.ros.compiled_limits import compiled_limits
 from par4_sim.ros.kept_memory import keep_memory
 from par4_sim.ros.pace import Pace
-from par4_sim.ros.physics_loop import PhysicsLoop
+from par4_sim.ros.physics_loop import End, PhysicsLoop
 from par4_sim.ros.sample_publisher import SamplePublisher
 from par4_sim.ros.simulation_parameters import SimulationParameters
 from par4_sim.ros.zero_stamp import ZeroStamps
@@ -294,8 +294,8 @@ class SimulationNode(Par4Node):
 
     def _tell_end(self) -> None:
         ended = self._physics.ended
-        if 'braked' in ended or 'motion' in ended:
-            self.get_logger().warning(f'asked to end in motion; ended {ended}')
+        if ended in (End.BRAKED, End.IN_MOTION):
+            self.get_logger().warning(f'asked to end in motion; ended {ended.value}')
 
     def close(self) -> None:
         """Release the plant and the window; who listens hears how it ended."""
