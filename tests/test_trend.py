@@ -349,6 +349,17 @@ def test_what_was_kept_of_a_bag_and_is_damaged_counts_as_not_kept(tmp_path):
         assert kept.read('bag') is None
 
 
+def test_another_version_computes_a_bag_anew(tmp_path, monkeypatch):
+    def key():
+        return Kept(tmp_path, REFERENCE, None, None).key('a bag')
+
+    monkeypatch.setattr('par4_identification.trend.kept.bag_sha256', lambda _: 'its content')
+    this = key()
+    assert key() == this
+    monkeypatch.setattr('par4_identification.trend.kept.version', lambda _: 'the next one')
+    assert key() != this
+
+
 def with_effects(model_file, **effects):
     """Return a model with effects, by name the parameters with their units and the joints."""
     return model_file.model_copy(update={'effects': tuple(

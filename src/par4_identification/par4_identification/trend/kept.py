@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ FOLDER = 'bags'
 
 
 class Kept:
-    """Results of bags in files, named by what they were computed from.
+    """Results of bags in files, named by what they were computed from, and by which version.
 
     Args:
         folder: of all results.
@@ -29,7 +30,7 @@ class Kept:
                  namespace: str | None) -> None:
         self._folder = folder / FOLDER
         self._settings = json.dumps(
-            [FORMAT, machine.model_dump(mode='json'),
+            [FORMAT, version('par4_identification'), machine.model_dump(mode='json'),
              None if model_file is None else model_file.to_yaml(), namespace], sort_keys=True)
 
     def key(self, bag: str) -> str:
