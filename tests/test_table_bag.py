@@ -23,7 +23,7 @@ from scipy.io import savemat
 from par4_dynamics.model import read_model
 from par4_identification.commands import bag
 from par4_identification.jobs.bag import joint_names
-from par4_identification.logs.column_choice import chosen_columns
+from par4_identification.logs.column_choice import chosen_columns, named_otherwise
 from par4_identification.logs.measured import Measured
 from par4_identification.logs.read_log import read_log
 from par4_identification.logs.table_bag import Part, measured_of_files, write_measured
@@ -248,6 +248,30 @@ def test_a_table_that_has_nothing_in_the_part_that_is_meant_is_refused(tool, tmp
     assert 'torques.csv: 0 of 200 rows are left, at least 20 are needed' in told.err
     assert len(told.err.splitlines()) == 1
     assert not (tmp_path / 'bag').exists()
+
+
+@pytest.mark.parametrize(('columns', 'told'), [
+    ('position=angle_deg:rad torque=tau:Nm', ["position: column 'angle_deg' is read in rad, its "
+                                              'name says deg; if it is right, give '
+                                              'position=angle_deg:deg']),
+    ('position=angle_deg:deg torque=tau:Nm', []),
+    ("position='q (rad)':deg torque='load [mNm]':'N m'", ['says rad', 'says mNm']),
+    ("position='q (rad)':rad torque='load [mNm]':mNm", []),
+    ('position=2:rad velocity=speed_rpm:rad/s torque=tau:Nm', ['says rpm']),
+    ('position=pos_m:rad torque=turn_A:Nm', []),
+    ('time=t_ms:s position=rad_or_deg:deg torque=degree:Nm', ['says ms'])])
+def test_a_column_whose_name_says_another_unit_is_told(columns, told):
+    found = named_otherwise(chosen_columns(columns))
+    assert len(found) == len(told)
+    assert all(words in line for line, words in zip(found, told))
+
+
+def test_such_a_column_is_pointed_at_beside_what_looks_wrong(tool, tmp_path):
+    said = tool(csv(tmp_path / 'log.csv', t=T, q_deg=np.degrees(Q), tau=TAU), '--columns',
+                'time=t:s position=q_deg:rad torque=tau:Nm', '--joints', 'motor', '--output',
+                tmp_path / 'bag')
+    assert said.code == 0
+    assert "look at this: position: column 'q_deg' is read in rad" in ' '.join(said.out.split())
 
 
 @pytest.mark.parametrize(('torque', 'told'), [(np.abs(QD), 1), (QD, 0), (5.0 + QD, 0)])

@@ -12,6 +12,7 @@ from par4_identification.logs.column_choice import (
     Scales,
     chosen_columns,
     motion_of,
+    named_otherwise,
 )
 from par4_identification.logs.table_bag import Part, measured_of_files, write_measured
 from par4_kinematics.errors import InputError
@@ -53,7 +54,8 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
         counts = write_measured(measured, names, output, storage, lambda share: status.update(
             f'writing {output}: {share:.0%}'))
     written = ', '.join(f'{topic} {count}' for topic, count in counts.items())
-    say(*measured.account(), *(f'look at this: {finding}' for finding in measured.findings()),
+    say(*measured.account(), *(f'look at this: {finding}' for finding in (
+        *named_otherwise(choices), *measured.findings())),
         f'{output}: {written} of {", ".join(names)}', whole=True)
 
 

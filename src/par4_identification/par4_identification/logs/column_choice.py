@@ -25,6 +25,8 @@ MISSING = {
     'motor_gain': 'torque at the joint per ampere, N m/A (on a slide N/A), that of the nameplate '
                   'times the gear ratio; or write it into the robot file as motor_gain'}
 """What a number of the machine is, where it is missing."""
+WORDS = ('turn',)
+"""Units that names of columns have in another meaning."""
 LONGEST_NUMBER = 9
 """Digits of the number of a column."""
 
@@ -123,6 +125,24 @@ def motion_of(choices: dict[str, Choice]) -> Choice:
     if 'velocity' in choices and len(choices['velocity'].columns) == 1:
         return choices['velocity']
     raise _incomplete(choices)
+
+
+def named_otherwise(choices: dict[str, Choice]) -> list[str]:
+    """Return a line for each column whose name says another unit than it is read in.
+
+    Single letters say none: the m in `pos_m` may be the motor.
+    """
+    lines = []
+    for choice in choices.values():
+        known = [unit for unit in UNITS[choice.quantity] if len(unit) > 1 and unit not in WORDS]
+        for column in choice.columns:
+            said = [word for word in re.findall(r'[A-Za-z]+(?:/[A-Za-z]+)?', column)
+                    if word in known]
+            if said and choice.unit.replace(' ', '') not in said:
+                lines.append(f'{choice.quantity}: column {column!r} is read in {choice.unit}, its '
+                             f'name says {said[-1]}; if it is right, give {choice.quantity}='
+                             f'{column}:{said[-1]}')
+    return lines
 
 
 def _incomplete(choices: dict[str, Choice]) -> InputError:
