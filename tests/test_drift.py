@@ -144,12 +144,13 @@ def test_a_joint_that_rests_keeps_no_other_from_being_watched():
     watch, random = DriftWatch(4, learning=10), np.random.default_rng(3)
     rests = np.where(np.arange(4)[:, None] == 3, np.nan, 0.0)
     watched(random, 10, watch, rests)
-    assert watch.learning == 0
+    assert (watch.learning, watch.unknown) == (0, (3,))
     viscous = 20.0 * (np.arange(4) == 2)
     watched(random, 20, watch, rests + np.where(np.arange(4)[:, None] == 1, viscous, 0.0))
     drift, = watch.drifts
     assert (drift.joint, drift.acts_like) == (1, 'viscous friction')
     watched(random, 100, watch)  # now it moves, and is learnt from
+    assert watch.unknown == ()
     assert not watch.drifts
     watched(random, 20, watch, np.where(np.arange(4)[:, None] == 3, viscous, 0.0))
     drift, = watch.drifts
@@ -241,6 +242,16 @@ def test_stamps_that_do_not_move_are_told_until_they_move(monitor, tick):
     assert state.detail.endswith(' before, the last at 5000.000 s')
     send(monitor, 5000.0, 5005.0)
     assert MonitorNode._judged(monitor).text.startswith('learning')
+
+
+def test_a_monitor_names_the_joints_that_it_still_learns(monitor):
+    monitor._watch = DriftWatch(4, learning=10)
+    rests = np.where(np.arange(4)[:, None] == 3, np.nan, 0.0)
+    watched(np.random.default_rng(4), 10, monitor._watch, rests)
+    assert MonitorNode._judged(monitor) == State(
+        State.OK, 'follows its model; still learning: arm_joint_3')
+    watched(np.random.default_rng(5), 10, monitor._watch)
+    assert MonitorNode._judged(monitor) == State(State.OK, 'follows its model')
 
 
 def test_messages_that_come_twice_are_no_stamps_that_do_not_move(monitor):

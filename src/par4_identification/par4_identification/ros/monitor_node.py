@@ -181,7 +181,9 @@ class MonitorNode(Par4Node):
                          '; '.join(map(str, drifts)))
         if self._watch.learning:
             return State(State.OK, f'learning, {self._watch.learning} windows of motion to go')
-        return State(State.OK, 'follows its model')
+        unknown = ', '.join(self._robot.joint_names[joint] for joint in self._watch.unknown)
+        return State(State.OK, 'follows its model'
+                     + (f'; still learning: {unknown}' if unknown else ''))
 
     def traffic(self) -> dict[str, int]:
         """Return how many windows were looked at."""

@@ -131,6 +131,12 @@ class DriftWatch:
         """
         return max(0, self._wanted - max(map(len, self._learnt)))
 
+    @property
+    def unknown(self) -> tuple[int, ...]:
+        """Joints of which it is not known yet what is normal."""
+        return tuple(joint for joint, learnt in enumerate(self._learnt)
+                     if len(learnt) < self._wanted)
+
     def take(self, end: float, projected: np.ndarray, lengths: np.ndarray) -> None:
         """Take the `projections` (J, 4) of the window that ends at `end`, s."""
         self.windows += 1
