@@ -9,9 +9,11 @@ from click.testing import CliRunner
 from foreign import log_of, read, swings, torque_of
 from scipy.signal import lfilter
 
+from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_identification.commands.diagnose import diagnose_bags
 from par4_identification.commands.identify import identify_bags
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
+from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.diagnosis.search.rules import OF_AXIS
 from par4_identification.diagnosis.verdict.sure import is_no_noise
@@ -140,4 +142,18 @@ def test_a_constant_weight_excuses_nothing_that_is_left():
     observations = observe(runs_of_log(log, machine), machine, 'paper', None)
     rest = [40.0 * run.at_rows(pushes[:, None]) for run in observations.runs]
     nothing = [np.zeros_like(part) for part in rest]
-    assert is_no_noise(observations, rest, nothing, np.ones(1), OF_AXIS)
+    assert is_no_noise(observations, rest, nothing, (), np.ones(1), OF_AXIS)
+
+
+@pytest.mark.parametrize(('names', 'share', 'expected'), [
+    (('position_torque',), 0.05, True), (('position_torque', 'cogging'), 0.05, True),
+    (('position_torque',), 0.03, False), (('stribeck',), 0.05, False),
+    (('stribeck',), 0.12, True), (('cogging', 'stribeck'), 0.05, False)])
+def test_a_series_explains_what_it_follows_more_closely_than_a_law_does(names, share, expected):
+    """A spring that creeps left 7 % of its torque, 33 times the noise, and all was explained."""
+    machine, log = axis(kind='linear'), log_of(T, Q, torque_of(QD, QDD, 1.0))
+    observations = observe(runs_of_log(log, machine), machine, 'paper', None)
+    torque = [100.0 * np.sin(7.0 * run.q) for run in observations.runs]
+    left = [share * part for part in torque]
+    named = [Hypothesis(CATALOGUE[name], {}, (0,)) for name in names]
+    assert is_no_noise(observations, left, torque, named, np.full(1, 1e-3), OF_AXIS) is expected

@@ -338,7 +338,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     # there may be causes that no function of the motion follows, such as a load with play
     no_noise = not steady and (
         is_most_of_it(heldout, left, floor, rules) or (
-            is_no_noise(heldout, left, [old - new for old, new in zip(before, after)], floor, rules)
+            is_no_noise(heldout, left, [old - new for old, new in zip(before, after)], named, floor,
+                        rules)
             if isinstance(machine, Axis) else
             excess > rules.floor_excess and follows_in_size(*rest)))
     remaining = Remaining(excess, alone, None if near is None else near.named,

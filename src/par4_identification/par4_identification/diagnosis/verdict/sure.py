@@ -24,7 +24,7 @@ from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.nominal.gate import is_vague
 from par4_identification.diagnosis.search.causes import Model, named_of, others_of, unnamed_of
-from par4_identification.diagnosis.search.rules import Rules
+from par4_identification.diagnosis.search.rules import OF_PAR4, Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.verdict.constancy import followed_by
 
@@ -80,23 +80,26 @@ def without_replaceable_names(search: Search, model: Model) -> Model:
     return _without(search, model, _replaced, _outdone, _inconstant)
 
 
-def is_no_noise(heldout: Observations, left: Sequence[np.ndarray], named: Sequence[np.ndarray],
-                floor: np.ndarray, rules: Rules) -> bool:
+def is_no_noise(heldout: Observations, left: Sequence[np.ndarray], torque: Sequence[np.ndarray],
+                named: Sequence[Hypothesis], floor: np.ndarray, rules: Rules) -> bool:
     """Return whether what a model of an axis leaves is too much for noise.
 
     Noise may be `NO_NOISE` times as large as its floor says, and so may the error of the measured
-    torque. A share of the torque of the names may be wrong, too.
+    torque. A share of the torque of the names may be wrong, too: that of laws which an axis may
+    follow less closely than a Par4. A series has no such law, but as many terms as the data carry.
 
     Args:
         heldout: rows that were held out.
         left: what the model leaves of them, (m, J) of each run, N m.
-        named: torque of the names there, the same.
+        torque: of the names there, the same.
+        named: these.
         floor: of the noise, (J,) N m.
         rules: say how much of each torque may be wrong.
     """
     measured = rms_of(heldout, heldout.varying)
     error = np.hypot(np.sqrt(np.mean(floor ** 2)), rules.base_error * measured)
-    limit = np.hypot(NO_NOISE * error, rules.named_error * rms_of(heldout, named))
+    share = (OF_PAR4 if all(item.named.is_series for item in named) else rules).named_error
+    limit = np.hypot(NO_NOISE * error, share * rms_of(heldout, torque))
     return bool(rms_of(heldout, left) > limit)
 
 
