@@ -345,7 +345,7 @@ def test_every_reading_has_a_name_of_its_own():
     # none is another one in disguise
     values = np.tile([0.11, 0.8, 0.86, 1.33, 2.4, 2.0], (4, 1))
     before = Parameters(NAMES, values, np.zeros((4, 6)))
-    moves = np.array([(item.apply(before, 0.01) - values).ravel() for item in readings])
+    moves = np.array([(applied([item], [0.01], before) - values).ravel() for item in readings])
     moves /= np.linalg.norm(moves, axis=1, keepdims=True)
     alike = np.abs(moves @ moves.T) - np.eye(len(readings))
     assert alike.max() < 1.0 - 1e-6

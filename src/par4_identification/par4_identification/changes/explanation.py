@@ -11,7 +11,7 @@ import scipy
 
 from par4_dynamics.base_terms import TERMS
 from par4_dynamics.effects.effect import CERTAIN
-from par4_identification.changes.readings import Parameters, Reading, applied
+from par4_identification.changes.readings import Parameters, Reading, applied, applied_sets
 
 CHANCE = 1e-4
 """Chance, for all that is tried together, at which machines without a change show one."""
@@ -145,10 +145,11 @@ class _Difference:
         each = [[self.readings[index] for index in chosen] for chosen in sets]
         sizes = np.zeros((len(sets), count))
         covariance = np.zeros((len(sets), count, count))
+        steps = np.vstack((np.zeros(count), np.eye(count)))
         for _ in range(STEPS if count else 0):
-            start = self._applied(each, sizes)
-            slopes = np.stack([self._applied(each, sizes + step) - start
-                               for step in np.eye(count)], axis=2)
+            tried = self._applied(each, sizes[:, None] + steps)
+            start = tried[:, 0]
+            slopes = np.stack([tried[:, place] - start for place in range(1, 1 + count)], axis=2)
             slopes = self.root @ slopes
             scale = np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-30)
             slopes = slopes / scale
@@ -166,9 +167,8 @@ class _Difference:
         return [_Fit(*fit) for fit in zip(sets, sizes, squares.tolist(), covariance)]
 
     def _applied(self, each: Sequence[Sequence[Reading]], sizes: np.ndarray) -> np.ndarray:
-        """Return the values (m, J p) after each of m sets of readings."""
-        return np.array([applied(readings, own, self.before).ravel()
-                         for readings, own in zip(each, sizes.tolist())])
+        """Return the values (m, ..., J p) after each of m sets of readings."""
+        return applied_sets(each, sizes, self.before).reshape(*sizes.shape[:-1], -1)
 
 
 def explained(readings: Sequence[Reading], before: Parameters, after: np.ndarray,

@@ -32,7 +32,7 @@ class Parameters:
 
     Attributes:
         terms: names of the p parameters.
-        values: (J, p).
+        values: (..., J, p).
         known: what parameters would follow of the torque that is known beside them, (J, p).
         gains: recorded torque of each joint over its true one, as far as known, (J,), or of all.
     """
@@ -46,9 +46,10 @@ class Parameters:
         """Return the parameters with other values."""
         return replace(self, values=values)
 
-    def recorded(self, added: float) -> np.ndarray:
-        """Return what joints with such gains record of so much more of a parameter, (J,)."""
-        return added * np.broadcast_to(self.gains, len(self.values))
+    def recorded(self, added: np.ndarray) -> np.ndarray:
+        """Return what joints with such gains record of so much more (...) of a parameter, (..., J).
+        """
+        return added[..., None] * np.broadcast_to(self.gains, self.values.shape[-2])
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,11 @@ class Reading(ABC):
     joint: int | None
 
     @abstractmethod
-    def apply(self, now: Parameters, size: float) -> np.ndarray:
-        """Return the values (J, p) of a machine after a change of this size; linear in it."""
+    def apply(self, now: Parameters, size: np.ndarray) -> np.ndarray:
+        """Return the values (..., J, p) of machines after changes of these sizes (...).
+
+        They are linear in the size.
+        """
 
     @abstractmethod
     def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:
@@ -106,9 +110,10 @@ class Added(Reading):
 
     parameter: str
 
-    def apply(self, now: Parameters, size: float) -> np.ndarray:
+    def apply(self, now: Parameters, size: np.ndarray) -> np.ndarray:
         values = now.values.copy()
-        values[self._rows, now.terms.index(self.parameter)] += now.recorded(size)[self._rows]
+        values[..., self._rows, now.terms.index(self.parameter)] += now.recorded(
+            size)[..., self._rows]
         return values
 
     def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:
@@ -127,10 +132,10 @@ class LoadFactor(Reading):
 
     least: ClassVar[float] = -1.0
 
-    def apply(self, now: Parameters, size: float) -> np.ndarray:
+    def apply(self, now: Parameters, size: np.ndarray) -> np.ndarray:
         values = now.values.copy()
         for name in TURNING:
-            values[self._rows, now.terms.index(name)] *= 1.0 + size
+            values[..., self._rows, now.terms.index(name)] *= 1.0 + size[..., None]
         return values
 
     def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:
@@ -152,10 +157,11 @@ class SlidingPayload(Reading):
 
     side: float
 
-    def apply(self, now: Parameters, size: float) -> np.ndarray:
+    def apply(self, now: Parameters, size: np.ndarray) -> np.ndarray:
         values = now.values.copy()
         for name, slope in self._slopes(now):
-            values[self._rows, now.terms.index(name)] += now.recorded(slope * size)[self._rows]
+            values[..., self._rows, now.terms.index(name)] += now.recorded(
+                slope * size)[..., self._rows]
         return values
 
     def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:
@@ -180,10 +186,10 @@ class FrictionFactor(Reading):
     least: ClassVar[float] = -1.0
     kinds: tuple[str, ...]
 
-    def apply(self, now: Parameters, size: float) -> np.ndarray:
+    def apply(self, now: Parameters, size: np.ndarray) -> np.ndarray:
         values = now.values.copy()
         for kind in self.kinds:
-            values[self._rows, now.terms.index(kind)] *= 1.0 + size
+            values[..., self._rows, now.terms.index(kind)] *= 1.0 + size[..., None]
         return values
 
     def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:
@@ -201,9 +207,9 @@ class GainFactor(Reading):
 
     least: ClassVar[float] = -1.0
 
-    def apply(self, now: Parameters, size: float) -> np.ndarray:
+    def apply(self, now: Parameters, size: np.ndarray) -> np.ndarray:
         values, rows = now.values.copy(), self._rows
-        values[rows] += size * (now.values + now.known)[rows]
+        values[..., rows, :] += size[..., None, None] * (now.values + now.known)[..., rows, :]
         return values
 
     def moved(self, now: Parameters, terms: Sequence[BaseTerm]) -> tuple[Moved, ...]:  # noqa: ARG002
@@ -243,8 +249,26 @@ def readings_of(terms: Sequence[BaseTerm], joints: int) -> tuple[Reading, ...]:
 def applied(readings: Sequence[Reading], sizes: Sequence[float] | np.ndarray, now: Parameters
             ) -> np.ndarray:
     """Return the values (J, p) after several changes; gains act on all that the others make."""
-    ordered = sorted(zip(readings, sizes, strict=True),
-                     key=lambda item: isinstance(item[0], GainFactor))
-    for reading, size in ordered:
-        now = now.with_values(reading.apply(now, size))
-    return now.values
+    return applied_sets([readings], np.array(sizes, dtype=float)[None], now)[0]
+
+
+def applied_sets(sets: Sequence[Sequence[Reading]], sizes: np.ndarray, now: Parameters
+                 ) -> np.ndarray:
+    """Return the values (m, ..., J, p) after each of m sets of equally many changes, as `applied`.
+
+    Args:
+        sets: of readings.
+        sizes: of the readings, (m, ..., count).
+        now: the parameters before.
+    """
+    values = np.broadcast_to(now.values, (*sizes.shape[:-1], *now.values.shape)).copy()
+    orders = [sorted(range(len(readings)), key=lambda place: isinstance(
+        readings[place], GainFactor)) for readings in sets]
+    for step in range(sizes.shape[-1]):
+        alike: dict[Reading, list[int]] = {}  # sets whose next reading is the same
+        for number, readings in enumerate(sets):
+            alike.setdefault(readings[orders[number][step]], []).append(number)
+        for reading, numbers in alike.items():
+            own = sizes[numbers, ..., [orders[number][step] for number in numbers]]
+            values[numbers] = reading.apply(now.with_values(values[numbers]), own)
+    return values
