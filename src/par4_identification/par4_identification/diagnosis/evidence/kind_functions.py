@@ -92,8 +92,9 @@ def splines(values: np.ndarray, low: np.ndarray, high: np.ndarray, count: int) -
     """Return cubic B-splines (n, J, count) of values (n, J) over low .. high (J,)."""
     unit = np.clip((values - low) / np.maximum(high - low, 1e-12), 0.0, 1.0)
     knots = np.concatenate(([0.0] * 3, np.linspace(0.0, 1.0, count - 2), [1.0] * 3))
+    # they are inside, which it would look for one by one, in most of its time
     flat = scipy.interpolate.BSpline.design_matrix(
-        np.minimum(unit.ravel(), 1.0 - 1e-12), knots, 3).toarray()
+        np.minimum(unit.ravel(), 1.0 - 1e-12), knots, 3, extrapolate=True).toarray()
     return flat.reshape(*values.shape, count)
 
 
