@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from searches import names, search_of
+from searches import cause, names, search_of
 
 from par4_identification.diagnosis.search.causes import named_of, unnamed_of
+from par4_identification.diagnosis.search.search import Rival
 from par4_identification.diagnosis.verdict import settled
 from par4_identification.diagnosis.verdict.judgement import judge
 from par4_identification.diagnosis.verdict.settled import settle
@@ -73,8 +74,8 @@ def test_a_name_that_another_far_outdoes_is_told_as_it_is_without_the_unnamed_ca
     assert ('torque_offset' in names(settle(search, model, FLOOR).model)) is holds
 
 
-@pytest.mark.parametrize(('more', 'holds'), [(1.0, True), (3.0, False)])
-def test_so_is_one_that_explains_the_same_as_an_unnamed_cause(more, holds, monkeypatch):
+@pytest.mark.parametrize(('more', 'holds'), [(1.0, True), (3.0, False), (0.1, False)])
+def test_so_is_one_that_explains_much_less_or_much_more_beside_one(more, holds, monkeypatch):
     search, model = offset_beside_friction()
     gains = search.weighing.gains
 
@@ -84,3 +85,19 @@ def test_so_is_one_that_explains_the_same_as_an_unnamed_cause(more, holds, monke
 
     monkeypatch.setattr(search.weighing, 'gains', alone_more)
     assert ('torque_offset' in names(settle(search, model, FLOOR).model)) is holds
+
+
+@pytest.mark.parametrize(('share', 'twins'), [(0.1, ()), (0.9, ('base_tilt',))])
+def test_a_name_that_an_unnamed_cause_has_taken_has_the_twins_that_it_has_without_it(
+        share, twins, monkeypatch):
+    """Beside a force that has the whole law of a friction any name does as well as the friction."""
+    search, model = offset_beside_friction()
+    name, = named_of(model)
+    alone = search.weighing.gains(name, ())
+    monkeypatch.setattr(search.weighing, 'gains', lambda _, others: (
+        share * alone[0] if unnamed_of(others) else alone[0], alone[1]))
+    monkeypatch.setattr(search, 'rivals', lambda _, others: [
+        Rival(cause('base_tilt'), *((1.0, 1.0) if unnamed_of(others) else (500.0, 500.0)), True)])
+    told = judge(search, name, model)
+    assert told.twins == twins
+    assert told.margin == 1.0

@@ -10,10 +10,14 @@ import scipy
 from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
-from par4_identification.diagnosis.search.causes import Model, others_of
+from par4_identification.diagnosis.search.causes import Model, named_of, others_of
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.simplicity import best_first
 from par4_identification.diagnosis.verdict.pair import Pair, name_of
+
+OWN = 0.5
+"""Share of what a name explains without unnamed causes, or another would in its place, from which
+on what it explains beside them is its own."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +30,8 @@ class Judgement:
         rival: name of the best rival, or what it acts like; None if the best is no cause at all.
         twins: names that explain the fitted rows as well, or all rows: where rows held out speak
             for a name as much as the fitted ones speak against it, neither is told from the other.
+            Beside unnamed causes that explain the same, any name would do as well: then they are
+            those without the unnamed causes.
         p_value: of its gain on the fitted rows, family-wise over all effects and shapes.
     """
 
@@ -61,8 +67,10 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
     """Return how a named cause of a model compares with its rivals."""
     others = others_of(model, cause)
     rivals = [rival for rival in search.rivals(cause, others) if rival.believable]
+    could_be_twins = rivals if own_share(search, cause, others) >= OWN else [
+        rival for rival in search.rivals(cause, tuple(named_of(others))) if rival.believable]
     twins = tuple(
-        rival.hypothesis.effect.name for rival in rivals
+        rival.hypothesis.effect.name for rival in could_be_twins
         if rival.hypothesis is not None and not isinstance(rival.hypothesis.effect, Kind)
         and (min(rival.fit_margin, rival.fit_margin + rival.margin) < search.rules.twin
              or (rival.hypothesis.named.retimes and cause.named.retimes)))
@@ -73,6 +81,13 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
     rival = None if best.hypothesis is None else name_of(best.hypothesis)
     return Judgement(cause, best.margin, rival, twins,
                      float(min(1.0, p_value * search.candidates.family)))
+
+
+def own_share(search: Search, cause: Hypothesis, others: Model) -> float:
+    """Return what a name explains beside others over what it does beside those with a name."""
+    alone, gain = (search.weighing.gains(cause, part)[0]
+                   for part in (tuple(named_of(others)), others))
+    return gain / alone if alone > 0.0 else float(np.inf)
 
 
 def doubt_of(search: Search, cause: Hypothesis, model: Model) -> Pair | None:

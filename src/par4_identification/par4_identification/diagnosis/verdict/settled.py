@@ -30,7 +30,7 @@ from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.verdict.agreement import parameters_by, with_disagreement
 from par4_identification.diagnosis.verdict.answer import Cause
 from par4_identification.diagnosis.verdict.choice_of_law import with_doubt_of_law
-from par4_identification.diagnosis.verdict.judgement import judge
+from par4_identification.diagnosis.verdict.judgement import OWN, judge, own_share
 from par4_identification.diagnosis.verdict.loose_loads import loose_loads
 from par4_identification.diagnosis.verdict.rattle import Rattle
 from par4_identification.diagnosis.verdict.sure import (
@@ -43,9 +43,9 @@ from par4_identification.diagnosis.verdict.swinging_loads import (
 )
 from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widened
 
-OWN = 0.5
-"""Share of what a name explains without unnamed causes, or another would explain in its place, from
-which on it has little to do with them."""
+MORE = 4.0
+"""What a name explains beside unnamed causes, over what it does without them, beyond which they are
+part of it."""
 Errors = Sequence[Sequence[np.ndarray]]
 """What torques may be wrong by, on the rows to fit and on the rows held out, see `torque_errors`.
 """
@@ -133,7 +133,8 @@ def _doubted(search: Search, item: Hypothesis, cause: Cause, named: Model, model
 
     Without unnamed causes the values are in doubt by what these change. A name that has nothing to
     do with them explains beside them what it does without them, and no other explains far more in
-    its place. It has the values that it has beside them, and these say whether it is something.
+    its place. It has the values that it has beside them, and these say whether it is something. One
+    that explains far more beside them stands and falls with what they are.
     """
     corrected = search.weighing.corrected
     by_itself = _is_by_itself(search, item, cause, model)
@@ -154,10 +155,9 @@ def _doubted(search: Search, item: Hypothesis, cause: Cause, named: Model, model
 def _is_by_itself(search: Search, item: Hypothesis, cause: Cause, model: Model) -> bool:
     """Return whether a name has little to do with the unnamed causes of a model, if it has any."""
     others = others_of(model, item)
-    alone, _ = search.weighing.gains(item, tuple(named_of(others)))
-    gain, heldout_gain = search.weighing.gains(item, others)
-    return bool(unnamed_of(model)) and gain >= OWN * alone and (
-        heldout_gain >= OWN * (heldout_gain - cause.margin))
+    _, gain = search.weighing.gains(item, others)
+    return bool(unnamed_of(model)) and OWN <= own_share(search, item, others) <= MORE and (
+        gain >= OWN * (gain - cause.margin))
 
 
 def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...],
