@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from searches import cause, names, search_of
 
+from par4_identification.diagnosis.evidence.fit import left_by, solve
 from par4_identification.diagnosis.search.causes import named_of, unnamed_of
 from par4_identification.diagnosis.search.search import Rival
 from par4_identification.diagnosis.verdict import settled
@@ -34,22 +35,22 @@ def springs_that_yield(*sizes):
     ('leg_length_error', LEG, 'forearm_length', (2,), (1.2, 0.0, 1.0, 0.9)),
     ('torque_offset', {'offset': (0.1, 0.0, 0.0, 0.0)}, 'offset', (0,), (0.3, 0.0, 0.4, 0.0))])
 def beside_unnamed(request):
-    """A name, its true value and what was found beside friction that has no name."""
+    """A name, its true value, a search beside friction that has no name, and what it found."""
     name, values, size, joints, friction = request.param
     search = search_of((name, values), library=(name,), beside=springs_that_yield(*friction))
-    return name, joints, [values[size][joint] for joint in joints], size, settle(
+    return name, joints, [values[size][joint] for joint in joints], size, search, settle(
         search, search.run(), FLOOR)
 
 
 def test_a_name_holds_though_an_unnamed_cause_disturbs_what_it_is_without_it(beside_unnamed):
-    name, joints, _, _, found = beside_unnamed
+    name, joints, *_, found = beside_unnamed
     assert set(names(found.model)) == {name, 'memory'}
     told, = found.causes
     assert (told.effect.name, told.joints) == (name, joints)
 
 
 def test_such_a_name_has_the_value_that_it_has_beside_the_unnamed_cause(beside_unnamed):
-    _, _, true, size, found = beside_unnamed
+    _, _, true, size, _, found = beside_unnamed
     value = found.causes[0].parameters[size]
     np.testing.assert_allclose(value.value, true, rtol=0.3)
     assert np.all(np.abs(np.array(value.value) - true) < 2.0 * np.array(value.std))
@@ -101,3 +102,17 @@ def test_a_name_that_an_unnamed_cause_has_taken_has_the_twins_that_it_has_withou
     told = judge(search, name, model)
     assert told.twins == twins
     assert told.margin == 1.0
+
+
+def test_the_model_with_told_values_has_the_best_base_parameters_beside_them(beside_unnamed):
+    """What it leaves is what no change of a base parameter makes smaller."""
+    *_, search, found = beside_unnamed
+    evidence, (item,), told = search.pool.evidence, found.named, found.told
+    model = search.weighing.corrected(solve(evidence, found.model))
+    own = model.coefficients[found.model.index(item)]
+    np.testing.assert_array_equal(told.coefficients[0], own)
+    assert np.abs(solve(evidence, (item,)).coefficients[0] - own).max() > 1e-5
+    left = left_by(evidence, found.named, told)
+    slopes = evidence.base.T @ left
+    size = np.linalg.norm(evidence.base, axis=0) * np.linalg.norm(left)
+    assert np.max(np.abs(slopes) / size) < 1e-6

@@ -34,7 +34,7 @@ def extended_model(baseline: ModelFile | None, rigid_body: str, evidence: Eviden
 
 
 def as_told(model: ModelFile, told: Sequence[Mapping[str, Parameter]]) -> ModelFile:
-    """Return a model whose last effects have the deviations that a diagnosis tells of them."""
+    """Return a model whose last effects have the values and deviations that a diagnosis tells."""
     first = len(model.effects) - len(told)
     effects = tuple(entry.model_copy(update={'parameters': {**entry.parameters, **parameters}})
                     for entry, parameters in zip(model.effects[first:], told))

@@ -138,6 +138,24 @@ def pinned(evidence: Evidence, fit: Fit, retimed: bool = True) -> Fit:
                    correction=fit.correction)
 
 
+def with_coefficients(evidence: Evidence, fit: Fit, coefficients: Sequence[np.ndarray]) -> Fit:
+    """Return a fit whose causes have these coefficients, with the best base parameters beside them.
+
+    Args:
+        evidence: rows that were fitted.
+        fit: of the causes.
+        coefficients: (K, J) of each, as a fit has them.
+    """
+    told = [item.stacked(part) for item, part in zip(fit.hypotheses, coefficients, strict=True)]
+    if np.array_equal(np.concatenate([np.empty(0), *told]), _values(fit)[len(fit.base):]):
+        return fit
+    left = evidence.target - sum(evidence.columns(item) @ values
+                                 for item, values in zip(fit.hypotheses, told))
+    base = solve(replace(evidence, target=left), ()).base
+    return replace(fit_of(evidence, fit.hypotheses, np.concatenate([base, *told]),
+                          fit.covariance), correction=fit.correction)
+
+
 def corrected(evidence: Evidence, fit: Fit, moment: np.ndarray) -> Fit:
     """Return a fit whose normal equations have another right side.
 

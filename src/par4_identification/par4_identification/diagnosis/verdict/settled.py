@@ -18,7 +18,7 @@ from par4_identification.diagnosis.evidence.estimates import (
     effect_parameters,
     variance_of_shape,
 )
-from par4_identification.diagnosis.evidence.fit import Fit, left_by, solve
+from par4_identification.diagnosis.evidence.fit import Fit, left_by, solve, with_coefficients
 from par4_identification.diagnosis.evidence.holdout import Blocks, blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.candidates import goes_both_ways
@@ -58,7 +58,7 @@ class Settled:
     Attributes:
         model: all causes, polished.
         named: those with a name, the strongest first.
-        told: fit of the named ones.
+        told: fit of the named ones, with the values that are told.
         causes: these, with values, rivals and twins.
         loose: loads that rattle in a gap, None if none do.
         blocks: of the rows held out.
@@ -83,12 +83,14 @@ class Doubted:
         beside_weak: it may act on other joints, but for such a name, and weak causes beside it, see
             `weak_causes`.
         told: all of these.
+        coefficients: by which the values are told, (K, J).
     """
 
     plain: Cause
     by_any_law: Cause
     beside_weak: Cause
     told: Cause
+    coefficients: np.ndarray
 
 
 def settle(search: Search, model: Model, floor: np.ndarray) -> Settled:
@@ -112,12 +114,14 @@ def settle(search: Search, model: Model, floor: np.ndarray) -> Settled:
         errors = [torque_errors(part, search.pool.solution(model), search.rules)
                   for part in (search.pool.evidence, search.pool.heldout)]
         values = [_doubted(search, item, _cause(item, search, named, told, blocks, model, errors),
-                           named, model, errors, weak) for item in named]
+                           told, model, errors, weak) for item in named]
         less = _without_nothing(search, model, named, values)
         if less is None:
             causes = with_doubt_of_counts(search, [own.told for own in values], named, changed)
             less = _without_idle_joints(model, named, causes)
         if less is None:
+            told = with_coefficients(
+                search.pool.evidence, told, [own.coefficients for own in values])
             return Settled(model, named, told, tuple(causes), loose, blocks)
         model = less
 
@@ -127,9 +131,9 @@ def _strongest_first(search: Search, model: Model) -> tuple[Hypothesis, ...]:
         item, others_of(model, item))[0]))
 
 
-def _doubted(search: Search, item: Hypothesis, cause: Cause, named: Model, model: Model,
+def _doubted(search: Search, item: Hypothesis, cause: Cause, fit: Fit, model: Model,
              errors: Errors, weak: Sequence[Hypothesis]) -> Doubted:
-    """Return a name with its values, and with doubts about them.
+    """Return a name with its values, by a fit of the names or of all, and with doubts about them.
 
     Without unnamed causes the values are in doubt by what these change. A name that has nothing to
     do with them explains beside them what it does without them, and no other explains far more in
@@ -138,10 +142,10 @@ def _doubted(search: Search, item: Hypothesis, cause: Cause, named: Model, model
     """
     corrected = search.weighing.corrected
     by_itself = _is_by_itself(search, item, cause, model)
-    beside = model if by_itself else named
     if by_itself:
-        cause = replace(cause, parameters=_parameters(
-            search, item, beside, corrected(solve(search.pool.evidence, beside)), model, errors))
+        fit = corrected(solve(search.pool.evidence, model))
+        cause = replace(cause, parameters=_parameters(search, item, fit, model, errors))
+    beside = fit.hypotheses
     on_any_joints = replace(cause, parameters=with_doubt_of_choice(
         cause.parameters, search.pool.evidence, item, beside, corrected))
     by_any_law = replace(on_any_joints, parameters=with_doubt_of_law(
@@ -149,7 +153,8 @@ def _doubted(search: Search, item: Hypothesis, cause: Cause, named: Model, model
     return Doubted(
         cause, cause if by_itself else by_any_law,
         widened(search, cause if by_itself else on_any_joints, item, beside, weak),
-        widened(search, by_any_law, item, beside, weak))
+        widened(search, by_any_law, item, beside, weak),
+        fit.coefficients[beside.index(item)])
 
 
 def _is_by_itself(search: Search, item: Hypothesis, cause: Cause, model: Model) -> bool:
@@ -203,7 +208,7 @@ def _cause(hypothesis: Hypothesis, search: Search, named: Sequence[Hypothesis], 
                      for part in (others_of(model, hypothesis), model))
     return Cause(
         effect=hypothesis.named, joints=hypothesis.joints,
-        parameters=_parameters(search, hypothesis, named, fit, model, errors),
+        parameters=_parameters(search, hypothesis, fit, model, errors),
         twins=judgement.twins,
         visible_fraction=search.weighing.beside(()).left_share(
             evidence.columns(hypothesis), hypothesis.stacked(fit.coefficients[index])),
@@ -212,14 +217,14 @@ def _cause(hypothesis: Hypothesis, search: Search, named: Sequence[Hypothesis], 
         by_shape=variance_of_shape(evidence, hypothesis, fit, index, errors[0]))
 
 
-def _parameters(search: Search, hypothesis: Hypothesis, beside: Sequence[Hypothesis], fit: Fit,
-                model: Model, errors: Errors) -> dict[str, Parameter]:
-    """Return the parameters of a name by a fit of the causes `beside`, all or the named ones."""
+def _parameters(search: Search, hypothesis: Hypothesis, fit: Fit, model: Model, errors: Errors
+                ) -> dict[str, Parameter]:
+    """Return the parameters of a name by a fit of all causes of a model or of the named ones."""
     evidence, heldout = search.pool.evidence, search.pool.heldout
     parameters = effect_parameters(
-        evidence, hypothesis, fit, list(beside).index(hypothesis), errors[0])
+        evidence, hypothesis, fit, fit.hypotheses.index(hypothesis), errors[0])
     parameters = with_doubt_of_size(parameters, evidence, hypothesis, fit)
-    if len(beside) < len(model):
+    if len(fit.hypotheses) < len(model):
         parameters = with_doubt(parameters, effect_parameters(
             evidence, hypothesis, search.weighing.corrected(solve(evidence, model)),
             model.index(hypothesis), errors[0]))
