@@ -135,10 +135,10 @@ def test_two_effects_are_both_named(answered):
 
 def test_a_joint_that_weak_causes_may_make_zero_is_not_told(answered, monkeypatch):
     """On joints 0 and 1 there is cogging; what else may act leaves joint 1 in doubt."""
-    def doubted(_search, causes, _named, _weak):
-        return [replace(cause, parameters={**cause.parameters, 'amplitude': replace_std(
+    def doubted(_search, cause, *_of):
+        return replace(cause, parameters={**cause.parameters, 'amplitude': replace_std(
             cause.parameters['amplitude'], [1e3 if joint == 1 else 1e-3 for joint in cause.joints])
-            }) for cause in causes]
+            })
 
     def replace_std(parameter, std):
         return parameter.model_copy(update={'std': tuple(std)})
