@@ -89,7 +89,7 @@ def test_so_is_one_that_explains_much_less_or_much_more_beside_one(more, holds, 
 
 
 @pytest.mark.parametrize(('share', 'twins'), [(0.1, ()), (0.9, ('base_tilt',))])
-def test_a_name_that_an_unnamed_cause_has_taken_has_the_twins_that_it_has_without_it(
+def test_twins_of_a_name_that_an_unnamed_cause_has_taken_are_twins_without_it_too(
         share, twins, monkeypatch):
     """Beside a force that has the whole law of a friction any name does as well as the friction."""
     search, model = offset_beside_friction()
@@ -97,8 +97,10 @@ def test_a_name_that_an_unnamed_cause_has_taken_has_the_twins_that_it_has_withou
     alone = search.weighing.gains(name, ())
     monkeypatch.setattr(search.weighing, 'gains', lambda _, others: (
         share * alone[0] if unnamed_of(others) else alone[0], alone[1]))
+    sizes = {'base_tilt': (1.0, 500.0), 'cable_spring': (500.0, 1.0)}  # beside it, without it
     monkeypatch.setattr(search, 'rivals', lambda _, others: [
-        Rival(cause('base_tilt'), *((1.0, 1.0) if unnamed_of(others) else (500.0, 500.0)), True)])
+        Rival(cause(name), beside, beside, True) if unnamed_of(others) else
+        Rival(cause(name), without, without, True) for name, (beside, without) in sizes.items()])
     told = judge(search, name, model)
     assert told.twins == twins
     assert told.margin == 1.0

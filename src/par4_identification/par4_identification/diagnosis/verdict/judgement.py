@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.search.causes import Model, named_of, others_of
-from par4_identification.diagnosis.search.search import Search
+from par4_identification.diagnosis.search.search import Rival, Search
 from par4_identification.diagnosis.search.simplicity import best_first
 from par4_identification.diagnosis.verdict.pair import Pair, name_of
 
@@ -30,8 +31,8 @@ class Judgement:
         rival: name of the best rival, or what it acts like; None if the best is no cause at all.
         twins: names that explain the fitted rows as well, or all rows: where rows held out speak
             for a name as much as the fitted ones speak against it, neither is told from the other.
-            Beside unnamed causes that explain the same, any name would do as well: then they are
-            those without the unnamed causes.
+            Beside unnamed causes that explain the same, any name would do as well: then they must
+            do so without the unnamed causes, too.
         p_value: of its gain on the fitted rows, family-wise over all effects and shapes.
     """
 
@@ -67,13 +68,10 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
     """Return how a named cause of a model compares with its rivals."""
     others = others_of(model, cause)
     rivals = [rival for rival in search.rivals(cause, others) if rival.believable]
-    could_be_twins = rivals if own_share(search, cause, others) >= OWN else [
-        rival for rival in search.rivals(cause, tuple(named_of(others))) if rival.believable]
-    twins = tuple(
-        rival.hypothesis.effect.name for rival in could_be_twins
-        if rival.hypothesis is not None and not isinstance(rival.hypothesis.effect, Kind)
-        and (min(rival.fit_margin, rival.fit_margin + rival.margin) < search.rules.twin
-             or (rival.hypothesis.named.retimes and cause.named.retimes)))
+    twins = _twins_among(search, cause, rivals)
+    if own_share(search, cause, others) < OWN:
+        without = _twins_among(search, cause, search.rivals(cause, tuple(named_of(others))))
+        twins = tuple(name for name in twins if name in without)
     best = rivals[0]
     gain, _ = search.weighing.gains(cause, others)
     p_value = scipy.special.chdtrc(
@@ -81,6 +79,16 @@ def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
     rival = None if best.hypothesis is None else name_of(best.hypothesis)
     return Judgement(cause, best.margin, rival, twins,
                      float(min(1.0, p_value * search.candidates.family)))
+
+
+def _twins_among(search: Search, cause: Hypothesis, rivals: Sequence[Rival]) -> tuple[str, ...]:
+    """Return the names among rivals that explain as much as a cause, or retime as it does."""
+    return tuple(
+        rival.hypothesis.effect.name for rival in rivals
+        if rival.believable
+        and rival.hypothesis is not None and not isinstance(rival.hypothesis.effect, Kind)
+        and (min(rival.fit_margin, rival.fit_margin + rival.margin) < search.rules.twin
+             or (rival.hypothesis.named.retimes and cause.named.retimes)))
 
 
 def own_share(search: Search, cause: Hypothesis, others: Model) -> float:
