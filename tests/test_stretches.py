@@ -167,10 +167,26 @@ def test_what_is_held_out_of_a_log_that_ends_at_rest_moves():
 
 @pytest.mark.parametrize(('stretches', 'told'), [(2, False), (40, True)])
 def test_gaps_that_leave_too_few_rows_are_named(stretches, told):
-    run = SimpleNamespace(valid=np.ones((1, 1), dtype=bool), period=1e-3)
-    reason, = too_few(SimpleNamespace(runs=[run] * stretches, steady=False, of_axis=True))
+    reason, = too_few(_moving(np.ones(8), stretches))
     assert f'moves in only {stretches} rows' in reason
     assert ('without the gaps' in reason) == told
+    assert 'stands still' not in reason
+
+
+def test_a_joint_that_slips_now_and_then_is_said_to_stand_still():
+    reason, = too_few(_moving(np.where(np.arange(100) % 10 < 3, 0.6, 0.01)))
+    assert '(it stands still in 70% of the time: a pause, or does it stick?)' in reason
+
+
+@pytest.mark.parametrize('alone', [True, False])
+def test_only_of_several_joints_all_are_to_move_longer(alone):
+    assert ('of all joints' in too_few(_moving(np.ones(8), alone=alone))[0]) == (not alone)
+
+
+def _moving(speed, stretches=1, alone=True):
+    run = SimpleNamespace(valid=np.ones((1, 1), dtype=bool), period=1e-3,
+                          state=SimpleNamespace(qd=speed[:, None]))
+    return SimpleNamespace(runs=[run] * stretches, steady=False, of_axis=alone)
 
 
 @pytest.mark.parametrize('gap', [False, True])

@@ -27,6 +27,9 @@ TORN = 10
 """Stretches of the logs from which on gaps are named as a reason for too few rows."""
 SLOW = 0.004
 """s from sample to sample from which filters are so slow that this may be the reason."""
+STANDS, AT_MOST = 0.5, 0.05
+"""Share of the samples in which a joint is slower than this part of its fastest, from which on it
+is said to stand still."""
 SIGNS = f'the sign of torque and position, and {OTHER_JOINTS}'
 """What to check about an axis."""
 FAST_SHARE, CERTAIN = 0.95, 5.0
@@ -149,8 +152,18 @@ def too_few(observations: Observations) -> list[str]:
     slow = '' if run.period < SLOW else (
         f', or faster: in a log of {1.0 / run.period:.3g} Hz rows within '
         f'{run.conditioning.reach:.2g} s of a reversal do not count')
-    return [f'joint {joint} moves in only {rows[joint]} rows, {least} are needed; record a '
-            f'longer motion of all joints{torn}{slow}' for joint in np.flatnonzero(rows < least)]
+    whose = '' if observations.of_axis else ' of all joints'
+    return [f'joint {joint} moves in only {rows[joint]} rows, {least} are needed'
+            f'{_standing(observations, joint)}; record a longer motion{whose}{torn}{slow}'
+            for joint in np.flatnonzero(rows < least)]
+
+
+def _standing(observations: Observations, joint: int) -> str:
+    """Return the words on a joint that stands still most of the time, as one that sticks does."""
+    speed = np.concatenate([np.abs(run.state.qd[:, joint]) for run in observations.runs])
+    share = float(np.mean(speed <= AT_MOST * speed.max()))
+    return '' if share < STANDS else (
+        f' (it stands still in {share:.0%} of the time: a pause, or does it stick?)')
 
 
 def _error_beside(observations: Observations, identification: Identification) -> float:
