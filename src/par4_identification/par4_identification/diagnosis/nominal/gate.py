@@ -155,7 +155,7 @@ def too_few(observations: Observations) -> list[str]:
     whose = '' if observations.of_axis else ' of all joints'
     return [f'joint {joint} moves in only {rows[joint]} rows, {least} are needed'
             f'{_standing(observations, joint)}; record a longer motion{whose}{torn}{slow}'
-            for joint in np.flatnonzero(rows < least)]
+            for joint in np.flatnonzero(rows < least).tolist()]
 
 
 def _standing(observations: Observations, joint: int) -> str:
