@@ -36,12 +36,9 @@ from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.fitting.identification import identify
 from par4_identification.logs.log import Log
 from par4_identification.reports.diagnosis_report import report_of_diagnosis
+from par4_identification.reports.outcome.causes import source_of_order
 from par4_identification.reports.outcome.changes import payload_causes_json, phrases_of_changes
-from par4_identification.reports.outcome.diagnosis import (
-    diagnosis_json,
-    outcome_of_diagnosis,
-    source_of_order,
-)
+from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
 from par4_identification.reports.outcome.identification import (
     outcome_of_identification,
     table_of_parameters,

@@ -18,12 +18,9 @@ from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
 from par4_identification.logs.jumps import joints_of_recordings
 from par4_identification.logs.log import Log
-from par4_identification.reports.outcome.diagnosis import (
-    diagnosis_json,
-    outcome_of_diagnosis,
-    remarks_of_cause,
-    source_of_order,
-)
+from par4_identification.reports.outcome.causes import source_of_order
+from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
+from par4_identification.reports.outcome.diagnosis_remarks import remarks_of_cause
 from par4_identification.setup_check.check import check_setup
 from par4_identification.signals.scales import conditioning_for
 

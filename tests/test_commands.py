@@ -44,11 +44,8 @@ from par4_identification.logs.bag_hash import bag_sha256
 from par4_identification.logs.read_log import read_log
 from par4_identification.reports.cause_cells import parameter_cells
 from par4_identification.reports.names import Names
-from par4_identification.reports.outcome.diagnosis import (
-    diagnosis_json,
-    outcome_of_diagnosis,
-    phrase_of_cause,
-)
+from par4_identification.reports.outcome.causes import phrase_of_cause
+from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
 from par4_identification.reports.outcome.identification import (
     autocorrelation,
     memory,

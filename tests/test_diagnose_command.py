@@ -26,7 +26,7 @@ from par4_identification.diagnosis.diagnosis import LIBRARY
 from par4_identification.diagnosis.experiment.next_experiment import WANTED
 from par4_identification.jobs import diagnose as jobs
 from par4_identification.reports import diagnosis_report
-from par4_identification.reports.outcome.diagnosis import phrase_of_cause
+from par4_identification.reports.outcome.causes import phrase_of_cause
 from par4_kinematics.files import write_yaml
 from par4_kinematics.motion_file import named_motion
 from par4_kinematics.position import inverse_kinematics

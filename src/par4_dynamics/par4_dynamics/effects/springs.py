@@ -1,8 +1,5 @@
-"""Loads that swing on elastic transmissions: their torque and its slopes, by integration.
-
-A step is implicit and of fourth order in the frequency. Slopes by the logarithms of compliances,
-damping and motor share obey the same equations of motion with another right side, so that one pass
-gives them all.
+"""Loads that swing on elastic transmissions: their torque, and its slopes by the logarithms of
+compliances, damping and motor share.
 """
 
 from __future__ import annotations
@@ -11,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 
+from par4_dynamics.effects.spring_steps import swing_through
 from par4_dynamics.effects.transmission import MOTOR_SHARE, motor_side, told_part
 from par4_dynamics.state import State
 from par4_kinematics.errors import UnreachableError
@@ -235,8 +232,9 @@ class Springs:
             spring, change = np.empty_like(load), np.empty_like(load)
             twist = np.zeros((3, *load.shape))
             slopes = np.empty((*load.shape, 0 if driven is None else len(soft) + 2))
-            _swing(load, place[steps], self._by_motion, motor, soft, twisting, lag, more[steps], h,
-                   beta, load if driven is None else driven, stiffer, spring, change, twist, slopes)
+            swing_through(load, place[steps], self._by_motion, motor, soft, twisting, lag,
+                          more[steps], h, beta, load if driven is None else driven, stiffer,
+                          spring, change, twist, slopes)
             return spring, change, twist, slopes
 
         load = self._swinging_at_first(self._with_run_in(rigid)[::every], rigid - self.rigid(drive),
@@ -324,134 +322,3 @@ class Springs:
         scale = np.sqrt(own)
         alike = np.linalg.eigvalsh(both / (scale[:, :, None] * scale[:, None, :]))[:, 0].min()
         return SAFE * max(float(alike), 0.0) * own.min(axis=0)
-
-
-@numba.njit(cache=True, error_model='numpy', nogil=True)
-def _swing(load, place, by_motion, motor, soft, compliance, lag, more, h, beta, driven, stiffer,
-           spring, change, told, slopes):
-    """Integrate c (M sdd + C sd + K s) + c d sd + s = c T_0 by Newmark's method (1959).
-
-    Its gamma is 1/2, so that nothing is damped by the steps. Only the `soft` joints (k,) twist;
-    `compliance`, `lag` and `beta` (k,) are theirs. M, C and K (3, n, J, J) of a row are those of
-    its `place`, M without the inertia of the motors, `motor` (J,). Twist, speed and acceleration
-    are told, (3, n, J). `slopes` (n, J, p) are those of the change of the torque by the logarithm
-    of each compliance, of the damping ratio and of the motor share, with p = k + 2, or none with
-    p = 0. A larger share takes `driven` (n, J) from T_0 and `motor` from M; the logarithm of the
-    damping grows with that of the share by `stiffer`.
-    """
-    joints, count = load.shape[1], len(soft)
-    wanted = slopes.shape[2]
-    twist, speed, rate = np.empty(count), np.zeros(count), np.zeros(count)
-    twists, speeds, rates = (np.zeros((wanted, count)), np.zeros((wanted, count)),
-                             np.zeros((wanted, count)))
-    for k in range(count):
-        twist[k] = compliance[k] * load[0, soft[k]]
-        if wanted > 0:
-            twists[k, k] = twist[k]
-            twists[count + 1, k] = -compliance[k] * driven[0, soft[k]]
-    matrix, inertia = np.empty((count, count)), np.empty((joints, joints))
-    for row in range(len(load)):
-        by_speed, by_twist = by_motion[1, place[row]], by_motion[2, place[row]]
-        for i in range(joints):
-            for other in range(joints):
-                inertia[i, other] = by_motion[0, place[row], i, other]
-            inertia[i, i] -= motor[i]
-        _predicted(twist, speed, rate, h, beta)
-        for k in range(count):
-            slow = more[row] * lag[k]
-            for other in range(count):
-                matrix[k, other] = compliance[k] * (
-                    inertia[soft[k], soft[other]] + 0.5 * h * by_speed[soft[k], soft[other]]
-                    + beta[other] * h * h * by_twist[soft[k], soft[other]])
-            matrix[k, k] += 0.5 * h * slow + beta[k] * h * h
-            rate[k] = compliance[k] * (load[row, soft[k]] - _by_twist(
-                by_speed[soft[k]], by_twist[soft[k]], soft, speed, twist)
-                ) - slow * speed[k] - twist[k]
-        _factored(matrix)
-        _corrected(matrix, twist, speed, rate, h, beta)
-        for i in range(joints):
-            change[row, i] = -_by_rate(inertia[i], soft, rate) - _by_twist(
-                by_speed[i], by_twist[i], soft, speed, twist)
-            spring[row, i] = load[row, i] + change[row, i]
-        for k in range(count):
-            spring[row, soft[k]] = twist[k] / compliance[k]
-            told[0, row, soft[k]] = twist[k]
-            told[1, row, soft[k]] = speed[k]
-            told[2, row, soft[k]] = rate[k]
-        for p in range(wanted):
-            _predicted(twists[p], speeds[p], rates[p], h, beta)
-            for k in range(count):
-                slow = more[row] * lag[k]
-                rates[p, k] = (-compliance[k] * _by_twist(
-                    by_speed[soft[k]], by_twist[soft[k]], soft, speeds[p], twists[p])
-                    - slow * speeds[p, k] - twists[p, k])
-                if p == count:
-                    rates[p, k] -= slow * speed[k]
-                elif p == count + 1:
-                    rates[p, k] -= stiffer * slow * speed[k] + compliance[k] * (
-                        driven[row, soft[k]] - motor[soft[k]] * rate[k])
-                elif p == k:  # c T_0 grows with c, what damps it with its root
-                    rates[p, k] += twist[k] + 0.5 * slow * speed[k]
-            _corrected(matrix, twists[p], speeds[p], rates[p], h, beta)
-            for i in range(joints):
-                slopes[row, i, p] = -_by_rate(inertia[i], soft, rates[p]) - _by_twist(
-                    by_speed[i], by_twist[i], soft, speeds[p], twists[p])
-        if wanted > 0:
-            for k in range(count):
-                slopes[row, soft[k], count + 1] += motor[soft[k]] * rate[k]
-
-
-@numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _predicted(twist, speed, rate, h, beta):
-    """Move twist and speed to the next step, but for what its acceleration does."""
-    for k in range(len(twist)):
-        twist[k] += h * speed[k] + (0.5 - beta[k]) * h * h * rate[k]
-        speed[k] += 0.5 * h * rate[k]
-
-
-@numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _corrected(factors, twist, speed, rate, h, beta):
-    """Solve for the acceleration, of which `rate` is the right side, and add what it does."""
-    count = len(rate)
-    for k in range(count):
-        for other in range(k):
-            rate[k] -= factors[k, other] * rate[other]
-    for k in range(count - 1, -1, -1):
-        for other in range(k + 1, count):
-            rate[k] -= factors[k, other] * rate[other]
-        rate[k] *= factors[k, k]
-    for k in range(count):
-        twist[k] += beta[k] * h * h * rate[k]
-        speed[k] += 0.5 * h * rate[k]
-
-
-@numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _factored(matrix):
-    """Replace a matrix by its triangular factors, with reciprocals on the diagonal.
-
-    Without pivots: it is an inertia whose rows are scaled, and little more.
-    """
-    for k in range(len(matrix)):
-        matrix[k, k] = 1.0 / matrix[k, k]
-        for row in range(k + 1, len(matrix)):
-            matrix[row, k] *= matrix[k, k]
-            for column in range(k + 1, len(matrix)):
-                matrix[row, column] -= matrix[row, k] * matrix[k, column]
-
-
-@numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _by_rate(inertia, soft, rate):
-    """Return the torque of a joint that accelerations of the twists take, N m."""
-    total = 0.0
-    for k in range(len(soft)):
-        total += inertia[soft[k]] * rate[k]
-    return total
-
-
-@numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _by_twist(by_speed, by_twist, soft, speed, twist):
-    """Return the torque of a joint that goes with the twists and their speeds, N m."""
-    total = 0.0
-    for k in range(len(soft)):
-        total += by_speed[soft[k]] * speed[k] + by_twist[soft[k]] * twist[k]
-    return total

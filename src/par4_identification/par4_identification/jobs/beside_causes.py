@@ -27,7 +27,7 @@ from par4_identification.fitting.identification import (
     what_to_do,
 )
 from par4_identification.logs.log import Log
-from par4_identification.reports.outcome.diagnosis import phrase_of_causes
+from par4_identification.reports.outcome.causes import phrase_of_causes
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError

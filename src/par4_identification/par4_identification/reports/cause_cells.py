@@ -14,7 +14,7 @@ from par4_dynamics.model import build_model
 from par4_dynamics.parameters import Parameter, parts_of_orders
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis
 from par4_identification.reports.names import Names
-from par4_identification.reports.outcome.diagnosis import phrase_of_cause, told_from_zero
+from par4_identification.reports.outcome.causes import phrase_of_cause, told_from_zero
 from par4_identification.reports.residual_plots import signature
 from par4_kinematics.machine_units import parameter_unit, unit_on
 from par4_kinematics.robot import Axis, Robot
