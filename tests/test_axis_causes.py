@@ -267,6 +267,23 @@ def test_friction_that_builds_up_is_no_delay():
     assert check_setup([stage(slipping_springs)], axis()).findings == ()
 
 
+@pytest.mark.parametrize('distance', [2e-5, 4e-5])
+def test_friction_of_a_slide_builds_up_over_microns(distance):
+    """A length has no scale of its own, as an angle has: the travel gives it."""
+    def friction(q):
+        force, built = 0.0, []
+        for step in np.diff(q, prepend=q[0]):
+            for _ in range(100):
+                force += 0.01 * step * (3.0 - force * np.sign(step)) / distance
+            built.append(force)
+        return np.array(built)
+
+    cause, = diagnosed(stage(friction), axis(kind='linear', gravity='none'),
+                       ('presliding', 'time_offset', 'stribeck')).causes
+    assert cause.effect.name == 'presliding'
+    assert cause.parameters['distance'].number == pytest.approx(distance, rel=0.1)
+
+
 def test_a_delay_of_dry_friction_is_a_delay():
     log = stage(lambda q: 3.0 * np.sign(np.gradient(q)))
     late, = check_setup([mistakes.recorded_late(log, 0.05)], axis()).findings

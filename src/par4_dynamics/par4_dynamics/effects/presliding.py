@@ -21,6 +21,9 @@ from par4_dynamics.effects.grid import around
 from par4_dynamics.state import State
 
 DISTANCES = np.geomspace(2e-4, 3.2e-2, 9)
+"""rad, of a joint that turns."""
+OF_TRAVEL = np.geomspace(5e-5, 2.5e-2, 11)
+"""The same of a slide, over its travel: a length has no scale of its own."""
 LONGEST = 0.1
 STROKE = 2.0
 """Strokes over the distance from which on friction has built up and tells of it."""
@@ -89,7 +92,8 @@ class Presliding(Effect):
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         span = float(np.max(np.ptp(state.q, axis=0)))
-        return tuple({'distance': float(distance)} for distance in DISTANCES
+        distances = span * OF_TRAVEL if state.slides else DISTANCES
+        return tuple({'distance': float(distance)} for distance in distances
                      if distance < span and _goes_both_ways(state.q, STROKE * distance))
 
     def refined(self, shape: Shape, step: float) -> tuple[Shape, ...]:
