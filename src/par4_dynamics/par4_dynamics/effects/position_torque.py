@@ -18,12 +18,23 @@ from par4_dynamics.state import State
 
 HIGHEST_DEGREE = 9
 WIDEST = 4.0 * np.pi
-"""rad: no spring is wound up further; what goes on for longer turns round."""
+"""rad: what goes further goes on turning, so that no spring is wound up, if it does not come back.
+"""
+QUARTER, RETURNS = 0.25, 3
+"""Shares of its way at either end that a joint which comes and goes must reach, and how often it
+must go from one to the other, as the motor of a screw does."""
 
 
 def goes_on_turning(state: State) -> bool:
     """Return whether a joint goes on turning, so that no spring can follow its position."""
-    return not state.slides and float(np.max(np.ptp(state.q, axis=0))) > WIDEST
+    if state.slides:
+        return False
+    low, way = state.q.min(axis=0), np.ptp(state.q, axis=0)
+    for q in ((state.q - low) / np.maximum(way, 1e-12)).T[way > WIDEST]:
+        ends = q[np.abs(q - 0.5) > 0.5 - QUARTER] > 0.5
+        if np.count_nonzero(np.diff(ends)) < RETURNS:
+            return True
+    return False
 
 
 def polynomials(q: np.ndarray, low: float, high: float, degree: int) -> np.ndarray:

@@ -231,11 +231,14 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
     rigid_body = baseline.rigid_body if baseline else 'paper'
     effects = {**CATALOGUE, **searched}
     slides = isinstance(machine, Axis) and machine.kind == 'linear'
+    # viscous friction at another time is an inertia, which would hide in it for good
+    without_inertia = INERTIA in start.left_out and start.inertia is None
     applicable = {name: effect for name, effect in searched.items()
                   if not (effect.of_axis if isinstance(machine, Robot) else
                           effect.needs_platform or effect.against_the_others
                           or (slides and effect.needs_turning))
-                  and (effect.told_by_speeds or not observations.steady)}
+                  and (effect.told_by_speeds or not observations.steady)
+                  and not (effect.retimes and without_inertia)}
     base_model = _base_model(start, machine, baseline)
     sigma = identification.estimate.rms
     # of a torque that the base terms hardly explain, they do not say when it was read, nor what
@@ -247,12 +250,11 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
     observations, heldout = (with_nominal(part, base_model) for part in (observations, heldout))
     moved = dithered(observations)
     progress('searching the library for the noise model')
-    kinds = Kinds(observations)
-    whitener = whitener_of(observations, sigma, first, kinds, rules)
+    kinds, first_moved = Kinds(observations), moved.with_nominal(base_model)
+    whitener = whitener_of(observations, sigma, first, kinds, rules, first_moved)
 
     progress('searching for causes')
-    search = _search(observations, heldout, whitener, first, rules,
-                     moved.with_nominal(base_model), kinds)
+    search = _search(observations, heldout, whitener, first, rules, first_moved, kinds)
     model = search.run()
     held: frozenset[str] = frozenset()  # names whose torque the nominal one has
     for _ in range(PASSES):

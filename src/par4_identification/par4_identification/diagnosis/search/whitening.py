@@ -10,6 +10,7 @@ import numpy as np
 
 from par4_dynamics.effects.cogging import HIGHEST_PERIODS
 from par4_dynamics.effects.effect import Effect
+from par4_identification.diagnosis.evidence.dithered import Dithered
 from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.fit import Fit, residuals, solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
@@ -24,6 +25,7 @@ from par4_identification.diagnosis.evidence.whitener import (
     whitener_of_residuals,
 )
 from par4_identification.diagnosis.search.candidates import Candidates
+from par4_identification.diagnosis.search.counts import Counts
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.signals.plateaus import scatter
 
@@ -33,17 +35,21 @@ MOST = 3
 """Unnamed functions that are taken away from a joint."""
 QUIETER = 0.7
 """Share of the variance of the noise below which a model's rest is taken as the noise."""
+BY_COUNTS = 0.5
+"""Share of what an effect explains that encoder counts may make, from which on it explains noise.
+"""
 HALF = 1.0
 """s after which the two halves of the rows alternate."""
 
 
 def whitener_of(observations: Observations, sigma: np.ndarray, library: Mapping[str, Effect],
-                kinds: Kinds, rules: Rules) -> Whitener:
+                kinds: Kinds, rules: Rules, moved: Dithered) -> Whitener:
     """Return the model of the noise that neither effects nor unnamed functions explain.
 
-    A poorer model would take what it lacks for noise, and whitening would then hide it. Of steady
-    speeds the noise is measured: by the parts of each plateau and by how plateaus of neighbouring
-    speeds differ.
+    A poorer model would take what it lacks for noise, and whitening would then hide it. An effect
+    that may owe most of what it explains to encoder counts takes noise away: a soft transmission
+    lets through less of what counts make of the acceleration. Of steady speeds the noise is
+    measured: by the parts of each plateau and by how plateaus of neighbouring speeds differ.
 
     Args:
         observations: rows to fit.
@@ -51,12 +57,14 @@ def whitener_of(observations: Observations, sigma: np.ndarray, library: Mapping[
         library: effects, each of which is fitted at its best shape.
         kinds: of unnamed functions.
         rules: for the search of shapes.
+        moved: the motion as other encoders could have read it.
     """
     if observations.steady:
         return flat_whitener(observations, _noise_of_plateaus(observations))
     flat = gather(observations, flat_whitener(observations, sigma))
-    found = Candidates(library, flat, rules).all_of(project(flat, []), set())
-    richest = [item.hypothesis for item in found]
+    projection, counts = project(flat, []), Counts(moved)
+    richest = [item.hypothesis for item in Candidates(library, flat, rules).all_of(
+        projection, set()) if counts.imitate(projection, item.hypothesis) < BY_COUNTS * item.gain]
     left = residuals(observations, richest, solve(flat, richest))
     return whitener_of_residuals(observations, _without_unnamed(observations, left, kinds),
                                  flat.design(richest).shape[1])

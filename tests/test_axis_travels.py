@@ -1,0 +1,73 @@
+"""Axes whose travel is short, long or many turns, whatever the unit: nothing but it gives a scale.
+
+The force is computed from the motion as it is; encoders of 17 bits over the travel read it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from axes import axis
+
+from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
+from par4_identification.logs.log import Log
+from par4_identification.signals.scales import conditioning_for
+
+SLIDE = axis(kind='linear', gravity='none')
+SCREW = axis(gravity='none')
+"""A motor that turns many times to and fro."""
+MASS, READ = 3.0, 2 ** 17
+T = 1e-3 * np.arange(36_000)
+
+
+def recorded(travel, force, seed):
+    """Return the log of a motion to and fro with dry and viscous friction and a force beside them.
+
+    `force` is a function of place and speed, over their deviations, in dry friction.
+    """
+    random = np.random.default_rng(seed)
+    q = sum(size * np.sin(2.0 * np.pi * frequency * T + random.uniform(0.0, 6.0))
+            for frequency, size in ((0.13, 0.5), (0.31, 0.25), (0.55, 0.14), (1.1, 0.06)))
+    q *= travel / np.ptp(q)
+    qd = np.gradient(q, T)
+    qdd = np.gradient(qd, T)
+    dry = 0.8 * MASS * np.std(qdd) + 2.0
+    place, speed = (q - q.mean()) / np.std(q), qd / np.std(qd)
+    tau = (MASS * qdd + dry * (0.3 * speed + np.sign(qd) + force(place, speed))
+           + 0.02 * dry * random.standard_normal(len(T)))
+    count = travel / READ
+    return Log('to and fro', ('motor',), 1, 1e-3, T, (count * np.round(q / count))[:, None],
+               tau[:, None], (slice(0, len(T)),), None, None), dry
+
+
+def named(log, machine):
+    """Return the diagnosis of a log by the whole library, and the names in it."""
+    diagnosis = diagnose([log], machine, library=LIBRARY,
+                         conditioning=conditioning_for([log], machine, CONDITIONING))
+    return diagnosis, [cause.effect.name for cause in diagnosis.causes]
+
+
+@pytest.mark.parametrize(('machine', 'travel', 'seed'), [(SLIDE, 8.0, 20), (SCREW, 60.0, 21)])
+def test_soft_transmissions_do_not_explain_the_counts_of_encoders(machine, travel, seed):
+    """They let less of them through, and the offset beside them would stand in noise."""
+    log, dry = recorded(travel, lambda _place, _speed: 0.06, seed)
+    diagnosis, names = named(log, machine)
+    assert names == ['torque_offset']
+    assert diagnosis.causes[0].parameters['offset'].value[0] == pytest.approx(0.06 * dry, rel=0.1)
+
+
+def test_a_motor_that_turns_to_and_fro_can_wind_a_spring():
+    log, _ = recorded(60.0, lambda place, _speed: 0.3 * place, 18)
+    diagnosis, names = named(log, SCREW)
+    assert names == ['position_torque']
+    assert diagnosis.extended_model.parameters['actuator_inertia'].number == pytest.approx(
+        MASS, rel=0.02)
+
+
+def test_a_delay_does_not_stand_for_an_inertia_that_a_spring_hides():
+    """Viscous friction at another time is an inertia."""
+    log, _ = recorded(0.02, lambda place, _speed: 0.3 * place, 16)
+    diagnosis, names = named(log, SLIDE)
+    assert names == ['position_torque']
+    assert diagnosis.extended_model.parameters['actuator_inertia'].number == pytest.approx(
+        MASS, rel=0.05)
