@@ -8,8 +8,9 @@ from par4_identification.logs.masks import count, stretches
 from par4_identification.logs.stamped_rows import SET_BACK, StampedRows
 from par4_identification.logs.stamps import CROWDED, nearest_stamp
 
-APART = 0.25
-"""s: two topics are taken to have different clocks if receipt minus stamp differs by more."""
+CLOCKS_APART_NS = 250_000_000
+"""By how much receipt minus stamp differs, at the least, of messages whose stamps are of different
+clocks; transport does not delay a message so long."""
 
 
 class Clock:
@@ -62,13 +63,13 @@ class Clock:
         """Return by how much, ns, stamps of another clock must be moved to be on this one.
 
         Both clocks are compared with the one that told when messages were received; zero where
-        they agree to `APART`, or where a clock was set back as well.
+        they agree to `CLOCKS_APART_NS`, or where a clock was set back as well.
         """
         if len(self.joins):
             return 0
         own = float(np.median(self._received - (self._time - self._shifts[0])))
         other = float(np.median(rows.received - rows.stamp))
-        return 0 if abs(other - own) < 1e9 * APART else round(other - own)
+        return 0 if abs(other - own) < CLOCKS_APART_NS else round(other - own)
 
     def run(self, time: np.ndarray) -> np.ndarray:
         """Return the number of the run that each time belongs to."""

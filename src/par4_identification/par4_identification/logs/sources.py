@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from par4_identification.logs.clock import CLOCKS_APART_NS
 from par4_identification.logs.jumps import count_of
 from par4_identification.logs.masks import stretches, taken
 from par4_identification.logs.stamped_rows import StampedRows
 from par4_kinematics.stamps import SECOND
 
-APART = 250_000_000
-"""ns between the offsets of two clocks; transport does not delay a message so long."""
 FEWEST_CHANGES, OFTEN = 20, 0.04
 """Changes from one clock to the other and back from which there are two: a number, and a share of
 the messages with the rarer clock. A clock that is set back changes once, a wrong stamp twice."""
@@ -100,7 +99,7 @@ def _clocks(rows: StampedRows) -> tuple[np.ndarray, np.ndarray] | None:
     """
     offset = _offsets(rows)
     ordered = np.sort(offset)
-    below = np.flatnonzero(np.diff(ordered) >= APART)
+    below = np.flatnonzero(np.diff(ordered) >= CLOCKS_APART_NS)
     if not len(below):
         return None
     cluster = np.searchsorted(0.5 * (ordered[below] + ordered[below + 1]), offset)
