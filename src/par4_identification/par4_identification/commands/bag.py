@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from par4_identification.logs.units import FASTEST, SLOWEST
+from par4_identification.logs.units import HIGHEST_RATE_HZ, LOWEST_RATE_HZ
 from par4_sim.choices import STORAGES
 from par4_sim.commands.entry import loading, run
 from par4_sim.commands.numbers import ANY_SIGN, Number, Numbers
@@ -32,7 +32,7 @@ from par4_sim.commands.numbers import ANY_SIGN, Number, Numbers
               help='names of the joints where there is no robot.yaml yet; arm_joint_0 .. '
                    'arm_joint_3 if there are four')
 @click.option('--array', default=None, help='the table in an .npz or .mat file that holds several')
-@click.option('--rate', default=None, type=Number(min=SLOWEST, max=FASTEST),
+@click.option('--rate', default=None, type=Number(min=LOWEST_RATE_HZ, max=HIGHEST_RATE_HZ),
               metavar='HZ',
               help='of the samples, where no column is the time')
 @click.option('--counts-per-turn', default=(), type=Numbers(),

@@ -14,7 +14,7 @@ from par4_identification.logs.accounts import held_words
 from par4_identification.logs.counters import restarts_of
 from par4_identification.logs.jumps import jumps_of
 from par4_identification.logs.refresh import FEWEST, jumps, refresh_of
-from par4_identification.logs.stamps import FASTEST, GAP
+from par4_identification.logs.stamps import GAP, SHORTEST_PERIOD
 from par4_identification.logs.units import JointKind, si_unit
 
 FEW = 10.0
@@ -32,8 +32,8 @@ LARGEST = 1e12
 """SI units; what is beyond is no reading of a machine, and its square may be infinite."""
 PLAIN_TURNS = 1e3
 """Turns beyond which whole numbers are counts rather than angles."""
-SLOWEST = 0.5
-"""s from row to row above which times are likely to count another unit."""
+LONGEST_PERIOD = 0.5
+"""s from row to row from which times are likely to count another unit."""
 BOTH_WAYS, NEAR_ZERO = 0.2, 0.01
 """Share of the steps of one way over those of the other from which a joint moves both ways, and
 part of its largest value below which a torque comes down to zero."""
@@ -164,7 +164,7 @@ class Measured:
 
     def _odd_times(self) -> list[str]:
         """Return what the rate says of the unit of times, and speeds of those of times and ways."""
-        if self.period >= SLOWEST or self.period <= FASTEST:
+        if self.period >= LONGEST_PERIOD or self.period <= SHORTEST_PERIOD:
             return [f'time: {self.period:.3g} s from row to row; is its unit right?']
         found, fastest = [], FASTEST_JOINT[self.kind]
         for joint, column in enumerate(self.values['position'].T):

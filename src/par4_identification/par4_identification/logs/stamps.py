@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-FASTEST = 5e-6
-"""s between samples; no logger records faster, so that times count another unit."""
+SHORTEST_PERIOD = 5e-6
+"""s from sample to sample up to which times are likely to count another unit: hardly a logger
+records so fast. One that does is read all the same, see `units.HIGHEST_RATE_HZ`."""
 GAP = 1.5
 """Spacing in periods above which samples are missing."""
 CROWDED = 0.25

@@ -19,7 +19,7 @@ from par4_identification.logs.dates import DATES, DAY, day_after_day
 from par4_identification.logs.log_table import held_columns, read_columns
 from par4_identification.logs.measured import Measured, are_readings
 from par4_identification.logs.series import FEWEST_SAMPLES
-from par4_identification.logs.units import FASTEST, SLOWEST, TURN
+from par4_identification.logs.units import HIGHEST_RATE_HZ, LOWEST_RATE_HZ, TURN
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import written_atomically
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
@@ -336,7 +336,7 @@ def _refuse_rate(files: Sequence[str | Path], time: np.ndarray) -> None:
         raise InputError(f'{files[0]}: the time goes from {time.min():.6g} to {time.max():.6g} s, '
                          f'beyond what a stamp holds; check column and unit of the time')
     period = float(np.median(np.diff(time)))
-    if not 1.0 / FASTEST <= period <= 1.0 / SLOWEST:
+    if not 1.0 / HIGHEST_RATE_HZ <= period <= 1.0 / LOWEST_RATE_HZ:
         raise InputError(f'{files[0]}: the median spacing of the samples is {period:.4g} s; check '
                          f'column and unit of the time')
 

@@ -11,8 +11,8 @@ from par4_kinematics.errors import InputError
 
 JointKind = Literal['revolute', 'linear']
 TURN = 2.0 * math.pi
-SLOWEST, FASTEST = 0.5, 1e6
-"""Hz: a sample rate outside this range means that the unit of time is wrong."""
+LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 0.5, 1e6
+"""Rates of samples outside of which a table is refused: its unit of time is surely wrong."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from par4_identification.logs.log import Log
-from par4_identification.logs.stamps import FASTEST
+from par4_identification.logs.stamps import SHORTEST_PERIOD
 from par4_identification.setup_check.finding import Finding, SetupCheck
 from par4_identification.setup_check.repair import slowed
 from par4_kinematics.position import closes
@@ -21,8 +21,8 @@ TURN = 3.5
 LEAST_CLOSED = 0.95
 """Share of samples with which the mechanism closes once they are in radians."""
 PROBES = 200
-SLOWEST = 0.05
-"""s; period above which stamps of a Par4 count another unit."""
+LONGEST_PAR4_PERIOD = 0.05
+"""s from sample to sample from which stamps of a Par4 count another unit."""
 THOUSAND = 1e3
 QUICKER = 3.0
 """Most by which a joint may exceed the speed limit of the robot file."""
@@ -67,13 +67,14 @@ def _degrees(log: Log, robot: Robot) -> Mend | None:
 
 def _milliseconds(log: Log, robot: Robot) -> Mend | None:
     """Return the finding that stamps count another unit, and how to mend it; or None."""
-    if FASTEST < log.period < SLOWEST:
+    if SHORTEST_PERIOD < log.period < LONGEST_PAR4_PERIOD:
         return None
-    factor = 1.0 / THOUSAND if log.period >= SLOWEST else THOUSAND
+    factor = 1.0 / THOUSAND if log.period >= LONGEST_PAR4_PERIOD else THOUSAND
     period = factor * log.period
     speed = np.abs(np.diff(log.q, axis=0)) / period
     fastest = float(np.quantile(speed, 0.99)) if len(speed) else 0.0
-    if not (FASTEST < period < SLOWEST and 0.0 < fastest < QUICKER * robot.limits.joint_speed):
+    if not (SHORTEST_PERIOD < period < LONGEST_PAR4_PERIOD
+            and 0.0 < fastest < QUICKER * robot.limits.joint_speed):
         return None
     joints = tuple(range(log.q.shape[1]))
     unit = 'milliseconds' if factor < 1.0 else 'thousands of seconds'

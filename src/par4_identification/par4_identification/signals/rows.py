@@ -19,7 +19,7 @@ import scipy
 from par4_dynamics.state import State, state_of_joints
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import near
-from par4_identification.logs.stamps import FASTEST
+from par4_identification.logs.stamps import SHORTEST_PERIOD
 from par4_identification.logs.stretches import SHORTEST
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.filtering import (
@@ -226,7 +226,7 @@ def runs_of_log(log: Log, machine: Robot | Axis, conditioning: Conditioning | No
         least = max(SHORTEST, 4.0 * conditioning.reach, samples * log.period)
         raise InputError(f'{log.name}: no uninterrupted stretch of at least {least:.1f} s, which '
                          f'the filters need; record longer or without gaps'
-                         + ('' if log.period > FASTEST else
+                         + ('' if log.period > SHORTEST_PERIOD else
                             f' (its stamps say {rate:.3g} Hz: are they in seconds?)'))
     return runs
 
