@@ -12,7 +12,7 @@ from par4_kinematics.robot import Robot
 
 STARTS_AT = 0.02
 """rad by which a trajectory that begins at once may begin elsewhere than the robot stands."""
-AT_REST = 1e-6
+POINT_AT_REST = 1e-6
 """rad/s and rad/s2 up to which a point is at rest: planners compute their ends with rounding."""
 
 
@@ -46,14 +46,14 @@ def splined_motion(name: str, robot: Robot, q_now: ArrayLike, t: ArrayLike, q: A
         raise InputError(f'{name}: accelerations without velocities; send both, or positions only')
     if not len(knots) or knots[0] < 0.0 or (np.diff(knots) <= 0.0).any():
         raise InputError(f'{name}: times from the start must be 0 or more and increase')
-    if any(np.abs(part[-1]).max() > AT_REST for part in columns[1:]):
+    if any(np.abs(part[-1]).max() > POINT_AT_REST for part in columns[1:]):
         raise InputError(f'{name}: it ends in motion; send a last point at rest')
     if knots[0] == 0.0:
         apart = float(np.abs(columns[0][0] - start).max())
         if apart > STARTS_AT:
             raise InputError(f'{name}: it begins {apart:.3g} rad from where the robot stands, at '
                              f'most {STARTS_AT:g} rad are allowed; begin there, or later than 0 s')
-        if len(columns) > 1 and np.abs(columns[1][0]).max() > AT_REST:
+        if len(columns) > 1 and np.abs(columns[1][0]).max() > POINT_AT_REST:
             raise InputError(f'{name}: it begins in motion, and the robot rests; send a first '
                              f'point at rest, or begin later than 0 s')
     else:

@@ -13,7 +13,7 @@ from par4_dynamics.effects.effect import (
     Values,
     beyond,
 )
-from par4_dynamics.effects.rest import AT_REST
+from par4_dynamics.effects.rest import RESTING_RATE
 from par4_dynamics.state import State
 from par4_kinematics.passive import passive_friction_force, passive_rates
 
@@ -28,7 +28,7 @@ class PassiveJointFriction(Effect):
 
     w is the relative angular velocity of each of the 20 passive joints, see
     `par4_kinematics.passive`: 8 rods with a ball at both ends and 4 pivots of the two bars. All are
-    alike. At rest the Coulomb friction fades as tanh(|w| / AT_REST).
+    alike. At rest the Coulomb friction fades as tanh(|w| / RESTING_RATE).
     """
 
     name = 'passive_joint_friction'
@@ -46,7 +46,7 @@ class PassiveJointFriction(Effect):
         rates = passive_rates(geometry, x, xd)
         return np.stack([
             state.torque_of_force(
-                passive_friction_force(geometry, x, rates, *unit, slip_rate=AT_REST))
+                passive_friction_force(geometry, x, rates, *unit, slip_rate=RESTING_RATE))
             for unit in ((1.0, 0.0), (0.0, 1.0))], axis=-1)
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:

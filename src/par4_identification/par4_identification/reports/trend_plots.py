@@ -22,7 +22,7 @@ from par4_sim.report.drawing import (
 
 COLOURS = (CALCULATED, BEFORE, MEASURED, '#2a7a4b')
 """Of up to four series in one picture."""
-APART = 0.0018
+SIDE_STEP = 0.0018
 """Share of the time shown by which the points of several series stand beside each other."""
 EVENTFUL, QUIET = 2.0, 1.25
 """Inches that a panel is high, with and without an event in it."""
@@ -97,7 +97,7 @@ def _series(axis: Axes, dates: np.ndarray, panel: Panel) -> None:
     strokes = []
     for place, (colour, part) in enumerate(zip(COLOURS, panel.lines)):
         # joints beside each other, so that none hides another
-        beside = dates + APART * (place - 0.5 * (len(panel.lines) - 1)) * (
+        beside = dates + SIDE_STEP * (place - 0.5 * (len(panel.lines) - 1)) * (
             dates[-1] - dates[0]).astype('timedelta64[s]')
         axis.vlines(beside, part.values - 1.96 * part.std, part.values + 1.96 * part.std,
                     color=colour, alpha=0.35, linewidth=0.9)

@@ -71,7 +71,7 @@ BETTER_START = 0.9
 OTHER_FAULT = 0.1
 """|residual| / |torque| in motion beyond which another fault is the larger one, gains for one, and
 zeros or dimensions that do not take half of it away are not told."""
-APART = 0.5
+LEFT_ONE_BY_ONE = 0.5
 """Share of what is left with zeros and dimensions mended. Logs that leave less when they are fitted
 one by one, without that, are those of a machine that changed between them."""
 STARTS = 2
@@ -148,7 +148,7 @@ def calibration_of(stretches: Sequence[Stretch], geometry: Geometry) -> Calibrat
     after = _error(stretches, geometry, found.values)
     if after >= min(LARGEST_ERROR, before) or after > max(OTHER_FAULT, 0.5 * before):
         return None
-    if _error_apart(stretches, geometry) < APART * after:
+    if _error_apart(stretches, geometry) < LEFT_ONE_BY_ONE * after:
         return None
     return Calibration(found.values, found.std, before, after)
 

@@ -79,7 +79,7 @@ MUTE, OUT_AND_BACK = 0.1, 0.2
 goes out and back by so much of its range: turning round takes torque, for friction and inertia."""
 LASTING = 0.9
 """Least speed at the end over that at the beginning, of a joint that something drives."""
-COPIED, APART = 1.0, 0.2
+COPIED, APART_WAY = 1.0, 0.2
 """Of two torques that are equal to the last bit for so many seconds one is a copy, if the two
 joints meanwhile move apart by so much of the range of one."""
 
@@ -203,7 +203,7 @@ def mute_torques(log: Log, swings: bool = True) -> list[Mute]:
             for other in range(joint):
                 for start, end in stretches(tau[:, joint] == tau[:, other]):
                     apart = np.ptp(q[start:end, joint] - q[start:end, other])
-                    if (end - start) * log.period >= COPIED and apart > APART * way[joint] and (
+                    if (end - start) * log.period >= COPIED and apart > APART_WAY * way[joint] and (
                             np.ptp(tau[start:end, joint]) > 0.0):
                         found.append(Mute(segment.start + start, segment.start + end, joint, other))
     return found

@@ -31,7 +31,7 @@ LEAST_PLATEAUS = 10
 """Steady speeds that a fit needs."""
 SPEEDS = 6
 """Different speeds from which on logs of any rate are taken for a measurement of steady speeds."""
-APART = 0.05
+SPEEDS_APART = 0.05
 """Share by which speeds differ that count as different."""
 BATCHES = 10
 """Parts of a plateau whose means tell how well the mean torque of all is known."""
@@ -209,6 +209,6 @@ def _different(speeds: Sequence[float]) -> int:
     """Return how many different speeds there are."""
     known: list[float] = []
     for speed in sorted(speeds):
-        if not known or abs(speed - known[-1]) > APART * max(abs(speed), abs(known[-1])):
+        if not known or abs(speed - known[-1]) > SPEEDS_APART * max(abs(speed), abs(known[-1])):
             known.append(speed)
     return len(known)

@@ -54,7 +54,7 @@ OPTIONS = {'cutoff_hz': ('--cutoff', 'higher'), 'row_rate_hz': ('--rows', 'highe
 """What a user sets -> its option, and which way there are more rows."""
 FEWEST_ROWS = 20
 """Rows of a joint below which no result can be had."""
-SLOWEST = 0.01
+LOW_SPEED_SHARE = 0.01
 """Low speed over the speed that a twentieth of the motion exceeds."""
 
 
@@ -273,5 +273,5 @@ def _low_speeds(log: Log, cutoff: float) -> tuple[float, float]:
         return np.inf, 0.0
     step, speed = np.concatenate(steps), np.concatenate(speeds)
     moved = step[step > 1e-12]
-    return (SLOWEST * float(np.quantile(speed, 0.95)),
+    return (LOW_SPEED_SHARE * float(np.quantile(speed, 0.95)),
             cutoff * count_of(moved) if len(moved) else 0.0)

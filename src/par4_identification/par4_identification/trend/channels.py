@@ -16,7 +16,7 @@ import numpy as np
 from par4_dynamics.base_terms import FRICTION, PLATFORM_MASSES, TERMS
 from par4_identification.trend.bag_values import BagValues
 
-APART = 4.0
+OUTLYING = 4.0
 """Deviations from the median beyond which a joint has no part in what is common."""
 
 
@@ -95,7 +95,8 @@ def _friction(name: str, values: np.ndarray, std: np.ndarray) -> list[Channel]:
     apart = np.abs(factor - middle[:, None])
     # joints may differ from bag to bag by more than the deviations say
     usual_distance = np.maximum(error, np.median(apart, axis=0) / 0.6745)
-    alike = apart <= APART * np.minimum(usual_distance, np.median(usual_distance, axis=1)[:, None])
+    alike = apart <= OUTLYING * np.minimum(usual_distance,
+                                           np.median(usual_distance, axis=1)[:, None])
     # what is common takes two: against itself alone a joint would be in no doubt
     nearest = apart <= np.partition(apart, 1, axis=1)[:, 1:2]
     alike = np.where(alike.sum(axis=1, keepdims=True) > 1, alike, nearest)

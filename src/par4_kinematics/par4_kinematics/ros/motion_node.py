@@ -40,7 +40,7 @@ WALL_LEAD = 1.0
 """Seconds of wall time from the first message to its first point where the clock runs faster."""
 FAST = 1.5
 """A clock that goes so many times as fast as the wall's is that of a simulation, not of a robot."""
-SLOWEST = 0.05
+SLOWEST_CLOCK = 0.05
 """Lower bound of the measured pace of the clock over the wall's: where the clock stood when the
 motion began, the measured pace is zero."""
 FAR_NS = 100 * SECOND
@@ -313,7 +313,7 @@ class MotionNode(Par4Node):
                 self._send_chunk(played)
         self._standstill = Standstill()
         self._patient_until = time.monotonic() + STANDSTILL + (
-            self._rests_between_ns[1] - now_ns) / SECOND / min(1.0, max(SLOWEST, self._pace))
+            self._rests_between_ns[1] - now_ns) / SECOND / min(1.0, max(SLOWEST_CLOCK, self._pace))
         self.get_logger().warning(
             f'{self._fault or "asked to stop"}: braking on the path of the motion')
 

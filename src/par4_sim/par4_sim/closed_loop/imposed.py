@@ -21,8 +21,9 @@ from par4_sim.machines.friction import Friction
 from par4_sim.machines.machine import Machine
 from par4_sim.plants.plant import STEP
 
-AT_REST = 1e-3
-"""rad/s; beginning at speed means a blow whose echo takes the engine some steps to close."""
+START_SPEED = 1e-3
+"""rad/s up to which a motion begins at rest. To begin at speed means a blow whose echo takes the
+engine some steps to close."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def imposed_run(geometry: Geometry, bodies: LumpedBodies, motion: Motion,
     from par4_sim.plants.bullet import BulletPlant  # pybullet is slow to load
 
     fastest = float(np.abs(motion.qd[0]).max())
-    if fastest > AT_REST:
+    if fastest > START_SPEED:
         raise InputError(f'motion {motion.name}: it begins at {fastest:.3g} rad/s, imposed motion '
                          f'begins at rest; let it start with a phase of acceleration')
     wanted = _positions(motion, dt)

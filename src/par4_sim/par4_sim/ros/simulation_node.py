@@ -47,7 +47,7 @@ SWITCH_INTERVAL = 2e-4
 """Seconds for which the thread of the callbacks may run while that of the physics waits."""
 FAULT_PERIOD = 0.05
 """Seconds of wall time between looks for a fault: it is told at once, not with the next report."""
-SLOWEST = 1e-3
+LEAST_REAL_TIME_FACTOR = 1e-3
 """Simulated seconds a second below which nothing seems to happen."""
 LATE_SHARE = 0.05
 """Share of late samples that is worth a warning."""
@@ -66,9 +66,9 @@ class SimulationNode(Par4Node):
     def __init__(self) -> None:
         super().__init__()
         asked = self.parameters
-        if 0.0 < asked.real_time_factor < SLOWEST:
+        if 0.0 < asked.real_time_factor < LEAST_REAL_TIME_FACTOR:
             raise InputError(f'parameter real_time_factor: {asked.real_time_factor:g} is less than '
-                             f'{SLOWEST:g}; give more, or 0 for as fast as it can')
+                             f'{LEAST_REAL_TIME_FACTOR:g}; give more, or 0 for as fast as it can')
         self._robot = read_robot(asked.robot_file)
         self.warn_of_limits_not_given(self._robot)
         self._window = None

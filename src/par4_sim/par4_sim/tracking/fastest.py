@@ -29,7 +29,7 @@ from par4_sim.tracking.metrics import (
 
 RESOLUTION = 2e-3
 """Relative resolution of the pace."""
-SLOWEST = 0.1
+LEAST_PACE = 0.1
 """Pace below which nothing is looked for."""
 
 
@@ -103,7 +103,7 @@ def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bo
     case, reason = tried(low), 'the bound of time-optimal motion'
     while isinstance(case, str):
         high, reason = low, case
-        if low < SLOWEST:
+        if low < LEAST_PACE:
             return Unreached(timing, controller, name, reason)
         low *= 0.7
         case = tried(low)

@@ -22,7 +22,7 @@ from par4_sim.tracking.way import Averaged, Profile, joints_over_time
 
 SHORTEST = 2.0 * STEP
 """Shortest window, s."""
-SLOWEST, FASTEST = 0.02, 2.0
+PACES = 0.02, 2.0
 """Lowest and highest pace that are tried."""
 RESOLUTION = 1e-3
 """Relative resolution of window and pace."""
@@ -43,7 +43,7 @@ def jerk_limited(robot: Robot, model: Model, profile: Profile, torque: float, ac
     """
     def quickest(log_window: float) -> Averaged:
         window = math.exp(log_window)
-        low, high = SLOWEST, FASTEST
+        low, high = PACES
         while high / low > 1.0 + RESOLUTION:
             middle = math.sqrt(low * high)
             keeps = _keeps(robot, model, Averaged(profile, window, middle), torque, acceleration,

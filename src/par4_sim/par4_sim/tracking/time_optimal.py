@@ -48,7 +48,7 @@ TURNS = 40
 """Most times that friction is computed anew for the speeds of the timing before."""
 SETTLED = 1e-6
 """Relative change of the time below which friction is not computed anew."""
-AT_REST = 1e-6
+RESTING_SHARE = 1e-6
 """Joint speed over its largest below which a motion rests."""
 
 
@@ -157,7 +157,7 @@ def _stretches(motion: Motion) -> list[np.ndarray]:
     speed = np.abs(motion.qd).max(axis=1)
     if not speed.any():
         raise InputError(f'motion {motion.name}: it rests throughout; give one that goes somewhere')
-    still = speed <= AT_REST * speed.max()
+    still = speed <= RESTING_SHARE * speed.max()
     if not (still[0] and still[-1]):
         raise InputError(f'motion {motion.name}: it must begin and end at rest, found joint speeds '
                          f'of {speed[0]:.3g} and {speed[-1]:.3g} rad/s; add a start and a stop')

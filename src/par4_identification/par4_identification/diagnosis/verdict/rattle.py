@@ -24,7 +24,7 @@ LEAST_ROWS = 40
 CONTRAST = 10.0
 """Least ratio of the slip's rms near changes of sides to that of leaning loads. Noise gives 1, lags
 and friction that the model lacks up to 9, gaps of some mrad 14 and more."""
-AT_REST = 2.5
+LEANING_NOISE = 2.5
 """Largest ratio of the slip's rms of leaning loads to that of noise: with gaps 0.8 to 1.1, where a
 stiffness differs from tooth to tooth 2.7 and more."""
 SLOWEST_HZ = 6.0
@@ -32,7 +32,7 @@ SLOWEST_HZ = 6.0
 SLOWEST_ROWS_HZ = 80.0
 """Rate of rows below which bounces fall between them; a torque that jumps from sample to sample
 leaves the same there."""
-APART = 5
+ROWS_APART = 5
 """Rows after which the slip is taken for another draw."""
 WIDTH_ERROR = 0.3
 """Relative standard deviation of a gap that is read from what its bounces leave. Most of it is the
@@ -80,13 +80,14 @@ class _Slip:
         """
         return min(len(self.loud), len(self.quiet)) >= LEAST_ROWS and bool(
             np.std(self.loud) > CONTRAST * np.std(self.quiet)
-            and np.std(self.quiet) <= AT_REST * np.sqrt(np.mean(self.noise ** 2)))
+            and np.std(self.quiet) <= LEANING_NOISE * np.sqrt(np.mean(self.noise ** 2)))
 
     @property
     def p_value(self) -> float:
         """That of equal sizes near changes of sides and away from them (Mann and Whitney)."""
         return float(scipy.stats.mannwhitneyu(
-            np.abs(self.loud[::APART]), np.abs(self.quiet[::APART]), alternative='greater').pvalue)
+            np.abs(self.loud[::ROWS_APART]), np.abs(self.quiet[::ROWS_APART]),
+            alternative='greater').pvalue)
 
     @property
     def gap(self) -> float:
