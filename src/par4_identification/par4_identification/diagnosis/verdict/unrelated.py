@@ -20,6 +20,7 @@ from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.verdict.cycle import cycle_of
 from par4_identification.signals.noise import fit_noise
+from par4_identification.signals.position_noise import mean_spectrum
 from par4_identification.signals.rows import Run
 
 CHANCE = 1e-4
@@ -38,8 +39,6 @@ BURST = 0.25
 """s over which a burst is looked for."""
 MEMORY = 60
 """Rows over which the correlation time of wandering noise is read."""
-
-
 SLOWEST_SWING, LOOKED_FROM = 5.0, 3.0
 """Hz: lowest frequency at which something swings rather than drifts, and from which on power
 counts."""
@@ -161,19 +160,12 @@ def swing_of(parts: Sequence[Sequence[Left]]) -> float | None:
 
 
 def _swing(runs: Sequence[Left]) -> float | None:
-    total: np.ndarray | None = None
-    for run, left, _ in runs:
-        kept = np.where(run.valid, left, 0.0)
-        for first in range(0, len(kept) - SWING_WINDOW + 1, SWING_WINDOW // 2):
-            part = kept[first:first + SWING_WINDOW]
-            window = np.hanning(SWING_WINDOW)[:, None]
-            power = np.sum(np.abs(np.fft.rfft(window * (part - part.mean(axis=0)), axis=0)) ** 2,
-                           axis=1)
-            total = power if total is None else total + power
-    if total is None:
+    spectrum = mean_spectrum([np.where(run.valid, left, 0.0) for run, left, _ in runs],
+                             runs[0][0].row_time, np.hanning(SWING_WINDOW))
+    if not spectrum.windows:
         return None
-    frequency = np.fft.rfftfreq(SWING_WINDOW, runs[0][0].row_time)
-    total = np.where(frequency > LOOKED_FROM, total, 0.0)
+    frequency = spectrum.frequency
+    total = np.where(frequency > LOOKED_FROM, spectrum.power.sum(axis=1), 0.0)
     peak = float(frequency[int(np.argmax(total))])
     near = np.abs(frequency - peak) <= max(SWING_BAND * peak, 2.5 * frequency[1])
     swings = peak >= SLOWEST_SWING and total[near].sum() > SWINGS * total.sum()
