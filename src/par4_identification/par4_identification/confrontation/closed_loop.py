@@ -11,18 +11,14 @@ import numpy as np
 from par4_dynamics.effects.effect import Base
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints
+from par4_identification.fitting.simulated import PERIOD, shift_of, simulated_along
 from par4_identification.logs.log import Reference
 from par4_kinematics.approach import approach_to
-from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import Robot
 from par4_sim.closed_loop.simulation import build_simulation
 from par4_sim.drives.reference import TARGET, interpolate
 from par4_sim.drives.reference_curve import COLUMNS
 
-PERIOD = 1e-3
-"""s, of the simulated samples."""
-AT_A_TIME = 200
-"""Samples between two reports of progress."""
 BLEND = 0.5
 """Seconds from rest to the speed at which a stretch begins."""
 
@@ -35,31 +31,16 @@ def closed_loop(robot: Robot, model: Model, path: Reference, t: np.ndarray, fide
     The machine approaches the first point from home, and its drives settle. They read speeds
     `late` seconds late, whatever those of the plant are.
     """
-    from scipy.interpolate import CubicSpline  # slow to load and only needed here
-
     with closing(build_simulation(robot, model, 'exact', PERIOD)) as home:
         approach = approach_to(path.q[0], robot, home.q, PERIOD, 'the stretch')
-        there = home.time + approach.duration + BLEND
-    # a whole number of samples, so that samples of an even log fall on simulated ones
-    shift = PERIOD * np.ceil((there - path.t[0]) / PERIOD)
+        shift = shift_of(path, home.time + approach.duration + BLEND)
     with closing(build_simulation(robot, _begun(model, -shift), fidelity, PERIOD)) as simulation:
-        simulation.queue_reference(simulation.time + approach.t, approach.q, approach.qd,
-                                   approach.qdd)
-        simulation.queue_reference(shift + path.t, path.q, path.qd, path.qdd)
         # a speed read by d too late lets the drives ask for velocity_gain d qdd more; the plant's
         # are late by -velocity_offset
         late += simulation.plant.velocity_offset
         simulation.queue_effort(shift + path.t, known_effort(path)
                                 + late * robot.drives.velocity_gain * path.qdd)
-        count = int(np.ceil((shift + t[-1] - simulation.time) / PERIOD)) + 2
-        told = simulation.time - shift + PERIOD * np.arange(count)
-        q, tau = np.empty((2, count, LEGS))
-        for row in range(0, count, AT_A_TIME):
-            samples = simulation.next_samples(min(AT_A_TIME, count - row))
-            q[row:row + AT_A_TIME], tau[row:row + AT_A_TIME] = samples.q, samples.effort
-            if progress:
-                progress(row / count)
-    return CubicSpline(told, q)(t), CubicSpline(told, tau)(t)
+        return simulated_along(simulation, approach, path, shift, t, progress)
 
 
 def _begun(model: Model, begin: float) -> Model:
