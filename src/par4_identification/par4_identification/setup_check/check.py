@@ -145,9 +145,8 @@ def _explained_otherwise(check: SetupCheck) -> float:
 
 def rewired(log: Log, wiring: Wiring) -> Log:
     """Return the log with each reading at its joint and with its sign."""
-    (places, turns), (order, signs) = wiring.positions, wiring.torques
-    q = np.asarray(turns) * log.q[:, list(places)]
-    tau = np.asarray(signs) * log.tau[:, list(order)]
+    q = np.asarray(wiring.positions.signs) * log.q[:, list(wiring.positions.order)]
+    tau = np.asarray(wiring.torques.signs) * log.tau[:, list(wiring.torques.order)]
     doubtful = None if log.doubtful is None else np.repeat(
         log.doubtful.any(axis=1, keepdims=True), q.shape[1], axis=1)
     return replace(log, q=q, tau=tau, doubtful=doubtful)

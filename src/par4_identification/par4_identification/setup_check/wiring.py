@@ -50,23 +50,26 @@ MOST_OPEN = 0.02
 
 
 @dataclass(frozen=True)
+class Plugs:
+    """How readings are plugged: joint i is what was read as joint order[i], times signs[i]."""
+
+    order: tuple[int, ...]
+    signs: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Wiring:
-    """What is read as what.
+    """What is read as what."""
 
-    Attributes:
-        positions, torques: (order, signs): joint i is what was read as joint order[i], times
-            signs[i].
-    """
-
-    positions: tuple[tuple[int, ...], tuple[int, ...]]
-    torques: tuple[tuple[int, ...], tuple[int, ...]]
+    positions: Plugs
+    torques: Plugs
 
     @property
     def changes(self) -> int:
         """Number of readings that change their joint or sign; a common sign counts as one."""
-        return sum(sum(place != index for index, place in enumerate(order))
-                   + (1 if set(signs) == {-1} else signs.count(-1))
-                   for order, signs in (self.positions, self.torques))
+        return sum(sum(place != index for index, place in enumerate(plugs.order))
+                   + (1 if set(plugs.signs) == {-1} else plugs.signs.count(-1))
+                   for plugs in (self.positions, self.torques))
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ class Judged:
 
 def right_wiring(joints: int) -> Wiring:
     """Return the wiring in which everything is in its place."""
-    plain = (tuple(range(joints)), (1,) * joints)
+    plain = Plugs(tuple(range(joints)), (1,) * joints)
     return Wiring(plain, plain)
 
 
@@ -101,7 +104,7 @@ def believed_wiring(stretches: Sequence[Stretch], geometry: Geometry | None,
     thin = [part.thinned(max(1, samples // ROWS)) for part in stretches]
     judged = []
     for positions in _wirings_of_positions(joints):
-        turned = [part.rewired(*positions) for part in thin]
+        turned = [part.rewired(positions.order, positions.signs) for part in thin]
         if geometry is not None and not _may_close(turned, geometry):
             continue
         try:
@@ -118,12 +121,13 @@ def believed_wiring(stretches: Sequence[Stretch], geometry: Geometry | None,
     if chosen.wiring == right_wiring(joints):
         return None
     try:
-        full = equations_of([part.rewired(*chosen.wiring.positions) for part in stretches],
-                            geometry)
+        positions = chosen.wiring.positions
+        full = equations_of([part.rewired(positions.order, positions.signs)
+                             for part in stretches], geometry)
     except UnreachableError:
         return None
-    order, signs = chosen.wiring.torques
-    torque = np.asarray(signs) * full.tau[:, list(order)]
+    torques = chosen.wiring.torques
+    torque = np.asarray(torques.signs) * full.tau[:, list(torques.order)]
     fit = full.fit(torque)
     if not fit.physical or fit.error > LARGEST_ERROR:
         return None
@@ -133,20 +137,20 @@ def believed_wiring(stretches: Sequence[Stretch], geometry: Geometry | None,
     return chosen.wiring if decisive else None
 
 
-def _wirings_of_positions(joints: int) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
+def _wirings_of_positions(joints: int) -> Iterator[Plugs]:
     """Yield orders and signs of positions: one joint turned over, all, or two exchanged.
 
     A plug in a wrong socket exchanges two joints; three or four in a ring are tried too. Signs and
     orders together are not: nobody makes both mistakes at once, and the torques' may join them.
     """
     plain, straight = tuple(range(joints)), (1,) * joints
-    yield plain, straight
+    yield Plugs(plain, straight)
     for signs in product((1, -1), repeat=joints):
         if -1 in signs:
-            yield plain, signs
+            yield Plugs(plain, signs)
     for order in permutations(range(joints)):
         if order != plain:
-            yield order, straight
+            yield Plugs(order, straight)
 
 
 def _may_close(stretches: Sequence[Stretch], geometry: Geometry) -> bool:
@@ -156,8 +160,7 @@ def _may_close(stretches: Sequence[Stretch], geometry: Geometry) -> bool:
     return bool(np.mean(~closes(geometry, probes)) <= MOST_OPEN)
 
 
-def _wirings_of_torques(rows: Equations
-                        ) -> list[tuple[tuple[tuple[int, ...], tuple[int, ...]], float]]:
+def _wirings_of_torques(rows: Equations) -> list[tuple[Plugs, float]]:
     """Return every order and sign of the torques that gives a machine, with its error."""
     joints = rows.tau.shape[1]
     targets = [rows.without_slack(rows.tau, joint) for joint in range(joints)]
@@ -174,7 +177,7 @@ def _wirings_of_torques(rows: Equations
             left = power - moment @ inverse @ moment
             error = float(np.sqrt(max(left, 0.0) / max(power, 1e-30)))
             if is_physical(inverse @ moment):
-                found.append(((order, signs), error))
+                found.append((Plugs(order, signs), error))
     return found
 
 
@@ -196,8 +199,8 @@ def wiring_findings(wiring: Wiring, before: float | None, after: float, physical
         so_far = 'which so far only negative masses or friction do'
     gain = f'the rigid bodies explain {percent(max(after, 0.0), 3)} of the torque {so_far}'
     found = []
-    exchanged = {name: tuple(joint for joint, place in enumerate(order) if place != joint)
-                 for name, (order, _) in _named(wiring)}
+    exchanged = {name: tuple(joint for joint, place in enumerate(plugs.order) if place != joint)
+                 for name, plugs in _named(wiring)}
     if any(exchanged.values()):
         what = ' and '.join(name for name, joints in exchanged.items() if joints)
         joints = tuple(sorted({joint for own in exchanged.values() for joint in own}))
@@ -208,17 +211,17 @@ def wiring_findings(wiring: Wiring, before: float | None, after: float, physical
             f'right, {gain}',
             'Correct the wiring, or the order of the names in the messages that carry the '
             f'{what}: ' + '; '.join(
-                f'{name} named {", ".join(str(place) for place in order)} belong to joints '
-                f'{", ".join(str(joint) for joint in range(len(order)))}'
-                for name, (order, _) in _named(wiring) if exchanged[name]) + '.', True))
-    turned = {name: tuple(joint for joint, sign in enumerate(signs) if sign < 0)
-              for name, (_, signs) in _named(wiring)}
+                f'{name} named {", ".join(str(place) for place in plugs.order)} belong to '
+                f'joints {", ".join(str(joint) for joint in range(len(plugs.order)))}'
+                for name, plugs in _named(wiring) if exchanged[name]) + '.', True))
+    turned = {name: tuple(joint for joint, sign in enumerate(plugs.signs) if sign < 0)
+              for name, plugs in _named(wiring)}
     if any(turned.values()):
-        same = wiring.positions[1] == wiring.torques[1]
+        same = wiring.positions.signs == wiring.torques.signs
         what = 'position and torque' if same else ' and '.join(
             name.removesuffix('s') for name, joints in turned.items() if joints)
         joints = tuple(sorted({joint for own in turned.values() for joint in own}))
-        whose = ('all joints' if len(joints) == len(wiring.positions[0]) and len(joints) > 1 else
+        whose = ('all joints' if 1 < len(joints) == len(wiring.positions.order) else
                  f'joint{"s" if len(joints) > 1 else ""} '
                  f'{listed([str(joint) for joint in joints])}')
         found.append(Finding(
@@ -230,5 +233,5 @@ def wiring_findings(wiring: Wiring, before: float | None, after: float, physical
     return found
 
 
-def _named(wiring: Wiring) -> tuple[tuple[str, tuple[tuple[int, ...], tuple[int, ...]]], ...]:
+def _named(wiring: Wiring) -> tuple[tuple[str, Plugs], ...]:
     return ('positions', wiring.positions), ('torques', wiring.torques)
