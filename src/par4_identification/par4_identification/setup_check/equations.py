@@ -262,16 +262,21 @@ def equations_of(stretches: Sequence[Stretch], geometry: Geometry | None, filter
     Raises:
         UnreachableError: joint positions with which the mechanism does not close.
     """
-    parts = []
+    torques, valid = [], []
     for part in stretches:
-        speed, tau = np.abs(part.qd), part.tau
-        valid = speed >= (SLOW if geometry is not None else slow_of_axis(part))
+        tau = part.tau
+        moves = np.abs(part.qd) >= (SLOW if geometry is not None else slow_of_axis(part))
         if filtered and _is_long(part):
             tau = low_pass(tau, part.cutoff_hz, part.period)
-            valid = ~near(~valid, round(reach_of(part.cutoff_hz * part.period)))
-        parts.append((np.full(len(part.t), part.log), part.t, part.q, tau, valid & part.known))
-    log, t, q, tau, valid = (np.concatenate(rows) for rows in zip(*parts, strict=True))
-    return Equations(log, t, q, columns_at(stretches, geometry, filtered, columns_of), tau, valid)
+            moves = ~near(~moves, round(reach_of(part.cutoff_hz * part.period)))
+        torques.append(tau)
+        valid.append(moves & part.known)
+    return Equations(
+        log=np.concatenate([np.full(len(part.t), part.log) for part in stretches]),
+        t=np.concatenate([part.t for part in stretches]),
+        q=np.concatenate([part.q for part in stretches]),
+        columns=columns_at(stretches, geometry, filtered, columns_of),
+        tau=np.concatenate(torques), valid=np.concatenate(valid))
 
 
 def columns_at(stretches: Sequence[Stretch], geometry: Geometry | None, filtered: bool = True,

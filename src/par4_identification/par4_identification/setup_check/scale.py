@@ -8,11 +8,12 @@ answer a count, masses that the platform cannot go below, or a model that is kno
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from par4_dynamics.base_terms import BASE_TERMS
+from par4_dynamics.base_terms import BASE_TERMS, FRICTION, INERTIA, PLATFORM_MASSES
 from par4_dynamics.model import Model
 from par4_identification.setup_check.drive_answer import answer_of
 from par4_identification.setup_check.equations import Equations, equations_of, stretches_of
@@ -36,6 +37,8 @@ NEAR_GAIN = 0.08
 """Deviation, in logarithm, within which a common factor is taken for the gain of the drives or
 for a thousand: then the torques are in a wrong unit."""
 THOUSAND = 1e3
+NAMES = tuple(term.name for term in BASE_TERMS)
+"""Of the base parameters, in the order of their columns."""
 UNSEEN = note(
     'Whether all torques are too large or too small by one factor cannot be seen in these '
     'data: every parameter would be so by the same factor.',
@@ -64,7 +67,7 @@ def scale_findings(check: SetupCheck, model: Model | None) -> SetupCheck:
     limit = machine.drives.torque_limit
     bodies = machine.bodies
     least = 4.0 * bodies.rod_mass + 2.0 * bodies.bar_mass + bodies.tool_mass
-    platform = float(values[1] + values[2])
+    platform = _platform_mass(values)
     joints = tuple(range(rows.tau.shape[1]))
     given = 'torque_limit' in machine.drives.model_fields_set
     if largest > BEYOND_LIMIT * limit and not given:
@@ -114,25 +117,31 @@ def _smaller(largest: float, limit: float, gain: float) -> str:
            f'{number(largest / gain, 3)} N m'
 
 
-def _plain_values(rows: Equations) -> np.ndarray:
-    """Return the base parameters (p,) that explain the torque best, nothing taken out."""
+def _plain_values(rows: Equations) -> dict[str, float]:
+    """Return the base parameters that explain the torque best, nothing taken out, by name."""
     columns, target = rows.columns[rows.valid], rows.tau[rows.valid]
-    return np.linalg.lstsq(columns, target, rcond=1e-10)[0]
+    values = np.linalg.lstsq(columns, target, rcond=1e-10)[0]
+    return dict(zip(NAMES, values.tolist(), strict=True))
 
 
-def _against_model(check: SetupCheck, robot: Robot, values: np.ndarray, model: Model,
-                   rows: Equations) -> SetupCheck:
+def _platform_mass(values: Mapping[str, float]) -> float:
+    return sum(values[name] for name in PLATFORM_MASSES)
+
+
+def _against_model(check: SetupCheck, robot: Robot, values: Mapping[str, float],
+                   model: Model, rows: Equations) -> SetupCheck:
     """Return the check with the factor by which all parameters differ from those of a model."""
-    known = np.array([float(np.mean(model.values[term.name])) for term in BASE_TERMS])
-    speed = float(np.median(np.abs(rows.columns[..., 5][rows.valid])))
-    parts = np.array([(part[0], part[1] + part[2], part[4] + speed * part[5])
-                      for part in (values, known)])  # inertia, mass, friction
-    if (parts <= 0.0).any():
+    known = {name: float(np.mean(model.values[name])) for name in NAMES}
+    coulomb, viscous = FRICTION
+    speed = float(np.median(np.abs(rows.columns[..., NAMES.index(viscous)][rows.valid])))
+    sizes = np.array([(part[INERTIA], _platform_mass(part), part[coulomb] + speed * part[viscous])
+                      for part in (values, known)])
+    if (sizes <= 0.0).any():
         return check
-    ratio = np.log(parts[0] / parts[1])
-    factor = float(np.mean(ratio[:2]))
-    if (abs(factor) < math.log(SMALLEST) or abs(ratio[0] - ratio[1]) > ALIKE
-            or abs(ratio[2] - factor) > max(ALIKE, FRICTION_ALIKE * abs(factor))):
+    inertia, mass, friction = ratio = np.log(sizes[0] / sizes[1]).tolist()
+    factor = 0.5 * (inertia + mass)
+    if (abs(factor) < math.log(SMALLEST) or abs(inertia - mass) > ALIKE
+            or abs(friction - factor) > max(ALIKE, FRICTION_ALIKE * abs(factor))):
         return check
     joints = tuple(range(rows.tau.shape[1]))
     gains = np.asarray(robot.drives.gain, dtype=float)
@@ -163,9 +172,9 @@ def _against_model(check: SetupCheck, robot: Robot, values: np.ndarray, model: M
     return check.after([Finding(
         'common_gain', joints, None,
         f'{told}: all torques are recorded {number(common, 3)} times too large '
-        f'(+- {percent(abs(float(ratio[0] - ratio[1])) / 2.0)})' if common > 1.0 else
+        f'(+- {percent(abs(inertia - mass) / 2.0)})' if common > 1.0 else
         f'{told}: all torques are recorded too small by the factor {number(common, 3)} '
-        f'(+- {percent(abs(float(ratio[0] - ratio[1])) / 2.0)})',
+        f'(+- {percent(abs(inertia - mass) / 2.0)})',
         f'Divide drives.gain of the robot file by {number(common, 4)}, or check the scale of the '
         'torque where it is recorded.', True)],
         [replace(log, tau=log.tau / common) for log in check.logs])

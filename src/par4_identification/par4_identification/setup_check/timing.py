@@ -110,25 +110,26 @@ def timing_of(rows: Equations, rival: Equations | None = None) -> Timing | None:
     start, end = float(rows.t[0]), float(rows.t[-1])
     middle = 0.5 * (start + end)
     now = rows.fit()
-    delay, _, delay_std, _, fit = _refined(rows, torque, float(grid[np.argmin(left)]), middle,
-                                           drifts=False)
-    drifting = _refined(rows, torque, delay, middle, drifts=True)
-    late, rate, _, rate_std, own = drifting
+    late = _refined(rows, torque, float(grid[np.argmin(left)]), middle, drifts=False)
+    drifting = _refined(rows, torque, late.delay, middle, drifts=True)
+    delay, fit = late.delay, late.fit
+    rate, own = drifting.rate, drifting.fit
     smallest, fewer, by_drift = (
         (SMALLEST_DELAY_OF_AXIS, FEWER_ON_AXIS, FEWER_ON_AXIS) if rows.of_axis
         else (SMALLEST_DELAY, FEWER, FEWER_BY_DRIFT))
     drifts = (abs(rate) * (end - start) > SMALLEST_DRIFT
-              and max(SMALLEST_RATE, DRIFT_DEVIATIONS * rate_std) < abs(rate) < LARGEST_RATE
+              and abs(rate) > max(SMALLEST_RATE, DRIFT_DEVIATIONS * drifting.rate_std)
+              and abs(rate) < LARGEST_RATE
               and own.left < min(by_drift * fit.left, other) and own.physical
               and own.error < min(UNEXPLAINED, BETTER * before.error))
     if drifts:
-        return Timing(late - rate * (middle - start), rate, start, end,
-                      (drifting[2], rate_std), before, own)
-    told = abs(delay) > smallest and np.isfinite(delay_std)  # a constant torque has no time
+        return Timing(drifting.delay - rate * (middle - start), rate, start, end,
+                      (drifting.delay_std, drifting.rate_std), before, own)
+    told = abs(delay) > smallest and np.isfinite(late.delay_std)  # a constant torque has no time
     if told and fit.left < min(fewer * now.left, other) and fit.physical and (
             abs(delay) < LONGEST and fit.error < min(
                 UNEXPLAINED, BETTER * before.error)):
-        return Timing(delay, 0.0, start, end, (delay_std, 0.0), before, fit)
+        return Timing(delay, 0.0, start, end, (late.delay_std, 0.0), before, fit)
     return None
 
 
@@ -175,9 +176,27 @@ class _Torque:
         return values
 
 
+@dataclass(frozen=True)
+class _Refined:
+    """The bottom of the valley.
+
+    Attributes:
+        delay: at the middle of the log, s.
+        rate: by which the torque's clock runs fast.
+        delay_std, rate_std: standard deviations; that of a rate of zero is zero.
+        fit: with the torque at its time.
+    """
+
+    delay: float
+    rate: float
+    delay_std: float
+    rate_std: float
+    fit: Fit
+
+
 def _refined(rows: Equations, torque: _Torque, delay: float, middle: float, drifts: bool
-             ) -> tuple[float, float, float, float, Fit]:
-    """Return delay at `middle`, rate, their standard deviations and the fit (Gauss, Newton)."""
+             ) -> _Refined:
+    """Return the bottom of the valley near a delay at `middle` (Gauss, Newton)."""
     values = np.array((delay, 0.0))
     free = 2 if drifts else 1
     covariance = np.full((2, 2), np.inf)
@@ -203,8 +222,8 @@ def _refined(rows: Equations, torque: _Torque, delay: float, middle: float, drif
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     std[0] = clustered_std(system[:, -free:], left, clusters_of(rows.t, rows.log, rows.valid),
                            basis_of(system[:, :-free]))[0]
-    return (float(values[0]), float(values[1]), float(std[0]),
-            float(std[1]) if drifts else 0.0, rows.fit(torque.at(late)))
+    return _Refined(float(values[0]), float(values[1]), float(std[0]),
+                    float(std[1]) if drifts else 0.0, rows.fit(torque.at(late)))
 
 
 def on_time(log: Log, timing: Timing) -> Log:
