@@ -15,7 +15,7 @@ at once, cut the log into segments, which are never joined.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -25,7 +25,7 @@ from par4_identification.logs.accounts import SHORTEST_SEGMENT, Accounts
 from par4_identification.logs.bag import read_bag
 from par4_identification.logs.clock import Clock
 from par4_identification.logs.counters import going_on, restarts_of
-from par4_identification.logs.grid import EVEN, grid_of
+from par4_identification.logs.grid import EVEN, Grid, grid_of
 from par4_identification.logs.jumps import without_turns
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import count, stretches
@@ -34,6 +34,7 @@ from par4_identification.logs.reference import reference_of
 from par4_identification.logs.refresh import at_refreshes, fresh
 from par4_identification.logs.series import (
     FEWEST_SAMPLES,
+    Series,
     interpolated,
     refuse_two_sources,
     series_of,
@@ -83,19 +84,83 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     (position, position_held), (torque, torque_held) = fresh(position), fresh(torque)
     if torque.period > max(position.period, GAP * 1e9 * torque.counts.period):
         position = at_refreshes(position, torque)
-    wraps: tuple[int, ...] = ()
+    together = _put_together(position, machine)
+    position = together.position
+    grid = grid_of(position)
+    cut = _with_torque(grid, torque, clock)
+    ends = np.cumsum([0] + [len(time) for time, _, _ in cut.segments]).tolist()
+    samples = ends[-1]
+    if samples < FEWEST_SAMPLES:
+        raise InputError(
+            f'{path}: {samples} usable samples of {position.counts.read} on {states.topic} '
+            f'({position.counts.not_finite} not finite, {cut.without_torque} without torque, '
+            f'{cut.short} in segments shorter than {SHORTEST_SEGMENT}), at least {FEWEST_SAMPLES} '
+            'are needed; record a longer bag')
+    time, q, tau = (columns[0] if len(cut.segments) == 1 else np.concatenate(columns)
+                    for columns in zip(*cut.segments, strict=True))
+    reference, reference_note = reference_of(bag, joints, clock)
+    accounts = Accounts(
+        bag=str(path), namespace=bag.namespace, duration=1e-9 * float(time[-1] - time[0]),
+        samples=samples, segments=len(cut.segments), period=1e-9 * grid.period,
+        resampled=grid.resampled, filled=grid.filled, clock_resets=len(clock.joins),
+        short_segments=cut.short, without_torque=cut.without_torque,
+        torque_source=torque_source, torque_disagreement=disagreement,
+        position=position.counts, torque=torque.counts, reordered=reordered(states, joints),
+        ignored_joints=tuple(sorted({name for names in states.layouts for name in names}
+                                    - set(joints))),
+        ignored_topics=bag.ignored, unreadable=bag.unreadable, reference=reference_note,
+        clock_offset=offset, other_source=len(rows.stamp) - len(own.stamp),
+        mixed=tuple((1e-9 * first, 1e-9 * last) for first, last in source.mixed),
+        wraps=together.wraps, restarts=together.restarts,
+        jumps=tuple(1e-9 * time for time in grid.jumps),
+        held={name: held for name, held in (('position', position_held), ('torque', torque_held))
+              if held})
+    return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,
+               tuple(slice(start, end) for start, end in pairwise(ends)), reference, accounts)
+
+
+@dataclass(frozen=True)
+class _Together:
+    """Positions that were put together where readings jump though joints go on; see `Accounts`."""
+
+    position: Series
+    wraps: dict[str, int]
+    restarts: dict[str, tuple[int, float, str]]
+
+
+def _put_together(position: Series, machine: Robot | Axis) -> _Together:
+    """Return positions without the jumps of readings that wrap round or count from new."""
+    joints, width = machine.joint_names, np.diff(position.stamp) / position.period
+    wraps: dict[str, int] = {}
     if isinstance(machine, Robot) or machine.kind == 'revolute':
-        values, often = without_turns(position.values, np.diff(position.stamp) / position.period)
-        position, wraps = replace(position, values=values), tuple(often.tolist())
-    restarts = None
+        values, often = without_turns(position.values, width)
+        position = replace(position, values=values)
+        wraps = {joint: times for joint, times in zip(joints, often.tolist(), strict=True) if times}
     if isinstance(machine, Axis):
         q = position.values[:, 0]
-        restarts = restarts_of(q, np.diff(position.stamp) / position.period)
+        restarts = restarts_of(q, width)
         if restarts is not None:
             position = replace(position, values=going_on(q, restarts)[:, None])
-    grid = grid_of(position)
+            return _Together(position, wraps, {
+                joints[0]: (len(restarts.steps), restarts.way, unit_on(machine, 'rad'))})
+    return _Together(position, wraps, {})
 
-    parts, short, without_torque = [], grid.short, 0
+
+@dataclass(frozen=True)
+class _Cut:
+    """Segments of (time (n,) ns, q (n, J), tau (n, J)), and what was left out to make them.
+
+    `short` are samples of segments that are too short.
+    """
+
+    segments: list[tuple[np.ndarray, np.ndarray, np.ndarray]]
+    short: int
+    without_torque: int
+
+
+def _with_torque(grid: Grid, torque: Series, clock: Clock) -> _Cut:
+    """Return the segments of a grid where the torque is known."""
+    segments, short, without_torque = [], grid.short, 0
     for time, q in grid.pieces:
         tau = interpolated(torque, time, clock, EVEN * grid.period)
         measured = np.isfinite(tau).all(axis=1)
@@ -104,36 +169,5 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
             if end - start < SHORTEST_SEGMENT:
                 short += end - start
             else:
-                parts.append((time[start:end], q[start:end], tau[start:end]))
-    ends = np.cumsum([0] + [len(time) for time, _, _ in parts]).tolist()
-    samples = ends[-1]
-    if samples < FEWEST_SAMPLES:
-        raise InputError(
-            f'{path}: {samples} usable samples of {position.counts.read} on {states.topic} '
-            f'({position.counts.not_finite} not finite, {without_torque} without torque, {short} '
-            f'in segments shorter than {SHORTEST_SEGMENT}), at least {FEWEST_SAMPLES} are needed; '
-            'record a longer bag')
-    time, q, tau = (columns[0] if len(parts) == 1 else np.concatenate(columns)
-                    for columns in zip(*parts, strict=True))
-    reference, reference_note = reference_of(bag, joints, clock)
-    accounts = Accounts(
-        bag=str(path), namespace=bag.namespace, duration=1e-9 * float(time[-1] - time[0]),
-        samples=samples, segments=len(parts), period=1e-9 * grid.period,
-        resampled=grid.resampled,
-        filled=grid.filled, clock_resets=len(clock.joins), short_segments=short,
-        without_torque=without_torque, torque_source=torque_source,
-        torque_disagreement=disagreement,
-        position=position.counts, torque=torque.counts, reordered=reordered(states, joints),
-        ignored_joints=tuple(sorted({name for names in states.layouts for name in names}
-                                    - set(joints))),
-        ignored_topics=bag.ignored, unreadable=bag.unreadable, reference=reference_note,
-        clock_offset=offset, other_source=len(rows.stamp) - len(own.stamp),
-        mixed=tuple((1e-9 * first, 1e-9 * last) for first, last in source.mixed),
-        wraps={joint: count for joint, count in zip(joints, wraps, strict=False) if count},
-        restarts={} if restarts is None else {
-            joints[0]: (len(restarts.steps), restarts.way, unit_on(machine, 'rad'))},
-        jumps=tuple(1e-9 * time for time in grid.jumps),
-        held={name: held for name, held in (('position', position_held), ('torque', torque_held))
-              if held})
-    return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,
-               tuple(slice(start, end) for start, end in pairwise(ends)), reference, accounts)
+                segments.append((time[start:end], q[start:end], tau[start:end]))
+    return _Cut(segments, short, without_torque)
