@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,7 +17,6 @@ from par4_dynamics.effects.elastic_transmission import (
 )
 from par4_dynamics.effects.springs import USUAL, Drive, Springs
 from par4_dynamics.state import State
-from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.kind import Key
 from par4_identification.diagnosis.evidence.projection import Projection
 
@@ -86,76 +85,104 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
             look chooses as it did then, which is much quicker. If not, the better of two descents
             is.
     """
-    evidence, target = projection.evidence, projection.residual
-    springs = {id(run.state): Springs(run.state) for run in evidence.observations.runs}
-
-    def torque(state: State, key: Key) -> np.ndarray:
-        drive, *compliance = key[1]
-        return springs[id(state)].torque(np.array(compliance), drive, _every(drive))[1]
-
-    def torques(trials: np.ndarray, drive: Drive) -> np.ndarray:
-        return evidence.torques([(ElasticTransmission, (drive, *row)) for row in trials], torque)
-
-    def left(trial: np.ndarray, drive: Drive) -> np.ndarray:
-        return target - projection.rest(torques(trial[None], drive)[:, 0])
-
-    def slopes(trial: np.ndarray, drive: Drive) -> np.ndarray:
-        return -projection.rest(np.concatenate(evidence.whitener.whiten([run.rows(
-            springs[id(run.state)].slopes(trial, drive, _every(drive)))
-            for run in evidence.observations.runs])))
-
-    joints, state = evidence.observations.joints, evidence.observations.runs[0].state
-    soft, stiff = stiffnesses_of(state)
+    twisting = _Twisting(projection)
+    soft, stiff = twisting.stiffnesses
     grid = np.geomspace(VISIBLE / stiff, 1.0 / soft, TRIED)
-    single = np.concatenate([grid[:, None] * unit for unit in np.eye(joints)])
-    looks = [_first_look(projection.rest(torques(single, drive)), target, joints)
-             for drive in COARSE]
+    looks = [twisting.first_look(grid, drive) for drive in COARSE]
     looked = int(np.argmax([worth for _, worth in looks]))
     (chosen, worth), coarse = looks[looked], COARSE[looked]
     if worth <= least:
         return None
-    believed = np.log((2.0 / stiff, 1.0 / soft))
+    again = None
+    if known is not None:
+        again = twisting.freed(twisting.descended(replace(known, first_look=chosen)), price)
+        if again.squares > worth or known.first_look == chosen:
+            return again
+    best = Swing(np.array([3.0 / stiff if index is None else grid[index] for index in chosen]),
+                 0.0, chosen)
+    for drive in (coarse, USUAL):
+        best = twisting.descended(best, drive)
+    best = twisting.freed(best, price)
+    return best if again is None or again.squares < best.squares else again
 
-    def descended(start: Swing, drive: Drive = USUAL) -> Swing:
+
+class _Twisting:
+    """What is left of the target of a projection beside transmissions that twist."""
+
+    def __init__(self, projection: Projection) -> None:
+        self._projection = projection
+        self._evidence = projection.evidence
+        runs = projection.evidence.observations.runs
+        self._springs = {id(run.state): Springs(run.state) for run in runs}
+        self._joints = projection.evidence.observations.joints
+        self.stiffnesses = stiffnesses_of(runs[0].state)
+
+    def first_look(self, grid: np.ndarray, drive: Drive) -> tuple[tuple[int | None, ...], float]:
+        """Return which compliances of a grid explain most, and how much; see `_first_look`."""
+        single = np.concatenate([grid[:, None] * unit for unit in np.eye(self._joints)])
+        alone = self._projection.rest(self._torques(single, drive))
+        return _first_look(alone, self._projection.residual, self._joints)
+
+    def descended(self, start: Swing, drive: Drive = USUAL) -> Swing:
         """Return where compliances and the numbers that `start` tells come to."""
-        names = list(start.told)
+        joints, names = self._joints, list(start.told)
         columns = [*range(joints), *(joints + COMMON.index(name) for name in names)]
 
         def parts(trial: np.ndarray) -> tuple[np.ndarray, Drive]:
             return trial[:joints], replace(drive, **dict(zip(names, trial[joints:].tolist())))
 
+        soft, stiff = self.stiffnesses
         box = np.stack([np.append(np.full(joints, compliance), np.log([
-            BOUNDS[name][side] for name in names])) for side, compliance in enumerate(believed)])
+            BOUNDS[name][side] for name in names]))
+            for side, compliance in enumerate(np.log((2.0 / stiff, 1.0 / soft)))])
         begun = np.clip(np.log(np.append(start.compliance, list(start.told.values()))), *box)
-        found, squares = _descended(lambda trial: left(*parts(trial)),
-                                    lambda trial: slopes(*parts(trial))[:, columns], begun, box)
+        found, squares = _descended(lambda trial: self._left(*parts(trial)),
+                                    lambda trial: self._slopes(*parts(trial))[:, columns], begun,
+                                    box)
         compliance, drive = parts(_of_logarithms(found))
-        return Swing(compliance, _square(target) - squares, chosen,
+        return Swing(compliance, _square(self._projection.residual) - squares, start.first_look,
                      {name: getattr(drive, name) for name in names})
 
-    def freed(found: Swing) -> Swing:
-        """Return what also tells those numbers in common that the data tell."""
+    def freed(self, found: Swing, price: float) -> Swing:
+        """Return what also tells those numbers in common that the data tell; see `swing_in`."""
         for name in COMMON:
-            if name not in found.told and (name != 'damping_ratio' or _ring_in_band(
-                    list(springs.values()), found, evidence)):
-                more = descended(replace(found, told={**found.told, name: getattr(USUAL, name)}))
+            if name not in found.told and (name != 'damping_ratio' or self._rings_in_band(found)):
+                more = self.descended(replace(
+                    found, told={**found.told, name: getattr(USUAL, name)}))
                 if more.squares - found.squares > price and all(
                         ENDED[key][0] < value < ENDED[key][1]
                         for key, value in more.told.items()):
                     found = more
         return found
 
-    again = None
-    if known is not None:
-        again = freed(descended(known))
-        if again.squares > worth or known.first_look == chosen:
-            return again
-    best = Swing(np.array([3.0 / stiff if index is None else grid[index] for index in chosen]),
-                 0.0, chosen)
-    for drive in (coarse, USUAL):
-        best = descended(best, drive)
-    best = freed(best)
-    return best if again is None or again.squares < best.squares else again
+    def _rings_in_band(self, found: Swing) -> bool:
+        """Return whether encoders tell what the softest load does at its resonance.
+
+        Where they do not, too little of it swings, which looks like damping.
+        """
+        drive = replace(USUAL, **found.told)
+        return all(
+            self._springs[id(run.state)].resonances(found.compliance, drive).min()
+            < IN_BAND * run.state.told_hz for run in self._evidence.observations.runs)
+
+    def _torque(self, state: State, key: Key) -> np.ndarray:
+        drive, *compliance = key[1]
+        return self._springs[id(state)].torque(np.array(compliance), drive, _every(drive))[1]
+
+    def _torques(self, trials: np.ndarray, drive: Drive) -> np.ndarray:
+        """Return the whitened, stacked torques (N, k) of compliances (k, J)."""
+        return self._evidence.torques(
+            [(ElasticTransmission, (drive, *row)) for row in trials], self._torque)
+
+    def _left(self, trial: np.ndarray, drive: Drive) -> np.ndarray:
+        return self._projection.residual - self._projection.rest(
+            self._torques(trial[None], drive)[:, 0])
+
+    def _slopes(self, trial: np.ndarray, drive: Drive) -> np.ndarray:
+        evidence = self._evidence
+        return -self._projection.rest(np.concatenate(evidence.whitener.whiten([run.rows(
+            self._springs[id(run.state)].slopes(trial, drive, _every(drive)))
+            for run in evidence.observations.runs])))
 
 
 def stiffnesses_of(state: State) -> tuple[float, float]:
@@ -165,16 +192,6 @@ def stiffnesses_of(state: State) -> tuple[float, float]:
     """
     return believed_stiffnesses(
         float(state.known.values['actuator_inertia'][0]) if state.geometry is None else None)
-
-
-def _ring_in_band(springs: Sequence[Springs], found: Swing, evidence: Evidence) -> bool:
-    """Return whether encoders tell what the softest load does at its resonance.
-
-    Where they do not, too little of it swings, which looks like damping.
-    """
-    drive = replace(USUAL, **found.told)
-    return all(own.resonances(found.compliance, drive).min() < IN_BAND * run.state.told_hz
-               for own, run in zip(springs, evidence.observations.runs))
 
 
 def _first_look(alone: np.ndarray, target: np.ndarray, joints: int
