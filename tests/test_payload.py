@@ -12,7 +12,7 @@ from test_commands import run, simulated
 
 from par4_dynamics.model import read_model
 from par4_identification.commands import identify
-from par4_identification.gains.unknown_payload import Payload, payload_of_runs
+from par4_identification.gains.unknown_payload import WeighedPayload, payload_of_runs
 from par4_identification.reports.outcome.payload import payload_json, payload_remark
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError
@@ -88,8 +88,8 @@ def test_bags_that_drown_in_noise_do_not_tell_the_half():
 
 def payload(first, second, std_1=0.01, std_2=0.01, correlation=0.0):
     shared = correlation * std_1 * std_2
-    return Payload(np.array((first, second)), np.array(((std_1 ** 2, shared),
-                                                        (shared, std_2 ** 2))))
+    return WeighedPayload(np.array((first, second)), np.array(((std_1 ** 2, shared),
+                                                               (shared, std_2 ** 2))))
 
 
 def test_mass_and_likelihood_are_those_of_the_constrained_fit():

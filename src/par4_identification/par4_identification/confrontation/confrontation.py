@@ -49,9 +49,8 @@ Followed = Literal['reference', 'measured motion']
 
 
 @dataclass(frozen=True)
-class Errors:
-    """Rms (J,) of a difference with the model before and after, and what a perfect model leaves.
-    """
+class Differences:
+    """Rms (J,) of what differs with the model before and after, and what a perfect model leaves."""
 
     baseline: np.ndarray
     extended: np.ndarray
@@ -95,9 +94,9 @@ class Confrontation:
     measured: np.ndarray
     baseline: np.ndarray
     extended: np.ndarray
-    torque: Errors
+    torque: Differences
     deviations: tuple[np.ndarray, np.ndarray, np.ndarray] | None
-    motion: Errors | None
+    motion: Differences | None
     tracking: tuple[np.ndarray, np.ndarray] | None
 
 
@@ -217,7 +216,7 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
         counts = robot.drives.encoder_counts
         # both positions are rounded to counts, each with a variance of step^2 / 12
         rounding = np.full(LEGS, 2.0 * np.pi / counts / np.sqrt(6.0) if counts else 0.0)
-        motion = Errors(_rms(old_q - measured_q), _rms(new_q - measured_q), rounding)
+        motion = Differences(_rms(old_q - measured_q), _rms(new_q - measured_q), rounding)
     followed = None
     if not same:
         with_old, with_new = tracking(robot, after, (before, after), path, part.t, progress)
@@ -227,8 +226,8 @@ def confront(robot: Robot, baseline: ModelFile, extended: ModelFile, log: Log,
         followed='measured motion' if why else 'reference', why=why,
         drives_unlike=course.drives_unlike, same=same,
         t=measured.t[rows], valid=valid, measured=torques[0], baseline=torques[1],
-        extended=torques[2], torque=Errors(_rms(torques[1] - torques[0], valid),
-                                           _rms(torques[2] - torques[0], valid), noise),
+        extended=torques[2], torque=Differences(_rms(torques[1] - torques[0], valid),
+                                                _rms(torques[2] - torques[0], valid), noise),
         deviations=deviations, motion=motion, tracking=followed)
 
 

@@ -39,7 +39,7 @@ LARGEST_SHARE = 0.1
 
 
 @dataclass(frozen=True)
-class Payload:
+class WeighedPayload:
     """What bags with an unknown payload say of it.
 
     Attributes:
@@ -108,7 +108,7 @@ class Payload:
 
 
 def payload_of_runs(runs: Sequence[Run], loaded: Collection[str], machine: Robot | Axis,
-                    rigid_body: RigidBody = 'paper') -> Payload:
+                    rigid_body: RigidBody = 'paper') -> WeighedPayload:
     """Return what the runs of loaded bags have beyond those of the others.
 
     Args:
@@ -145,7 +145,7 @@ def payload_of_runs(runs: Sequence[Run], loaded: Collection[str], machine: Robot
     return _common(estimate.values[found], estimate.covariance[np.ix_(found, found)])
 
 
-def _common(halves: np.ndarray, covariance: np.ndarray) -> Payload:
+def _common(halves: np.ndarray, covariance: np.ndarray) -> WeighedPayload:
     """Return the payload nearest to what each joint tells of M_1 and M_2, (2 J,)."""
     weight = np.linalg.inv(covariance)
     repeat = np.tile(np.eye(2), (len(halves) // 2, 1))
@@ -153,4 +153,4 @@ def _common(halves: np.ndarray, covariance: np.ndarray) -> Payload:
     mean = spread @ repeat.T @ weight @ halves
     left = halves - repeat @ mean
     birge = float(left @ weight @ left) / (len(halves) - 2)
-    return Payload(mean, spread * max(1.0, birge))
+    return WeighedPayload(mean, spread * max(1.0, birge))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from par4_identification.confrontation.confrontation import Confrontation, Errors, Unsimulated
+from par4_identification.confrontation.confrontation import Confrontation, Differences, Unsimulated
 from par4_identification.reports.names import Names
 from par4_identification.reports.outcome.confrontation import MILLI, confrontation_in_words
 from par4_identification.reports.outcome.outcome import over_joints
@@ -43,12 +43,13 @@ def confrontation_cells(confrontation: Confrontation | Unsimulated | None, names
     return {'words': confrontation_in_words(confrontation), 'rows': rows, **pictures}
 
 
-def _rows(quantity: str, errors: Errors, unit: str, same: bool, factor: float = 1.0) -> Rows:
-    parts = [('old model', errors.baseline), ('extended model', errors.extended)]
+def _rows(quantity: str, differences: Differences, unit: str, same: bool, factor: float = 1.0
+          ) -> Rows:
+    parts = [('old model', differences.baseline), ('extended model', differences.extended)]
     if same:
-        parts = [('model', errors.extended)]
+        parts = [('model', differences.extended)]
     return [(f'{quantity}, {name}', _cells(rms, factor), unit)
-            for name, rms in (*parts, ('noise floor', errors.floor))]
+            for name, rms in (*parts, ('noise floor', differences.floor))]
 
 
 def _cells(rms: np.ndarray, factor: float) -> list[str]:

@@ -26,11 +26,11 @@ def shapes_of(observations: Observations, effect: Effect) -> tuple[Shape, ...]:
     name = order_name(effect)
     if name is None or run.state.geometry is not None or not run.valid.any():
         return shapes
-    highest = highest_order(run)
+    highest = highest_visible_order(run)
     return tuple(shape for shape in shapes if single(shape[name]) <= highest)
 
 
-def highest_order(run: Run) -> float:
+def highest_visible_order(run: Run) -> float:
     """Return the order up to which a periodic torque shows in the slower quarter of a motion.
 
     The filter of the torque lets it pass there.

@@ -46,7 +46,7 @@ from par4_identification.diagnosis.verdict.weak_causes import weak_causes, widen
 MORE = 4.0
 """What a name explains beside unnamed causes, over what it does without them, beyond which they are
 part of it."""
-Errors = Sequence[Sequence[np.ndarray]]
+TorqueErrors = Sequence[Sequence[np.ndarray]]
 """What torques may be wrong by, on the rows to fit and on the rows held out, see `torque_errors`.
 """
 
@@ -132,7 +132,7 @@ def _strongest_first(search: Search, model: Model) -> tuple[Hypothesis, ...]:
 
 
 def _doubted(search: Search, item: Hypothesis, cause: Cause, fit: Fit, model: Model,
-             errors: Errors, weak: Sequence[Hypothesis]) -> Doubted:
+             errors: TorqueErrors, weak: Sequence[Hypothesis]) -> Doubted:
     """Return a name with its values, by a fit of the names or of all, and with doubts about them.
 
     Without unnamed causes the values are in doubt by what these change. A name that has nothing to
@@ -201,7 +201,7 @@ def _without_idle_joints(model: Model, named: Sequence[Hypothesis], causes: Sequ
 
 
 def _cause(hypothesis: Hypothesis, search: Search, named: Sequence[Hypothesis], fit: Fit,
-           blocks: Blocks, model: Model, errors: Errors) -> Cause:
+           blocks: Blocks, model: Model, errors: TorqueErrors) -> Cause:
     evidence, heldout = search.pool.evidence, search.pool.heldout
     judgement, index = judge(search, hypothesis, model), named.index(hypothesis)
     before, after = (left_by(heldout, part, solve(evidence, part))
@@ -217,7 +217,7 @@ def _cause(hypothesis: Hypothesis, search: Search, named: Sequence[Hypothesis], 
         by_shape=variance_of_shape(evidence, hypothesis, fit, index, errors[0]))
 
 
-def _parameters(search: Search, hypothesis: Hypothesis, fit: Fit, model: Model, errors: Errors
+def _parameters(search: Search, hypothesis: Hypothesis, fit: Fit, model: Model, errors: TorqueErrors
                 ) -> dict[str, Parameter]:
     """Return the parameters of a name by a fit of all causes of a model or of the named ones."""
     evidence, heldout = search.pool.evidence, search.pool.heldout

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from par4_identification.confrontation.confrontation import Confrontation, Errors, Unsimulated
+from par4_identification.confrontation.confrontation import Confrontation, Differences, Unsimulated
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_sim.report.outcome import Remark
 from par4_sim.report.results import plain
@@ -65,19 +65,19 @@ def simulation_json(confrontation: Confrontation | Unsimulated | None) -> dict[s
     return plain({
         'bag': confrontation.log, 'start': confrontation.start, 'end': confrontation.end,
         'fidelity': confrontation.fidelity, 'followed': confrontation.followed,
-        'why': confrontation.why or None, 'torque': _errors_json(confrontation.torque),
-        'motion': confrontation.motion and _errors_json(confrontation.motion),
+        'why': confrontation.why or None, 'torque': _differences_json(confrontation.torque),
+        'motion': confrontation.motion and _differences_json(confrontation.motion),
         'tracking': tracking and {'baseline_rms': tracking[0], 'extended_rms': tracking[1]}})
 
 
-def _errors_json(errors: Errors) -> dict[str, Any]:
-    return {'baseline_rms': errors.baseline, 'extended_rms': errors.extended,
-            'floor_rms': errors.floor}
+def _differences_json(rms: Differences) -> dict[str, Any]:
+    return {'baseline_rms': rms.baseline, 'extended_rms': rms.extended, 'floor_rms': rms.floor}
 
 
-def _change(confrontation: Confrontation, errors: Errors, unit: str, factor: float = 1.0) -> str:
+def _change(confrontation: Confrontation, differences: Differences, unit: str, factor: float = 1.0
+            ) -> str:
     before, after, floor = (number(factor * over_joints(rms), 2) for rms in (
-        errors.baseline, errors.extended, errors.floor))
+        differences.baseline, differences.extended, differences.floor))
     if confrontation.same:
         return f'differs from the measured one by {after} {unit} rms, the noise being {floor}'
     return (f'differs from the measured one by {after} {unit} rms with the extended model, by '

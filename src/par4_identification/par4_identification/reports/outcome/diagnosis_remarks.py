@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from par4_identification.diagnosis.experiment.next_experiment import NextExperiment
-from par4_identification.diagnosis.search.shapes import highest_order
+from par4_identification.diagnosis.search.shapes import highest_visible_order
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis
 from par4_identification.reports.outcome.next_experiment import advice
 from par4_identification.reports.outcome.outcome import FLOOR_EXCESS, over_joints
@@ -126,7 +126,7 @@ def _unseen_orders(runs: Sequence[Run], machine: Axis) -> list[Remark]:
     longest = longest_motion(runs)
     if machine.gear_ratio is None or longest.conditioning.steady or not longest.valid.any():
         return []
-    highest = highest_order(longest)
+    highest = highest_visible_order(longest)
     unseen = [machine.gear_ratio * turns for turns in (1, 2, machine.pole_pairs)
               if turns is not None and machine.gear_ratio * turns > highest]
     if not unseen:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from par4_identification.gains.unknown_payload import Payload
+from par4_identification.gains.unknown_payload import WeighedPayload
 from par4_sim.report.outcome import Remark
 from par4_sim.report.results import plain
 from par4_sim.report.words import listed, number, with_std
@@ -14,7 +14,7 @@ from par4_sim.report.words import listed, number, with_std
 _PLACES = {1: 'half plate 1 (D, the tool)', 2: "half plate 2 (D')"}
 
 
-def payload_remark(payload: Payload, bags: Sequence[str]) -> Remark:
+def payload_remark(payload: WeighedPayload, bags: Sequence[str]) -> Remark:
     """Return what the bags with an unknown payload carry."""
     carry = f'{listed(list(bags))} {"carries" if len(bags) == 1 else "carry"}'
     mass = f'{" ± ".join(with_std(payload.mass, payload.std))} kg'
@@ -39,7 +39,7 @@ def payload_remark(payload: Payload, bags: Sequence[str]) -> Remark:
                         f'half is {number(chance, 1) if chance > 1e-9 else "below 1e-9"}.')
 
 
-def payload_json(payload: Payload, bags: Sequence[str]) -> dict[str, Any]:
+def payload_json(payload: WeighedPayload, bags: Sequence[str]) -> dict[str, Any]:
     """Return the payload as a field of `identification.json`."""
     return plain({
         'bags': list(bags), 'mass': {'value': payload.mass, 'std': payload.std, 'unit': 'kg'},
