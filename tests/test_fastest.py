@@ -10,9 +10,11 @@ import pytest
 from browser import check_in_browser
 from click.testing import CliRunner
 
+from par4_dynamics.base_terms import BASE_TERMS
 from par4_dynamics.model import read_model
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import write_yaml
 from par4_kinematics.geometry import HOME
 from par4_kinematics.motion import Motion, check_limits, waypoints_motion
 from par4_kinematics.motion_file import read_motion, write_motion
@@ -263,6 +265,20 @@ def test_a_fastest_motion_that_somebody_has_changed_stays(tmp_path):
     assert (place.read_bytes(), place.with_suffix('.csv').read_bytes()) == mine
     asked += ['--peak', '0.001']
     assert written() == ('', {'fastest.yaml', 'fastest.csv'})
+
+
+def test_a_machine_that_cannot_be_is_no_machine_that_is_too_slow(tmp_path):
+    """Its torques can be computed; only the simulation refuses it, at each pace anew."""
+    place = tmp_path / 'weightless.yaml'
+    write_yaml(place, {'schema': 'par4/model/1', 'parameters': {
+        term.name: {'value': 0.0, 'unit': term.unit} for term in BASE_TERMS}})
+    done = CliRunner().invoke(fastest, ['adept', '--machine', str(place), '--output',
+                                        str(tmp_path / 'out')])
+    assert isinstance(done.exception, InputError), done.output
+    assert str(done.exception) == (
+        f'{place}: actuator inertia, kg m2: 0 with the effects of the model, a simulated machine '
+        f'needs at least 1e-09; change the effect or its base parameter')
+    assert not (tmp_path / 'out').exists()
 
 
 def test_the_command_writes_bound_and_runs(tmp_path):

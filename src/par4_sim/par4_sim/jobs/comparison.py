@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from par4_dynamics.model import Model, read_model
+from par4_dynamics.model import Model
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import NAMED_MOTIONS
 from par4_kinematics.robot import Robot, read_robot
 from par4_sim.choices import PERIOD
 from par4_sim.jobs.motion import cycles_asked, motion_asked
+from par4_sim.machines.machine_effects import read_true_model
 from par4_sim.report.results import refuse_unwritable
 from par4_sim.tracking.case import Plan, models_named
 
@@ -61,7 +62,7 @@ def read_asked(motion: str, robot: str, machine: str, controller: tuple[str, ...
         UnreachableError: a sample of the motion that the mechanism cannot take.
     """
     asked = read_robot(robot)
-    truth = read_model(machine, asked)
+    truth = read_true_model(machine, asked)
     models = models_named(feedforward, asked)
     moved = motion_asked(motion, asked, **played)
     refuse_unwritable(output)

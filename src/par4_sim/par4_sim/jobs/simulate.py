@@ -14,6 +14,7 @@ from par4_kinematics.stamps import SECOND
 from par4_sim.closed_loop.offline import simulate_to_bag
 from par4_sim.closed_loop.simulation import build_simulation
 from par4_sim.jobs.motion import refuse_ignored
+from par4_sim.machines.machine_effects import read_true_model
 
 
 def simulated(motion: str, robot: str, model: str, output: Path, fidelity: str,
@@ -25,7 +26,7 @@ def simulated(motion: str, robot: str, model: str, output: Path, fidelity: str,
     refuse_ignored(motion, {'duration': duration, 'motion_seed': motion_seed},
                    {'duration': NAMED_MOTIONS})
     machine = read_robot(robot)
-    truth = read_model(model, machine)
+    truth = read_true_model(model, machine)
     helping = None if feedforward is None else read_model(feedforward, machine)
     played = named_motion(motion, machine, duration, motion_seed or 0)
     simulation = build_simulation(

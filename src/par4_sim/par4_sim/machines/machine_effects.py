@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from par4_dynamics.effects.position_torque import polynomials
-from par4_dynamics.model import ActiveEffect, Model
+from par4_dynamics.model import ActiveEffect, Model, read_model
 from par4_dynamics.state import GRAVITY
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import parse
@@ -38,6 +39,20 @@ def machine_of_model(robot: Robot, model: Model) -> Machine:
         machine = _with_effect(machine, active)
     _refuse_the_impossible(machine)
     return machine
+
+
+def read_true_model(name_or_path: str | Path, robot: Robot) -> Model:
+    """Return the model of a `model.yaml` or built-in name that a simulated machine can have.
+
+    Raises:
+        InputError: see `read_model` and `machine_of_model`; it names the file.
+    """
+    model = read_model(name_or_path, robot)
+    try:
+        machine_of_model(robot, model)
+    except InputError as error:
+        raise InputError(f'{name_or_path}: {error}') from None
+    return model
 
 
 ONCE = ('stribeck', 'nonlinear_viscous', 'friction_drift', 'presliding', 'actuator_lag',

@@ -34,6 +34,7 @@ from par4_sim.choices import LOOKED_AHEAD, PREDICTIVE
 from par4_sim.closed_loop.simulation import Sample, Simulation, build_simulation
 from par4_sim.description.robot_description import complete_description
 from par4_sim.drives.laws import KNOWING
+from par4_sim.machines.machine_effects import read_true_model
 from par4_sim.pictures.window import Window
 from par4_sim.ros.compiled_limits import compiled_limits
 from par4_sim.ros.kept_memory import keep_memory
@@ -112,7 +113,7 @@ class SimulationNode(Par4Node):
 
     def _build(self) -> Simulation:
         asked = self.parameters
-        model = read_model(asked.model_file, self._robot)
+        model = read_true_model(asked.model_file, self._robot)
         return build_simulation(
             self._robot, model, asked.fidelity, 1.0 / asked.publish_rate_hz, asked.seed,
             torque_noise=asked.torque_noise, correlation_time=asked.noise_correlation_time,
