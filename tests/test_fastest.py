@@ -267,18 +267,42 @@ def test_a_fastest_motion_that_somebody_has_changed_stays(tmp_path):
     assert written() == ('', {'fastest.yaml', 'fastest.csv'})
 
 
-def test_a_machine_that_cannot_be_is_no_machine_that_is_too_slow(tmp_path):
-    """Its torques can be computed; only the simulation refuses it, at each pace anew."""
+def refused(tmp_path, *arguments):
+    done = CliRunner().invoke(fastest, ['adept', *map(str, arguments), '--output',
+                                        str(tmp_path / 'out')])
+    assert isinstance(done.exception, InputError), done.output
+    assert not (tmp_path / 'out').exists()
+    return str(done.exception)
+
+
+@pytest.fixture
+def weightless(tmp_path):
+    """Return a model without mass and friction; its torques are 0."""
     place = tmp_path / 'weightless.yaml'
     write_yaml(place, {'schema': 'par4/model/1', 'parameters': {
         term.name: {'value': 0.0, 'unit': term.unit} for term in BASE_TERMS}})
-    done = CliRunner().invoke(fastest, ['adept', '--machine', str(place), '--output',
-                                        str(tmp_path / 'out')])
-    assert isinstance(done.exception, InputError), done.output
-    assert str(done.exception) == (
-        f'{place}: actuator inertia, kg m2: 0 with the effects of the model, a simulated machine '
-        f'needs at least 1e-09; change the effect or its base parameter')
-    assert not (tmp_path / 'out').exists()
+    return place
+
+
+def test_a_machine_that_cannot_be_is_no_machine_that_is_too_slow(tmp_path, weightless):
+    """Its torques can be computed; only the simulation refuses it, at each pace anew."""
+    assert refused(tmp_path, '--machine', weightless) == (
+        f'{weightless}: actuator inertia, kg m2: 0 with the effects of the model, a simulated '
+        f'machine needs at least 1e-09; change the effect or its base parameter')
+
+
+@pytest.mark.parametrize('controller', ['computed_torque', 'predictive'])
+def test_a_model_without_inertia_is_none_for_a_law_that_divides_by_it(tmp_path, weightless,
+                                                                      controller):
+    told = refused(tmp_path, '--controller', controller, '--feedforward', weightless)
+    assert told.startswith('--feedforward weightless: computed torque divides by the inertia')
+    assert '0 kg m2, expected more than 0; give it an actuator_inertia' in told
+
+
+def test_controllers_of_which_none_can_be_tried_are_refused(tmp_path):
+    assert refused(tmp_path, '--controller', 'predictive') == (
+        'controller predictive: needs a model, found --feedforward none; give a model.yaml or '
+        'table1')
 
 
 def test_the_command_writes_bound_and_runs(tmp_path):

@@ -25,6 +25,7 @@ import numpy as np
 from par4_dynamics.mechanism import joint_mass_matrix
 from par4_dynamics.model import Model
 from par4_dynamics.rigid_body import torque_of_joints_sample
+from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import Robot
 from par4_kinematics.workspace import home_pose
@@ -88,6 +89,9 @@ class ComputedTorque(Controller):
         model: whose rigid bodies are known.
         torque_limit: of the commands, N m.
         dt: s.
+
+    Raises:
+        InputError: a model whose joints feel no inertia.
     """
 
     number = COMPUTED_TORQUE
@@ -107,6 +111,15 @@ class ComputedTorque(Controller):
 
 
 def mean_inertia(robot: Robot, model: Model) -> float:
-    """Return the mean of the inertia that a joint feels at home, kg m2: trace of M over four."""
+    """Return the mean of the inertia that a joint feels at home, kg m2: trace of M over four.
+
+    Raises:
+        InputError: a model whose joints feel none.
+    """
     mass = joint_mass_matrix(robot.geometry, model.lumped_bodies(), home_pose(robot))
-    return float(np.trace(mass)) / LEGS
+    inertia = float(np.trace(mass)) / LEGS
+    if not inertia > 0.0:
+        raise InputError(f'computed torque divides by the inertia of a joint at home; the model '
+                         f'has {inertia:.4g} kg m2, expected more than 0; give it an '
+                         f'actuator_inertia or platform masses')
+    return inertia

@@ -11,6 +11,7 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
 from par4_sim.choices import BAND, CYCLES, LEARNING, NO_FEEDFORWARD
+from par4_sim.drives.computed_torque import mean_inertia
 from par4_sim.drives.laws import KNOWING
 from par4_sim.machines.machine_effects import machine_of_model
 from par4_sim.plants.plant import STEP
@@ -157,20 +158,20 @@ def models_named(names: Sequence[str], robot: Robot) -> dict[str, Model | None]:
     return models
 
 
-def compared(plan: Plan, controllers: Sequence[str], models: Mapping[str, Model | None],
-             progress: Callable[[str], None] = lambda _: None) -> list[Case]:
-    """Return the cases of every controller with every model.
+def pairs_of(robot: Robot, controllers: Sequence[str], models: Mapping[str, Model | None]
+             ) -> list[tuple[str, str, Model | None]]:
+    """Return each controller with the name and the model of each that it can work with.
 
     What needs a model is left out where there is none.
 
     Args:
-        plan: what is compared on.
+        robot: that is controlled.
         controllers: of CONTROLLERS.
         models: name -> model, None for none.
-        progress: told what is being simulated.
 
     Raises:
-        InputError: nothing is left to compare, or as `Plan.case`.
+        InputError: no pair is left, or a model whose joints feel no inertia for a law that
+            divides by it.
     """
     pairs = [(controller, name, model) for controller in controllers
              for name, model in models.items()
@@ -178,8 +179,29 @@ def compared(plan: Plan, controllers: Sequence[str], models: Mapping[str, Model 
     if not pairs:
         raise InputError(f'controller {listed(list(controllers))}: needs a model, found '
                          f'--feedforward {NO_FEEDFORWARD}; give a model.yaml or table1')
-    cases = []
     for controller, name, model in pairs:
+        if controller in KNOWING and model is not None:
+            try:
+                mean_inertia(robot, model)
+            except InputError as error:
+                raise InputError(f'--feedforward {name}: {error}') from None
+    return pairs
+
+
+def compared(plan: Plan, controllers: Sequence[str], models: Mapping[str, Model | None],
+             progress: Callable[[str], None] = lambda _: None) -> list[Case]:
+    """Return the cases of every controller with every model.
+
+    Args:
+        plan: what is compared on.
+        controllers, models: as `pairs_of`.
+        progress: told what is being simulated.
+
+    Raises:
+        InputError: as `pairs_of` and `Plan.case`.
+    """
+    cases = []
+    for controller, name, model in pairs_of(plan.robot, controllers, models):
         progress(f'simulating {in_words(controller)} with feedforward {name}')
         cases.append(replace(plan.case(controller, name, model),
                              margin=plan.margin(controller, model)))

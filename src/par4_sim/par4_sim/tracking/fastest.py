@@ -19,7 +19,7 @@ from par4_dynamics.model import Model
 from par4_kinematics.errors import Par4Error
 from par4_kinematics.motion import Motion, check_limits
 from par4_sim.choices import OWN, PEAK, TIMINGS
-from par4_sim.tracking.case import NEED_MODEL, Case, Plan
+from par4_sim.tracking.case import Case, Plan, pairs_of
 from par4_sim.tracking.metrics import (
     errors_of,
     first_limited_torque,
@@ -127,19 +127,20 @@ def fastest_cases(plans: Mapping[str, Plan], controllers: Sequence[str],
 
     Args:
         plans: timing -> plan with the motion of that timing.
-        controllers, models: as `compared`.
+        controllers, models: as `pairs_of`.
         bound, peak, acceleration, jerk: as `fastest_case`.
         progress: told what is being simulated.
+
+    Raises:
+        InputError: as `pairs_of`.
     """
     reached: list[Reached | Unreached] = []
     for timing, plan in plans.items():
-        for controller in controllers:
-            for name, model in models.items():
-                if model is not None or controller not in NEED_MODEL:
-                    progress(f'looking for the fastest pace of {controller} with {name}, '
-                             f'{TIMINGS[timing]}')
-                    reached.append(fastest_case(plan, controller, name, model, bound, peak,
-                                                timing, acceleration, jerk))
+        for controller, name, model in pairs_of(plan.robot, controllers, models):
+            progress(f'looking for the fastest pace of {controller} with {name}, '
+                     f'{TIMINGS[timing]}')
+            reached.append(fastest_case(plan, controller, name, model, bound, peak, timing,
+                                        acceleration, jerk))
     return reached
 
 
