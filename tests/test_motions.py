@@ -505,7 +505,7 @@ def test_recipe_gives_its_motion(tmp_path, recipe):
     ({'schema': MOTION_SCHEMA, 'recipe': {'kind': 'adept', 'speed': 'fast'}}, "'fast'"),
     ({'schema': MOTION_SCHEMA, 'recipe': {'kind': 'adept', 'speed': math.inf}}, 'finite'),
     ({'schema': MOTION_SCHEMA, 'recipe': {'kind': 'adept', 'speed': -1.0}}, 'speed must be'),
-    ({'schema': MOTION_SCHEMA, 'recipe': {'kind': 'waypoints'}}, 'poses: Field required'),
+    ({'schema': MOTION_SCHEMA, 'recipe': {'kind': 'waypoints'}}, 'poses: the key is missing'),
     ({'schema': MOTION_SCHEMA, 'recipe': {'kind': 'circle', 'radius': 3.0}}, 'cannot reach')])
 def test_bad_motion_files_are_refused_in_one_line(tmp_path, content, message):
     path = tmp_path / 'bad.yaml'

@@ -162,8 +162,8 @@ def test_a_motion_file_that_is_refused_names_the_page_with_its_keys(tmp_path, te
     ('schema: par4/robot/2', 'expected schema par4/robot/1 or par4/axis/1'),
     ('- a list', 'expected a mapping'),
     ('{schema: par4/axis/1, name: a, joint: a, kind: revolute, gain: 1.0, geer_ratio: 3.0}',
-     'geer_ratio: no such key (found 3.0)'),
-    ('{schema: par4/robot/1, name: a}', 'geometry: Field required')])
+     'geer_ratio: no such key, did you mean gear_ratio? (found 3.0)'),
+    ('{schema: par4/robot/1, name: a}', 'geometry: the key is missing')])
 def test_a_robot_file_that_is_refused_names_the_page_with_its_keys(tmp_path, text, told):
     path = tmp_path / 'robot.yaml'
     path.write_text(text)

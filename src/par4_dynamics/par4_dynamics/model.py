@@ -33,8 +33,7 @@ from par4_dynamics.rigid_body import (
 )
 from par4_dynamics.state import Nominal, State, state_of_joints, state_of_platform
 from par4_kinematics.arrays import as_matching_rows
-from par4_kinematics.errors import InputError, UnreachableError
-from par4_kinematics.files import quoted
+from par4_kinematics.errors import InputError, UnreachableError, quoted
 from par4_kinematics.geometry import LEGS, Geometry
 from par4_kinematics.machine_units import spelled_alike, unit_on
 from par4_kinematics.robot import Axis, Bodies, Hanging, Robot

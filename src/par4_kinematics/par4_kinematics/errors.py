@@ -1,7 +1,16 @@
 """The errors a user can cause; each is one line that says what was asked, found, exists, to do."""
 
+import reprlib
+
 LONGEST_LINE = 1000
 """Characters of an error; what it quotes from outside may be of any length."""
+_QUOTE = reprlib.Repr()
+_QUOTE.maxlevel, _QUOTE.maxstring, _QUOTE.maxother = 3, 120, 120
+
+
+def quoted(value: object) -> str:
+    """Return a value from outside as an error quotes it, short whatever its size."""
+    return 'nothing' if value is None else _QUOTE.repr(value)
 
 
 def one_line(text: str) -> str:

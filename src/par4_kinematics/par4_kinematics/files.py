@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import reprlib
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -18,10 +17,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from par4_kinematics.errors import InputError
-
-_QUOTE = reprlib.Repr()
-_QUOTE.maxlevel, _QUOTE.maxstring, _QUOTE.maxother = 3, 120, 120
+from par4_kinematics.errors import InputError, quoted
+from par4_kinematics.schema_words import faults_in_words
 
 
 class FileModel(BaseModel):
@@ -45,8 +42,6 @@ def _no_word(value: object) -> object:
 Whole = Annotated[int, BeforeValidator(_no_word)]
 """A whole number; 1e5 is one. Of numbers that need not be whole pydantic has `StrictFloat`."""
 FileType = TypeVar('FileType', bound=FileModel)
-_MESSAGES = {'extra_forbidden': 'no such key'}
-"""What is said of a type of error in the place of pydantic's words."""
 
 
 def read_yaml(path: str | Path) -> object:
@@ -88,13 +83,7 @@ def parse(content: object, model: type[FileType], source: str) -> FileType:
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        found = '; '.join(
-            f'{".".join(map(str, item["loc"])) or "file"}: '
-            f'{_MESSAGES.get(item["type"], item["msg"]).removeprefix("Value error, ")}'
-            + (f' (found {quoted(item["input"])})' if not isinstance(item['input'], dict) else '')
-            for item in error.errors()[:4]
-        )
-        raise InputError(f'{source}: {found}; see {model.page}') from error
+        raise InputError(f'{source}: {faults_in_words(error, model)}; see {model.page}') from error
 
 
 def expect_schema(content: object, schemas: tuple[str, ...], source: str,
@@ -106,17 +95,12 @@ def expect_schema(content: object, schemas: tuple[str, ...], source: str,
     """
     if not isinstance(content, dict):
         raise InputError(f'{source}: expected a mapping with `schema: {schemas[0]}`, found '
-                         f'{type(content).__name__}; see {page}')
+                         f'{quoted(content)}; see {page}')
     found = content.get('schema')
     if found not in schemas:
         raise InputError(f'{source}: expected schema {" or ".join(schemas)}, found '
                          f'{quoted(found)}; see {page}')
     return found
-
-
-def quoted(value: object) -> str:
-    """Return a value from outside as an error quotes it, short whatever its size."""
-    return _QUOTE.repr(value)
 
 
 def resolve_builtin(name_or_path: str | Path, package: str) -> Path:

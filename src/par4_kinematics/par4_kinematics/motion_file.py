@@ -16,7 +16,7 @@ from pydantic import Field, create_model, model_validator
 
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.circle import circle_motion
-from par4_kinematics.errors import InputError, Par4Error
+from par4_kinematics.errors import InputError, Par4Error, quoted
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.files import (
     FileModel,
@@ -109,7 +109,7 @@ def _checked_recipe(recipe: Mapping[str, Any], source: str) -> FileModel:
     kind = recipe.get('kind')
     if not isinstance(kind, str) or kind not in RECIPES:
         raise InputError(f'{source}: expected a recipe of kind {", ".join(RECIPES)}, found '
-                         f'{kind!r}; see {PAGE}')
+                         f'{quoted(kind)}; see {PAGE}')
     return parse(dict(recipe), recipe_model(kind), f'{source}: recipe {kind}')
 
 
