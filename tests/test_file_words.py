@@ -87,6 +87,49 @@ def test_keys_of_entries_of_lists_and_mappings_are_known(tmp_path):
     assert 'parameters.actuator_inertia.valu: no such key, did you mean value?' in line
 
 
+@pytest.mark.parametrize(('text', 'words'), [
+    ('a: *x', 'not YAML in line 1: *x stands for nothing; put text that begins with * in quotes '
+              "(found 'a: *x')"),
+    ('a: 1\nb: [1, 2\n', 'not YAML in line 2: a bracket is not closed by ]; close it (found '),
+    ('a: [1, 2\nb: 3\n', 'not YAML in line 2: a comma or ] is missing before this; add it (found '),
+    ('a: {\n', 'not YAML in line 1: a bracket is not closed'),
+    ('a: b: c', 'not YAML in line 1: a colon where no key can be; check the indentation'),
+    ('a:\n  b: 1\n c: 2\n', 'not YAML in line 3: this does not continue what is above'),
+    ('a:\n\tb: 1\n', 'not YAML in line 2: a tab; indent with spaces'),
+    ('a: 1\na: 2\n', 'not YAML in line 2: the key a is there twice; keep one of them'),
+    ('a: 1\nb: "x\n', 'not YAML in line 2: a quote is not closed; close it'),
+    ('a: @x', 'not YAML in line 1: no value can begin with @; put the text in quotes'),
+    ('a: !!python/object 1', 'not YAML in line 1: the tag !!python/object is not known; leave it'),
+    ('a: 1\n---\nb: 2\n', 'not YAML in line 2: a second document begins; keep one in a file'),
+    ('a: 1\nb: \x07\n', 'not YAML in line 2: a character that is no text; remove it'),
+    ('a: 2024-13-45', 'a date or a value with a tag (!!) in it is not understood; mend it'),
+    ('', 'expected a mapping with `schema: par4/robot/1`, found nothing'),
+    ('schema: ]', 'not YAML in line 1: a value is missing before this; give it')])
+def test_what_is_not_yaml_is_told_by_its_line(tmp_path, text, words):
+    assert refused(tmp_path, 'robot.yaml', text).startswith(words)
+
+
+@pytest.mark.parametrize('mark', ['*', '&', '!', '%', '@', '`', '|', '>', '"', "'", '[', ']', '{',
+                                  '}', ',', ':', ': ', '? ', '- ', '\t', '\x00', '<<: 3', '--- ',
+                                  '!!set [', '!<tag', '|9x', '"\\q"', '*a : &a', '<<'])
+def test_no_words_of_the_reader_of_yaml_are_told_wherever_it_stumbles(tmp_path, mark):
+    lines = ['schema: par4/robot/1', 'name: a', 'drives: {gain: [1.0, 2.0]}']
+    for number in range(len(lines)):
+        for where in (0, len(lines[number]), lines[number].index(':') + 2):
+            line = lines[number][:where] + mark + lines[number][where:]
+            told = refused(tmp_path, 'robot.yaml', '\n'.join(
+                [*lines[:number], line, *lines[number + 1:]]))
+            assert not FOREIGN.search(re.sub(r'\(found .*', '', told)), told
+
+
+def test_what_is_no_text_is_told_by_its_first_byte(tmp_path):
+    (tmp_path / 'robot.yaml').write_bytes('name: Müller'.encode('latin-1'))
+    with pytest.raises(Par4Error) as error:
+        read_machine(tmp_path / 'robot.yaml')
+    assert str(error.value).endswith('expected text in UTF-8, found byte 252 at 7; save it as '
+                                     'UTF-8')
+
+
 def places(content, above=()):
     """Yield the keys and indices of every value of nested content."""
     pairs = (content.items() if isinstance(content, dict) else

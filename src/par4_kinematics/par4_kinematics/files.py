@@ -19,6 +19,7 @@ from ruamel.yaml.error import YAMLError
 
 from par4_kinematics.errors import InputError, quoted
 from par4_kinematics.schema_words import faults_in_words
+from par4_kinematics.yaml_words import problem_in_words
 
 
 class FileModel(BaseModel):
@@ -52,20 +53,25 @@ def read_yaml(path: str | Path) -> object:
     """
     path = Path(path)
     try:
-        return deepcopy(_content(path.read_text(encoding='utf-8')))
+        text = path.read_text(encoding='utf-8')
     except FileNotFoundError:
         raise InputError(f'{path}: no such file; give the path of an existing file') from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f'{path}: cannot be read as text ({error})') from error
+    except OSError as error:
+        raise InputError(f'{path}: cannot be read ({error.strerror or error}); check path and '
+                         f'rights') from error
+    except UnicodeDecodeError as error:
+        raise InputError(f'{path}: expected text in UTF-8, found byte {error.object[error.start]} '
+                         f'at {error.start}; save it as UTF-8') from error
+    try:
+        return deepcopy(_content(text))
     except YAMLError as error:
-        line = ' '.join(str(error).split())
-        raise InputError(f'{path}: not valid YAML ({line}); mend the file') from error
+        raise InputError(f'{path}: {problem_in_words(error, text)}') from error
     except RecursionError:
         raise InputError(f'{path}: nested too deeply; mend the file') from None
     # what its scalars say is understood by Python's own functions, which raise what they like
     except Exception as error:
-        raise InputError(f'{path}: a value in it is not understood ({error}); mend the file'
-                         ) from error
+        raise InputError(f'{path}: a date or a value with a tag (!!) in it is not understood; '
+                         f'mend it') from error
 
 
 @lru_cache(maxsize=8)

@@ -40,6 +40,7 @@ _EXPECTED = {
     'sequence_str': 'a list',
     'dict_type': 'keys with values',
     'model_type': 'keys with values',
+    'invalid_key': 'words as keys',
     'too_short': '{min_length} values or more',
     'too_long': '{max_length} values',
 }
@@ -59,18 +60,19 @@ def _faults(errors: Sequence[Fault], model: type[BaseModel]) -> Iterator[str]:
             lacking[place[:-1]] = place[-1] + 1
     told = set[Place]()
     for item in errors:
-        place = item['loc']
-        listed = place[:-1] if place[:-1] in lacking and item['type'] == 'missing' else place
-        if listed in told:
+        kind, place = item['type'], item['loc']
+        short = kind == 'missing' and place[:-1] in lacking
+        if short or kind == 'invalid_key':  # of which the list or mapping is told
+            place = place[:-1]
+        if place in told:
             continue
         if len(told) == MOST:
             return
-        told.add(listed)
-        words = (f'expected {lacking[listed]} values' if listed != place else
-                 _words(item, model))
+        told.add(place)
+        words = f'expected {lacking[place]} values' if short else _words(item, model)
         found = ('' if isinstance(item['input'], Mapping) and item['type'] not in _EXPECTED else
                  f' (found {quoted(item["input"])})')
-        yield f'{".".join(map(str, listed)) or "file"}: {words}{found}'
+        yield f'{".".join(map(str, place)) or "file"}: {words}{found}'
 
 
 def _words(item: Fault, model: type[BaseModel]) -> str:
