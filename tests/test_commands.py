@@ -7,10 +7,11 @@ import hashlib
 import io
 import json
 import os
+import resource
 import shutil
 import subprocess
 import sys
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import replace
 from html.parser import HTMLParser
 from importlib import import_module
@@ -59,7 +60,7 @@ from par4_identification.reports.residual_plots import (
 )
 from par4_identification.reports.time_plots import residual_over_time
 from par4_kinematics.errors import InputError
-from par4_kinematics.files import write_text, written_atomically
+from par4_kinematics.files import write_text, write_yaml, written_atomically
 from par4_kinematics.motion_file import named_motion, write_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
 from par4_sim.bags.bag_writer import BagWriter
@@ -75,6 +76,7 @@ from robots import REFERENCE, model_with
 
 TABLE_1 = read_model('table1', REFERENCE)
 FULL = read_model('table1_full', REFERENCE)
+ADEPT = named_motion('adept', REFERENCE)
 COGGING = model_with(TABLE_1, 'cogging', amplitude=0.61, periods=22.0, phase=(0.3, 1.0, 2.0, -1.0))
 AXIS = Axis(schema='par4/axis/1', name='slide', joint='slide', kind='linear', gain=35.0)
 
@@ -960,6 +962,64 @@ def test_a_folder_behind_a_link_is_replaced_or_stays(tmp_path):
     assert link.is_symlink()
     assert os.listdir(target) == ['new']
     assert sorted(os.listdir(tmp_path)) == ['link', 'target']
+
+
+@contextmanager
+def small_files(size=10_000):
+    """Let no file of this process grow beyond `size` bytes, as on a disk that is nearly full."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_full_disk_names_the_file_that_was_asked_for_and_leaves_nothing(tmp_path):
+    big = 'x' * 20_000
+    for path, write in (
+            ('new/report.html', lambda: write_results(tmp_path / 'new', {'a': 'b',
+                                                                         'report.html': big})),
+            ('new/text', lambda: write_text(tmp_path / 'new' / 'text', big)),
+            ('new/robot.yaml', lambda: write_yaml(tmp_path / 'new' / 'robot.yaml', {'a': big})),
+            ('new/motion.csv', lambda: write_motion(tmp_path / 'new' / 'motion.yaml', ADEPT,
+                                                    'joint')),
+            ('new/bag', lambda: simulate_to_bag(build_simulation(REFERENCE, TABLE_1, 'exact'),
+                                                ADEPT, REFERENCE, tmp_path / 'new' / 'bag'))):
+        with small_files(), pytest.raises(InputError) as refused:
+            write()
+        assert str(refused.value) == (f'{tmp_path / path}: cannot be written (file too large); '
+                                      f'free space')
+        assert os.listdir(tmp_path) == []
+
+
+def test_a_folder_that_takes_no_files_is_named_as_it_was_given(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_text('file', 'mine')
+    bag = build_simulation(REFERENCE, TABLE_1, 'exact')
+    for write in (lambda path: write_text(path, ''), lambda path: write_results(path.parent, {
+            path.name: ''}), lambda path: simulate_to_bag(bag, ADEPT, REFERENCE, path)):
+        with pytest.raises(InputError) as refused:
+            write(Path('file/new/bag'))
+        assert str(refused.value) == ('file/new/bag: cannot be written (not a directory); give '
+                                      'another path')
+
+        def refuse(prefix, dir):
+            raise OSError(30, 'Read-only file system', f'{dir}/{prefix}123')
+
+        with monkeypatch.context() as read_only, pytest.raises(InputError) as refused:
+            read_only.setattr('tempfile.mkdtemp', refuse)
+            write(Path('new/bag'))
+        assert str(refused.value) == ('new/bag: cannot be written (read-only file system); give '
+                                      'another path')
+        assert os.listdir() == ['file']
+    assert Path('file').read_text() == 'mine'
+
+
+def test_an_error_of_something_else_is_not_blamed_on_the_output(tmp_path):
+    with pytest.raises(FileNotFoundError), written_atomically(tmp_path / 'new' / 'text'):
+        (tmp_path / 'elsewhere').read_text()
+    assert os.listdir(tmp_path) == []
 
 
 def test_a_terminal_breaks_sentences_between_words_and_never_a_path(capsys, monkeypatch):

@@ -118,6 +118,17 @@ def test_a_push_replaces_neither_bag_nor_readings(tmp_path, there):
     assert (tmp_path / there).read_text() == 'mine'
 
 
+def test_a_push_whose_readings_cannot_be_written_leaves_no_bag(tmp_path, monkeypatch):
+    def refuse(path, _text):
+        raise InputError(f'{path}: cannot be written')
+
+    monkeypatch.setattr('par4_sim.closed_loop.static_push.write_text', refuse)
+    with pytest.raises(InputError, match=r'push\.csv: cannot be written'):
+        simulate_push(REFERENCE, read_model('table1', REFERENCE), tmp_path / 'push',
+                      tmp_path / 'push.csv', poses=push_poses(REFERENCE)[:1], pushes=1)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_gains_come_back_from_pushes(pushed):
     robot, bag, readings = pushed
     pushes = pushes_of_log(read_log(bag, robot), read_force(readings), robot)

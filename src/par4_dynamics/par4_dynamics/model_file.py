@@ -110,6 +110,6 @@ def write_model_file(path: str | Path, model_file: ModelFile) -> None:
     """Write a `model.yaml`, whole or not at all.
 
     Raises:
-        OSError: the file cannot be written.
+        InputError: the file cannot be written.
     """
     write_yaml(path, model_file.to_yaml())

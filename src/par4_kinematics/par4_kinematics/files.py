@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from copy import deepcopy
+from errno import EDQUOT, EFBIG, ENOSPC, ENOTDIR
 from functools import lru_cache
 from importlib import resources
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar
 
@@ -42,6 +45,8 @@ def _no_word(value: object) -> object:
 
 Whole = Annotated[int, BeforeValidator(_no_word)]
 """A whole number; 1e5 is one. Of numbers that need not be whole pydantic has `StrictFloat`."""
+NO_ROOM = (ENOSPC, EDQUOT, EFBIG)
+"""Errors of a disk, a quota or a limit that is full."""
 FileType = TypeVar('FileType', bound=FileModel)
 
 
@@ -126,36 +131,71 @@ def resolve_builtin(name_or_path: str | Path, package: str) -> Path:
     return path
 
 
+def unwritable(path: str | Path, error: Exception) -> InputError:
+    """Return that an output cannot be written, why, and what to do."""
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    full = (isinstance(error, OSError) and error.errno in NO_ROOM) or 'full' in reason
+    return InputError(f'{path}: cannot be written ({reason.lower()}); '
+                      f'{"free space" if full else "give another path"}')
+
+
 @contextmanager
 def written_atomically(path: str | Path) -> Iterator[Path]:
     """Yield a scratch path beside `path` (a file or a folder to fill) that replaces it on success.
 
     Links are followed, so that what they lead to is replaced. If the block raises, `path` stays as
-    it was and the scratch is removed.
+    it was, and the scratch is removed with the folders that were made for it.
+
+    Raises:
+        InputError: it cannot be written.
     """
-    path = Path(os.path.realpath(path))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    scratch_folder = Path(tempfile.mkdtemp(prefix=f'.{path.name}.', dir=path.parent))
-    scratch = scratch_folder / path.name
+    asked, path = path, Path(os.path.realpath(path))
+    missing = list(takewhile(lambda folder: not folder.exists(), path.parents))
+    scratch_folder = None
     try:
+        if not path.parents[len(missing)].is_dir():
+            raise NotADirectoryError(ENOTDIR, os.strerror(ENOTDIR))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        scratch_folder = Path(tempfile.mkdtemp(prefix=f'.{path.name}.', dir=path.parent))
+        scratch = scratch_folder / path.name
         yield scratch
         if path.is_dir() and scratch.is_dir():
             path.rename(scratch_folder / 'replaced')
         os.replace(scratch, path)
+    except OSError as error:
+        if _concerns(error, path.parent if scratch_folder is None else scratch_folder):
+            raise unwritable(asked, error) from error
+        raise
     finally:
-        shutil.rmtree(scratch_folder, ignore_errors=True)
+        if scratch_folder is not None:
+            shutil.rmtree(scratch_folder, ignore_errors=True)
+        for folder in missing:  # one that holds something stays
+            with suppress(OSError):
+                folder.rmdir()
+
+
+def _concerns(error: OSError, folder: Path) -> bool:
+    """Return whether an error is of writing below a folder: a full disk tells no name."""
+    return error.filename is None or Path(str(error.filename)).is_relative_to(folder) or (
+        folder.is_relative_to(str(error.filename)))
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write `text` to `path` atomically."""
+    """Write `text` to `path` atomically; see `written_atomically`."""
     with written_atomically(path) as scratch:
         scratch.write_text(text, encoding='utf-8')
 
 
-def write_yaml(path: str | Path, content: object) -> None:
-    """Write `content` (plain dicts, lists, numbers and strings) as YAML atomically."""
+def yaml_text(content: object) -> str:
+    """Return `content` (plain dicts, lists, numbers and strings) as YAML."""
     yaml: Any = YAML(typ='safe', pure=True)  # its settings are declared as None only
     yaml.default_flow_style = False
     yaml.sort_base_mapping_type_on_output = False
-    with written_atomically(path) as scratch, scratch.open('w', encoding='utf-8') as stream:
-        yaml.dump(content, stream)
+    stream = io.StringIO()
+    yaml.dump(content, stream)
+    return stream.getvalue()
+
+
+def write_yaml(path: str | Path, content: object) -> None:
+    """Write `content`, as `yaml_text` has it, to `path` atomically; see `written_atomically`."""
+    write_text(path, yaml_text(content))

@@ -23,8 +23,8 @@ from par4_kinematics.files import (
     expect_schema,
     parse,
     read_yaml,
-    write_yaml,
     written_atomically,
+    yaml_text,
 )
 from par4_kinematics.motion import (
     JOINT_COLUMNS,
@@ -157,7 +157,7 @@ def write_motion(path: str | Path, motion: Motion, frame: str = 'joint', maker: 
         maker: the tool whose result it is, by which `is_untouched` knows the files again.
 
     Raises:
-        InputError: the path has the name of the CSV.
+        InputError: the path has the name of the CSV, or a file cannot be written.
     """
     path = Path(path)
     table = path.with_suffix('.csv')
@@ -172,10 +172,10 @@ def write_motion(path: str | Path, motion: Motion, frame: str = 'joint', maker: 
     with written_atomically(path) as scratch, written_atomically(table) as scratch_table:
         scratch_table.write_text('\n'.join((','.join(('t', *COLUMNS[frame])), *lines, '')),
                                  encoding='utf-8')
-        write_yaml(scratch, {'schema': MOTION_SCHEMA, 'frame': frame, 'samples': table.name})
-        if maker:
-            content = scratch.read_bytes()
-            scratch.write_bytes(_mark(maker, content, scratch_table.read_bytes()) + content)
+        content = yaml_text({'schema': MOTION_SCHEMA, 'frame': frame, 'samples': table.name}
+                            ).encode()
+        mark = _mark(maker, content, scratch_table.read_bytes()) if maker else b''
+        scratch.write_bytes(mark + content)
 
 
 def _mark(maker: str, content: bytes, table: bytes) -> bytes:

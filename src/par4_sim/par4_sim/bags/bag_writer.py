@@ -37,6 +37,7 @@ from rosbags.typesys import (
 )
 
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import unwritable
 from par4_kinematics.interface import JOINT_STATES, REFERENCE
 from par4_kinematics.stamps import SECOND
 from par4_sim.bags.message_layout import JointStateTemplate
@@ -93,7 +94,7 @@ class BagWriter:
         except WriterError:
             raise InputError(f'{path}: exists already; give another path or remove it') from None
         except (OSError, sqlite3.Error) as error:
-            raise InputError(f'{path}: cannot be created ({error}); give another path') from error
+            raise unwritable(later or path, error) from error
         self.flush()
 
     def __enter__(self) -> BagWriter:
@@ -230,10 +231,10 @@ class BagWriter:
         self.failed = True
         with suppress(OSError, sqlite3.Error):
             self._writer.abort()
+        told = unwritable(self._later or self.path, error)
         if self._later is not None:
-            return InputError(f'{self._later}: cannot be written ({error}); free space')
-        return InputError(f'{self.path}: cannot be written ({error}); free space and run '
-                          f'par4_record --repair {self.path}')
+            return told
+        return InputError(f'{told}, then run par4_record --repair {self.path}')
 
     def _header(self, stamp: int) -> Msg:
         types = self._typestore.types

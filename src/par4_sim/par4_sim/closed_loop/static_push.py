@@ -7,6 +7,7 @@ other, so that pushes both ways tell it from the torque that carries the force.
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from par4_dynamics.model import Model
 from par4_kinematics.errors import InputError
-from par4_kinematics.files import written_atomically
+from par4_kinematics.files import write_text
 from par4_kinematics.motion import Motion, check_limits, waypoints_motion
 from par4_kinematics.robot import Robot
 from par4_kinematics.time_laws import require_positive
@@ -93,7 +94,7 @@ def simulate_push(robot: Robot, model: Model, bag: str | Path, readings: str | P
         progress: called with the share done, 0 to 1.
 
     Raises:
-        InputError: bag or readings exist, or poses outside the robot's limits.
+        InputError: bag or readings exist or cannot be written, or poses outside the robot's limits.
         UnreachableError: a pose that a leg cannot reach.
     """
     for path in map(Path, (bag, readings)):
@@ -110,6 +111,9 @@ def simulate_push(robot: Robot, model: Model, bag: str | Path, readings: str | P
     started = simulation.time  # stamp at which the plant's time is zero
     simulate_to_bag(simulation, motion, robot, bag, progress=progress)
     told = plate.readings + (started, 0.0, 0.0, 0.0)
-    with written_atomically(readings) as scratch:
-        scratch.write_text('\n'.join((','.join(FORCE_COLUMNS), *(
-            ','.join(map(repr, row)) for row in told.tolist()), '')), encoding='utf-8')
+    try:
+        write_text(readings, '\n'.join((','.join(FORCE_COLUMNS), *(
+            ','.join(map(repr, row)) for row in told.tolist()), '')))
+    except InputError:
+        shutil.rmtree(bag)  # which is of no use without them
+        raise

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from par4_dynamics.model_file import ModelFile, write_model_file
+from par4_dynamics.model_file import ModelFile
 from par4_kinematics.errors import InputError
-from par4_kinematics.files import written_atomically
+from par4_kinematics.files import written_atomically, yaml_text
 from par4_kinematics.robot import Axis, Robot
 
 
@@ -68,6 +68,9 @@ def write_results(folder: Path,
     """Write text, JSON or a model under each name; all are whole before the first is replaced.
 
     None removes what an earlier run left under that name. Other files in the folder stay.
+
+    Raises:
+        InputError: they cannot be written.
     """
     with ExitStack() as complete:
         for name, content in results.items():
@@ -75,7 +78,7 @@ def write_results(folder: Path,
                 continue
             scratch = complete.enter_context(written_atomically(folder / name))
             if isinstance(content, ModelFile):
-                write_model_file(scratch, content)
+                scratch.write_text(yaml_text(content.to_yaml()), 'utf-8')
             elif isinstance(content, dict):
                 scratch.write_text(json.dumps(content, indent=2, allow_nan=False) + '\n', 'utf-8')
             else:
