@@ -930,6 +930,22 @@ def test_a_publisher_that_a_node_does_not_hear_is_told(bench):
     bench.wait(lambda: told(DiagnosticStatus.OK, 'waiting for joint_states'), 'its end')
 
 
+def test_nodes_to_which_nothing_comes_say_what_they_wait_for(bench):
+    """A node that only listens had nothing to say until something came."""
+    robot = ('joint_states, which nobody publishes: start the driver of the robot, or '
+             'par4_simulation, with the same ROS_DOMAIN_ID and namespace')
+    motion = ('reference, which nobody publishes: start par4_motion with the same ROS_DOMAIN_ID '
+              'and namespace')
+    clock = '/clock, which nobody publishes: use_sim_time is for a simulation'
+    children = [bench.start('par4_kinematics', **SIMULATED), bench.start('par4_monitor'),
+                bench.start('par4_feedforward'), bench.start('par4_record', output='bag')]
+    for name, awaited in (('par4_kinematics', f'{clock}; {robot}'), ('par4_monitor', robot),
+                          ('par4_feedforward', motion), ('par4_record', robot)):
+        line = f'[{name}]: waiting for {awaited}\n'
+        bench.wait(lambda line=line: line in bench.said(), line)
+    assert bench.said().count('waiting for') == len(children)
+
+
 def test_the_recorder_ends_after_its_duration(bench):
     recorded = Recorded(bench, duration=2)
     bench.wait(lambda: recorded.publish(1) or recorded.child.poll() is not None,

@@ -20,6 +20,7 @@ class FeedforwardNode(Par4Node):
     """The node `par4_feedforward`; `FeedforwardParameters` says what it does."""
 
     REST, LOOKS = 0.0005, 20
+    AWAITS = (REFERENCE,)
     PARAMETERS = FeedforwardParameters
     parameters: FeedforwardParameters
 

@@ -38,6 +38,7 @@ number, and a multiple of the stamps."""
 class MonitorNode(Par4Node):
     """The node `par4_monitor`; `MonitorParameters` says what it does."""
 
+    AWAITS = (JOINT_STATES,)
     PARAMETERS = MonitorParameters
     parameters: MonitorParameters
     REST = 0.01  # a turn of the executor costs more than a message: take them by the dozen

@@ -32,6 +32,7 @@ TICK = 0.02
 class RecordNode(Par4Node):
     """The node `par4_record`; `RecordParameters` says what it does."""
 
+    AWAITS = (JOINT_STATES,)
     PARAMETERS = RecordParameters
     parameters: RecordParameters
     REST = 0.005  # a turn of the executor costs more than a message: take them by the dozen
@@ -130,6 +131,10 @@ class RecordNode(Par4Node):
                 f'{self._path}: removed while it was recorded; nothing of it is left'), True
             return
         self._bag.flush()
+
+    def has_come(self, topic: Topic) -> bool:
+        """Return whether a message of a topic has come; none is awaited where nothing records."""
+        return self._bag is None or topic.name in self._newest
 
     def clock_jumped_back(self) -> None:
         """Count the duration from here; the bag goes on and holds two runs."""

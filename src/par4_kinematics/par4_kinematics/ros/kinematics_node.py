@@ -21,6 +21,7 @@ from par4_kinematics.ros.process import run
 class KinematicsNode(Par4Node):
     """The node `par4_kinematics`; `KinematicsParameters` says what it does."""
 
+    AWAITS = (JOINT_STATES,)
     PARAMETERS = KinematicsParameters
     parameters: KinematicsParameters
 

@@ -24,7 +24,7 @@ from par4_kinematics.ros import motion_faults
 from par4_kinematics.ros.convert import is_foreign, joint_values, time_ns, write_trajectory
 from par4_kinematics.ros.goal_server import ACTION, ARRIVED, GoalServer
 from par4_kinematics.ros.motion_parameters import MotionParameters
-from par4_kinematics.ros.node import SILENCE, Par4Node, State
+from par4_kinematics.ros.node import SILENCE, Par4Node, State, waited_for
 from par4_kinematics.ros.played import Played
 from par4_kinematics.ros.process import run
 from par4_kinematics.ros.silence import Silence
@@ -343,14 +343,10 @@ class MotionNode(Par4Node):
             return 'a goal'
         listeners = self._publisher.get_subscription_count()
         if now_ns == 0:
-            nobody = self.clocks() == 0 and time.monotonic() > self._discovered
-            return f'{CLOCK.name}' + (', which nobody publishes: use_sim_time is for a simulation'
-                                      if nobody else '')
+            return waited_for(CLOCK, self.clocks() == 0 and time.monotonic() > self._discovered)
         if self._robot_at is None:
-            nobody = not self._robot_is_there() and time.monotonic() > self._discovered
-            return f'{JOINT_STATES.name}' + (
-                ', which nobody publishes: start the driver of the robot, or par4_simulation, with '
-                'the same ROS_DOMAIN_ID and namespace' if nobody else '')
+            return waited_for(JOINT_STATES, not self._robot_is_there()
+                              and time.monotonic() > self._discovered)
         wanted = self.parameters.listeners
         if listeners != self._listeners or listeners < wanted:
             self._listeners = listeners

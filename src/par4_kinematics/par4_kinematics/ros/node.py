@@ -25,7 +25,7 @@ from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from par4_kinematics.errors import InputError, Par4Error, UnreachableError, one_line
-from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, Topic
+from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, REFERENCE, Topic
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.robot import JOINT_NAMES, Robot
 from par4_kinematics.ros.arrivals import Arrivals
@@ -50,6 +50,17 @@ REPORT_PERIOD = 1.0
 """Seconds of wall time between diagnostics, and at the least between warnings of one topic."""
 
 
+AWAITED = 5.0
+"""Seconds of wall time after which a node says what it still waits for."""
+STARTS = {
+    CLOCK.name: 'use_sim_time is for a simulation',
+    JOINT_STATES.name: 'start the driver of the robot, or par4_simulation, with the same '
+                       'ROS_DOMAIN_ID and namespace',
+    REFERENCE.name: 'start par4_motion with the same ROS_DOMAIN_ID and namespace',
+}
+"""Topic -> what to do where nobody publishes it."""
+
+
 @dataclass(frozen=True)
 class State:
     """What a node does now, in words, and how bad that is.
@@ -69,6 +80,11 @@ class State:
     ERROR: ClassVar[bytes] = DiagnosticStatus.ERROR
 
 
+def waited_for(topic: Topic, nobody: bool) -> str:
+    """Return the name of a topic that does not come and, if nobody publishes it, what to do."""
+    return topic.name + (f', which nobody publishes: {STARTS[topic.name]}' if nobody else '')
+
+
 def _without_negative_depth(profile: QoSProfile) -> SetParametersResult:
     """Refuse what rcl would refuse, too, but with lines of its own on the terminal."""
     return SetParametersResult(successful=profile.depth >= 0)
@@ -82,6 +98,7 @@ class Par4Node(Node):
         REST: seconds between callbacks, for a node that takes many messages at a time.
         LOOKS: most looks at what waits, `REST` apart, before the executor has another turn. A turn
             costs more than a message; while a stream flows, looks do without it.
+        AWAITS: topics without which the node has nothing to do, told where they do not come.
         parameters: their values; a subclass annotates them with its dataclass.
         finished: set to True, by itself or by a signal, when its work is done; `run` then ends it.
         failure: why it ended without having done its work; `run` then tells it.
@@ -92,6 +109,7 @@ class Par4Node(Node):
     parameters: NodeParameters
     REST: ClassVar[float] = 0.0
     LOOKS: ClassVar[int] = 0
+    AWAITS: ClassVar[tuple[Topic, ...]] = ()
 
     def __init__(self) -> None:
         super().__init__(self.PARAMETERS.NAME, automatically_declare_parameters_from_overrides=True)
@@ -107,6 +125,7 @@ class Par4Node(Node):
         self._clock_ns, self._clock_moved = 0, math.inf
         self._jumped: deque[float] = deque(maxlen=2)
         self._alone = False
+        self._told_awaited, self._began = False, time.monotonic()
         self.failure: Par4Error | None = None
         self._jumps = self.get_clock().create_jump_callback(
             JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1),
@@ -324,6 +343,22 @@ class Par4Node(Node):
             dead.append(CLOCK.name)
         return dead
 
+    def has_come(self, topic: Topic) -> bool:
+        """Return whether a message of a topic has come."""
+        return self._arrivals[topic.name].received > 0
+
+    def _tell_awaited(self) -> None:
+        """Say once, after a while, what has not come yet: until then it may be on its way."""
+        if self._told_awaited or not self.AWAITS or time.monotonic() - self._began < AWAITED:
+            return
+        self._told_awaited = True
+        clock = [CLOCK] if self.simulated_time and self.get_clock().now().nanoseconds == 0 else []
+        awaited = [*clock, *(topic for topic in self.AWAITS if not self.has_come(topic))]
+        if awaited:
+            told = '; '.join(waited_for(topic, self.count_publishers(
+                self.resolve_topic_name(topic.name)) == 0) for topic in awaited)
+            self.get_logger().info(f'waiting for {told}')
+
     def _look_at_runner(self) -> None:
         """Begin to end where who runs this node was killed: nobody else would end it."""
         if self._alone or not runner_has_ended():
@@ -372,6 +407,7 @@ class Par4Node(Node):
         """Tell the state, and faults that are new."""
         self._look_at_runner()
         self._look_at_clock()
+        self._tell_awaited()
         faults = self.faults()
         new = {name: count - self._reported.get(name, 0) for name, count in faults.items()
                if count > self._reported.get(name, 0)}

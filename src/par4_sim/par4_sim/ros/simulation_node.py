@@ -61,6 +61,7 @@ class SimulationNode(Par4Node):
     """The node `par4_simulation`; `SimulationParameters` says what it does."""
 
     REST, LOOKS = 0.001, 10
+    AWAITS = (REFERENCE,)
     PARAMETERS = SimulationParameters
     parameters: SimulationParameters
 
