@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import os
+import re
 import resource
 import shutil
 import subprocess
@@ -61,6 +62,7 @@ from par4_identification.reports.residual_plots import (
 from par4_identification.reports.time_plots import residual_over_time
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_text, write_yaml, written_atomically
+from par4_kinematics.interface import COUNTS
 from par4_kinematics.motion_file import named_motion, write_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
 from par4_sim.bags.bag_writer import BagWriter
@@ -1020,6 +1022,27 @@ def test_an_error_of_something_else_is_not_blamed_on_the_output(tmp_path):
     with pytest.raises(FileNotFoundError), written_atomically(tmp_path / 'new' / 'text'):
         (tmp_path / 'elsewhere').read_text()
     assert os.listdir(tmp_path) == []
+
+
+def test_what_a_simulation_counts_is_explained(tmp_path):
+    simulation = build_simulation(REFERENCE, TABLE_1, 'exact')
+    assert simulation.counts.keys() <= COUNTS.keys()
+    simulation.close()
+    write_yaml(tmp_path / 'weak.yaml', {**REFERENCE.model_dump(by_alias=True, exclude_none=True),
+                                        'drives': {'gain': [12.7] * 4, 'torque_limit': 20.0}})
+    done = run(simulate, 'adept', '--robot', tmp_path / 'weak.yaml', '--output',
+               tmp_path / 'bag')
+    assert done.code == 0
+    assert re.search(r'saturated_commands \d+ \(torques that the drives wanted and cut to their '
+                     r'torque_limit, counted', ' '.join(done.out.split()))
+    assert '`saturated_commands` | torques that the drives wanted' in (
+        Path(__file__).parents[1] / 'docs' / 'interface.md').read_text()
+
+
+def test_the_help_of_payloads_says_what_a_bag_without_one_is_for():
+    help_text = run(identify, '--help').out
+    assert 'par4_identify bare loaded --payload loaded=0.5' in help_text
+    assert 'par4_identify bare loaded --unknown-payload loaded' in help_text
 
 
 def test_a_terminal_breaks_sentences_between_words_and_never_a_path(capsys, monkeypatch):

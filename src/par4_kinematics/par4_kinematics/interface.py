@@ -69,6 +69,27 @@ TOPICS = (JOINT_STATES, AMPLIFIER_VOLTAGE, REFERENCE, FEEDFORWARD_TORQUE, PLATFO
 RECORDED_TOPICS = (JOINT_STATES, AMPLIFIER_VOLTAGE, REFERENCE, FEEDFORWARD_TORQUE)
 """What `par4_record` writes and `par4_simulate` leaves in its bag."""
 
+COUNTS = {
+    'saturated_commands': 'torques that the drives wanted and cut to their torque_limit, counted '
+                          'for each joint and physics step',
+    'saturated_speeds': 'speeds that the drives wanted and cut to their speed_limit, counted for '
+                        'each joint and physics step',
+    'late_points': 'reference points left out because they came after their time',
+    'missing_effort': 'reference points without a feedforward torque, which counts as 0',
+    'interrupted_references': 'references that ended in motion and were not gone on with, so that '
+                              'the drives braked',
+    'unsolved_programs': 'looks ahead in which predictive control found no correction',
+    'late_steps': 'samples that came more than a sample period after their time',
+    'rejected_messages': 'messages that could not be used',
+    'unreachable_poses': 'poses that a leg does not reach, or joints that do not close the '
+                         'mechanism',
+    'missed_messages': 'messages that were published and did not come',
+    'lost_messages': 'messages that were published and are not in the bag',
+    'clock_jumps': 'times that the clock jumped back',
+    'skipped_windows': 'windows of par4_monitor that could not be looked at',
+}
+"""What nodes count on the diagnostics, and `par4_simulate` tells of its run."""
+
 SERVICES = (
     ('par4_simulation', ('~/reset', '~/stop', '~/pause', '~/resume')),
     ('par4_motion', ('~/stop',)),
@@ -161,6 +182,12 @@ A stamp is the time at which the value is valid, never that of publishing. With 
 stamps are on its clock and every other node runs with `use_sim_time`.
 
 {table(('topic', 'type', 'from -> to', 'content'), topics)}
+
+## Counts
+
+What `{DIAGNOSTICS.name}` counts of things that went wrong; `par4_simulate` prints those of its run.
+
+{table(('count', 'of what'), [(f'`{a}`', b) for a, b in COUNTS.items()])}
 
 ## Services (std_srvs/Trigger)
 

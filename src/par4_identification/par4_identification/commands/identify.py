@@ -15,7 +15,12 @@ from par4_sim.commands.entry import loading, run
 
 @click.command('par4_identify', epilog='\b\nExample:\n'
     '  par4_identify my_bag --robot reference --rigid-body full \\\n'
-    '      --output identified')
+    '      --output identified\n\n'
+    '\b\nOf two bags, one bare and one loaded with 0.5 kg or an unknown mass:\n'
+    '  par4_identify bare loaded --payload loaded=0.5 \\\n'
+    '      --robot reference --rigid-body full --output gains\n'
+    '  par4_identify bare loaded --unknown-payload loaded \\\n'
+    '      --robot reference --rigid-body full --output weighed')
 @click.argument('bags', nargs=-1, required=True, metavar='BAG...')
 @click.option('--robot', required=True, help='robot.yaml or built-in name')
 @click.option('--output', required=True, type=click.Path(path_type=Path),

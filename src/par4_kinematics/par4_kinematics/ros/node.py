@@ -25,7 +25,7 @@ from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from par4_kinematics.errors import InputError, Par4Error, UnreachableError, one_line
-from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, REFERENCE, Topic
+from par4_kinematics.interface import CLOCK, COUNTS, DIAGNOSTICS, JOINT_STATES, REFERENCE, Topic
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.robot import JOINT_NAMES, Robot
 from par4_kinematics.ros.arrivals import Arrivals
@@ -121,6 +121,7 @@ class Par4Node(Node):
         self._inputs: list[Callable[[], bool]] = []
         self._subscribed: dict[str, Subscription] = {}
         self._reported: dict[str, int] = {}
+        self._explained: set[str] = set()
         self._last_state = State(State.OK, 'running')
         self._clock_ns, self._clock_moved = 0, math.inf
         self._jumped: deque[float] = deque(maxlen=2)
@@ -414,8 +415,10 @@ class Par4Node(Node):
         self._reported = faults
         unsaid = {name: count for name, count in new.items() if name not in self.expected()}
         if unsaid:
-            self.get_logger().warning(', '.join(f'{count} {name}'
-                                                for name, count in unsaid.items()))
+            self.get_logger().warning(', '.join(
+                f'{count} {name}' + ('' if name in self._explained else f' ({COUNTS[name]})')
+                for name, count in unsaid.items()))
+            self._explained |= unsaid.keys()
         self._tell(self.state(), new)
 
     def _tell(self, state: State, new: dict[str, int]) -> None:

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from par4_dynamics.model import read_model
+from par4_kinematics.interface import COUNTS
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion_file import NAMED_MOTIONS, named_motion
 from par4_kinematics.robot import read_robot
@@ -36,7 +37,8 @@ def simulated(motion: str, robot: str, model: str, output: Path, fidelity: str,
                              0 if date is None else nanoseconds(date))
     if feedforward is None:
         counts.pop('missing_effort')
-    troubles = ', '.join(f'{name} {count}' for name, count in counts.items() if count)
+    troubles = ', '.join(f'{name} {count} ({COUNTS[name]})'
+                         for name, count in counts.items() if count)
     return '\n'.join((
         f'{output}: {played.duration:.1f} s of {played.name} on {machine.name} '
         f'({fidelity}){"; " + troubles if troubles else ""}', *limits_not_given(machine)))
