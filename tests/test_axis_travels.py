@@ -5,6 +5,8 @@ The force is computed from the motion as it is; encoders of 17 bits over the tra
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from axes import axis
@@ -20,10 +22,11 @@ MASS, READ = 3.0, 2 ** 17
 T = 1e-3 * np.arange(36_000)
 
 
-def recorded(travel, force, seed):
+def recorded(travel, force, seed, distance=0.0):
     """Return the log of a motion to and fro with dry and viscous friction and a force beside them.
 
-    `force` is a function of place and speed, over their deviations, in dry friction.
+    `force` is a function of place and speed, over their deviations, in dry friction, which builds
+    up over a distance after it has turned over.
     """
     random = np.random.default_rng(seed)
     q = sum(size * np.sin(2.0 * np.pi * frequency * T + random.uniform(0.0, 6.0))
@@ -33,11 +36,21 @@ def recorded(travel, force, seed):
     qdd = np.gradient(qd, T)
     dry = 0.8 * MASS * np.std(qdd) + 2.0
     place, speed = (q - q.mean()) / np.std(q), qd / np.std(qd)
-    tau = (MASS * qdd + dry * (0.3 * speed + np.sign(qd) + force(place, speed))
+    tau = (MASS * qdd + dry * (0.3 * speed + built_up(q, distance) + force(place, speed))
            + 0.02 * dry * random.standard_normal(len(T)))
     count = travel / READ
     return Log('to and fro', ('motor',), 1, 1e-3, T, (count * np.round(q / count))[:, None],
                tau[:, None], (slice(0, len(T)),), None, None), dry
+
+
+def built_up(q, distance):
+    """Return the dry friction along places (n,), over its size, by the equation of Dahl."""
+    steps, force, forces = np.diff(q, prepend=2.0 * q[0] - q[1]), 0.0, []
+    for step in steps.tolist():
+        side = 1.0 if step > 0.0 else -1.0
+        force = side + (force - side) * math.exp(-abs(step) / distance) if distance else side
+        forces.append(force)
+    return np.array(forces)
 
 
 def named(log, machine):
@@ -71,3 +84,12 @@ def test_a_delay_does_not_stand_for_an_inertia_that_a_spring_hides():
     assert names == ['position_torque']
     assert diagnosis.extended_model.parameters['actuator_inertia'].number == pytest.approx(
         MASS, rel=0.05)
+
+
+@pytest.mark.parametrize(('machine', 'travel', 'distance'), [
+    (SCREW, 60.0, 0.12), (SLIDE, 8.0, 0.12)])
+def test_friction_builds_up_over_a_share_of_the_travel(machine, travel, distance):
+    log, _ = recorded(travel, lambda _place, _speed: 0.0, 6, distance)
+    diagnosis, names = named(log, machine)
+    assert names == ['presliding']
+    assert diagnosis.causes[0].parameters['distance'].number == pytest.approx(distance, rel=0.03)

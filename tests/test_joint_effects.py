@@ -297,7 +297,7 @@ def test_an_estimate_is_out_of_bounds_by_more_than_chance_or_not_at_all():
     ('friction_drift', {'viscous_drop': 1.5}, 'viscous friction that warms up falls'),
     ('friction_drift', {'time_constant': -1.0}, 'must be positive'),
     ('presliding', {'distance': -1e-3}, 'positive distance'),
-    ('presliding', {'distance': 0.5}, 'positive distance'),
+    ('presliding', {'distance': 1.5}, 'positive distance'),
     ('joint_friction_difference', {'coulomb': (0, 0, -3.0, 0)}, 'coulomb'),
     ('joint_friction_difference', {'viscous': (0, 0, -3.0, 0)}, 'viscous'),
     ('joint_inertia_difference', {'inertia': (0.01, 0.01, 0.01, -0.2)}, 'inertia'),

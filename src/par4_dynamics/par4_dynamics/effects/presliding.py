@@ -18,13 +18,16 @@ from par4_dynamics.effects.effect import (
     single,
 )
 from par4_dynamics.effects.grid import around
+from par4_dynamics.effects.position_torque import WIDEST
 from par4_dynamics.state import State
 
 DISTANCES = np.geomspace(2e-4, 3.2e-2, 9)
-"""rad, of a joint that turns."""
+"""rad, of an arm."""
 OF_TRAVEL = np.geomspace(5e-5, 2.5e-2, 11)
-"""The same of a slide, over its travel: a length has no scale of its own."""
-LONGEST = 0.1
+"""The same of a slide, over its travel, as a length has no scale of its own, and of a motor that
+turns often."""
+LONGEST = 1.0
+"""rad or m; of an arm no such distance is looked for."""
 STROKE = 2.0
 """Strokes over the distance from which on friction has built up and tells of it."""
 BACK = 0.05
@@ -92,7 +95,7 @@ class Presliding(Effect):
 
     def shapes(self, state: State) -> tuple[Shape, ...]:
         span = float(np.max(np.ptp(state.q, axis=0)))
-        distances = span * OF_TRAVEL if state.slides else DISTANCES
+        distances = span * OF_TRAVEL if state.slides or span > WIDEST else DISTANCES
         return tuple({'distance': float(distance)} for distance in distances
                      if distance < span and _goes_both_ways(state.q, STROKE * distance))
 
