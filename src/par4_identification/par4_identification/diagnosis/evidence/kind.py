@@ -1,8 +1,8 @@
-"""A kind of unnamed cause: a function of the motion with free coefficients."""
+"""A kind of unnamed cause: columns with free coefficients, most often functions of the motion."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -27,8 +27,6 @@ class Kind:
     Attributes:
         name: of the kind, as `diagnosis.json` and tests know it.
         phrase: what it acts like, in words.
-        function: its columns (n, J, k) of a motion, N m per unit coefficient.
-        ranges: scales that make it the same function on other data.
         shared: whether a column has one coefficient on all joints.
         needs_platform: whether only machines with a platform can have it.
         needs_nominal: whether its columns need the nominal torque.
@@ -40,8 +38,7 @@ class Kind:
 
     name: str
     phrase: str
-    function: Function
-    ranges: Ranges | None = None
+    _: KW_ONLY
     shared: bool = False
     separable: ClassVar[Periods] = ()
     variables: ClassVar[int] = 1
@@ -68,7 +65,28 @@ class Kind:
         return PRIOR_ROWS / max(rows, 1.0) * np.maximum(squares, squares.mean())
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:  # noqa: ARG002
-        """Return its columns (n, J, k).
+        """Return its columns (n, J, k), N m per unit coefficient.
+
+        Raises:
+            TypeError: they are no function of a motion.
+        """
+        raise TypeError(f'the columns of the kind {self.name} are no function of a motion')
+
+
+@dataclass(frozen=True, eq=False)
+class FunctionKind(Kind):
+    """A kind whose columns are functions of the motion.
+
+    Attributes:
+        function: its columns (n, J, k) of a motion, N m per unit coefficient.
+        ranges: scales that make it the same function on other data.
+    """
+
+    function: Function
+    ranges: Ranges | None = None
+
+    def columns(self, state: State, shape: Shape) -> np.ndarray:  # noqa: ARG002
+        """Return its columns (n, J, k), N m per unit coefficient.
 
         Raises:
             TypeError: it has not been scaled to a motion.

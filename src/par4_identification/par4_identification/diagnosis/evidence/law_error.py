@@ -28,14 +28,11 @@ SLOW = (0.01, 0.03, 0.1)
 """Speeds, over the largest, below which a torque may be wrong by another factor."""
 
 
-def _of_rows(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
-    """Refuse: a law error has no columns of its own, whatever the motion is."""
-    raise TypeError('the columns of a law error are made of the rows of its causes, see `put_in`')
-
-
 @dataclass(frozen=True, eq=False)
 class LawError(Kind):
     """The error of the torque of named causes, as columns with a prior; never a cause itself.
+
+    Its columns are no function of the motion but made of the rows of the causes, see `put_in`.
 
     Attributes:
         share: rms of the error over that of the torque; each column has an equal part of it.
@@ -56,7 +53,7 @@ class LawError(Kind):
 
 def law_error_of(share: float) -> LawError:
     """Return a law error without columns yet, of this share (rms) of the torque."""
-    return LawError('law_error', 'an error of the torque of named causes', _of_rows, share=share)
+    return LawError('law_error', 'an error of the torque of named causes', share=share)
 
 
 def factors_of(observations: Observations, ranges: Ranges) -> list[np.ndarray]:

@@ -17,7 +17,7 @@ from par4_dynamics.effects.cogging import highest_order, lowest_order, order_ste
 from par4_dynamics.effects.position_torque import goes_on_turning
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence import kind_functions as functions
-from par4_identification.diagnosis.evidence.kind import Kind
+from par4_identification.diagnosis.evidence.kind import FunctionKind
 from par4_identification.diagnosis.evidence.kind_functions import (
     Function,
     Periods,
@@ -32,33 +32,34 @@ CELLS = 32
 
 
 KINDS = (
-    Kind('position', 'a smooth function of joint position', functions.position),
-    Kind('speed', 'a function of joint speed', functions.speed, told_by_speeds=True),
-    Kind('time', 'a drift over time', functions.time),
-    Kind('acceleration', 'a function of joint acceleration', functions.acceleration),
-    Kind('platform', 'a function of the pose and motion of the platform', functions.platform,
-         needs_platform=True),
-    Kind('periodic', 'a periodic function of joint position', functions.periodic),
-    Kind('torque', 'the torque itself times a periodic function of joint position',
-         functions.torque, needs_nominal=True),
-    Kind('rate', 'the rate of the torque, as of one read at another time or through a low pass',
-         functions.rate, needs_nominal=True, left_by_filters=True),
-    Kind('reading', 'an error of the joint positions as they are read', functions.reading,
-         shared=True, needs_platform=True, needs_nominal=True),
-    Kind('load', 'a share of the torque itself', functions.load, needs_nominal=True),
-    Kind('wrench', 'a force on the platform that follows its position and speed', functions.wrench,
-         shared=True, needs_platform=True),
-    Kind('gain', 'a share of the torque itself that changes with time, speed or torque',
-         functions.gain, needs_nominal=True),
-    Kind('coupling', 'a share of the torque of other joints', functions.coupling,
-         needs_platform=True, needs_nominal=True),
-    Kind('pose', 'friction that changes with the pose of the platform', functions.pose,
-         needs_platform=True),
-    Kind('creep', 'a spring that creeps', functions.creep),
-    Kind('drift', 'friction that changes with time', functions.drift),
-    Kind('place', 'friction that changes with joint position', functions.place),
-    Kind('uneven', 'friction that is periodic in joint position', functions.uneven),
-    Kind('memory', 'friction that remembers the way the joint came', functions.memory))
+    FunctionKind('position', 'a smooth function of joint position', functions.position),
+    FunctionKind('speed', 'a function of joint speed', functions.speed, told_by_speeds=True),
+    FunctionKind('time', 'a drift over time', functions.time),
+    FunctionKind('acceleration', 'a function of joint acceleration', functions.acceleration),
+    FunctionKind('platform', 'a function of the pose and motion of the platform',
+                 functions.platform, needs_platform=True),
+    FunctionKind('periodic', 'a periodic function of joint position', functions.periodic),
+    FunctionKind('torque', 'the torque itself times a periodic function of joint position',
+                 functions.torque, needs_nominal=True),
+    FunctionKind('rate',
+                 'the rate of the torque, as of one read at another time or through a low pass',
+                 functions.rate, needs_nominal=True, left_by_filters=True),
+    FunctionKind('reading', 'an error of the joint positions as they are read', functions.reading,
+                 shared=True, needs_platform=True, needs_nominal=True),
+    FunctionKind('load', 'a share of the torque itself', functions.load, needs_nominal=True),
+    FunctionKind('wrench', 'a force on the platform that follows its position and speed',
+                 functions.wrench, shared=True, needs_platform=True),
+    FunctionKind('gain', 'a share of the torque itself that changes with time, speed or torque',
+                 functions.gain, needs_nominal=True),
+    FunctionKind('coupling', 'a share of the torque of other joints', functions.coupling,
+                 needs_platform=True, needs_nominal=True),
+    FunctionKind('pose', 'friction that changes with the pose of the platform', functions.pose,
+                 needs_platform=True),
+    FunctionKind('creep', 'a spring that creeps', functions.creep),
+    FunctionKind('drift', 'friction that changes with time', functions.drift),
+    FunctionKind('place', 'friction that changes with joint position', functions.place),
+    FunctionKind('uneven', 'friction that is periodic in joint position', functions.uneven),
+    FunctionKind('memory', 'friction that remembers the way the joint came', functions.memory))
 
 
 class Kinds:
@@ -75,10 +76,10 @@ class Kinds:
 
     def __init__(self, observations: Observations) -> None:
         self.ranges = ranges_of(observations)
-        self._made: dict[tuple[str, Periods], Kind] = {}
+        self._made: dict[tuple[str, Periods], FunctionKind] = {}
 
     def beside(self, observations: Observations, left: Sequence[np.ndarray],
-               highest: int | None = None) -> tuple[Kind, ...]:
+               highest: int | None = None) -> tuple[FunctionKind, ...]:
         """Return the kinds beside causes that are known.
 
         Args:
@@ -103,7 +104,7 @@ class Kinds:
                      and (kind.told_by_speeds or not observations.steady)
                      and (wound or kind.function is not functions.creep))
 
-    def _kind(self, kind: Kind, periods: Periods) -> Kind:
+    def _kind(self, kind: FunctionKind, periods: Periods) -> FunctionKind:
         key = kind.name, periods
         if key not in self._made:
             self._made[key] = replace(kind, ranges=replace(self.ranges, periods=periods))
