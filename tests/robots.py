@@ -14,6 +14,11 @@ from par4_kinematics.workspace import home_pose
 REFERENCE = read_robot('reference')
 
 
+def with_drives(**changes) -> Robot:
+    """Return the reference robot with other drives."""
+    return REFERENCE.model_copy(update={'drives': REFERENCE.drives.model_copy(update=changes)})
+
+
 def other_robot() -> Robot:
     """Return a robot with clearly different dimensions and drives."""
     content = REFERENCE.model_dump(by_alias=True)
@@ -52,6 +57,11 @@ def model_with(model: Model, name: str, joints: tuple[int, ...] = (0, 1, 2, 3), 
         elif parameter.default is not None:
             full.setdefault(parameter.name, np.full(4, float(parameter.default)))
     return replace(model, effects=(*model.effects, ActiveEffect(CATALOGUE[name], joints, full)))
+
+
+def without_coulomb(model: Model) -> Model:
+    """Return the model without Coulomb friction, the torque of which has no jumps."""
+    return replace(model, values={**model.values, 'coulomb_friction': np.zeros(4)})
 
 
 def other_model() -> Model:

@@ -44,7 +44,7 @@ from par4_sim.closed_loop.offline import simulate_to_bag
 from par4_sim.closed_loop.simulation import Simulation, build_plant, build_simulation
 from par4_sim.machines.machine_effects import machine_of_model
 from par4_sim.machines.noise import Noise
-from robots import REFERENCE
+from robots import REFERENCE, with_drives
 
 TABLE_FILE = read_model_file('table1')
 TABLE = read_model('table1', REFERENCE)
@@ -189,13 +189,9 @@ def test_a_reference_that_does_not_say_enough_is_not_followed(clean_log):
         assert np.all(found.torque.extended < 2.0 * found.torque.floor)
 
 
-def unlike(**changes):
-    return REFERENCE.model_copy(update={'drives': REFERENCE.drives.model_copy(update=changes)})
-
-
 @pytest.mark.parametrize('gain', ['velocity_gain', 'position_gain'])
 def test_other_drives_are_noticed_and_the_motion_is_not_compared(gain, cogged_log):
-    robot = unlike(**{gain: 1.5 * getattr(REFERENCE.drives, gain)})
+    robot = with_drives(**{gain: 1.5 * getattr(REFERENCE.drives, gain)})
     found = confront(robot, TABLE_FILE, TABLE_FILE, cogged_log, fidelity='exact', length=3.0)
     assert found.followed == 'measured motion'
     assert found.drives_unlike
@@ -221,7 +217,7 @@ def test_without_any_feedforward_the_reference_is_followed():
 
 
 def test_drives_that_cannot_follow_give_words_and_no_numbers(clean_log):
-    weak = unlike(velocity_gain=1.0, position_gain=5.0, integral_gain=0.0, torque_limit=8.0)
+    weak = with_drives(velocity_gain=1.0, position_gain=5.0, integral_gain=0.0, torque_limit=8.0)
     with pytest.raises(InputError, match='cannot follow the measured motion'):
         confront(weak, TABLE_FILE, TABLE_FILE, replace(clean_log, reference=None),
                  fidelity='exact', length=3.0)

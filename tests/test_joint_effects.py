@@ -20,7 +20,7 @@ from par4_dynamics.state import GRAVITY, State, state_of_joints, state_of_platfo
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import excitation_motion
 from par4_kinematics.robot import Axis
-from robots import OTHER, REFERENCE, growing_waves, model_with, other_model
+from robots import OTHER, REFERENCE, growing_waves, model_with, other_model, without_coulomb
 
 AXIS = Axis(schema='par4/axis/1', name='arm', joint='arm', kind='revolute', gain=1.0)
 
@@ -105,11 +105,6 @@ def added(model, state, name, joints=(0, 1, 2, 3), **values):
 def friction_of(model, state, name, **values):
     """Return the friction of the model with an effect: torque minus that of the bodies."""
     return model_with(model, name, **values).torque(state) - model.rigid_torque(state)
-
-
-def frictionless(model):
-    """Return the model without Coulomb friction, the torque of which has no jumps."""
-    return replace(model, values={**model.values, 'coulomb_friction': np.zeros(4)})
 
 
 def rms(values):
@@ -676,7 +671,7 @@ def test_periods_are_tried_from_what_the_joint_that_moves_most_can_tell(case, na
 def test_a_lagging_drive_delivers_what_the_motion_needs(case):
     """The command of the model with lag, through a first-order drive, is the needed torque."""
     _, model, state = case
-    model, constant, period = frictionless(model), 4e-3, 1e-3
+    model, constant, period = without_coulomb(model), 4e-3, 1e-3
     needed = model.torque(state)
     command = model_with(model, 'actuator_lag', time_constant=constant).torque(state)
     delivered = needed.copy()
@@ -694,7 +689,7 @@ def test_a_lagging_drive_delivers_what_the_motion_needs(case):
 @pytest.mark.parametrize('delay', [3.5e-3, -2.5e-3, 1e-3])
 def test_time_offset_is_the_torque_of_another_time(case, delay):
     robot, model, _ = case
-    model, half = frictionless(model), 5e-4
+    model, half = without_coulomb(model), 5e-4
     fine = state_of(robot, model, half)
     rows = np.arange(100, len(fine.t) - 100, 2)
     state = replace(fine, **{key: getattr(fine, key)[rows]
@@ -724,7 +719,7 @@ def test_time_offset_is_the_torque_of_another_time(case, delay):
 def test_time_offset_of_no_delay_is_the_limit_of_small_ones(case):
     robot, model, _ = case
     state = waves(robot)
-    state = replace(state, nominal=frictionless(model).nominal(state))
+    state = replace(state, nominal=without_coulomb(model).nominal(state))
     none, small = (CATALOGUE['time_offset'].columns(state, {'expanded_at': delay})[INNER]
                    for delay in (0.0, 1e-6))
     np.testing.assert_allclose(none, small, atol=1e-3 * rms(none))
@@ -741,7 +736,7 @@ def test_lag_and_delay_are_exact_in_the_band_of_the_rows(case):
 
     t = np.arange(1000) * 1e-3
     still = np.zeros((len(t), 4))
-    nominal = replace(frictionless(model).nominal(state), torque=torque(t), added=0.0)
+    nominal = replace(without_coulomb(model).nominal(state), torque=torque(t), added=0.0)
     state = replace(state, t=t, q=still, qd=still, qdd=still, nominal=nominal)
     inner = slice(20, -20)
     rate = CATALOGUE['actuator_lag'].columns(state, {})[inner, :, 0]

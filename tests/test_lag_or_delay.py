@@ -28,7 +28,7 @@ from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.verdict.judgement import judge
 from par4_kinematics.workspace import home_pose
-from robots import OTHER, REFERENCE, other_model
+from robots import OTHER, REFERENCE, other_model, without_coulomb
 
 ROBOTS = {'reference': (REFERENCE, read_model('table1', REFERENCE)),
           'other': (OTHER, other_model())}
@@ -36,11 +36,6 @@ EVERY = (0, 1, 2, 3)
 PERIOD = 1e-3
 TIME = 4e-3
 """s; some ms is what amplifiers lag and recorders miss."""
-
-
-def smooth(model):
-    """Return the model without Coulomb friction, the torque of which has no jumps."""
-    return replace(model, values={**model.values, 'coulomb_friction': np.zeros(4)})
 
 
 def waves(robot, t):
@@ -77,7 +72,7 @@ class Case:
         if counts is not None:
             robot = robot.model_copy(update={
                 'drives': robot.drives.model_copy(update={'encoder_counts': counts})})
-        model, t = smooth(model), np.arange(0.0, 8.0, PERIOD)
+        model, t = without_coulomb(model), np.arange(0.0, 8.0, PERIOD)
         turn = 2.0 * np.pi / robot.drives.encoder_counts
         q = turn * np.round(waves(robot, t).q / turn)
         log = log_of(robot, t, q, asked(robot, model, t, law, time), seed, noise)

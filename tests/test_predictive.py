@@ -22,17 +22,13 @@ from par4_sim.plants.plant import STEP
 from par4_sim.tracking.case import Plan
 from par4_sim.tracking.metrics import tracking_of
 from par4_sim.tracking.run import feedforward_of, record_run
-from robots import REFERENCE, model_with
+from robots import REFERENCE, model_with, with_drives
 
 MACHINE = read_model('table1_full', REFERENCE)
 TABLE_1 = read_model('table1', REFERENCE)
 SMOOTH = adept_motion(REFERENCE, jerk=30_000.0)
 TRAPEZOIDS = adept_motion(REFERENCE)
 LAWS = ('loops', 'computed_torque', 'predictive')
-
-
-def with_drives(**changes):
-    return REFERENCE.model_copy(update={'drives': REFERENCE.drives.model_copy(update=changes)})
 
 
 def followed(robot, motion, law, machine=MACHINE, known=MACHINE):
