@@ -8,7 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 from browser import check_in_browser
-from test_commands import checked_page, run
+from report_pages import checked_page
+from test_commands import run
 
 from par4_dynamics.model import build_model
 from par4_dynamics.model_file import ModelFile, read_model_file

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import hashlib
 import io
 import json
@@ -14,19 +13,18 @@ import subprocess
 import sys
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import replace
-from html.parser import HTMLParser
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 from unittest import mock
-from xml.etree import ElementTree
 
 import click
 import numpy as np
 import pytest
 from browser import PHONE, WIDE, check_in_browser
 from measured import log_of_model
+from report_pages import Page, checked_page
 
 from executables import TOOLS
 from par4_dynamics.effects.catalogue import CATALOGUE
@@ -222,49 +220,6 @@ def diagnosed(bags, tmp_path_factory):
                '--output', folder)
     assert done.code == 0, done.err
     return SimpleNamespace(folder=folder, **vars(done))
-
-
-class Page(HTMLParser):
-    """What a page shows and what it refers to."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
-        self.tags, self.references, self.images, self.words = set(), [], [], []
-        self.feed(path.read_text(encoding='utf-8'))
-        self.text = ' '.join(' '.join(self.words).split()).replace('\N{MINUS SIGN}', '-')
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.add(tag)
-        for name, value in attrs:
-            if tag == 'img' and name == 'src':
-                self.images.append(value)
-            elif name in ('src', 'href', 'srcset', 'action', 'data'):
-                self.references.append(value)
-
-    def handle_data(self, data):
-        if self.cdata_elem is None:  # no style, no script
-            self.words.append(data)
-
-
-def checked_page(path: Path, least_images: int) -> Page:
-    """Return the page after checking that it needs nothing but itself."""
-    page = Page(path)
-    content = path.read_text(encoding='utf-8')
-    assert not page.references
-    assert not {'link', 'iframe'} & page.tags
-    assert 'url(' not in content
-    assert '@import' not in content
-    assert len(page.images) >= least_images
-    for image in page.images:
-        kind, _, data = image.partition(',')
-        assert kind == 'data:image/svg+xml;base64'
-        root = ElementTree.fromstring(base64.b64decode(data))
-        assert root.tag.endswith('svg')
-        for element in root.iter():
-            for name, value in element.attrib.items():
-                if name.endswith('href'):
-                    assert value.startswith('#')
-    return page
 
 
 # par4_identify

@@ -6,13 +6,13 @@ from __future__ import annotations
 import json
 import shutil
 from functools import partial
-from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_commands import checked_page, run
+from report_pages import Page, checked_page
+from test_commands import run
 from test_next_experiment import circles
 
 from par4_dynamics.effects.catalogue import CATALOGUE
@@ -96,8 +96,8 @@ def first(machine, tmp_path_factory):
         done = run(diagnose, machine / 'narrow', '--holdout', machine / 'held_out', '--robot',
                    'reference', '--output', folder)
     assert done.code == 0, done.err
-    return SimpleNamespace(folder=folder, content=read_json(folder), page=Sections(folder),
-                           kept=kept, **vars(done))
+    return SimpleNamespace(folder=folder, content=read_json(folder),
+                           page=Page(folder / 'report.html'), kept=kept, **vars(done))
 
 
 @pytest.fixture
@@ -121,46 +121,6 @@ def small_library(monkeypatch):
     """Let only frictions be named, for speed."""
     names = (TRUTH, TWIN, 'stribeck', 'viscous_asymmetry')
     monkeypatch.setattr(diagnosis, 'LIBRARY', {name: LIBRARY[name] for name in names})
-
-
-class Sections(HTMLParser):
-    """A report as its reader meets it: the headings in order, and what stands under each.
-
-    Attributes:
-        headings: of the first and second level.
-        words: text under each.
-        pictures: what each shows, under each.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        super().__init__()
-        self.headings, self.words, self.pictures = [], [], []
-        self._heading = False
-        self.feed((folder / 'report.html').read_text(encoding='utf-8'))
-
-    def handle_starttag(self, tag, attrs):
-        if tag in ('h1', 'h2'):
-            self._heading = True
-            self.headings.append('')
-            self.words.append('')
-            self.pictures.append([])
-        if tag == 'img':
-            self.pictures[-1].append(dict(attrs)['alt'])
-
-    def handle_endtag(self, tag):
-        if tag in ('h1', 'h2'):
-            self._heading = False
-
-    def handle_data(self, data):
-        if self.headings:
-            part = self.headings if self._heading else self.words
-            part[-1] += data.replace('\N{MINUS SIGN}', '-')
-
-    def place(self, beginning: str) -> int:
-        """Return where the only heading stands that begins so."""
-        place, = (number for number, heading in enumerate(self.headings)
-                  if heading.startswith(beginning))
-        return place
 
 
 def read_json(folder: Path) -> dict:
@@ -229,7 +189,7 @@ def test_the_bag_of_that_motion_decides_and_replaces_what_the_first_run_left(
         assert entry.parameters['coulomb'].value == 0.0
     assert {name: parameter.std for name, parameter in new.parameters.items()} == {
         name: value['std'] for name, value in cause['parameters'].items()}
-    page = Sections(again)
+    page = Page(again / 'report.html')
     assert 'motion.yaml' not in ' '.join(page.words)
     assert page.headings[page.place('What could not')] == 'What could not be told apart'
 
@@ -268,7 +228,7 @@ def test_a_proposed_motion_is_written_beside_the_users_own(again, machine):
                'reference', '--output', again, '--no-simulate')
     assert done.code == 0, done.err
     assert read_json(again)['next_experiment']['motion'] == 'motion_3.yaml'
-    words = ' '.join(Sections(again).words)
+    words = ' '.join(Page(again / 'report.html').words)
     assert 'Play motion_3.yaml (' in words
     assert 'The proposed motion, motion_3.yaml: ' in words
     assert named_motion(again / 'motion_3.yaml', REFERENCE).duration > 0.0

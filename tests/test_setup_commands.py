@@ -8,7 +8,8 @@ from pathlib import Path
 import mistakes
 import numpy as np
 import pytest
-from test_commands import checked_page, run, simulated
+from report_pages import checked_page
+from test_commands import run, simulated
 
 from par4_dynamics.model import read_model
 from par4_identification.commands import bag as bag_command

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from browser import check_in_browser
+from report_pages import checked_page
 from ruamel.yaml import YAML
-from test_commands import checked_page, run
+from test_commands import run
 
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file

@@ -10,7 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from browser import check_in_browser
-from test_commands import checked_page, run
+from report_pages import checked_page
+from test_commands import run
 from year import DRY, FLOWING, NAMES, YEAR, drawn_year
 
 from par4_dynamics.base_terms import base_terms
