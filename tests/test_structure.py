@@ -157,7 +157,9 @@ def test_each_library_is_at_home(library):
 @pytest.mark.parametrize(('text', 'home'), [
     ('1_000_000_000', 'par4_kinematics/stamps.py'),
     ('[:1].upper() +', 'par4_sim/report/words.py'),
-    ('soft_wrap', 'par4_sim/report/terminal.py')])
+    ('soft_wrap', 'par4_sim/report/terminal.py'),
+    ("'--repair'", 'par4_sim/choices.py'),
+    ('par4_record {', 'par4_sim/choices.py')])
 def test_what_many_need_has_one_home(text, home):
     assert [str(inner(path)) for path in SOURCES
             if text in path.read_text(encoding='utf-8')] == [home]

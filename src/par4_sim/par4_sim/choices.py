@@ -5,10 +5,14 @@ It stands apart from what does the work, so that `--help` loads nothing but this
 
 from __future__ import annotations
 
+from pathlib import Path
+
 FIDELITIES: tuple[str, ...] = ('accurate', 'fast', 'exact')
 """Simulated machines: `plant.py` says what they have in common."""
 STORAGES = ('mcap', 'sqlite3')
 """Formats of bags."""
+REPAIR = '--repair'
+"""Option by which `par4_record` mends a bag instead of recording one."""
 LAWS = ('loops', 'computed_torque', 'predictive', 'torque')
 """Laws of the drives."""
 POSITION_LAWS = LAWS[:3]
@@ -33,3 +37,8 @@ TIMINGS = {OWN: 'own timing', TIME_OPTIMAL: 'time-optimal'}
 """How a path is timed, in words: as the motion that was given, or as time-optimal motion."""
 PEAK = 0.5e-3
 """Limit of the peak error of D, m."""
+
+
+def repair_command(bag: str | Path) -> str:
+    """Return the command that mends a bag, as errors tell it."""
+    return f'par4_record {REPAIR} {bag}'

@@ -7,12 +7,13 @@ from typing import Any, NoReturn
 
 import click
 
+from par4_sim.choices import REPAIR, repair_command
 from par4_sim.commands.entry import loading, run
 
 
 @click.command('par4_record', epilog='\b\nExample:\n'
-    '  par4_record --repair my_bag')
-@click.option('--repair', 'bag', required=True, type=click.Path(path_type=Path),
+    '  ' + repair_command('my_bag'))
+@click.option(REPAIR, 'bag', required=True, type=click.Path(path_type=Path),
               help='bag that was cut off; it stays as it is')
 @click.option('--output', default=None, type=click.Path(path_type=Path),
               help='bag to write  [default: BAG_repaired]')

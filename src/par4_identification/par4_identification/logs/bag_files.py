@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from par4_kinematics.errors import InputError
+from par4_sim.choices import repair_command
 
 STORAGE_SUFFIXES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
 ZSTD_SUFFIX = '.zstd'
@@ -34,8 +35,8 @@ class CutOffError(InputError):
 
 def cut_off(path: Path, reason: str) -> CutOffError:
     """Return the error that says of a bag that it is cut off or damaged, and what to do."""
-    return CutOffError(f'{path}: the bag is cut off or damaged ({reason}); run par4_record '
-                       f'--repair {path}, unless it is still being recorded')
+    return CutOffError(f'{path}: the bag is cut off or damaged ({reason}); run '
+                       f'{repair_command(path)}, unless it is still being recorded')
 
 
 def storage_files(path: Path) -> list[Path]:

@@ -14,7 +14,7 @@ from typing import Any
 
 from rclpy.subscription import Subscription
 
-from par4_identification.ros.record_parameters import RecordParameters
+from par4_identification.ros.record_parameters import RecordParameters, asked_to_mend
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, RECORDED_TOPICS, Topic
 from par4_kinematics.ros.node import REPORT_PERIOD, SILENCE, Par4Node, State
@@ -187,7 +187,7 @@ class RecordNode(Par4Node):
 
 def main() -> int:
     """Run the node, or mend a bag with `--repair BAG [--output OUT]`; return the exit code."""
-    if any(argument.split('=')[0] == '--repair' for argument in sys.argv[1:]):
+    if asked_to_mend(sys.argv[1:]):
         from par4_identification.commands import repair  # the node needs no command line
         repair.main()
     return run(RecordNode)

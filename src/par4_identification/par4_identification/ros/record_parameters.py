@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from par4_kinematics.ros.parameters import NodeParameters, parameter
-from par4_sim.choices import STORAGES
+from par4_sim.choices import REPAIR, STORAGES
 
 
 @dataclass(frozen=True)
@@ -24,3 +25,8 @@ class RecordParameters(NodeParameters):
     duration: float = parameter(0.0, 's from the first message, on the ROS clock; 0 = until '
                                      'stopped', 0.0)
     storage: str = parameter('mcap', 'of the bag', choices=STORAGES)
+
+
+def asked_to_mend(arguments: Sequence[str]) -> bool:
+    """Return whether arguments ask `par4_record` to mend a bag instead of recording one."""
+    return any(argument.split('=')[0] == REPAIR for argument in arguments)

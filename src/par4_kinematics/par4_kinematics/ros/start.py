@@ -19,7 +19,6 @@ def start_node(module: str, parameters: type[NodeParameters]) -> int:
     if '--version' in sys.argv[1:]:
         print(f'{Path(sys.argv[0]).name}, version {version(module.partition(".")[0])}')
         return 0
-    mends = any(argument.split('=')[0] == '--repair' for argument in sys.argv[1:])
-    if not mends and answered(parameters, sys.argv[1:]):
+    if answered(parameters, sys.argv[1:]):
         return 0
     return import_module(module).main()

@@ -41,7 +41,7 @@ from par4_kinematics.files import unwritable
 from par4_kinematics.interface import JOINT_STATES, REFERENCE
 from par4_kinematics.stamps import SECOND
 from par4_sim.bags.message_layout import JointStateTemplate
-from par4_sim.choices import STORAGES
+from par4_sim.choices import STORAGES, repair_command
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Msg
@@ -234,7 +234,7 @@ class BagWriter:
         told = unwritable(self._later or self.path, error)
         if self._later is not None:
             return told
-        return InputError(f'{told}, then run par4_record --repair {self.path}')
+        return InputError(f'{told}, then run {repair_command(self.path)}')
 
     def _header(self, stamp: int) -> Msg:
         types = self._typestore.types
