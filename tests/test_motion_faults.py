@@ -235,11 +235,16 @@ def diagnostics(node: str, level: bytes, text: str = '') -> DiagnosticArray:
     return DiagnosticArray(status=[DiagnosticStatus(name=node, level=level, message=text)])
 
 
+def publish_from(cell, monkeypatch, *gids: int) -> None:
+    monkeypatch.setattr(cell.node, 'get_publishers_info_by_topic', lambda topic: {
+        '/joint_states': [SimpleNamespace(node_name='robot', node_namespace='/',
+                                          endpoint_gid=[gid]) for gid in gids]}[topic])
+
+
 @pytest.fixture
 def robot_node(cell, monkeypatch) -> str:
     """Return the name of the node that publishes joint states."""
-    monkeypatch.setattr(cell.node, 'get_publishers_info_by_topic', lambda topic: {
-        '/joint_states': [SimpleNamespace(node_name='robot', node_namespace='/')]}[topic])
+    publish_from(cell, monkeypatch, 1)
     return '/robot'
 
 
@@ -277,6 +282,23 @@ def test_no_motion_begins_of_a_robot_that_tells_of_a_trip(cell, robot_node):
     assert cell.node.finished
     assert cell.node._played is None
     assert 'not begun: the robot says: call ~/reset; see to it' in str(cell.node.failure)
+
+
+def test_what_a_robot_told_is_over_once_it_is_started_anew(cell, robot_node, monkeypatch):
+    cell.node._on_diagnostics(diagnostics(robot_node, DiagnosticStatus.ERROR, 'ended: hot'))
+    publish_from(cell, monkeypatch, 1, 2)  # the old one counts for a while
+    assert cell.node._trouble() == 'ended: hot'
+    publish_from(cell, monkeypatch, 2)
+    assert cell.node._trouble() == ''
+    cell.node._on_diagnostics(diagnostics(robot_node, DiagnosticStatus.ERROR, 'hot again'))
+    assert cell.node._trouble() == 'hot again'
+
+
+def test_a_robot_that_told_before_it_was_found_is_heard(cell, robot_node, monkeypatch):
+    publish_from(cell, monkeypatch)
+    cell.node._on_diagnostics(diagnostics(robot_node, DiagnosticStatus.ERROR, 'hot'))
+    publish_from(cell, monkeypatch, 1)
+    assert cell.node._trouble() == 'hot'
 
 
 def test_what_a_robot_told_is_over_once_it_tells_something_else(cell, robot_node):

@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -157,11 +158,13 @@ class MotionNode(Par4Node):
 
     def _trouble(self, least: bytes = DiagnosticStatus.ERROR) -> str:
         """Return what those that publish joint states tell is so bad with the robot."""
-        return self._troubles.of(self.get_publishers_info_by_topic(
-            self.resolve_topic_name(JOINT_STATES.name)), least)
+        return self._troubles.of(self._robots(), least)
+
+    def _robots(self) -> list[TopicEndpointInfo]:
+        return self.get_publishers_info_by_topic(self.resolve_topic_name(JOINT_STATES.name))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        self._troubles.take(message)
+        self._troubles.take(message, self._robots())
         if self._played is not None and not self._stop_asked and (trouble := self._trouble()):
             self._abort(motion_faults.tripped(self._played.motion.name, trouble))
 
