@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import signal
+from collections import Counter
+from functools import partial
+from threading import Lock
 from unittest import mock
 
 import pytest
 
+from par4_kinematics.errors import InputError, UnreachableError
+from par4_kinematics.interface import REFERENCE
 from par4_kinematics.ros import process
+from par4_kinematics.ros.node import Par4Node
 
 
 @pytest.fixture(autouse=True)
@@ -20,6 +26,31 @@ def without_ros(monkeypatch):
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
+
+
+def test_two_threads_count_one_behind_the_other():
+    """The thread of the physics rejects references while that of the callbacks rejects messages."""
+    lock = Lock()
+
+    class Watched(Counter):
+        def __setitem__(self, name, count):
+            assert lock.locked()  # from the reading of the count to its writing
+            super().__setitem__(name, count)
+
+        def __getitem__(self, name):
+            assert lock.locked()
+            return super().__getitem__(name)
+
+        def keys(self):  # of whoever copies them
+            assert lock.locked()
+            return super().keys()
+
+    node = mock.Mock(counts=Watched(), _counting=lock, _arrivals={})
+    node.count = partial(Par4Node.count, node)
+    for error in (InputError('one'), InputError('two'), UnreachableError('three')):
+        Par4Node.reject(node, REFERENCE, error)
+    assert Par4Node.faults(node) == {'rejected_messages': 2, 'unreachable_poses': 1}
+    assert not lock.locked()
 
 
 def test_what_a_node_began_is_ended_even_if_its_last_work_fails(monkeypatch):

@@ -117,7 +117,7 @@ class MonitorNode(Par4Node):
             self._skip(f'a stamp {(stamp_ns - first_ns) / SECOND:.3g} s from its first')
 
     def _skip(self, why: str) -> None:
-        self.counts['skipped_windows'] += 1
+        self.count('skipped_windows')
         self._skipped, self._reason = self._skipped + 1, why
         self.get_logger().info(f'window skipped: {why}', throttle_duration_sec=10.0,
                                throttle_time_source_type=self.wall_clock)

@@ -7,6 +7,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from threading import Lock
 from typing import Any, ClassVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -102,7 +103,7 @@ class Par4Node(Node):
         parameters: their values; a subclass annotates them with its dataclass.
         finished: set to True, by itself or by a signal, when its work is done; `run` then ends it.
         failure: why it ended without having done its work; `run` then tells it.
-        counts: what went wrong so far, by name.
+        counts: what went wrong so far, by name; `count` adds to them from any thread.
     """
 
     PARAMETERS: ClassVar[type[NodeParameters]]
@@ -117,6 +118,7 @@ class Par4Node(Node):
         self.parameters = declare(self, self.PARAMETERS)
         self.finished = False
         self.counts: Counter[str] = Counter()
+        self._counting = Lock()
         self._arrivals: dict[str, Arrivals] = {}
         self._inputs: list[Callable[[], bool]] = []
         self._subscribed: dict[str, Subscription] = {}
@@ -265,16 +267,21 @@ class Par4Node(Node):
 
         self.create_service(Trigger, name, answer)
 
+    def count(self, name: str) -> None:
+        """Count something that went wrong; threads may do so at the same time."""
+        with self._counting:
+            self.counts[name] += 1
+
     def reject(self, topic: Topic, error: Par4Error) -> None:
         """Count a message that cannot be used and say why, at most once a second."""
-        self.counts['unreachable_poses' if isinstance(error, UnreachableError)
-                    else 'rejected_messages'] += 1
+        self.count('unreachable_poses' if isinstance(error, UnreachableError)
+                   else 'rejected_messages')
         self.get_logger().warning(f'{topic.name}: {error}',
                                   throttle_duration_sec=REPORT_PERIOD,
                                   throttle_time_source_type=self.wall_clock)
 
     def _on_jump(self, jump: TimeJump) -> None:
-        self.counts['clock_jumps'] += 1
+        self.count('clock_jumps')
         self._jumped.append(time.monotonic())
         back = -jump.delta.nanoseconds / SECOND
         self.get_logger().warning(
@@ -378,7 +385,9 @@ class Par4Node(Node):
     def faults(self) -> dict[str, int]:
         """Return what the diagnostics tell of things that went wrong, by name."""
         missed = sum(input_.numbering.missing for input_ in self._arrivals.values())
-        return {**self.counts, **({'missed_messages': missed} if missed else {})}
+        with self._counting:  # a name that comes meanwhile would end the walk through them
+            counts = dict(self.counts)
+        return {**counts, **({'missed_messages': missed} if missed else {})}
 
     def expected(self) -> tuple[str, ...]:
         """Return the faults, by name, that are not logged by their counts."""

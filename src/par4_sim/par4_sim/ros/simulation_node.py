@@ -290,7 +290,7 @@ class SimulationNode(Par4Node):
         try:
             self._physics.run(lambda: self.finished)
         except UnreachableError as error:
-            self.counts['unreachable_poses'] += 1
+            self.count('unreachable_poses')
             self._physics.fault = f'out of reach: {error}; paused: call ~/reset, then ~/resume'
             self._physics.paused = True
 
