@@ -123,4 +123,6 @@ def unnamed_cause(search: Search, cause: Hypothesis, model: Model) -> UnnamedCau
         rows += int(run.valid.sum())
     return UnnamedCause(
         cause.effect.name, cause.effect.phrase, cause.joints,
-        float(np.sqrt(squares / max(rows, 1))), float(2.0 * margin / max(explained, 1e-30)), margin)
+        float(np.sqrt(squares / max(rows, 1))),
+        # beside causes that together explain nothing of rows held out, there is none of that
+        float(np.clip(2.0 * margin / explained, 0.0, 1.0)) if explained > 0.0 else 0.0, margin)

@@ -72,7 +72,8 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
             f'{before} on data the model has not seen, the noise floor being {noise}, '
             f'which no function of the recorded motion gives.', 'fair', remarks)
     them = 'it' if len(diagnosis.causes) == 1 else 'them'
-    falls = (f'falls from {before} to {after}' if before != after else f'stays at {after}')
+    way = 'falls' if errors[1] < errors[0] else 'rises'
+    falls = f'{way} from {before} to {after}' if before != after else f'stays at {after}'
     sentence = (f"The machine has {names}; with {them} the model's error on data it has not seen "
                 f'{falls}, the noise floor being {noise}')
     if rattling:
