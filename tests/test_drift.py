@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from functools import partial
+from threading import Lock
 from types import SimpleNamespace
 from unittest import mock
 
@@ -191,8 +192,9 @@ def test_joints_that_rest_say_nothing():
 def monitor() -> SimpleNamespace:
     """Return the state of a `par4_monitor` that takes messages and counts windows."""
     node = SimpleNamespace(counts=Counter(), looked=0, wall_clock=None, get_logger=mock.Mock(),
-                           _gain=np.asarray(REFERENCE.drive_gain), _robot=REFERENCE, _skipped=0)
-    for name in ('_forget', '_skip', '_leave_other_times', '_keep', 'reject'):
+                           _gain=np.asarray(REFERENCE.drive_gain), _robot=REFERENCE, _skipped=0,
+                           _counting=Lock())
+    for name in ('_forget', '_skip', '_leave_other_times', '_keep', 'reject', 'count'):
         setattr(node, name, partial(getattr(MonitorNode, name), node))
 
     def look() -> None:

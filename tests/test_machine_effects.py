@@ -307,7 +307,7 @@ def test_all_effects_at_once(fidelity):
     ('theta_friction', {'coulomb': -0.1}, 'Coulomb friction of theta'),
     ('passive_joint_friction', {'coulomb': -0.1}, 'Coulomb friction of theta or pivots'),
     ('geometry_error', {'base_radius': 1.5}, 'geometry_error: .*cannot close'),
-    ('geometry_error', {'arm_length': -0.5}, 'geometry_error: arm_length: .* greater than 0'),
+    ('geometry_error', {'arm_length': -0.5}, 'geometry_error: arm_length: .* more than 0'),
     ('leg_length_error', {'arm_length': (-0.5, 0.0, 0.0, 0.0)}, 'leg_length_error: .*at most 0.1'),
     ('platform_drag', {'viscous': -1.0}, 'drag'),
     ('cable_spring', {'stiffness': -40.0, 'anchor': (0.0, 0.0, 0.0)}, 'stiffness of the cable'),
