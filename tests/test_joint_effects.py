@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from par4_dynamics.effects.catalogue import CATALOGUE, SEVERAL_ORDERS
-from par4_dynamics.effects.effect import beyond
+from par4_dynamics.effects.effect import FAST, beyond
 from par4_dynamics.effects.guide import GUIDES
 from par4_dynamics.effects.springs import DAMPING_RATIO, Springs
 from par4_dynamics.effects.transmission import MOTOR_SHARE
@@ -292,7 +292,7 @@ def test_an_estimate_is_out_of_bounds_by_more_than_chance_or_not_at_all():
     ('friction_drift', {'viscous_drop': 1.5}, 'viscous friction that warms up falls'),
     ('friction_drift', {'time_constant': -1.0}, 'must be positive'),
     ('presliding', {'distance': -1e-3}, 'positive distance'),
-    ('presliding', {'distance': 1.5}, 'positive distance'),
+    ('presliding', {'distance': 0.5}, 'positive distance'),
     ('joint_friction_difference', {'coulomb': (0, 0, -3.0, 0)}, 'coulomb'),
     ('joint_friction_difference', {'viscous': (0, 0, -3.0, 0)}, 'viscous'),
     ('joint_inertia_difference', {'inertia': (0.01, 0.01, 0.01, -0.2)}, 'inertia'),
@@ -324,6 +324,13 @@ def test_wrong_sign_or_size_is_implausible_unless_it_may_be_chance(name, values,
 ])
 def test_large_errors_of_real_machines_are_plausible(name, values):
     assert reason_against(name, values) is None
+
+
+def test_friction_of_a_motor_before_its_screw_may_build_up_over_half_a_radian():
+    distance, exact = {'distance': np.array([0.5])}, {'distance': np.zeros(1)}
+    presliding = CATALOGUE['presliding']
+    assert presliding.implausible(distance, exact, {FAST: np.ones(1)}) is None
+    assert presliding.implausible(distance, exact, {}) is not None
 
 
 def test_a_stiff_joint_beside_an_elastic_one_may_have_any_sign():

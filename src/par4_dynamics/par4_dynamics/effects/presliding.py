@@ -8,6 +8,7 @@ import numba
 import numpy as np
 
 from par4_dynamics.effects.effect import (
+    FAST,
     Base,
     Effect,
     EffectParameter,
@@ -26,8 +27,8 @@ DISTANCES = np.geomspace(2e-4, 3.2e-2, 9)
 OF_TRAVEL = np.geomspace(5e-5, 2.5e-2, 11)
 """The same of a slide, over its travel, as a length has no scale of its own, and of a motor that
 turns often."""
-LONGEST = 1.0
-"""rad or m; of an arm no such distance is looked for."""
+LONGEST, LONGEST_OF_AXIS = 0.1, 1.0
+"""rad, of an axis rad or m: its position may be that of a motor before a gear or a screw."""
 STROKE = 2.0
 """Strokes over the distance from which on friction has built up and tells of it."""
 BACK = 0.05
@@ -112,9 +113,10 @@ class Presliding(Effect):
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         distance = float(values['distance'][0])
-        if beyond(distance, std['distance'][0], 0.0, LONGEST) is not None:
-            return (f'friction builds up within a positive distance of at most {LONGEST:g} rad, '
-                    f'found {distance:.3g} rad')
+        longest, unit = (LONGEST_OF_AXIS, 'rad or m') if FAST in base else (LONGEST, 'rad')
+        if beyond(distance, std['distance'][0], 0.0, longest) is not None:
+            return (f'friction builds up within a positive distance of at most {longest:g} {unit}, '
+                    f'found {distance:.3g}')
         return None
 
     def signature(self, state: State) -> Signature:
