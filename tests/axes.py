@@ -16,6 +16,7 @@ from par4_identification.logs.log import Log
 from par4_kinematics.robot import Axis
 
 STEP = 5e-4
+ASPERITIES = 600
 
 
 def axis(**facts):
@@ -126,3 +127,21 @@ def held_speeds(friction: Callable[[float], float], speeds: Sequence[float], noi
         logs.append(Log(f'speed {number}', ('motor',), 1, period, t, q[:, None], tau[:, None],
                         (slice(0, len(t)),), None, None))
     return logs
+
+
+def built_up(q: np.ndarray, distance: float) -> np.ndarray:
+    """Return the share -1 .. 1 of dry friction along positions (n,) of a rough contact.
+
+    Its asperities are `ASPERITIES` springs alike, each of which slips at a deflection of its own.
+    These are spread so that a contact that has slipped as a whole and turns over has lost the share
+    1 - exp(-x / distance) of twice its friction after a way x. Without a distance it is the sign.
+    """
+    steps = np.diff(q, prepend=2.0 * q[0] - q[1])
+    if not distance:
+        return np.sign(steps)
+    limits = -0.5 * distance * np.log1p(-(np.arange(ASPERITIES) + 0.5) / ASPERITIES)
+    bent, forces = np.zeros(ASPERITIES), np.empty(len(q))
+    for row, step in enumerate(steps.tolist()):
+        bent = np.minimum(np.maximum(bent + step, -limits), limits)
+        forces[row] = bent.sum()
+    return forces / limits.sum()

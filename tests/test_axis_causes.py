@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import mistakes
 import numpy as np
 import pytest
-from axes import Motor, axis, recorded
+from axes import Motor, axis, built_up, recorded
 
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
@@ -270,15 +270,8 @@ def test_friction_that_builds_up_is_no_delay():
 @pytest.mark.parametrize('distance', [2e-5, 4e-5])
 def test_friction_of_a_slide_builds_up_over_microns(distance):
     """A length has no scale of its own, as an angle has: the travel gives it."""
-    def friction(q):
-        force, built = 0.0, []
-        for step in np.diff(q, prepend=q[0]):
-            for _ in range(100):
-                force += 0.01 * step * (3.0 - force * np.sign(step)) / distance
-            built.append(force)
-        return np.array(built)
-
-    cause, = diagnosed(stage(friction), axis(kind='linear', gravity='none'),
+    log = stage(lambda q: 3.0 * built_up(q, distance))
+    cause, = diagnosed(log, axis(kind='linear', gravity='none'),
                        ('presliding', 'time_offset', 'stribeck')).causes
     assert cause.effect.name == 'presliding'
     assert cause.parameters['distance'].number == pytest.approx(distance, rel=0.1)
