@@ -12,7 +12,7 @@ from par4_identification.diagnosis.evidence.fit import left_by, solve
 from par4_identification.diagnosis.search.causes import named_of, unnamed_of
 from par4_identification.diagnosis.search.search import Rival
 from par4_identification.diagnosis.verdict import settled
-from par4_identification.diagnosis.verdict.judgement import judge
+from par4_identification.diagnosis.verdict.judgement import judge, share_of
 from par4_identification.diagnosis.verdict.settled import settle
 
 FLOOR = np.full(4, 0.05)
@@ -118,3 +118,9 @@ def test_the_model_with_told_values_has_the_best_base_parameters_beside_them(bes
     slopes = evidence.base.T @ left
     size = np.linalg.norm(evidence.base, axis=0) * np.linalg.norm(left)
     assert np.max(np.abs(slopes) / size) < 1e-6
+
+
+@pytest.mark.parametrize(('own', 'explained', 'share'), [
+    (3.0, 4.0, 0.75), (3.0, 2.0, 1.0), (-3.0, 2.0, 0.0), (3.0, 0.0, 0.0), (3.0, -2.0, 0.0)])
+def test_a_share_of_what_is_explained_is_one_even_where_nothing_is(own, explained, share):
+    assert share_of(own, explained) == share

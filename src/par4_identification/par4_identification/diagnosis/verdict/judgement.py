@@ -124,5 +124,12 @@ def unnamed_cause(search: Search, cause: Hypothesis, model: Model) -> UnnamedCau
     return UnnamedCause(
         cause.effect.name, cause.effect.phrase, cause.joints,
         float(np.sqrt(squares / max(rows, 1))),
-        # beside causes that together explain nothing of rows held out, there is none of that
-        float(np.clip(2.0 * margin / explained, 0.0, 1.0)) if explained > 0.0 else 0.0, margin)
+        share_of(2.0 * margin, explained), margin)
+
+
+def share_of(own: float, explained: float) -> float:
+    """Return a cause's share, 0 to 1, of the squares of held-out rows that all causes explain.
+
+    Where these together explain nothing, it has none.
+    """
+    return float(np.clip(own / explained, 0.0, 1.0)) if explained > 0.0 else 0.0
