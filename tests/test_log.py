@@ -149,6 +149,36 @@ def test_jitter_is_resampled_to_the_truth(tmp_path):
     assert any('uneven stamps' in finding for finding in log.accounts.findings())
 
 
+@pytest.mark.parametrize('own_topic', [False, True])
+def test_stamps_that_jitter_beside_even_readings_are_put_back(tmp_path, own_topic):
+    generator = np.random.default_rng(6)
+    late = np.clip(generator.normal(0.0, 0.15 * PERIOD, COUNT), -0.4 * PERIOD, 0.4 * PERIOD)
+    stamp = even() + late.astype(np.int64)
+    kept = generator.random(COUNT) > 0.04
+    kept[1000:1040] = False
+    log = read_log(bag(
+        tmp_path / 'bag', stamp[kept], true_position(even())[kept],
+        even() if own_topic else stamp[kept],
+        true_torque(even() if own_topic else even()[kept]) / GAIN), ROBOT)
+    assert log.accounts.jitter == pytest.approx(0.15e-3, rel=0.05)
+    assert not log.accounts.resampled
+    assert any('put back every 1 ms' in finding for finding in log.accounts.findings())
+    # the end of a line through n stamps has a deviation of two over the root of n of theirs
+    moved = 3.0 * 2.0 / np.sqrt(900.0) * 0.15e-3
+    slope, torque_slope = (np.abs(np.diff(true(even()), axis=0)).max() / 1e-3
+                           for true in (true_position, true_torque))
+    assert_true(log, slope * moved, torque_slope * moved + (4e-3) ** 2 / 8 * TORQUE_CURVATURE)
+
+
+def test_readings_of_a_machine_at_rest_tell_nothing_of_stamps(tmp_path):
+    generator = np.random.default_rng(7)
+    stamp = even() + generator.integers(-PERIOD // 5, PERIOD // 5, COUNT)
+    rest = np.tile(true_position(even())[:1], (COUNT, 1))
+    log = read_log(bag(tmp_path / 'bag', stamp, rest, voltage=true_torque(stamp) / GAIN), ROBOT)
+    assert log.accounts.jitter == 0.0
+    assert log.accounts.resampled
+
+
 def test_deviations_of_a_thousandth_are_no_jitter(tmp_path):
     generator = np.random.default_rng(3)
     stamp = even() + generator.integers(-PERIOD // 3000, PERIOD // 3000, COUNT)
@@ -692,7 +722,8 @@ def test_two_recordings_joined_without_a_gap_are_cut_where_positions_jump(tmp_pa
         pytest.approx(1200, abs=2), pytest.approx(800, abs=2)]
     said, = log.bag_accounts.of_clocks()
     assert 'jump within a sample at 1.2 s' in said
-    true = true_position(later)[np.searchsorted(stamp, stamps_of(log)).clip(0, COUNT - 1)]
+    nearest = np.searchsorted(stamp, stamps_of(log) - PERIOD // 2).clip(0, COUNT - 1)
+    true = true_position(later)[nearest]
     assert np.abs(log.q - true).max() < 0.01
 
 

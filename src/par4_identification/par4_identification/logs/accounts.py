@@ -89,6 +89,7 @@ class Accounts:
         restarts: how often the counter of a single joint starts again after another way, and after
             which one, with its unit; put together.
         jumps: times, s, at which several positions jump from one sample to the next.
+        jitter: of stamps whose readings were taken evenly, rms, s; they are put back evenly.
         held: for how long each reading of 'position' or 'torque' repeats, s, where it does.
     """
 
@@ -118,6 +119,7 @@ class Accounts:
     wraps: Mapping[str, int] = field(default_factory=dict)
     restarts: Mapping[str, tuple[int, float, str]] = field(default_factory=dict)
     jumps: tuple[float, ...] = ()
+    jitter: float = 0.0
     held: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
@@ -200,6 +202,11 @@ class Accounts:
         if self.resampled:
             found.append(f'uneven stamps (spacing +- {self.position.jitter_rms:.3g} s rms), '
                          f'resampled every {self.period:.6g} s')
+        if self.jitter:
+            found.append(f'the stamps of {self.position.topic} jitter by '
+                         f'{1e3 * self.jitter:.2g} ms rms though the readings were taken evenly; '
+                         f'put back every {1e3 * self.period:.4g} ms; stamp a reading when it is '
+                         f'taken')
         found += self.of_torques()
         if self.reference not in ('absent', 'read'):
             found.append(f'{REFERENCE.name} ignored: {self.reference}')

@@ -10,9 +10,7 @@ import numpy as np
 from par4_identification.logs.accounts import SHORTEST_SEGMENT
 from par4_identification.logs.jumps import joints_of_recordings
 from par4_identification.logs.series import FILLED, Series
-
-EVEN = 1e-3
-"""Largest deviation from an even grid, in periods, at which samples are taken as they are."""
+from par4_identification.logs.stamps import EVEN, numbered
 
 
 @dataclass(frozen=True)
@@ -33,8 +31,7 @@ class Grid:
 def grid_of(position: Series) -> Grid:
     """Return the positions on an even grid, cut at long gaps and where several of them jump.
 
-    The period is the slope of a line through all stamps: with jitter, the median spacing is off by
-    its chance. Evenly stamped samples stand as they are, with holes filled; otherwise a new grid
+    Evenly stamped samples stand as they are, with holes filled; otherwise a new grid
     starts at each segment's first sample.
     """
     stamp, values = position.stamp.astype(float), position.values
@@ -51,16 +48,10 @@ def grid_of(position: Series) -> Grid:
     if not parts:
         return Grid([], position.period, False, 0, short, times)
 
-    # Number of each sample on the grid.
-    numbers = [np.r_[0, np.cumsum(missing[part[:-1]] + 1)] for part in parts]
-    centred = [(number - number.mean(), stamp[part] - stamp[part].mean())
-               for number, part in zip(numbers, parts, strict=True)]
-    period = float(sum(number @ time for number, time in centred)
-                   / sum(number @ number for number, _ in centred))
-    uneven = any((np.abs(time - period * number) > EVEN * period).any()
-                 for number, time in centred)
+    even = numbered(stamp, parts, position.period)
+    uneven, period = even.off > EVEN * even.period, even.period
     pieces, filled = [], 0
-    for number, part in zip(numbers, parts, strict=True):
+    for number, part in zip(even.numbers, parts, strict=True):
         filled += int(missing[part[:-1]].clip(0).sum())
         if uneven:
             steps = np.arange(np.floor((stamp[part[-1]] - stamp[part[0]]) / period + EVEN) + 1)

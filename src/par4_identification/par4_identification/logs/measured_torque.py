@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from par4_identification.logs.clock import Clock
-from par4_identification.logs.grid import EVEN
 from par4_identification.logs.raw_bag import RawBag
 from par4_identification.logs.series import Series, interpolated, series_of
 from par4_identification.logs.sources import Source
 from par4_identification.logs.stamped_rows import StampedRows, stamped_rows
+from par4_identification.logs.stamps import EVEN
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES
 from par4_kinematics.robot import Axis, Robot

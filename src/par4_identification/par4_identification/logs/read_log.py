@@ -25,7 +25,8 @@ from par4_identification.logs.accounts import SHORTEST_SEGMENT, Accounts
 from par4_identification.logs.bag import read_bag
 from par4_identification.logs.clock import Clock
 from par4_identification.logs.counters import going_on, restarts_of
-from par4_identification.logs.grid import EVEN, Grid, grid_of
+from par4_identification.logs.even_stamps import evened
+from par4_identification.logs.grid import Grid, grid_of
 from par4_identification.logs.jumps import without_turns
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import count, stretches
@@ -41,7 +42,7 @@ from par4_identification.logs.series import (
 )
 from par4_identification.logs.sources import beside_mixed, source_of
 from par4_identification.logs.stamped_rows import reordered, stamped_rows
-from par4_identification.logs.stamps import GAP
+from par4_identification.logs.stamps import EVEN, GAP
 from par4_kinematics.errors import InputError
 from par4_kinematics.interface import JOINT_STATES
 from par4_kinematics.machine_units import unit_on
@@ -86,6 +87,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
         position = at_refreshes(position, torque)
     together = _put_together(position, machine)
     position = together.position
+    position, torque, jitter = evened(position, torque)
     grid = grid_of(position)
     cut = _with_torque(grid, torque, clock)
     ends = np.cumsum([0] + [len(time) for time, _, _ in cut.segments]).tolist()
@@ -112,7 +114,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
         clock_offset=offset, other_source=len(rows.stamp) - len(own.stamp),
         mixed=tuple((1e-9 * first, 1e-9 * last) for first, last in source.mixed),
         wraps=together.wraps, restarts=together.restarts,
-        jumps=tuple(1e-9 * time for time in grid.jumps),
+        jumps=tuple(1e-9 * time for time in grid.jumps), jitter=jitter,
         held={name: held for name, held in (('position', position_held), ('torque', torque_held))
               if held})
     return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,

@@ -1,7 +1,8 @@
-"""Header stamps in order: spacing, gaps, jitter, and which stamp is nearest to a time."""
+"""Header stamps in order: spacing, gaps, jitter, the even times beside them, and the nearest."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,18 @@ GAP = 1.5
 """Spacing in periods above which samples are missing."""
 CROWDED = 0.25
 """Spacing in periods below which the later of two samples is dropped: splines would swing."""
+
+EVEN = 1e-3
+"""Largest deviation from an even grid, in periods, at which samples are taken as they are."""
+
+CLEAR = 0.25
+"""Largest deviation of a spacing from whole periods, in periods, with which it is surely known."""
+FIRST, PARTS = 128, 20
+"""Stamps that are numbered by the period at which they are most in step, and how many such parts
+tell that period."""
+NEAR, TRIED = 0.05, 401
+"""Part by which that may be off the median spacing, which lost samples make too large, and periods
+that are tried."""
 
 
 @dataclass(frozen=True)
@@ -59,3 +72,69 @@ def nearest_stamp(stamp: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Return the index of the stamp, of at least two in order, that is nearest to each time."""
     right = np.searchsorted(stamp, times).clip(1, len(stamp) - 1)
     return right - (times - stamp[right - 1] < stamp[right] - times)
+
+
+@dataclass(frozen=True)
+class Numbered:
+    """Stamps as those of an even grid, some of whose samples are missing.
+
+    Attributes:
+        numbers: of the samples of each part, from 0 on.
+        times: of these numbers, ns, on the line through each part.
+        period: slope of all these lines, ns: with jitter, the median spacing is off by its chance.
+        off: largest deviation of a stamp from its time, ns.
+    """
+
+    numbers: tuple[np.ndarray, ...]
+    times: tuple[np.ndarray, ...]
+    period: float
+    off: float
+
+
+def numbered(stamp: np.ndarray, parts: Sequence[np.ndarray], period: float) -> Numbered:
+    """Return stamps as those of an even grid.
+
+    Args:
+        stamp: (n,) ns, increasing.
+        parts: rows of each uninterrupted part.
+        period: about that of the grid, ns.
+    """
+    numbers = tuple(_numbers(stamp[part], period) for part in parts)
+    centred = [(number - number.mean(), stamp[part] - stamp[part].mean())
+               for number, part in zip(numbers, parts, strict=True)]
+    slope = float(sum(number @ time for number, time in centred)
+                  / sum(number @ number for number, _ in centred))
+    times = tuple((stamp[part] - slope * number).mean() + slope * number
+                  for number, part in zip(numbers, parts, strict=True))
+    return Numbered(numbers, times, slope, max(
+        float(np.abs(stamp[part] - time).max()) for part, time in zip(parts, times, strict=True)))
+
+
+def _numbers(stamp: np.ndarray, period: float) -> np.ndarray:
+    """Return the numbers (n,) of stamps of one part, from 0 on.
+
+    Spacings tell them, unless one may be rounded wrongly because a sample was stamped late and the
+    next one early. Then the line through some stamps numbers twice as many, and so on.
+    """
+    steps = np.diff(stamp) / period
+    numbers = np.r_[0.0, np.cumsum(np.round(steps))]
+    if np.abs(steps - np.round(steps)).max(initial=0.0) < CLEAR:
+        return numbers
+    time = stamp - stamp[0]
+    slope, known = _period(time, period), min(FIRST, len(stamp))
+    offset = slope * float(np.angle(np.exp(2j * np.pi * time[:known] / slope).mean())) / 2.0 / np.pi
+    while True:
+        numbers[:known] = np.round((time[:known] - offset) / slope)
+        if known == len(stamp):
+            return numbers - numbers[0]
+        slope, offset = np.polyfit(numbers[:known], time[:known], 1)
+        known = min(2 * known, len(stamp))
+
+
+def _period(time: np.ndarray, period: float) -> float:
+    """Return the period near another at which times (n,), a few at a time, are most in step."""
+    tried = period * np.linspace(1.0 - NEAR, 1.0 + NEAR, TRIED)
+    starts = np.linspace(0, max(len(time) - FIRST, 0), PARTS).astype(int)
+    together = sum(np.abs(np.exp(2j * np.pi * (time[start:start + FIRST, None] / tried)).sum(
+        axis=0)) ** 2 for start in starts)
+    return float(tried[int(np.argmax(together))])

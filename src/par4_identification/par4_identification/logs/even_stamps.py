@@ -1,0 +1,61 @@
+"""Readings that were taken evenly though their stamps jitter.
+
+A loop of a drive reads its encoders every millisecond; the computer that stamps the message may be
+late by a tenth of that, each time by another. At 5 rad/s this moves a reading by half a milliradian
+in time, which a model takes for acceleration. The readings tell which of the two is uneven: a
+joint moves smoothly, so that each of them lies near the straight line between its neighbours, if
+the times are the right ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from par4_identification.logs.series import FILLED, Series
+from par4_identification.logs.stamps import EVEN, numbered
+
+SMOOTHER = 0.5
+"""Mean square by which readings are off the line between their neighbours at even times, over that
+at their stamps, below which the stamps are wrong."""
+FEWEST = 100
+"""Readings with a neighbour on either side that can tell."""
+CLIPPED = 0.99
+"""Quantile of these squares beyond which one counts no more: a wrong reading is off both lines."""
+
+
+def evened(position: Series, torque: Series) -> tuple[Series, Series, float]:
+    """Return positions and torques at the even times at which they were read.
+
+    Torques of the same stamps were read at the same times. With them goes by how much the stamps
+    jitter, s rms; zero, and the same series, where they do not or where they are right.
+    """
+    stamp = position.stamp.astype(float)
+    if len(stamp) < FEWEST:
+        return position, torque, 0.0
+    gaps = np.diff(stamp) > (FILLED + 1.5) * position.period
+    parts = np.split(np.arange(len(stamp)), np.flatnonzero(gaps) + 1)
+    line = numbered(stamp, parts, position.period)
+    even = np.concatenate(line.times)
+    beside = ~(gaps[:-1] | gaps[1:])
+    if (line.off <= EVEN * line.period or np.count_nonzero(beside) < FEWEST
+            or np.diff(even).min() <= 0.0):
+        return position, torque, 0.0
+    way = position.values - position.values[:1]  # exactly zero at rest
+    at_stamps, at_even = (_off_the_line(time, way)[beside] for time in (stamp, even))
+    most = np.quantile(at_stamps, CLIPPED, axis=0)
+    if np.sum(np.minimum(at_even, most)) >= SMOOTHER * np.sum(np.minimum(at_stamps, most)):
+        return position, torque, 0.0
+    jitter = float(np.sqrt(np.mean((stamp - even) ** 2)))
+    moved = np.round(even).astype(position.stamp.dtype)
+    place = np.searchsorted(position.stamp, torque.stamp).clip(max=len(stamp) - 1)
+    same = position.stamp[place] == torque.stamp
+    return (replace(position, stamp=moved),
+            replace(torque, stamp=np.where(same, moved[place], torque.stamp)), 1e-9 * jitter)
+
+
+def _off_the_line(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return squares (n - 2, J) of how far values are off the line between their neighbours."""
+    share = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
+    return np.asarray((values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:]) ** 2)
