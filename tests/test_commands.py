@@ -928,6 +928,20 @@ def test_a_folder_behind_a_link_is_replaced_or_stays(tmp_path):
     assert sorted(os.listdir(tmp_path)) == ['link', 'target']
 
 
+def test_a_bag_that_another_command_has_made_meanwhile_stays(tmp_path):
+    bag = tmp_path / 'bag'
+
+    def progress(_share):
+        bag.mkdir(exist_ok=True)
+        (bag / 'other').touch()
+
+    with pytest.raises(InputError, match='bag: exists already'):
+        simulate_to_bag(build_simulation(REFERENCE, TABLE_1, 'exact'), ADEPT, REFERENCE, bag,
+                        progress=progress)
+    assert os.listdir(tmp_path) == ['bag']
+    assert os.listdir(bag) == ['other']
+
+
 @contextmanager
 def small_files(size=10_000):
     """Let no file of this process grow beyond `size` bytes, as on a disk that is nearly full."""

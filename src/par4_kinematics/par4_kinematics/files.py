@@ -140,14 +140,15 @@ def unwritable(path: str | Path, error: Exception) -> InputError:
 
 
 @contextmanager
-def written_atomically(path: str | Path) -> Iterator[Path]:
+def written_atomically(path: str | Path, new: bool = False) -> Iterator[Path]:
     """Yield a scratch path beside `path` (a file or a folder to fill) that replaces it on success.
 
     Links are followed, so that what they lead to is replaced. If the block raises, `path` stays as
-    it was, and the scratch is removed with the folders that were made for it.
+    it was, and the scratch is removed with the folders that were made for it. With `new` nothing is
+    replaced, not even what another command has put there meanwhile.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: it cannot be written, or is there though it should be new.
     """
     asked, path = path, Path(os.path.realpath(path))
     missing = list(takewhile(lambda folder: not folder.exists(), path.parents))
@@ -159,6 +160,8 @@ def written_atomically(path: str | Path) -> Iterator[Path]:
         scratch_folder = Path(tempfile.mkdtemp(prefix=f'.{path.name}.', dir=path.parent))
         scratch = scratch_folder / path.name
         yield scratch
+        if new and path.exists():
+            raise InputError(f'{asked}: exists already; give another path or remove it')
         if path.is_dir() and scratch.is_dir():
             path.rename(scratch_folder / 'replaced')
         os.replace(scratch, path)

@@ -255,7 +255,8 @@ def repair_bag(path: str | Path, output: str | Path) -> RepairSummary:
     salvage = _Salvage()
     messages: Counter[str] = Counter()
     left_out: dict[str, str] = {}
-    with written_atomically(output) as scratch, BagWriter(scratch, storage, output) as bag:
+    with (written_atomically(output, new=True) as scratch,
+          BagWriter(scratch, storage, output) as bag):
         for found in (message for file in files for message in salvage.messages(file)):
             if found.topic in left_out:
                 continue

@@ -365,7 +365,8 @@ def write_measured(measured: Measured, joints: Sequence[str], path: str | Path,
     position, velocity, torque = (
         values.get(name, nothing) for name in ('position', 'velocity', 'torque'))
     received = np.maximum.accumulate(measured.stamp)  # a clock that goes back was still running
-    with written_atomically(path) as scratch, BagWriter(scratch, storage, path) as bag:
+    with (written_atomically(path, new=True) as scratch,
+          BagWriter(scratch, storage, path) as bag):
         for row, (stamp, when) in enumerate(zip(measured.stamp.tolist(), received.tolist())):
             bag.write_joint_state(f'/{JOINT_STATES.name}', stamp, joints,
                                   position[row], velocity[row], torque[row], received=when)

@@ -64,7 +64,8 @@ def simulate_to_bag(simulation: Simulation, motion: Motion, robot: Robot, path: 
         if tau is not None:
             simulation.queue_effort(start + motion.t, tau)
         samples = round((motion.duration + 2.0 * DWELL) / simulation.sample_period)
-        with written_atomically(path) as scratch, BagWriter(scratch, storage, path) as bag:
+        with (written_atomically(path, new=True) as scratch,
+              BagWriter(scratch, storage, path) as bag):
             _write_references(bag, motion, tau, start, began)
             _write_samples(bag, simulation, samples, began, progress)
     return simulation.counts
