@@ -455,6 +455,10 @@ def test_unknown_effect_and_missing_parameter_are_refused():
         {'effect': 'friction', 'parameters': {}}]})
     with pytest.raises(InputError, match='unknown effect.*stribeck'):
         build_model(REFERENCE, wrong)
+    misspelt = ModelFile.model_validate(content | {'effects': [
+        {'effect': 'coging', 'parameters': {}}]})
+    with pytest.raises(InputError, match="unknown effect 'coging'; did you mean cogging"):
+        build_model(REFERENCE, misspelt)
     del content['parameters']['arm_gravity']
     with pytest.raises(InputError, match='missing parameters arm_gravity'):
         build_model(REFERENCE, ModelFile.model_validate(content))

@@ -661,7 +661,10 @@ def test_columns_that_make_no_sense_are_refused(columns, words):
     (('--columns', 'time=t:us position=q:rad torque=tau:Nm', '--joints', 'a'),
      'median spacing of the samples is 2e-09 s'),
     (('--columns', COLUMNS, '--joints', 'a', '--between', 5, 6),
-     '0 of 400 rows are left, at least 20 are needed, the time goes from 0 to 0.798 s'),
+     '0 of 400 rows are left, at least 20 are needed, the time goes from 0 to 0.798 s; give a '
+     'longer log, or more of it by --between'),
+    (('--columns', COLUMNS, '--joints', 'a', '--between', 0.5, 0.2),
+     '--between 0.5 0.2: ends before it has begun'),
     (('--columns', COLUMNS, '--joints', 'a', '--array', 'run'), 'is for .npz and .mat'),
     (('--columns', 'time=t:s position=q:mm torque=tau:N', '--joints', 'a', '--unwrap'),
      '--unwrap is for joints that turn'),

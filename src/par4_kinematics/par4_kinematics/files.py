@@ -21,6 +21,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from par4_kinematics.errors import InputError, quoted
+from par4_kinematics.paths import instead_of_file
 from par4_kinematics.schema_words import faults_in_words
 from par4_kinematics.yaml_words import problem_in_words
 
@@ -126,9 +127,17 @@ def resolve_builtin(name_or_path: str | Path, package: str) -> Path:
         return builtin[str(name_or_path)]
     path = Path(name_or_path)
     if not path.is_file():
-        raise InputError(f'{name_or_path}: no such file, and not a built-in name '
-                         f'({", ".join(builtin)}); give one of these or the path of a file')
+        raise InputError(f'{name_or_path or "an empty name"}: {instead_of_file(name_or_path)}, and '
+                         f'not a built-in name ({", ".join(builtin)}); give one of these or the '
+                         f'path of a file')
     return path
+
+
+def why_no_text(error: Exception) -> str:
+    """Return why a file cannot be read as text."""
+    if isinstance(error, UnicodeDecodeError):
+        return 'it holds bytes that are no text'
+    return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
 
 
 def unwritable(path: str | Path, error: Exception) -> InputError:

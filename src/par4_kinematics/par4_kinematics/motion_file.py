@@ -23,6 +23,7 @@ from par4_kinematics.files import (
     expect_schema,
     parse,
     read_yaml,
+    why_no_text,
     written_atomically,
     yaml_text,
 )
@@ -36,6 +37,7 @@ from par4_kinematics.motion import (
     waypoints_motion,
 )
 from par4_kinematics.online import online_motion
+from par4_kinematics.paths import instead_of_file
 from par4_kinematics.robot import Robot
 
 MOTION_SCHEMA: Final = 'par4/motion/1'
@@ -242,7 +244,8 @@ def read_samples(path: str | Path, frame: str) -> tuple[np.ndarray, np.ndarray]:
         raise InputError(f'{path}: no such file; the samples of a motion lie beside its '
                          f'YAML file') from None
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f'{path}: cannot be read as text ({error})') from error
+        raise InputError(f'{path}: cannot be read as text ({why_no_text(error)}); give the '
+                         f'samples as a CSV') from error
     names = ('t', *COLUMNS[frame])
     found = tuple(cell.strip() for cell in header.split(','))
     if found != names:
@@ -343,7 +346,7 @@ def named_motion(name_or_path: str | Path, robot: Robot, duration: float | None 
     elif Path(name).is_file():
         motion = read_motion(name, robot)
     else:
-        raise InputError(f'motion {name}: no such file, and not a name ('
+        raise InputError(f'motion {name}: {instead_of_file(name)}, and not a name ('
                          f'{", ".join(NAMED_MOTIONS)}); give one of these or the path of a file')
     check_limits(motion, robot)
     return motion

@@ -12,3 +12,8 @@ def at_home(path: str) -> str:
     `~` would be made.
     """
     return os.path.expanduser(path) if path.startswith('~/') else path
+
+
+def instead_of_file(path: str | os.PathLike[str]) -> str:
+    """Return what is found at a path that should be a file and is none."""
+    return 'is a folder' if os.path.isdir(path) else 'no such file'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 
 from par4_dynamics.effects.actuator_lag import ActuatorLag
@@ -93,14 +94,21 @@ effects:
 """For docs/effects.md: of order 7 each joint has its own, of 14 and 84 all have the same."""
 
 
+ALIKE = 0.8
+"""Likeness of two names, of 0 to 1, from which on one is taken for the other misspelt."""
+
+
 def effect_named(name: str, library: Mapping[str, Effect] = CATALOGUE) -> Effect:
     """Return the effect of that name in a library.
 
     Raises:
-        InputError: no such effect; lists those that exist.
+        InputError: no such effect; says which it may be meant for, or lists all.
     """
     if name not in library:
-        raise InputError(f'unknown effect {name!r}; known effects are {", ".join(library)}')
+        alike = difflib.get_close_matches(name, library, 1, ALIKE)
+        known = (f'did you mean {alike[0]}? All are in docs/effects.md' if alike else
+                 f'known effects are {", ".join(library)}')
+        raise InputError(f'unknown effect {name!r}; {known}')
     return library[name]
 
 

@@ -29,6 +29,7 @@ from par4_identification.logs.log import Log
 from par4_identification.logs.masks import stretches
 from par4_identification.signals.filtering import low_pass, reach_of
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import why_no_text
 from par4_kinematics.robot import Robot
 from par4_sim.closed_loop.static_push import FORCE_COLUMNS
 
@@ -82,8 +83,8 @@ def read_force(path: str | Path) -> ForceReadings:
     except FileNotFoundError:
         raise InputError(f'{path}: no such file; give the force readings of the bag') from None
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f'{path}: cannot be read as text ({error}); give the force readings of '
-                         f'the bag as a CSV') from error
+        raise InputError(f'{path}: cannot be read as text ({why_no_text(error)}); give the '
+                         f'force readings of the bag as a CSV') from error
     except ValueError as error:
         raise InputError(f'{path}: expected four numbers in every row ({error}); mend the file'
                          ) from error

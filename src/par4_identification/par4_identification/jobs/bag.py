@@ -43,6 +43,9 @@ def make_bag(files: tuple[str, ...], columns: str, output: Path, robot: str | No
     if output.exists():
         raise InputError(f'{output}: exists already; give another path or remove it')
     start, end = between or (-float('inf'), float('inf'))
+    if not start < end:
+        raise InputError(f'--between {start:g} {end:g}: ends before it has begun; give the earlier '
+                         f'time first')
     scales = Scales(counts_per_turn, gain_of_motor(motor_gain, choices, machine))
     with Console(stderr=True).status('reading the files') as status:
         measured = measured_of_files(files, choices, scales,

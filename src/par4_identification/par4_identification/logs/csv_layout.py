@@ -15,6 +15,7 @@ import numpy as np
 
 from par4_identification.logs.dates import DATES
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import why_no_text
 
 ROW_END = ';'
 DELIMITERS = (ROW_END, '\t', ',')
@@ -117,8 +118,8 @@ def layout_of(path: Path, wanted: Collection[str] = (), dates: Collection[str] =
                     top.delimiter)
             return Layout(headers, len(top.fields), first, top.delimiter, decimal_comma, encoding)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f'{path}: cannot be read as text ({error}); give a CSV, .npz or .mat file'
-                         ) from error
+        raise InputError(f'{path}: cannot be read as text ({why_no_text(error)}); give a CSV, .npz '
+                         f'or .mat file') from error
     raise InputError(f'{path}: no line of it holds numbers; give a CSV, .npz or .mat file')
 
 

@@ -25,6 +25,7 @@ from par4_identification.logs.csv_layout import (
 from par4_identification.logs.dates import DATES, EXAMPLES, unit_of_date
 from par4_kinematics.errors import InputError
 from par4_kinematics.held_signals import held_back
+from par4_kinematics.paths import instead_of_file
 
 MOST_NAMED = 12
 """Names that an error lists."""
@@ -59,7 +60,7 @@ def read_columns(path: str | Path, wanted: Sequence[str], array: str | None = No
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError(f'{path}: no such file; give a CSV, .npz or .mat file')
+        raise InputError(f'{path}: {instead_of_file(path)}; give a CSV, .npz or .mat file')
     kind = path.suffix.lower()
     if kind in ('.npz', '.mat'):
         if dates:
@@ -86,7 +87,7 @@ def held_columns(path: str | Path, wanted: Sequence[str]) -> tuple[str, ...]:
     """
     path = Path(path)
     if not path.is_file():
-        raise InputError(f'{path}: no such file; give a CSV, .npz or .mat file')
+        raise InputError(f'{path}: {instead_of_file(path)}; give a CSV, .npz or .mat file')
     if path.suffix.lower() in ('.npz', '.mat'):
         names = set(_archive(path))
         return tuple(name for name in wanted if of_table(name)[0] in names or name in names

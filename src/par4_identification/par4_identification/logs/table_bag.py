@@ -194,7 +194,8 @@ def _refuse_few(files: Sequence[str | Path], time: np.ndarray, left: int) -> Non
     spans = f', the time goes from {np.nanmin(time):.6g} to {np.nanmax(time):.6g} s' if (
         np.isfinite(time).any()) else ''
     raise InputError(f'{", ".join(map(str, files))}: {left} of {len(time)} rows are left, at least '
-                     f'{FEWEST_SAMPLES} are needed{spans}')
+                     f'{FEWEST_SAMPLES} are needed{spans}; give a longer log, or more of it by '
+                     f'--between')
 
 
 def _tables(files: Sequence[str | Path], choices: dict[str, Choice]
