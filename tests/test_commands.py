@@ -532,6 +532,13 @@ BAD_INPUT = {
     'held out and fitted': (diagnose, '{plain} --holdout {plain}', 'given twice'),
     'a copy held out': (diagnose, '{plain} --holdout {folder}/copy', 'same readings as'),
     'a copy fitted': (identify, '{plain} {folder}/copy', 'same readings as'),
+    'folder as robot': (identify, '{plain} --robot {folder}', 'is a folder, and not a built-in'),
+    'folder as model': (validate, '{plain} --model {folder}', 'is a folder, and not a built-in'),
+    'option for a value': (diagnose, '{plain} --holdout --robot reference',
+                           '--holdout: found the option --robot in place of its value'),
+    'option with a value for one': (validate, '{plain} --model --namespace=left',
+                                    '--model: found the option --namespace in place'),
+    'empty value': (identify, '{plain} --robot=', '--robot: found an empty text'),
     'model of an axis': (diagnose, '{plain} --model {folder}/axis_model.yaml',
                          'missing parameters'),
 }
@@ -558,6 +565,31 @@ def test_bad_input_is_one_line_and_leaves_good_results_alone(case, bags, tmp_pat
     assert done.out == ''
     assert {file.name: file.read_text() for file in tmp_path.iterdir() if file.is_file()} == {
         **inputs, **results}
+
+
+@pytest.mark.parametrize(('words', 'told'), [
+    (('bag', '--robot', 'reference', '--output', ''), '--output: found an empty text'),
+    (('', '--robot', 'reference', '--output', 'out'), 'argument: found an empty text'),
+    (('nope', '--robot', 'reference', '--output', 'out', '--namespace', ''), 'nope: no such bag')])
+def test_a_shell_variable_that_is_not_set_is_no_path(words, told, tmp_path, monkeypatch):
+    """An empty path would be the folder that the shell is in."""
+    monkeypatch.chdir(tmp_path)
+    done = run(identify, *words)
+    assert done.code == 2
+    line, = done.err.splitlines()
+    assert told in line
+    assert os.listdir() == []
+
+
+def test_a_table_is_printed_where_its_characters_cannot_be(bags, tmp_path):
+    done = subprocess.run(
+        [sys.executable, '-m', 'par4_identification.commands.identify', bags.plain,
+         '--robot', 'reference', '--output', tmp_path / 'out', '--no-report'],
+        capture_output=True, text=True, check=False,
+        env={**os.environ, 'PYTHONIOENCODING': 'ascii'})
+    assert done.returncode == 0
+    assert done.stderr == ''
+    assert re.search(r'actuator inertia.*\d \? +\d', done.stdout)
 
 
 @pytest.mark.parametrize('name', ['identify', 'validate', 'diagnose'])

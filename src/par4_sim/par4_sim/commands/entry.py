@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from typing import NoReturn
 
 import click
@@ -14,6 +15,9 @@ from par4_kinematics.errors import Par4Error, one_line
 from par4_kinematics.paths import at_home
 from par4_sim.commands.output import dropping
 from par4_start import STOPPED, tool_ends_quietly, tool_is_interrupted
+
+NAMESPACE = '--namespace'
+"""The option that may be empty: topics then sit under none."""
 
 
 @contextmanager
@@ -50,6 +54,7 @@ def _run(command: click.Command) -> int:
         command = click.version_option(package_name='par4_sim', prog_name=command.name)(command)
     arguments = [_at_home(argument) for argument in sys.argv[1:]]
     try:
+        _refuse_missing_values(command, arguments)
         command.main(arguments, standalone_mode=False)
     except click.exceptions.Exit as finished:
         return finished.exit_code
@@ -68,6 +73,29 @@ def _run(command: click.Command) -> int:
         print('stopped; nothing was changed', file=sys.stderr)
         return STOPPED
     return 0
+
+
+def _refuse_missing_values(command: click.Command, words: Sequence[str]) -> None:
+    """Refuse an option in place of another's value, and a text that is empty.
+
+    Both come of shell variables that are not set: the one option would take the other as its value,
+    and an empty path is the folder that the shell is in.
+
+    Raises:
+        click.UsageError: says where.
+    """
+    options = [option for option in command.params if isinstance(option, click.Option)]
+    names = {name for option in options for name in (*option.opts, *option.secondary_opts)}
+    with_value = {name for option in options if not option.is_flag for name in option.opts}
+    for before, word in pairwise(('', *words)):
+        name, equals, value = word.partition('=')
+        if before in with_value and name in names:
+            raise click.UsageError(f'{before}: found the option {name} in place of its value')
+        if name in with_value and equals and not value:
+            before, word = name, ''
+        if not word and before != NAMESPACE:
+            raise click.UsageError(f'{before if before in with_value else "argument"}: found an '
+                                   f'empty text; is a variable of the shell not set?')
 
 
 def _at_home(argument: str) -> str:

@@ -36,14 +36,15 @@ class Output(io.FileIO):
 def dropping() -> Iterator[Output | None]:
     """Let neither standard output nor standard error fail in this block; yield the former.
 
-    None where it is no stream of the operating system.
+    None where it is no stream of the operating system. Characters that the encoding of the terminal
+    or the file does not have become question marks.
     """
     out, err, output = sys.stdout, sys.stderr, None
     if err is sys.__stderr__ and err is not None:  # None where the caller has closed it
-        sys.stderr = _text(Output(err.fileno(), 'w', closefd=False), err, True)
+        sys.stderr = _text(Output(err.fileno(), 'w', closefd=False), err, True, err.errors)
     if out is sys.__stdout__ and out is not None:
         output = Output(out.fileno(), 'w', closefd=False)
-        sys.stdout = _text(output, out, out.isatty())
+        sys.stdout = _text(output, out, out.isatty(), 'replace')
     try:
         yield output
     finally:
@@ -52,6 +53,6 @@ def dropping() -> Iterator[Output | None]:
         sys.stdout, sys.stderr = out, err
 
 
-def _text(output: Output, like: TextIO, by_line: bool) -> TextIO:
-    return io.TextIOWrapper(io.BufferedWriter(output), like.encoding, like.errors,
+def _text(output: Output, like: TextIO, by_line: bool, errors: str | None) -> TextIO:
+    return io.TextIOWrapper(io.BufferedWriter(output), like.encoding, errors,
                             line_buffering=by_line)
