@@ -29,7 +29,7 @@ from par4_kinematics.workspace import home_pose
 PERIOD = 1e-3
 """s between samples of the motion."""
 FASTEST_HARMONIC = 0.5
-"""Highest frequency of the fast path, over the cut-off of identification's torque filter."""
+"""Highest frequency of a path, over the cut-off of identification's torque filter."""
 BASE_SHARE = 0.4
 """Base frequency of the fast path over that at which one harmonic meets speed and acceleration."""
 PHASES = 48
@@ -98,7 +98,7 @@ def design_excitation(robot: Robot, model: Model, limits: MotionLimits,
     inner = limits.within(MARGIN)
     slow_limits = inner.slower(MARGIN * SLOW_JOINT_SPEED, MARGIN * SLOW_ACCELERATION)
     t = sample_times(request.duration, PERIOD)
-    slow_samples = round(request.slow_period / PERIOD)
+    slow_samples = _slow_samples(request, conditioning)
     fast_samples = _fast_samples(robot, limits, request, conditioning)
     slow_time = request.slow_fraction * request.duration
     fast_time = request.duration - slow_time
@@ -133,6 +133,22 @@ def design_excitation(robot: Robot, model: Model, limits: MotionLimits,
         share *= SHRINK
     raise InputError(f'excitation design: {kind} stays {worst:.3g} times its limit however small '
                      f'the motion; raise that limit or lower the others')
+
+
+def _slow_samples(request: DesignRequest, conditioning: Conditioning) -> int:
+    """Return the samples of a period of the slow path.
+
+    Raises:
+        InputError: so many periods that identification's filter would take its harmonics away.
+    """
+    shortest = request.harmonics / (FASTEST_HARMONIC * conditioning.torque_cutoff_hz)
+    if request.slow_period < shortest:
+        raise InputError(
+            f'excitation design: slow periods of {request.slow_period:.3g} s asked, in which '
+            f'{request.harmonics} harmonics are beyond the filter of identification at '
+            f'{conditioning.torque_cutoff_hz:g} Hz; ask for fewer periods, of {shortest:.3g} s or '
+            f'more')
+    return round(request.slow_period / PERIOD)
 
 
 def _fast_samples(robot: Robot, limits: MotionLimits, request: DesignRequest,
@@ -184,7 +200,7 @@ def _assembled(robot: Robot, model: Model, limits: tuple[MotionLimits, MotionLim
     moves = np.array((into[enter_slow], between[enter_fast], home_again[enter_fast]))
     if not np.isfinite(moves).all():
         raise InputError('excitation design: no short way within the limits between home and the '
-                         'paths; raise the limits of acceleration or torque')
+                         'paths; raise the limits of speed, acceleration or torque')
     period = t[1]
     into_samples, between_samples, home_samples = np.ceil(moves / period - 1e-9).astype(int)
     slow_samples, fast_samples = (round(path.period / period) for path in paths)

@@ -9,6 +9,7 @@ import numpy as np
 from par4_dynamics.model import Model
 from par4_dynamics.state import State, state_of_platform
 from par4_identification.excitation.request import ACCELERATION
+from par4_identification.signals.conditioning import Conditioning
 from par4_kinematics.acceleration import half_plate_accelerations
 from par4_kinematics.errors import InputError
 from par4_kinematics.excitation import FAST_SPEED_SHARE, reachable_region
@@ -109,8 +110,9 @@ def limits_of(robot: Robot, model: Model, joint_speed: float | None = None,
         torque: N m; None for nine tenths of what the drives have, the rest being for control.
 
     Raises:
-        InputError: a value that is not positive, a speed or torque that the machine does not
-            have or that do not even hold it, or workspace limits that its legs do not reach.
+        InputError: a value that is not positive, a speed or torque that the machine does not have,
+            a speed of which no rows are used, a torque that does not even hold it, or workspace
+            limits that its legs do not reach.
     """
     drives = model.limit_of_drives(robot)
     if joint_speed is None:
@@ -124,6 +126,9 @@ def limits_of(robot: Robot, model: Model, joint_speed: float | None = None,
         if asked > most:
             raise InputError(f'excitation design: {name} {asked:g} {unit} asked; robot '
                              f'{robot.name} has {most:g} {unit}; ask for less')
+    if joint_speed <= (low := Conditioning().low_speed):
+        raise InputError(f'excitation design: joint_speed {joint_speed:g} rad/s asked; rows are '
+                         f'used above {low:g} rad/s only; allow more')
     home = home_pose(robot)
     region = reachable_region(robot, home)
     middle = home + region.middle
