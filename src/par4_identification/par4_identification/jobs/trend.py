@@ -44,7 +44,8 @@ def trend_of_bags(bags: tuple[str, ...], robot: str, output: Path, scheduler: st
     told = [item for item in told if item.bag not in refused]
     refused |= _other_parameters(told)
     told = [item for item in told if item.bag not in refused]
-    refused |= twice
+    for bag, why in twice.items():  # under one name, what else is wrong with it goes first
+        refused.setdefault(bag, why)
     if not told:
         raise InputError(f'none of {len(bags)} bags can be used; the first: '
                          f'{next(iter(refused.values()))}')
