@@ -29,6 +29,7 @@ from par4_kinematics.ros.node import Par4Node
 from par4_sim.cell.cell import CLOCK, COMPOSITIONS, NodePart, Session, ToolPart
 from par4_sim.cell.running_cell import RunningCell, command_of, run_session, running_cell
 from par4_sim.choices import POSITION_LAWS
+from par4_sim.commands import cell
 from par4_sim.ros.simulation_parameters import SimulationParameters
 from robots import REFERENCE
 
@@ -83,7 +84,7 @@ def test_a_controller_of_positions_in_torque_mode_is_refused():
 
 def test_a_motion_waits_for_all_that_take_references():
     for name in ('cell', 'recording', 'identification'):
-        for record in ('bag', ''):
+        for record in ('bag', '') if name == 'cell' else ('bag',):
             session = session_of(name, record=record)
             takers = {'par4_simulation', 'par4_feedforward', 'par4_record'} & {*names(session)}
             assert session.player.parameters['listeners'] == len(takers)
@@ -134,6 +135,27 @@ def test_texts_reach_a_node_as_texts(name):
 def test_arguments_that_make_no_sense_are_refused(given, said):
     with pytest.raises(InputError, match=said):
         COMPOSITIONS['cell'].session(given)
+
+
+@pytest.mark.parametrize(('name', 'given', 'said'), [
+    ('recording', {'record': ''}, 'argument record: found an empty text; leave it out for recordi'),
+    ('recording', {'noise': ''}, 'argument noise: found an empty text; leave it out for 0.0'),
+    ('identification', {'record': 'a', 'output': './a/'}, 'output: ./a/ is the bag of'),
+    ('cell', {'namespace': '1abc'}, "argument namespace: '1abc' is no name of ROS; give parts of"),
+    ('cell', {'namespace': 'a/b c'}, "argument namespace: 'a/b c' is no name of ROS"),
+    ('cell', {'clock': '5x'}, "argument clock: '5x' is no name of ROS")])
+def test_what_cannot_be_is_refused_before_a_node_starts(name, given, said):
+    with pytest.raises(InputError, match=said):
+        COMPOSITIONS[name].session(given)
+
+
+def test_an_argument_given_twice_is_refused(monkeypatch, capsys):
+    monkeypatch.setattr('sys.argv', ['par4_cell', 'cell', 'motion:=adept', 'motion:=circle'])
+    with pytest.raises(SystemExit) as stop:
+        cell.main()
+    assert stop.value.code == 2
+    assert capsys.readouterr().err == (
+        "error: argument motion: given twice, as 'adept' and 'circle'; give it once\n")
 
 
 @pytest.fixture

@@ -7,6 +7,8 @@ is played, what comes after it. Nothing here starts a process and nothing knows 
 
 from __future__ import annotations
 
+import os.path
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -18,6 +20,10 @@ CLOCK = '/clock'
 """Topic `par4_kinematics.interface.CLOCK`, whose module loads more than a table needs."""
 
 Value = str | int | float | bool
+
+
+_NAME = re.compile(r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
+"""Names of topics and namespaces, without the slashes around them."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +49,12 @@ class Argument:
         """Return what a text means.
 
         Raises:
-            InputError: it is not among the choices, or not a number where one is expected.
+            InputError: it is empty where the default is not, not among the choices, or not a number
+                where one is expected.
         """
+        if not text and self.written:
+            raise InputError(f'argument {self.name}: found an empty text; leave it out for '
+                             f'{self.written}. It means: {self.description}')
         if self.allowed and text not in self.allowed:
             raise InputError(f'argument {self.name}: {text!r} asked; known are '
                              f'{", ".join(self.allowed)}')
@@ -168,9 +178,22 @@ def _simulation(asked: Mapping[str, Value], **further: Value) -> NodePart:
         **({'controller_model': asked['model']} if 'model' in asked else {}), **further})
 
 
+def _refuse_no_name(argument: str, name: str) -> None:
+    """Refuse what ROS takes for no name of a topic or a namespace.
+
+    Raises:
+        InputError: says what a name consists of.
+    """
+    if name.strip('/') and not _NAME.fullmatch(name.strip('/')):
+        raise InputError(f'argument {argument}: {name!r} is no name of ROS; give parts of letters, '
+                         f'digits and _, none of which begins with a digit, and / between them')
+
+
 def _session(asked: Mapping[str, Value], nodes: tuple[NodePart, ...],
              player: NodePart | None = None, then: ToolPart | None = None,
              simulated: bool = True) -> Session:
+    for name in ('namespace', 'clock'):
+        _refuse_no_name(name, str(asked[name]))
     space = str(asked['namespace']).strip('/')
     clock = str(asked['clock']) or (f'/{space}{CLOCK}' if space else CLOCK)
     remappings = ((CLOCK, clock),) if simulated and clock != CLOCK else ()
@@ -192,9 +215,13 @@ def _recording(asked: Mapping[str, Value]) -> Session:
 
 
 def _identification(asked: Mapping[str, Value]) -> Session:
+    bag, results = (str(asked[name]) for name in ('record', 'output'))
+    if os.path.abspath(bag) == os.path.abspath(results):
+        raise InputError(f'argument output: {results} is the bag of the argument record; give '
+                         f'another folder')
     tool = ToolPart('par4_identification', 'par4_identify', (
-        str(asked['record']), '--robot', str(asked['robot_file']),
-        '--rigid-body', str(asked['rigid_body']), '--output', str(asked['output'])))
+        bag, '--robot', str(asked['robot_file']), '--rigid-body', str(asked['rigid_body']),
+        '--output', results))
     return _moved(asked, simulated=asked['simulated'] is True, then=tool)
 
 

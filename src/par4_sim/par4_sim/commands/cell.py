@@ -35,11 +35,14 @@ def cell(composition: str, arguments: tuple[str, ...], log: Path | None) -> None
 
     When a part fails, all end. When a motion has been played, all end; Ctrl-C ends them before.
     """
-    given = {}
+    given: dict[str, str] = {}
     for argument in arguments:
         name, sign, value = argument.partition(':=')
         if not sign:
             raise InputError(f'argument {argument!r}: give it as NAME:=VALUE')
+        if name in given:
+            raise InputError(f'argument {name}: given twice, as {given[name]!r} and {value!r}; '
+                             f'give it once')
         given[name] = value
     session = COMPOSITIONS[composition].session(given)
     tool_is_interrupted()
