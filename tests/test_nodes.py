@@ -61,7 +61,7 @@ from par4_kinematics.interface import (
 )
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion import motion_of_joints
-from par4_kinematics.motion_file import named_motion
+from par4_kinematics.motion_file import MOTION_SCHEMA, named_motion
 from par4_kinematics.position import forward_kinematics, inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES, read_robot
 from par4_kinematics.ros.convert import (
@@ -322,6 +322,14 @@ def test_what_a_node_cannot_start_with_is_said_in_one_line(bench, node, paramete
     line, = (bench.folder / f'{node}_0.txt').read_text().strip().splitlines()
     assert line.startswith('error: ')
     assert said in line
+
+
+def test_a_motion_file_is_not_told_how_long_it_lasts(bench):
+    write_yaml(bench.folder / 'own.yaml', {'schema': MOTION_SCHEMA, 'recipe': {'kind': 'circle'}})
+    assert bench.ended(bench.start('par4_motion', motion='own.yaml', duration=5.0)) == 2
+    assert bench.said().strip().endswith(
+        'error: parameter duration: for adept, excitation, circle, found motion own.yaml, whose '
+        'own duration it is; leave it out')
 
 
 @pytest.mark.parametrize(('node', 'own'), [('par4_motion', {}),

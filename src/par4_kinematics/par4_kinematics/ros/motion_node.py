@@ -18,7 +18,7 @@ from par4_kinematics.braking import ways_to_rest
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, REFERENCE
 from par4_kinematics.motion import Motion
-from par4_kinematics.motion_file import named_motion
+from par4_kinematics.motion_file import NAMED_MOTIONS, named_motion
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import read_robot
 from par4_kinematics.ros import motion_faults
@@ -81,6 +81,9 @@ class MotionNode(Par4Node):
         if asked.motion != ACTION:
             self._motion = named_motion(asked.motion, self._robot, asked.duration or None,
                                         asked.seed, asked.period)
+        if asked.duration and asked.motion not in NAMED_MOTIONS:
+            raise InputError(f'parameter duration: for {", ".join(NAMED_MOTIONS)}, found motion '
+                             f'{asked.motion}, whose own duration it is; leave it out')
         # compile what the approach needs before there is a clock that could run on meanwhile
         home = inverse_kinematics(self._robot.geometry, home_pose(self._robot))
         platform_motion(self._robot.geometry, *np.vstack((home, np.zeros((2, 4))))[:, None])
