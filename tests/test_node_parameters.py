@@ -6,6 +6,9 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import itertools
+import os
+import subprocess
+import sys
 from importlib import import_module
 from types import SimpleNamespace
 from unittest import mock
@@ -20,6 +23,8 @@ from par4_kinematics.ros.node import Par4Node
 from par4_kinematics.ros.parameters import ALIKE, declare, tell_unknown_overrides
 from par4_kinematics.ros.process import _initialise
 from par4_sim.cell.cell import COMPOSITIONS
+
+RECORD = 'from par4_identification_start import record; raise SystemExit(record())'
 
 
 def names_of(node: str) -> list[str]:
@@ -137,3 +142,38 @@ def test_a_domain_that_there_is_not_is_refused(monkeypatch, domain):
     with pytest.raises(InputError, match=f'ROS_DOMAIN_ID: {domain} found; set a whole number from '
                                          f'0 to 232'):
         _initialise(['par4_motion'])
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    (('--params-file', 'nosuch.yaml'), "'--params-file nosuch.yaml' is not understood; ROS says "
+     '"Error opening YAML file"; give a parameter file as --config prints it'),
+    (('-p', 'output:='), "'-p output:=' is not understood; give -p NAME:=VALUE with a value"),
+    (('-p', 'out-put:=bag'), 'names have letters, digits and _, and do not begin with a digit'),
+    (('-r', '__ns:=/1abc'), "'-r __ns:=/1abc' is not understood; give -r FROM:=TO"),
+    (('--log-level', 'loud'), 'give --log-level debug, info, warn, error or fatal'),
+    (('-x',), "ROS arguments: ['-x']; give them as --ros-args")])
+def test_what_ros_does_not_understand_is_said_in_one_line(words, said, tmp_path):
+    done = subprocess.run([sys.executable, '-c', RECORD, '--ros-args', *words], cwd=tmp_path,
+                          capture_output=True, text=True, check=False, timeout=100)
+    line, = done.stderr.splitlines()
+    assert line.startswith('error: ROS arguments: ')
+    assert said in line
+    assert done.returncode == 2
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize('option', ['--help', '--config', '--version'])
+def test_help_and_defaults_may_go_unread_and_a_full_disk_is_said(option):
+    command = [sys.executable, '-c', RECORD, option]
+    with open('/dev/full', 'w') as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
+                              timeout=100)
+    assert done.returncode == 2
+    assert done.stderr == 'error: standard output: No space left on device; free space\n'
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False,
+                          timeout=100)
+    os.close(writer)
+    assert done.returncode == 0
+    assert done.stderr == ''

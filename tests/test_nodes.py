@@ -906,9 +906,11 @@ def test_positions_from_two_places_are_told_and_no_motion_begins_from_them(bench
 @pytest.mark.parametrize(('part', 'said'), [
     ('par4_kinematic', 'is par4_kinematics meant by par4_kinematic?'),
     ('par4_record', 'no part of it is for par4_kinematics'),
+    (None, 'all are ignored; it is for no node'),
     ('/**', ''), ('/par4_kinematics', ''), ('robot_a/par4_kinematics', '')])
 def test_a_parameter_file_for_another_node_is_told(part, said, tmp_path, monkeypatch):
-    write_yaml(tmp_path / 'file.yaml', {part: {'ros__parameters': {'use_sim_time': False}}})
+    content = {part: {'ros__parameters': {'use_sim_time': False}}}
+    write_yaml(tmp_path / 'file.yaml', content if part else {})
     monkeypatch.setattr(sys, 'argv', ['node', '--ros-args', '--params-file',
                                       str(tmp_path / 'file.yaml')])
     node = mock.Mock()

@@ -6,6 +6,7 @@ import dataclasses
 import difflib
 import inspect
 import math
+import os
 import sys
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -116,7 +117,8 @@ def tell_files_of_others(node: Node) -> None:
         meant = difflib.get_close_matches(name, [part.rpartition('/')[2] for part in parts], 1,
                                           ALIKE_NODES)
         node.get_logger().warning(
-            f'{path}: no part of it is for {name}, all are ignored; it is for {", ".join(parts)}'
+            f'{path}: no part of it is for {name}, all are ignored; it is for '
+            f'{", ".join(parts) or "no node"}'
             + (f' (is {name} meant by {meant[0]}?)' if meant else ''))
 
 
@@ -203,12 +205,28 @@ def page(parameters: type[NodeParameters]) -> str:
 def answered(parameters: type[NodeParameters], arguments: list[str]) -> bool:
     """Print help or the parameter file if these arguments ask for it; return whether they do."""
     if {'-h', '--help'} & {*arguments}:
-        print(page(parameters))
+        tell(page(parameters) + '\n')
         return True
     if '--config' in arguments:
-        print(config(parameters.NAME, parameters), end='')
+        tell(config(parameters.NAME, parameters))
         return True
     return False
+
+
+def tell(text: str) -> None:
+    """Print a text, which a reader that has gone need not take.
+
+    Raises:
+        SystemExit: with 2 where the disk does not take it.
+    """
+    try:
+        print(text, end='', flush=True)
+    except OSError as error:
+        # else Python tries it once more as it ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            print(f'error: standard output: {error.strerror}; free space', file=sys.stderr)
+            raise SystemExit(2) from None
 
 
 def usage(parameters: type[NodeParameters]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import os
+import re
 import signal
 import sys
 import tempfile
@@ -16,6 +17,8 @@ from typing import Any
 
 import rclpy
 from rclpy.exceptions import NameValidationException
+from rclpy.impl.logging_severity import LoggingSeverity
+from rclpy.logging import set_logger_level
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
@@ -28,6 +31,16 @@ PATIENCE = 3.0
 LAST_DOMAIN = 232
 """The ports of further domains would be beyond 65535 (DDSI-RTPS 2.5, 9.6.2)."""
 
+
+_PARSED = re.compile(r"Couldn't parse ([a-z ]+): '(.*)'\. Error: (.*?)(?:, at /|$)", re.DOTALL)
+"""How ROS says which argument it does not understand, and why."""
+_NAMES = 'names have letters, digits and _, and do not begin with a digit'
+_TO_GIVE = {
+    'params file': 'give a parameter file as --config prints it',
+    'parameter override rule': f'give -p NAME:=VALUE with a value; {_NAMES}',
+    'remap rule': f'give -r FROM:=TO; {_NAMES}',
+    'log level': 'give --log-level debug, info, warn, error or fatal'}
+"""Kind of argument, as ROS has it -> what to give."""
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Which end a node."""
@@ -67,12 +80,24 @@ def _initialise(arguments: list[str]) -> None:
     if not (domain.isdecimal() and int(domain) <= LAST_DOMAIN):
         raise InputError(f'ROS_DOMAIN_ID: {domain} found; set a whole number from 0 to '
                          f'{LAST_DOMAIN}')
+    set_logger_level('rcl', LoggingSeverity.FATAL)  # it says less of a fault than the error does
     try:
         # with rclpy's own handlers the context is gone before the node can end its work
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rclpy names no public class for bad ROS arguments
-        raise InputError(f'ROS arguments: {error}; give them as --ros-args -p NAME:=VALUE') \
-            from error
+        raise InputError(_fault_of_ros(str(error))) from error
+    finally:
+        set_logger_level('rcl', LoggingSeverity.UNSET)
+
+
+def _fault_of_ros(text: str) -> str:
+    """Return what is wrong with ROS arguments, and what to give, of what ROS says."""
+    found = _PARSED.search(text)
+    if found is None:
+        return f'ROS arguments: {text}; give them as --ros-args -p NAME:=VALUE'
+    kind, given, why = found.groups()
+    why = f'ROS says "{why}"; ' if kind == 'params file' else ''
+    return f'ROS arguments: {given!r} is not understood; {why}{_TO_GIVE.get(kind, "see --help")}'
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
-from par4_kinematics.ros.parameters import NodeParameters, answered
+from par4_kinematics.ros.parameters import NodeParameters, answered, tell
 
 
 def start_node(module: str, parameters: type[NodeParameters]) -> int:
@@ -17,7 +17,7 @@ def start_node(module: str, parameters: type[NodeParameters]) -> int:
     meanwhile is said in `par4_start`.
     """
     if '--version' in sys.argv[1:]:
-        print(f'{Path(sys.argv[0]).name}, version {version(module.partition(".")[0])}')
+        tell(f'{Path(sys.argv[0]).name}, version {version(module.partition(".")[0])}\n')
         return 0
     if answered(parameters, sys.argv[1:]):
         return 0
