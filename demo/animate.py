@@ -16,11 +16,12 @@ from rich.progress import track
 
 from par4_identification.logs.read_log import read_log
 from par4_kinematics.adept import adept_motion
-from par4_kinematics.errors import Par4Error
+from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.files import written_atomically
 from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import Robot, read_robot
 from par4_sim.pictures.view import View
+from par4_sim.report.results import refuse_unwritable
 
 SLOWER = 12.0
 """Times slower than the real cycle of a quarter of a second."""
@@ -28,6 +29,8 @@ SHOWN = 4.0
 """Seconds of a bag that are shown."""
 FRAMES_PER_SECOND = 10
 COLOURS = 96
+NARROWEST, WIDEST = 40, 4000
+"""Pixels of a picture."""
 
 
 def adept_poses(robot: Robot) -> np.ndarray:
@@ -81,11 +84,18 @@ def main() -> None:
     parser.add_argument('--width', type=int, default=480, help='pixels')
     arguments = parser.parse_args()
     try:
+        if arguments.output.suffix.lower() != '.gif':
+            raise InputError(f'--output {arguments.output}: expected a name that ends in .gif; the '
+                             f'still goes into a .png beside it')
+        if not NARROWEST <= arguments.width <= WIDEST:
+            raise InputError(f'--width {arguments.width}: expected {NARROWEST} to {WIDEST} pixels')
+        refuse_unwritable(arguments.output.parent)
         robot = read_robot(arguments.robot)
         poses = measured_poses(robot, arguments.bag) if arguments.bag else adept_poses(robot)
+        animate(robot, poses, arguments.output, arguments.width)
     except Par4Error as error:
-        sys.exit(f'error: {error}')
-    animate(robot, poses, arguments.output, arguments.width)
+        print(f'error: {error}', file=sys.stderr)
+        sys.exit(2)
     print(f'pictures: {arguments.output}, {arguments.output.with_suffix(".png")}')
 
 

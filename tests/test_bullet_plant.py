@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pybullet
@@ -24,6 +27,8 @@ from par4_sim.pictures.window import Window, follow
 from par4_sim.plants.bullet import BulletPlant
 from par4_sim.plants.exact import ExactPlant
 from robots import REFERENCE, UNEVEN, other_model, random_poses
+
+ANIMATE = Path(__file__).parents[1] / 'demo' / 'animate.py'
 
 FIDELITIES = ['accurate', 'fast']
 HOME = np.array((0.0, 0.0, -0.78, 0.0))
@@ -490,3 +495,18 @@ def test_a_window_without_a_screen_is_refused(monkeypatch):
         with pytest.raises(InputError, match='no screen') as caught:
             build()
         assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize(('words', 'said'), [
+    (('--output', 'x.png'), '--output x.png: expected a name that ends in .gif'),
+    (('--output', 'x.gif', '--width', '-5'), '--width -5: expected 40 to 4000 pixels'),
+    (('--output', 'file/x.gif'), 'file: results cannot be written there (not a directory)'),
+    (('--output', 'x.gif', '--bag', 'nowhere'), 'nowhere: no such bag')])
+def test_pictures_that_cannot_be_drawn_are_told_before_they_are_drawn(words, said, tmp_path):
+    (tmp_path / 'file').touch()
+    done = subprocess.run([sys.executable, ANIMATE, *words], cwd=tmp_path, capture_output=True,
+                          text=True, check=False)
+    assert done.returncode == 2
+    line, = done.stderr.splitlines()
+    assert line.startswith(f'error: {said}')
+    assert [path.name for path in tmp_path.iterdir()] == ['file']
