@@ -20,7 +20,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from par4_identification.logs import bag as bag_module
-from par4_identification.logs.bag import read_bag
+from par4_identification.logs.bag import read_bag, recorded_topics
 from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.sqlite_pages import rows_of_leaves
 from par4_identification.logs.topic_columns import JOINT_ARRAYS, AlikeMessages, TopicColumns
@@ -739,6 +739,19 @@ def test_metadata_that_tell_of_more_than_there_is_are_noticed(tmp_path):
         database.execute('DELETE FROM messages WHERE id > 12')
     with pytest.raises(InputError, match='metadata.yaml tells of 20 messages on .* found are 12'):
         read_bag(tmp_path / 'bag')
+
+
+@pytest.mark.parametrize(('content', 'said'), [
+    (b'{{{{', 'its metadata.yaml is not understood'),
+    (b'hello: 1', 'its metadata.yaml is not understood'),
+    (b'\x89PNG', 'it holds bytes that are no text')])
+def test_metadata_of_something_else_are_said_shortly(content, said, tmp_path):
+    path = small_bag(tmp_path / 'bag')
+    (path / 'metadata.yaml').write_bytes(content)
+    for read in (read_bag, recorded_topics):
+        with pytest.raises(InputError, match=rf'bag is cut off or damaged \({said}') as refused:
+            read(path)
+        assert len(str(refused.value)) < 150 + 2 * len(str(path))
 
 
 @pytest.mark.parametrize('storage', STORAGES)

@@ -39,6 +39,7 @@ from par4_identification.logs.topic_columns import (
     TopicColumns,
 )
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import why_no_text
 from par4_kinematics.interface import JOINT_STATES, REFERENCE
 from par4_kinematics.stamps import SECOND
 from par4_sim.bags.message_layout import joint_state_layout, trajectory_layout
@@ -80,9 +81,17 @@ def recorded_topics(path: str | Path) -> tuple[RecordedTopic, ...]:
             for connection, when, _ in reader.messages():
                 received[connection.topic].append(when)
     except Exception as error:
-        raise cut_off(path, ' '.join(str(error).split()) or type(error).__name__) from error
+        raise cut_off(path, _reason(error)) from error
     return tuple(RecordedTopic(topic, types[topic], np.array(received[topic], dtype=np.int64))
                  for topic in sorted(types))
+
+
+def _reason(error: Exception) -> str:
+    """Return why a bag cannot be read, of what the library or its parsers say."""
+    text = ' '.join(why_no_text(error).split())
+    if 'metadata.yaml' in text or 'metadata key' in text:
+        return 'its metadata.yaml is not understood'
+    return text or type(error).__name__
 
 
 def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:
@@ -121,7 +130,7 @@ def read_bag(path: str | Path, namespace: str | None = None) -> RawBag:
     except InputError:
         raise
     except Exception as error:
-        raise cut_off(path, ' '.join(str(error).split()) or type(error).__name__) from error
+        raise cut_off(path, _reason(error)) from error
     joints, trajectories, unreadable = {}, {}, {}
     for name, topic in chosen.items():
         found = columns[topic]
