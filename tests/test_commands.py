@@ -58,11 +58,13 @@ from par4_identification.reports.residual_plots import (
     signature,
 )
 from par4_identification.reports.time_plots import residual_over_time
+from par4_identification.ros.record_parameters import RecordParameters
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_text, write_yaml, written_atomically
 from par4_kinematics.interface import COUNTS
 from par4_kinematics.motion_file import named_motion, write_motion
 from par4_kinematics.robot import JOINT_NAMES, Axis
+from par4_kinematics.ros.start import start_node
 from par4_sim.bags.bag_writer import BagWriter
 from par4_sim.closed_loop.offline import simulate_to_bag
 from par4_sim.closed_loop.simulation import build_simulation
@@ -579,6 +581,40 @@ def test_a_shell_variable_that_is_not_set_is_no_path(words, told, tmp_path, monk
     line, = done.err.splitlines()
     assert told in line
     assert os.listdir() == []
+
+
+def test_a_shell_in_a_folder_that_has_been_removed_is_told(tmp_path, monkeypatch):
+    (tmp_path / 'gone').mkdir()
+    monkeypatch.chdir(tmp_path / 'gone')
+    (tmp_path / 'gone').rmdir()
+    done = run(identify, 'bag', '--robot', 'reference', '--output', 'out')
+    monkeypatch.chdir(tmp_path)
+    assert done.code == 2
+    assert done.err == (
+        'error: the folder that the shell is in has been removed; change to another one\n')
+
+
+def test_kernels_that_can_be_kept_nowhere_are_told(monkeypatch):
+    no_place = mock.Mock(side_effect=RuntimeError(
+        "cannot cache function 'f': no locator available for file 'f.py'"))
+    with monkeypatch.context() as patch:
+        patch.setattr(identify.identify_bags, 'callback', no_place)
+        done = run(identify, 'bag', '--robot', 'reference', '--output', 'out')
+    assert done.code == 2
+    assert done.err.startswith('error: compiled kernels can be kept neither beside the packages')
+    out = io.StringIO()
+    with monkeypatch.context() as patch, redirect_stderr(out):
+        patch.setattr(sys, 'argv', ['par4_record'])
+        patch.setattr('par4_kinematics.ros.start.import_module', no_place)
+        assert start_node('par4_identification.ros.record_node', RecordParameters) == 2
+    assert out.getvalue() == done.err
+
+
+def test_the_plot_library_does_not_talk_of_its_cache():
+    done = subprocess.run([sys.executable, '-c', 'import par4_sim.report.drawing'],
+                          capture_output=True, text=True, check=True,
+                          env={**os.environ, 'MPLCONFIGDIR': '/proc/nowhere'})
+    assert done.stderr == ''
 
 
 def test_a_table_is_printed_where_its_characters_cannot_be(bags, tmp_path):

@@ -23,6 +23,15 @@ def one_line(text: str) -> str:
     return line if len(line) <= LONGEST_LINE else f'{line[:half]} ... {line[-half:]}'
 
 
+NO_CACHE = ('compiled kernels can be kept neither beside the packages nor in the cache of the home '
+            'folder; set NUMBA_CACHE_DIR to a folder that can be written')
+
+
+def is_without_cache(error: RuntimeError) -> bool:
+    """Return whether an error is that of numba which `NO_CACHE` says."""
+    return 'no locator available' in str(error)
+
+
 class Par4Error(Exception):
     """Bad input, described in one line fit for a user; base of every error this project raises."""
 

@@ -7,6 +7,7 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
+from par4_kinematics.errors import NO_CACHE, is_without_cache
 from par4_kinematics.ros.parameters import NodeParameters, answered, tell
 
 
@@ -21,4 +22,11 @@ def start_node(module: str, parameters: type[NodeParameters]) -> int:
         return 0
     if answered(parameters, sys.argv[1:]):
         return 0
-    return import_module(module).main()
+    try:
+        node = import_module(module)
+    except RuntimeError as error:
+        if not is_without_cache(error):
+            raise
+        print(f'error: {NO_CACHE}', file=sys.stderr)
+        return 2
+    return node.main()

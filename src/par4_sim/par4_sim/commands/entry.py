@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -11,7 +12,7 @@ from typing import NoReturn
 
 import click
 
-from par4_kinematics.errors import Par4Error, one_line
+from par4_kinematics.errors import NO_CACHE, Par4Error, is_without_cache, one_line
 from par4_kinematics.paths import at_home
 from par4_sim.commands.output import dropping
 from par4_start import STOPPED, tool_ends_quietly, tool_is_interrupted
@@ -64,8 +65,11 @@ def _run(command: click.Command) -> int:
     except Par4Error as error:
         return _refuse(str(error))
     except OSError as error:
-        return _refuse(f'{error.filename or "file"}: {error.strerror or error}; check path and '
-                       f'space')
+        return _refuse(_fault_of_system(error))
+    except RuntimeError as error:
+        if not is_without_cache(error):
+            raise
+        return _refuse(NO_CACHE)
     except MemoryError:
         return _refuse('the memory of this machine does not hold so much data; give shorter bags, '
                        'or fewer at a time')
@@ -73,6 +77,15 @@ def _run(command: click.Command) -> int:
         print('stopped; nothing was changed', file=sys.stderr)
         return STOPPED
     return 0
+
+
+def _fault_of_system(error: OSError) -> str:
+    """Return what an error of the operating system says of a path, and what to do."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return 'the folder that the shell is in has been removed; change to another one'
+    return f'{error.filename or "file"}: {error.strerror or error}; check path and space'
 
 
 def _refuse_missing_values(command: click.Command, words: Sequence[str]) -> None:
