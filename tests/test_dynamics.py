@@ -18,6 +18,10 @@ from par4_dynamics.base_terms import (
 )
 from par4_dynamics.direction import mean_signs
 from par4_dynamics.effects.joint_friction_difference import JointFrictionDifference
+from par4_dynamics.effects.spring_steps import swing_through
+from par4_dynamics.effects.springs import Springs
+from par4_dynamics.effects.time_offset import TimeOffset, _earlier_rows
+from par4_dynamics.effects.time_rate import _rate_rows
 from par4_dynamics.mechanism import (
     forward_dynamics,
     joint_mass_matrix,
@@ -28,7 +32,7 @@ from par4_dynamics.mechanism import (
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import ModelFile, read_model_file, write_model_file
 from par4_dynamics.rigid_body import COLUMNS, rigid_body_columns
-from par4_dynamics.state import GRAVITY, state_of_joints, state_of_platform
+from par4_dynamics.state import GRAVITY, State, state_of_joints, state_of_platform
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.files import write_text, write_yaml
@@ -232,6 +236,22 @@ def test_layout_of_a_state_in_memory_does_not_matter():
                               for name in ('x', 'xd', 'xdd', 'q', 'qd', 'qdd')})
     assert np.array_equal(model.torque(other), model.torque(state))
     assert np.array_equal(base_columns(other), base_columns(state))
+
+
+def test_no_kernel_is_compiled_anew_for_a_state_of_every_other_sample():
+    """It takes seconds: a user would wait for it, and so would each process that runs tests."""
+    kernels = mean_signs, _rate_rows, _earlier_rows, swing_through
+    model, motion, compiled = MACHINES[0][1], adept_motion(REFERENCE), []
+    for every, steps in ((1, 1), (1, 4), (2, 1)):
+        t, *q = (getattr(motion, name)[::every] for name in ('t', 'q', 'qd', 'qdd'))
+        state = state_of_joints(REFERENCE.geometry, t, *q)
+        state = replace(state, nominal=model.nominal(state))
+        assert np.array_equal(State(t, *q).direction, state.direction)
+        assert TimeOffset().columns(state, {'expanded_at': 1e-3}).shape == (*state.q.shape, 1)
+        spring, _ = Springs(state).torque(np.full(4, 1e-4), every=steps)
+        assert spring.shape == state.q.shape
+        compiled.append([len(kernel.signatures) for kernel in kernels])
+    assert compiled == 3 * compiled[:1]
 
 
 @pytest.mark.parametrize('shape', [(), (1,), (5,), (2, 3)])

@@ -14,7 +14,7 @@ from par4_identification.fitting.identification import identify
 from par4_identification.fitting.validation import validate
 from par4_identification.reports.outcome.identification import table_of_parameters
 from par4_identification.signals.filtering import central_difference, low_pass, second_difference
-from par4_identification.signals.noise import ArNoise, fit_noise
+from par4_identification.signals.noise import ArNoise, _gains, fit_noise
 from par4_identification.signals.rows import runs_of_log
 from par4_kinematics.errors import InputError
 from robots import OTHER, REFERENCE, other_model
@@ -112,6 +112,15 @@ def test_whitening_is_the_gaussian_likelihood():
     expected = residual[valid] @ np.linalg.solve(omega, residual[valid])
     white = noise.whiten(residual[:, None], valid)
     assert float(np.sum(white ** 2)) == pytest.approx(expected, rel=1e-9)
+
+
+def test_rows_of_one_joint_of_several_are_whitened_by_the_kernel_of_a_single_axis():
+    """To compile another one takes seconds."""
+    noise, valid = ArNoise(np.array((0.6, -0.2)), 0.5), np.ones((60, 2), dtype=bool)
+    alone = noise.whitening(valid[:, 0].copy())
+    compiled = len(_gains.signatures)
+    assert np.array_equal(noise.whitening(valid[:, 0]).gain, alone.gain)
+    assert len(_gains.signatures) == compiled
 
 
 def test_parameters_come_back_within_their_intervals():

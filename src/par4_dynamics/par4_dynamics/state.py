@@ -161,7 +161,8 @@ class State:
     @cached_property
     def direction(self) -> np.ndarray:
         """sign(qd), (n, J); where a joint turns back between two samples, its mean there."""
-        return mean_signs(self.qd, self.qdd, self.period, np.array(self.bends))
+        return mean_signs(np.ascontiguousarray(self.qd), np.ascontiguousarray(self.qdd),
+                          self.period, np.array(self.bends))
 
     @cached_property
     def phasor(self) -> np.ndarray:

@@ -225,7 +225,7 @@ class Springs:
         lag = 2.0 * drive.damping_ratio * np.sqrt(twisting * reduced)  # c d, s
         h = every * self._period
         beta = self._beta(twisting, soft, h, motor)
-        place, more = self._place[::every], self._more[::every]
+        place, more = map(np.ascontiguousarray, (self._place[::every], self._more[::every]))
         stiffer = 0.5 * (1.0 - 2.0 * share) / (1.0 - share)
 
         def swing(load: np.ndarray, steps: slice, driven: np.ndarray | None = None) -> Swung:
@@ -237,9 +237,9 @@ class Springs:
                           spring, change, twist, slopes)
             return spring, change, twist, slopes
 
-        load = self._swinging_at_first(self._with_run_in(rigid)[::every], rigid - self.rigid(drive),
+        load = self._swinging_at_first(self._with_run_in(rigid, every), rigid - self.rigid(drive),
                                        swing, every, soft)
-        return swing(load, slice(None), share * self._with_run_in(self._motor_torque)[::every]
+        return swing(load, slice(None), share * self._with_run_in(self._motor_torque, every)
                      if with_slopes else None)
 
     def _known_friction(self) -> np.ndarray:
@@ -286,10 +286,13 @@ class Springs:
         begun[begin, soft] += speed
         return begun
 
-    def _with_run_in(self, torque: np.ndarray) -> np.ndarray:
-        """Return a torque (n, J) with what goes before it, turned about its first sample."""
+    def _with_run_in(self, torque: np.ndarray, every: int) -> np.ndarray:
+        """Return every so many steps of a torque (n, J) and what goes before it.
+
+        That is the torque turned about its first sample.
+        """
         return np.ascontiguousarray(
-            np.concatenate((2.0 * torque[0] - torque[self._before:0:-1], torque)))
+            np.concatenate((2.0 * torque[0] - torque[self._before:0:-1], torque))[::every])
 
     def _beta(self, compliance: np.ndarray, soft: np.ndarray, h: float, motor: np.ndarray
               ) -> np.ndarray:

@@ -78,7 +78,7 @@ def _earlier(state: State, values: np.ndarray, delay: float) -> np.ndarray:
     low-pass fast torque.
     """
     earlier = np.empty(values.shape)
-    _earlier_rows(state.t, values, time_rate(state, values), delay, earlier)
+    _earlier_rows(np.ascontiguousarray(state.t), values, time_rate(state, values), delay, earlier)
     return earlier
 
 

@@ -16,9 +16,9 @@ def time_rate(state: State, values: np.ndarray) -> np.ndarray:
     """
     if len(state.t) < 2:
         return np.zeros_like(values)
-    columns = np.asarray(values, dtype=float).reshape(len(values), -1)
+    columns = np.ascontiguousarray(values, dtype=float).reshape(len(values), -1)
     rate = np.empty(columns.shape)
-    _rate_rows(state.t, columns, np.empty(columns.shape), rate)
+    _rate_rows(np.ascontiguousarray(state.t), columns, np.empty(columns.shape), rate)
     return rate.reshape(values.shape)
 
 

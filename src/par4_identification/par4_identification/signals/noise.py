@@ -56,7 +56,7 @@ class ArNoise:
         `louder` is the ratio (n,) of the noise of each row to that of this model, 1 by default.
         """
         companion = _companion(self.coefficients)
-        gain, scale = _gains(valid, companion, self.variance,
+        gain, scale = _gains(np.ascontiguousarray(valid), companion, self.variance,
                              _stationary_covariance(companion, self.variance))
         return Whitening(np.ascontiguousarray(self.coefficients), gain, scale,
                          np.ones(len(valid)) if louder is None else 1.0 / louder)
