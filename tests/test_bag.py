@@ -20,6 +20,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from par4_identification.logs import bag as bag_module
+from par4_identification.logs import serialised as serialised_module
 from par4_identification.logs.bag import read_bag, recorded_topics
 from par4_identification.logs.bag_repair import repair_bag
 from par4_identification.logs.sqlite_pages import rows_of_leaves
@@ -191,6 +192,18 @@ def test_messages_of_one_layout_are_decoded_together(tmp_path, monkeypatch):
         decoded.append(arguments), decode(*arguments))[1])
     assert_prefix(tmp_path / 'bag', 50, 50)
     assert len(decoded) == 1
+
+
+def test_bags_of_all_storages_are_read_by_the_same_kernels(tmp_path):
+    """Others would have to be compiled when a user reads the first bag of another storage."""
+    compiled = []
+    for name, plugin, mode in (('plain', StoragePlugin.MCAP, CompressionMode.NONE),
+                               ('chunks', StoragePlugin.MCAP, CompressionMode.STORAGE),
+                               ('pages', StoragePlugin.SQLITE3, CompressionMode.NONE)):
+        assert_prefix(foreign_bag(tmp_path / name, plugin, mode, 50), 50, 50)
+        compiled.append([len(kernel.signatures) for kernel in (
+            serialised_module._take_messages, serialised_module._same, serialised_module._gather)])
+    assert compiled == 3 * compiled[:1]
 
 
 @pytest.mark.parametrize('mode', [CompressionMode.NONE, CompressionMode.STORAGE])

@@ -18,7 +18,7 @@ from par4_sim.machines.friction import Friction
 from par4_sim.machines.machine_effects import machine_of_model
 from par4_sim.machines.noise import Noise
 from par4_sim.machines.transmission import Transmission
-from par4_sim.plants.elastic import ElasticPlant, Motors, split_machine
+from par4_sim.plants.elastic import ElasticPlant, Motors, motor_step, split_machine
 from par4_sim.plants.exact import ExactPlant
 from robots import REFERENCE, growing_waves
 
@@ -317,3 +317,12 @@ def test_joints_that_stick_beside_soft_ones_need_no_torque_to_be_held():
         plant.step(np.zeros(4))
     np.testing.assert_allclose(plant.arms[:2], at_first[:2], atol=1e-9)
     np.testing.assert_allclose(plant.arms[2:], at_first[2:], atol=1e-4)
+
+
+def test_a_torque_that_nothing_may_write_to_takes_no_kernel_of_its_own():
+    """To compile another one takes seconds."""
+    plant, compiled = two_masses(), []
+    for tau in (np.ones(4), np.broadcast_to(1.0, 4), np.ones((4, 2))[:, 0]):
+        plant.step(tau)
+        compiled.append(len(motor_step.signatures))
+    assert compiled == 3 * compiled[:1]

@@ -163,12 +163,12 @@ class Torques:
     def _true_positions(self, machine: Machine) -> np.ndarray:
         sensors = machine.sensors
         if not np.any(sensors.eccentricity):
-            return self.reading - sensors.encoder_offset
+            return np.ascontiguousarray(self.reading - sensors.encoder_offset)
         q = self.reading
         for _ in range(6):
             q = self.reading - sensors.encoder_offset - sensors.eccentricity * np.sin(
                 q + sensors.eccentricity_phase)
-        return q
+        return np.ascontiguousarray(q)
 
     def _motion(self, machine: Machine, q: np.ndarray):
         key = (q.tobytes(), machine.geometry.packed.tobytes())

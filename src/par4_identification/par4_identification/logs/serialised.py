@@ -28,7 +28,7 @@ class SerialisedMessages:
     Attributes:
         received: bag time, (n,) ns.
         start, size: where each stands in `content`, (n,).
-        content: bytes.
+        content: bytes, which nothing may write to; kernels are compiled for such.
     """
 
     received: np.ndarray
@@ -71,20 +71,22 @@ def messages_of_chunks(chunks: Iterable[bytes | memoryview], most: int, topics: 
     table = tables[0]
     for chunk in chunks:
         records = np.frombuffer(chunk, dtype=np.uint8)
+        records.setflags(write=False)
         if len(table) < len(records) // (9 + _MESSAGE_HEAD):
             table = np.empty((len(records) // (9 + _MESSAGE_HEAD), 4), dtype=np.int64)
         count, filled = _take_messages(records, wanted, content, filled, table)
         if count < 0:
             raise ValueError('an MCAP record is cut off')
         tables.append(table[:count].copy())
+    content = content[:filled]
+    content.setflags(write=False)
     channel, received, start, size = np.concatenate(tables).T
     messages = {}
     for topic in dict.fromkeys(topics.values()):
         rows = np.flatnonzero(np.isin(channel, [key for key in topics if topics[key] == topic]))
         if (np.diff(received[rows]) < 0).any():
             rows = rows[np.argsort(received[rows], kind='stable')]
-        messages[topic] = SerialisedMessages(received[rows], start[rows], size[rows],
-                                             content[:filled])
+        messages[topic] = SerialisedMessages(received[rows], start[rows], size[rows], content)
     return messages
 
 

@@ -263,7 +263,7 @@ class ElasticPlant:
         Raises:
             UnreachableError: the platform was driven out of reach.
         """
-        torque, passed = np.asarray(tau, dtype=float), np.empty(LEGS)
+        torque, passed = np.array(tau, dtype=float), np.empty(LEGS)
         for _ in range(self._substeps):
             motor_step(self._packed, self._friction, self._plant.time, torque, self._plant.q,
                        self._plant.qd, self._motor, self._plant.dt, self._acts, passed)
