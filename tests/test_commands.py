@@ -203,7 +203,7 @@ def bags(tmp_path_factory):
     return SimpleNamespace(
         plain=simulated(folder, 'plain', TABLE_1, 1), other=simulated(folder, 'other', TABLE_1, 2),
         cogging=simulated(folder, 'cogging', COGGING, 3),
-        cogging_too=simulated(folder, 'cogging_too', COGGING, 4), rest=rest)
+        cogging_too=simulated(folder, 'cogging_too', COGGING, 4, 4.0), rest=rest)
 
 
 @pytest.fixture(scope='module')

@@ -114,15 +114,15 @@ def cogged_log():
     return log_of(HIDDEN['cogging'][0], seed=3)
 
 
-@pytest.mark.parametrize(('effect', 'plant', 'duration', 'nearer', 'floors'), [
-    ('cogging', 'fast', 5.0, 8.0, 1.8), ('stribeck', 'exact', 8.0, 3.0, 1.8)])
-def test_the_extended_model_brings_the_simulation_to_the_measurement(effect, plant, duration,
-                                                                     nearer, floors):
+@pytest.mark.parametrize(('effect', 'plant', 'duration', 'length', 'nearer', 'floors'), [
+    ('cogging', 'fast', 4.0, 2.5, 8.0, 1.8), ('stribeck', 'exact', 8.0, 3.5, 3.0, 1.8)])
+def test_the_extended_model_brings_the_simulation_to_the_measurement(
+        effect, plant, duration, length, nearer, floors):
     machine, values = HIDDEN[effect]
     log = log_of(machine, fidelity=plant, duration=duration, seed=3)
     steps = []
     found = confront(REFERENCE, TABLE_FILE, extended_by(effect, values), log, fidelity=plant,
-                     length=3.5, progress=steps.append)
+                     length=length, progress=steps.append)
     assert found.followed == 'reference', found.why
     torque, motion = found.torque, found.motion
     assert np.all(torque.baseline > nearer * torque.extended)
