@@ -88,4 +88,4 @@ def test_the_last_of_several_logs_is_held_out(log):
 def test_an_axis_is_diagnosed_by_filters_that_suit_its_logs(log):
     suited = conditioning_for([log], axis(), CONDITIONING)
     assert suited != CONDITIONING
-    assert {run.conditioning for run in diagnose([log], axis()).fit_runs} == {suited}
+    assert {run.conditioning for run in diagnose([log], axis(), library={}).fit_runs} == {suited}
