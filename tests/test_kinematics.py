@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 import re
 
 import numpy as np
@@ -13,7 +14,12 @@ from par4_kinematics.errors import InputError, UnreachableError
 from par4_kinematics.files import write_yaml
 from par4_kinematics.geometry import HOME, Geometry
 from par4_kinematics.linear_solve import inverse_columns
-from par4_kinematics.position import forward_kinematics, inverse_kinematics, loop_opening
+from par4_kinematics.position import (
+    _forward_rows,
+    forward_kinematics,
+    inverse_kinematics,
+    loop_opening,
+)
 from par4_kinematics.robot import Robot, read_robot
 from par4_kinematics.velocity import (
     AT_D,
@@ -479,3 +485,13 @@ def test_what_a_machine_may_be_is_not_refused(part):
         for name, value in change.items():
             told = read[key][name]
             assert (told.items() >= value.items() if isinstance(value, dict) else told == value)
+
+
+def test_a_geometry_from_another_process_takes_no_kernel_of_its_own():
+    """To compile once more all kernels that read it takes long."""
+    q = inverse_kinematics(REFERENCE.geometry, HOME)[None]
+    compiled = []
+    for geometry in (REFERENCE.geometry, pickle.loads(pickle.dumps(REFERENCE.geometry))):
+        np.testing.assert_allclose(forward_kinematics(geometry, q)[0], HOME, atol=1e-9)
+        compiled.append(len(_forward_rows.signatures))
+    assert compiled == 2 * compiled[:1]

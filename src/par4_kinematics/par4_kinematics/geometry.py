@@ -151,6 +151,8 @@ class Geometry(FileModel):
 
         (L, l, R, h, then for each leg cos and sin of its azimuth and x, y of the vector from D
         (legs 2, 3) or D' (legs 0, 1) to B_i, then L of each leg, then l of each), shape (28,).
+        Nobody writes to it. It is not marked so: kernels are compiled once more for such memory,
+        and plants and unpickled geometries have the other.
         """
         packed = np.empty(PACKED)
         packed[:4] = (self.arm_length, self.forearm_length, self.base_radius,
@@ -161,5 +163,4 @@ class Geometry(FileModel):
             packed[4 + 4 * leg:8 + 4 * leg] = (
                 cosine, sine, self.platform_radius * cosine, self.platform_radius * sine + side)
         packed[ARM:FOREARM], packed[FOREARM:] = self.arm_lengths, self.forearm_lengths
-        packed.setflags(write=False)
         return packed

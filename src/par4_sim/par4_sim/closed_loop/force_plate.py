@@ -78,7 +78,7 @@ class ForcePlate:
                                                                    period)
         self._noise, self._random = noise, np.random.default_rng(seed)
         self._drawn = np.empty(0)
-        self._packed = geometry.packed.copy()  # a kernel is compiled once for what may be written
+        self._packed = geometry.packed
         self._plate = np.array((height, stiffness, period), dtype=float)
         self._home = mid_height_home(geometry).copy()
         self._poses = np.array(HOME, dtype=float)[None]
