@@ -170,6 +170,45 @@ def test_stamps_that_jitter_beside_even_readings_are_put_back(tmp_path, own_topi
     assert_true(log, slope * moved, torque_slope * moved + (4e-3) ** 2 / 8 * TORQUE_CURVATURE)
 
 
+def test_samples_that_a_logger_filled_in_are_no_samples(tmp_path):
+    generator = np.random.default_rng(8)
+    measured = generator.random(COUNT) > 0.05
+    measured[[0, 700, 701, 702, -1]] = True, False, False, False, True
+    stamp = even()
+    noise = generator.normal(0.0, 0.05, (COUNT, 4))
+    position, torque = (np.stack([np.interp(stamp - START, stamp[measured] - START, own[measured])
+                                  for own in values.T], axis=1)
+                        for values in (true_position(stamp), true_torque(stamp) + noise))
+    log = read_log(bag(tmp_path / 'bag', stamp, position, voltage=torque / GAIN), ROBOT)
+    assert log.accounts.interpolated == np.count_nonzero(~measured)
+    assert any('filled them in' in finding for finding in log.accounts.findings())
+    assert len(log.t) == COUNT
+    np.testing.assert_allclose(log.q, true_position(stamp), rtol=0, atol=1e-8)
+    np.testing.assert_array_equal(log.q[measured], position[measured])
+
+
+def test_a_slow_log_on_a_finer_grid_keeps_its_own_samples(tmp_path):
+    slow = even(COUNT // 4, 4 * PERIOD)
+    stamp = even(4 * len(slow) - 3)
+    position, torque = (np.stack([np.interp(stamp - START, slow - START, own)
+                                  for own in values.T], axis=1)
+                        for values in (true_position(slow), true_torque(slow)))
+    log = read_log(bag(tmp_path / 'bag', stamp, position, voltage=torque / GAIN), ROBOT)
+    assert log.accounts.interpolated == 3 * (len(slow) - 1)
+    assert log.period == pytest.approx(4e-3)
+    np.testing.assert_array_equal(log.q, position[::4])
+
+
+def test_readings_in_steps_are_on_a_line_by_chance(tmp_path):
+    stamp = even()
+    count, step = 2.0 * np.pi / 4096, 0.4
+    position, torque = (np.round(values / size) * size for values, size in (
+        (true_position(stamp), count), (true_torque(stamp), step)))
+    log = read_log(bag(tmp_path / 'bag', stamp, position, voltage=torque / GAIN), ROBOT)
+    assert log.accounts.interpolated == 0
+    np.testing.assert_array_equal(log.q, position)
+
+
 def test_readings_of_a_machine_at_rest_tell_nothing_of_stamps(tmp_path):
     generator = np.random.default_rng(7)
     stamp = even() + generator.integers(-PERIOD // 5, PERIOD // 5, COUNT)

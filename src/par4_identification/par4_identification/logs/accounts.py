@@ -90,6 +90,7 @@ class Accounts:
             which one, with its unit; put together.
         jumps: times, s, at which several positions jump from one sample to the next.
         jitter: of stamps whose readings were taken evenly, rms, s; they are put back evenly.
+        interpolated: samples that whoever wrote the log put on a line between others, left out.
         held: for how long each reading of 'position' or 'torque' repeats, s, where it does.
     """
 
@@ -120,6 +121,7 @@ class Accounts:
     restarts: Mapping[str, tuple[int, float, str]] = field(default_factory=dict)
     jumps: tuple[float, ...] = ()
     jitter: float = 0.0
+    interpolated: int = 0
     held: Mapping[str, float] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
@@ -202,6 +204,11 @@ class Accounts:
         if self.resampled:
             found.append(f'uneven stamps (spacing +- {self.position.jitter_rms:.3g} s rms), '
                          f'resampled every {self.period:.6g} s')
+        if self.interpolated:
+            found.append(f'{self.interpolated} of {self.position.read} samples on '
+                         f'{self.position.topic} lie to the last digit on the line between their '
+                         f'neighbours, torques too: whoever wrote the log filled them in; left '
+                         f'out; record what was measured')
         if self.jitter:
             found.append(f'the stamps of {self.position.topic} jitter by '
                          f'{1e3 * self.jitter:.2g} ms rms though the readings were taken evenly; '

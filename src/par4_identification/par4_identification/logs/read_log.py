@@ -27,6 +27,7 @@ from par4_identification.logs.clock import Clock
 from par4_identification.logs.counters import going_on, restarts_of
 from par4_identification.logs.even_stamps import evened
 from par4_identification.logs.grid import Grid, grid_of
+from par4_identification.logs.interpolated_rows import without_interpolated
 from par4_identification.logs.jumps import without_turns
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import count, stretches
@@ -82,6 +83,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
     refuse_two_sources(path, position)
     torque, torque_source, disagreement, offset = measured_torque(path, bag, machine, clock,
                                                                   source)
+    position, torque, filled_in = without_interpolated(position, torque)
     (position, position_held), (torque, torque_held) = fresh(position), fresh(torque)
     if torque.period > max(position.period, GAP * 1e9 * torque.counts.period):
         position = at_refreshes(position, torque)
@@ -115,6 +117,7 @@ def read_log(path: str | Path, machine: Robot | Axis, namespace: str | None = No
         mixed=tuple((1e-9 * first, 1e-9 * last) for first, last in source.mixed),
         wraps=together.wraps, restarts=together.restarts,
         jumps=tuple(1e-9 * time for time in grid.jumps), jitter=jitter,
+        interpolated=filled_in,
         held={name: held for name, held in (('position', position_held), ('torque', torque_held))
               if held})
     return Log(str(path), joints, clock.origin, accounts.period, 1e-9 * time, q, tau,
