@@ -66,6 +66,9 @@ def _run(command: click.Command) -> int:
         return _refuse(str(error))
     except OSError as error:
         return _refuse(_fault_of_system(error))
+    except (click.Abort, KeyboardInterrupt):
+        print('stopped; nothing was changed', file=sys.stderr)
+        return STOPPED
     except RuntimeError as error:
         if not is_without_cache(error):
             raise
@@ -73,9 +76,6 @@ def _run(command: click.Command) -> int:
     except MemoryError:
         return _refuse('the memory of this machine does not hold so much data; give shorter bags, '
                        'or fewer at a time')
-    except (click.Abort, KeyboardInterrupt):
-        print('stopped; nothing was changed', file=sys.stderr)
-        return STOPPED
     return 0
 
 
