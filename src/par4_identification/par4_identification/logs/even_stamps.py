@@ -36,7 +36,7 @@ def evened(position: Series, torque: Series) -> tuple[Series, Series, float]:
         return position, torque, 0.0
     gaps = np.diff(stamp) > (FILLED + 1.5) * position.period
     parts = np.split(np.arange(len(stamp)), np.flatnonzero(gaps) + 1)
-    line = numbered(stamp, parts, position.period)
+    line = numbered(stamp, parts, position.period, jittered=True)
     even = np.concatenate(line.times)
     beside = ~(gaps[:-1] | gaps[1:])
     if (line.off <= EVEN * line.period or np.count_nonzero(beside) < FEWEST

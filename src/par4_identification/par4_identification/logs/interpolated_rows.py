@@ -18,8 +18,9 @@ EXACT = 1e-9
 """Deviation from the line, over the range of a signal, that is none."""
 FEWEST, BEYOND = 10, 10.0
 """Samples on the line, and so many times what chance makes, above which they were put there."""
-TELLING = 2
-"""Signals that change and could be off the line, at the least."""
+TELLING = 4
+"""Signals that change and could be off the line, at the least. The two of an axis in steps are on
+it together more often than chance has it: both hardly change where it is slow."""
 
 
 def without_interpolated(position: Series, torque: Series) -> tuple[Series, Series, int]:

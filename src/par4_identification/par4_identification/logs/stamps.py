@@ -91,15 +91,18 @@ class Numbered:
     off: float
 
 
-def numbered(stamp: np.ndarray, parts: Sequence[np.ndarray], period: float) -> Numbered:
+def numbered(stamp: np.ndarray, parts: Sequence[np.ndarray], period: float,
+             jittered: bool = False) -> Numbered:
     """Return stamps as those of an even grid.
 
     Args:
         stamp: (n,) ns, increasing.
         parts: rows of each uninterrupted part.
         period: about that of the grid, ns.
+        jittered: whether spacings alone may not tell how many samples are missing.
     """
-    numbers = tuple(_numbers(stamp[part], period) for part in parts)
+    numbers = tuple(_numbers(stamp[part], period) if jittered else
+                    _by_spacings(stamp[part], period) for part in parts)
     centred = [(number - number.mean(), stamp[part] - stamp[part].mean())
                for number, part in zip(numbers, parts, strict=True)]
     slope = float(sum(number @ time for number, time in centred)
@@ -110,14 +113,19 @@ def numbered(stamp: np.ndarray, parts: Sequence[np.ndarray], period: float) -> N
         float(np.abs(stamp[part] - time).max()) for part, time in zip(parts, times, strict=True)))
 
 
+def _by_spacings(stamp: np.ndarray, period: float) -> np.ndarray:
+    """Return the numbers (n,) of stamps of one part, from 0 on, by how far each is from the next.
+    """
+    return np.r_[0.0, np.cumsum(np.round(np.diff(stamp) / period))]
+
+
 def _numbers(stamp: np.ndarray, period: float) -> np.ndarray:
     """Return the numbers (n,) of stamps of one part, from 0 on.
 
     Spacings tell them, unless one may be rounded wrongly because a sample was stamped late and the
     next one early. Then the line through some stamps numbers twice as many, and so on.
     """
-    steps = np.diff(stamp) / period
-    numbers = np.r_[0.0, np.cumsum(np.round(steps))]
+    steps, numbers = np.diff(stamp) / period, _by_spacings(stamp, period)
     if np.abs(steps - np.round(steps)).max(initial=0.0) < CLEAR:
         return numbers
     time = stamp - stamp[0]
