@@ -10,23 +10,27 @@ import numpy as np
 import pytest
 from hidden.hiders import HIDERS
 from hidden.machines import Known, known_machine
+from hidden.motions import draw_motion
 from hidden.recording import record
 from hidden.scenario import Task, draw_scenario, record_scenario
 from measured import DWELL, excitation, log_of_machine, log_of_model
-from planned import log_of, state_of_motion
-from searches import log_with
+from planned import evidence_of, log_of, state_of_motion
+from searches import MODEL, log_with
 
 from par4_dynamics.model import build_model, read_model
 from par4_dynamics.model_file import read_model_file
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import diagnose
+from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.holdout import blocks_of_runs
 from par4_identification.diagnosis.search.search import Journal
 from par4_identification.diagnosis.verdict import settled
 from par4_identification.diagnosis.verdict.answer import Unusable
+from par4_identification.diagnosis.verdict.floor import deviation_of_base
 from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.timing import ROUNDED
 from par4_kinematics.adept import adept_motion
+from par4_kinematics.excitation import excitation_motion
 from par4_sim.machines.machine_effects import machine_of_model
 from par4_sim.machines.noise import Noise
 from robots import REFERENCE, model_with
@@ -356,6 +360,41 @@ def test_bootstrap_interval_covers_the_gain():
     assert gain.high - gain.low < 0.1
     nothing = blocks.whitened_gain(after.T.ravel(), random.permutation(after).T.ravel())
     assert nothing.low < 0.0 < nothing.high
+
+
+@pytest.mark.parametrize('seed', [11, 14])
+def test_a_sound_machine_that_creeps_and_then_runs_is_clean(seed):
+    """Friction just before a joint sticks is less than its law; no cause of a machine does that."""
+    scenario = draw_scenario(Task('clean', seed, None, coloured=False))
+    robot = scenario.known.robot
+    fit, heldout = record_scenario(replace(
+        scenario, motions=(draw_motion('slow', robot, 16.0, seed),
+                           draw_motion('excitation', robot, 8.0, seed + 1)),
+        noise=replace(scenario.noise, torque_noise=0.06)))
+    answer = diagnose([fit.log], robot, None, [heldout.log])
+    assert (answer.verdict, answer.remaining.nearest) == ('clean', None)
+    # without causes the extended model is the one without
+    np.testing.assert_array_equal(answer.holdout.baseline_rms, answer.holdout.extended_rms)
+
+
+def test_base_parameters_are_off_on_another_motion_by_as_much_as_is_said():
+    """The deviation is that over drawn noises, of slow rows applied to fast ones."""
+    slow, fast = (excitation_motion(REFERENCE, duration, seed, **limits) for duration, seed, limits
+                  in ((8.0, 901, {'slow_fraction': 0.85, 'acceleration': 8.0, 'joint_speed': 1.0}),
+                      (6.0, 902, {})))
+    torques = [MODEL.torque(state_of_motion(REFERENCE, motion)) for motion in (slow, fast)]
+    there = evidence_of(log_of(REFERENCE, fast.t, fast.q, torques[1], 0), REFERENCE, MODEL)
+    rows = there.observations
+    fits = [solve(evidence_of(log_of(REFERENCE, slow.t, slow.q, torques[0], seed), REFERENCE,
+                              MODEL), ()) for seed in range(1, 25)]
+    told = np.concatenate([[(base @ fit.base) * run.valid for fit in fits]
+                           for base, run in zip(rows.base, rows.runs)], axis=1)
+    valid = np.concatenate([run.valid for run in rows.runs])
+    seen = np.sqrt(told.var(axis=0, ddof=1).sum(axis=0) / valid.sum(axis=0))
+    np.testing.assert_allclose(deviation_of_base(rows, fits[0]), seen, rtol=0.35)
+    # and by less than half of that on rows of the motion that was fitted
+    own = evidence_of(log_of(REFERENCE, slow.t, slow.q, torques[0], 0), REFERENCE, MODEL)
+    assert np.all(deviation_of_base(own.observations, fits[0]) < 0.5 * seen)
 
 
 def test_zeros_that_are_a_degree_off_are_told_with_nothing_beside_them():

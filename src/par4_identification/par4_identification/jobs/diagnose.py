@@ -131,6 +131,7 @@ class Measured:
         conditioning: of all logs.
         baseline: the model that was believed, or what the earlier bags tell; None without both.
         earlier: bags of the machine as it was, if any.
+        as_set: whether a user sets filters or rates.
     """
 
     check: SetupCheck
@@ -138,6 +139,7 @@ class Measured:
     conditioning: Conditioning
     baseline: ModelFile | None
     earlier: Earlier | None
+    as_set: bool
 
     @property
     def machine(self) -> Robot | Axis:
@@ -209,7 +211,7 @@ def _measured(asked: Asked, machine: Robot | Axis, believed: tuple[ModelFile, Mo
     baseline, known = believed or (None, None)
     logs = read_bags(asked.every_bag, machine, asked.namespace, progress)
     progress('looking for mistakes of the setup')
-    own = len(asked.bags) + len(asked.holdout)
+    own, as_set = len(asked.bags) + len(asked.holdout), asked.chosen != Chosen()
     conditioning = conditioning_for(logs, machine, CONDITIONING, asked.chosen)
     as_given = machine
     for group in (logs[:own], logs[own:]) if asked.before else (logs,):
@@ -217,14 +219,14 @@ def _measured(asked: Asked, machine: Robot | Axis, believed: tuple[ModelFile, Mo
     if not asked.before:
         check = check_setup(logs[:own], machine, known)
         conditioning = conditioning_for(check.logs, check.machine, CONDITIONING, asked.chosen)
-        return Measured(check, len(asked.bags), conditioning, baseline, None)
+        return Measured(check, len(asked.bags), conditioning, baseline, None, as_set)
     before = check_setup(logs[own:], machine)
     earlier = Earlier.of(before, machine, baseline, conditioning)
     check = check_setup(logs[:own], machine, build_model(machine, earlier.model_file))
     mended = conditioning_for((*check.logs, *before.logs), machine, CONDITIONING, asked.chosen)
     if mended != conditioning:  # which were those of logs with their mistakes
         earlier = Earlier.of(before, machine, baseline, mended)
-    return Measured(check, len(asked.bags), mended, earlier.model_file, earlier)
+    return Measured(check, len(asked.bags), mended, earlier.model_file, earlier, as_set)
 
 
 def _answer(asked: Asked, measured: Measured, progress: Progress) -> Answer:
@@ -261,7 +263,8 @@ def _diagnosis(measured: Measured, progress: Progress
         rules = rules_of_no_cause(isinstance(machine, Axis)) if bodies_alone else None
         return diagnosed_if_sound(measured.check, lambda sound: diagnose(
             sound.logs[:measured.fitted], sound.machine, baseline, sound.logs[measured.fitted:],
-            {} if bodies_alone else None, rules, measured.conditioning, progress, apart))
+            {} if bodies_alone else None, rules, measured.conditioning, progress, apart,
+            measured.as_set))
 
     return diagnosed_apart(of_logs, len(measured.check.logs), machine, baseline, progress)
 
@@ -276,7 +279,7 @@ def _changes(asked: Asked, measured: Measured, baseline: ModelFile, diagnosis: D
     if measured.earlier is None:
         return changes_since_model(diagnosis, measured.machine, baseline, str(asked.model))
     return changes_between(diagnosis, measured.machine, measured.earlier.logs, baseline,
-                           shortened(asked.before), measured.conditioning)
+                           shortened(asked.before), diagnosis.fit_runs[0].conditioning)
 
 
 def _outcome(measured: Measured, answer: Answer) -> Outcome:
@@ -300,7 +303,9 @@ def _write(asked: Asked, measured: Measured, answer: Answer, outcome: Outcome, p
            ) -> None:
     """Write all files in one step, and remove the motion that an earlier run proposed there."""
     machine, diagnosis, experiment = measured.machine, answer.diagnosis, answer.experiment
-    origin = asked.provenance(machine, measured.conditioning)
+    used = (diagnosis.fit_runs[0].conditioning if isinstance(diagnosis, Diagnosis) else
+            measured.conditioning)
+    origin = asked.provenance(machine, used)
     page = None
     if asked.report:
         progress('drawing the report')

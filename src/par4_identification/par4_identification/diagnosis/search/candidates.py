@@ -55,7 +55,8 @@ class Candidates:
         swing: transmissions that twist, as an earlier search found them.
 
     Attributes:
-        swing: transmissions that twist, as this search found them.
+        swing: transmissions that twist, as this search found them last.
+        softest: those of all that this search found which have the softest one.
         family: number of effects and shapes that are tried.
     """
 
@@ -69,7 +70,7 @@ class Candidates:
                         if not effect.needs_both_ways or goes_both_ways(evidence.observations)}
         self._searched: dict[Any, Candidate | None] = {}
         self._orders: dict[Effect, Shape] = {}
-        self.swing = swing
+        self.swing = self.softest = swing
         self.family = sum(len(shapes) for shapes in self._shapes.values())
 
     def best(self, effect: Effect, projection: Projection) -> Candidate | None:
@@ -158,6 +159,8 @@ class Candidates:
         if found is None:
             return None
         self.swing = found
+        if self.softest is None or found.compliance.max() > self.softest.compliance.max():
+            self.softest = found
         hypothesis = Hypothesis(effect, effect.expansion(found.compliance, found.told),
                                 self._joints)
         return Candidate(hypothesis, 0.5 * found.squares, TRIED * len(self._joints))

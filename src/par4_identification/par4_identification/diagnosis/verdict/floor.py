@@ -9,6 +9,8 @@ import numpy as np
 
 from par4_dynamics.model import Model
 from par4_identification.diagnosis.evidence.dithered import dithered_state, is_noisy
+from par4_identification.diagnosis.evidence.fit import Fit
+from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.signals.rows import Run
 
 WINDOW = 30
@@ -42,6 +44,20 @@ def torque_noise(runs: Sequence[Run]) -> np.ndarray:
         if len(variances) >= LEAST_WINDOWS:
             floor[joint] = max(floor[joint], np.sqrt(np.median(variances)))
     return floor
+
+
+def deviation_of_base(observations: Observations, fit: Fit) -> np.ndarray:
+    """Return the standard deviation (J,), N m, of the torque of base parameters of a fit on rows.
+
+    Where the fitted motion hardly tells a parameter, such as the inertia by slow ones, it is off by
+    more than noise on another motion.
+    """
+    count = len(observations.terms)
+    covariance = fit.covariance[:count, :count]
+    squares = sum(np.sum(np.einsum('mjp,pq,mjq->mj', base, covariance, base) * run.valid, axis=0)
+                  for run, base in zip(observations.runs, observations.base))
+    rows = np.sum([np.count_nonzero(run.valid, axis=0) for run in observations.runs], axis=0)
+    return np.sqrt(np.asarray(squares) / np.maximum(rows, 1))
 
 
 def encoder_noise(runs: Sequence[Run], model: Model) -> np.ndarray:

@@ -71,6 +71,12 @@ def remarks_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis,
     if isinstance(machine, Axis):
         remarks += [_remark_of_filters(diagnosis, machine),
                     *_unseen_orders(diagnosis.fit_runs, machine)]
+    if diagnosis.below_hz is not None:
+        cutoff = number(diagnosis.fit_runs[0].conditioning.torque_cutoff_hz, 3)
+        remarks.append(note(
+            f'Loads swing at {number(diagnosis.below_hz, 2)} Hz on their transmissions, where the '
+            f'counts of the encoders drown what they tell: this answer rests on torques below '
+            f'{cutoff} Hz.', 'Finer encoders tell more; --cutoff sets the limit.'))
     if diagnosis.verdict == 'clean':
         remarks.append(note('Effects below the noise floor of these data, and those that the base '
                             'parameters swallow, are not excluded.'))

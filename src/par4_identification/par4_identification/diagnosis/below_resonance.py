@@ -1,0 +1,75 @@
+"""A second diagnosis below the frequency at which loads swing on their transmissions.
+
+A load amplifies at its resonance what the encoder of its motor misreads: counts of 48 urad become
+0.1 N m where a transmission of 7,000 N m/rad hardly damps. Where that lies in the band of the rows,
+no value of the stiffness leaves less than a rigid machine does, and the springs are missed, or told
+with the damping that hides what the counts make of them. Below the resonance the loads lag and
+amplify little by little, which the rows tell as well, and the counts swing nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from par4_dynamics.effects.elastic_transmission import ElasticTransmission
+from par4_dynamics.effects.springs import DAMPING_RATIO, USUAL, Springs
+from par4_dynamics.model import build_model
+from par4_identification.diagnosis.evidence.observations import Observations
+from par4_identification.diagnosis.search.swing import Swing
+from par4_identification.diagnosis.verdict.answer import Diagnosis
+from par4_identification.signals.conditioning import Conditioning
+from par4_kinematics.robot import Axis, Robot
+
+IN_BAND = 1.6
+"""Resonance over the cut-off of the torque up to which counts swing a load within the rows."""
+MOST_DAMPING = 2.0 * DAMPING_RATIO
+"""Of transmissions; what is told beyond it may hide what counts make of a swing."""
+NARROWER = 0.5
+"""Cut-off of the second diagnosis, over that of the first."""
+
+
+def hidden_resonance(swings: Sequence[Swing | None], observations: Observations,
+                     answer: Diagnosis) -> float | None:
+    """Return the lowest resonance (Hz) of loads whose swing encoder counts may hide.
+
+    None where no search found a transmission that twists, or where one is named that damps as those
+    of machines do and nothing without a name is beside it.
+
+    Args:
+        swings: what one search after the other found.
+        observations: rows with their nominal torque.
+        answer: causes that are told.
+    """
+    found = [(swing, replace(USUAL, **swing.told)) for swing in swings if swing is not None]
+    if not found or (found[-1][1].damping_ratio <= MOST_DAMPING and not answer.unnamed and any(
+            isinstance(cause.effect, ElasticTransmission) for cause in answer.causes)):
+        return None
+    springs = [Springs(run.state) for run in observations.runs]
+    return float(min(own.resonances(swing.compliance, drive).min()
+                     for own in springs for swing, drive in found))
+
+
+def below_resonance(answer: Diagnosis, conditioning: Conditioning, floor_excess: float
+                    ) -> Conditioning | None:
+    """Return filters below the resonance of loads that may swing; None if none does in the rows.
+
+    There is none either where nothing more than noise is left, as counts have then hidden nothing.
+    """
+    if (answer.hidden_hz is None or answer.remaining.floor_excess < floor_excess
+            or answer.hidden_hz > IN_BAND * conditioning.torque_cutoff_hz):
+        return None
+    return replace(conditioning,
+                   position_cutoff_hz=NARROWER * conditioning.position_cutoff_hz,
+                   torque_cutoff_hz=NARROWER * conditioning.torque_cutoff_hz,
+                   row_rate_hz=NARROWER * conditioning.row_rate_hz)
+
+
+def explains_more(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> bool:
+    """Return whether a second diagnosis leaves less of its held-out rows than the first would."""
+    model = build_model(machine, first.extended_model, first.effects)
+    left = np.concatenate([(run.tau - run.rows(model.torque(run.state)))[run.valid]
+                           for run in second.holdout.runs])
+    return bool(np.mean(second.holdout.extended_rms ** 2) < np.mean(left ** 2))
