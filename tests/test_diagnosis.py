@@ -377,6 +377,20 @@ def test_a_sound_machine_that_creeps_and_then_runs_is_clean(seed):
     np.testing.assert_array_equal(answer.holdout.baseline_rms, answer.holdout.extended_rms)
 
 
+def test_what_slow_rows_hardly_tell_is_not_left_of_fast_ones():
+    """Noise that wanders makes the inertia of a slow log uncertain, and fast rows are off by it."""
+    scenario = draw_scenario(Task('clean', 34, None, coloured=True))
+    robot = scenario.known.robot
+    fit, heldout = record_scenario(replace(
+        scenario, motions=(draw_motion('slow', robot, 16.0, 34),
+                           draw_motion('excitation', robot, 8.0, 35)),
+        noise=replace(scenario.noise, torque_noise=0.06, correlation_time=0.02)))
+    answer = diagnose([fit.log], robot, None, [heldout.log])
+    left, floor = answer.holdout.extended_rms, answer.holdout.noise_floor_rms
+    assert answer.verdict == 'clean'
+    assert answer.remaining.floor_excess < 0.5 * np.sqrt(np.sum(left ** 2) / np.sum(floor ** 2))
+
+
 def test_base_parameters_are_off_on_another_motion_by_as_much_as_is_said():
     """The deviation is that over drawn noises, of slow rows applied to fast ones."""
     slow, fast = (excitation_motion(REFERENCE, duration, seed, **limits) for duration, seed, limits
