@@ -326,7 +326,7 @@ def test_a_change_that_leaves_most_of_the_error_is_told_as_that(after, is_told):
     slide = Axis(schema='par4/axis/1', name='lift', joint='lift', kind='linear', gain=1.0)
     changes = SimpleNamespace(
         read=(Read(Added(None, 'actuator_inertia'), 8.7, 1.3, 0.0, ()),), beyond_readings=False,
-        given_rms=np.array([250.0]), since='h2')
+        given_rms=np.array([250.0]), since='h2', of_these=False)
     diagnosis = SimpleNamespace(verdict='clean', causes=(), unnamed=(), holdout=SimpleNamespace(
         baseline_rms=np.array([after]), extended_rms=np.array([after]),
         noise_floor_rms=np.array([1.0])))

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import yaml
 from browser import check_in_browser
 from report_pages import checked_page
 from test_commands import run
@@ -17,6 +18,7 @@ from par4_identification.commands import diagnose, identify
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import LIBRARY
 from par4_identification.jobs import diagnose as jobs
+from par4_identification.logs.bag_hash import bag_sha256
 from par4_identification.setup_check.finding import SetupCheck
 from par4_identification.signals.conditioning import Conditioning
 from par4_kinematics.errors import InputError
@@ -137,6 +139,21 @@ def test_the_same_machine_has_not_changed(bags, tmp_path):
     assert content['changes'] == []
     assert content['verdict'] == 'clean'
     assert content['causes'] == []
+    assert 'this has changed' not in done.out
+
+
+@pytest.mark.usefixtures('unrendered')
+def test_nothing_changed_since_a_model_of_the_very_recordings(bags, tmp_path):
+    """What moved the parameters of that model was there when it was identified."""
+    model = tmp_path / 'model.yaml'
+    content = yaml.safe_load((bags / 'model' / 'model.yaml').read_text(encoding='utf-8'))
+    content['provenance']['bags'][0]['sha256'] = bag_sha256(bags / 'loaded')
+    model.write_text(yaml.safe_dump(content), encoding='utf-8')
+    done, content = diagnosed(tmp_path / 'out', bags / 'loaded', '--model', model)
+    assert content['changes'] == []
+    assert content['causes'] == []
+    assert content['verdict'] == 'clean'
+    assert min(content['holdout']['given_rms']) > 5.0 * max(content['holdout']['baseline_rms'])
     assert 'this has changed' not in done.out
 
 

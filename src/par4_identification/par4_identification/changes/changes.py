@@ -17,7 +17,12 @@ from par4_dynamics.base_terms import INERTIA, BaseTerm
 from par4_dynamics.effects.drive_gain_error import DriveGainError
 from par4_dynamics.model import Model, build_model
 from par4_dynamics.model_file import ModelFile, RigidBody
-from par4_identification.changes.explanation import Explanation, Read, explained
+from par4_identification.changes.explanation import (
+    Explanation,
+    Read,
+    explained,
+    nothing_changed,
+)
 from par4_identification.changes.joint_values import (
     JointValues,
     fitted_values,
@@ -49,6 +54,8 @@ class Changes:
         parameters: those before, in the form that readings use.
         given_rms: rms that the model leaves on held-out rows with nothing fitted, (J,), N m.
         since: the model or the bags that the data are compared with, in words.
+        of_these: whether the model was identified from recordings that are fitted, since when
+            nothing can have changed.
     """
 
     terms: tuple[BaseTerm, ...]
@@ -59,6 +66,7 @@ class Changes:
     parameters: Parameters
     given_rms: np.ndarray
     since: str
+    of_these: bool = False
 
     @property
     def read(self) -> tuple[Read, ...]:
@@ -88,35 +96,46 @@ def difference(before: JointValues, after: JointValues, swallowed: bool) -> np.n
 def explained_change(before: JointValues, after: JointValues, swallowed: bool
                      ) -> tuple[Parameters, Explanation]:
     """Return the parameters before as readings take them, and the explanation of the change."""
-    names = tuple(term.name for term in before.terms)
-    parameters = Parameters(names, before.values, after.known, before.gains)
+    parameters = _as_readings_take(before, after)
     return parameters, explained(readings_of(before.terms, len(before.values)), parameters,
                                  after.values, difference(before, after, swallowed))
 
 
+def _as_readings_take(before: JointValues, after: JointValues) -> Parameters:
+    names = tuple(term.name for term in before.terms)
+    return Parameters(names, before.values, after.known, before.gains)
+
+
 def changes_since_model(diagnosis: Diagnosis, machine: Robot | Axis, model_file: ModelFile,
-                        name: str) -> Changes:
+                        name: str, of_these: bool = False) -> Changes:
     """Return what differs from a model that was right.
+
+    The parameters of a model that was identified from these very recordings differ, too, by what
+    its causes had moved them; that is no change.
 
     Args:
         diagnosis: by which the model's rigid body and effects are known.
         machine: that was measured.
         model_file: what was believed, with its standard deviations.
         name: of the model, for messages.
+        of_these: whether the model was identified from some of the recordings fitted.
 
     Raises:
         InputError: data that do not tell the parameters joint by joint.
     """
     model = build_model(machine, model_file)
     seen = diagnosis.evidence.observations
+    before = values_of_model(model_file, machine, seen.terms)
     after = fitted_values(seen, diagnosis.hypotheses, diagnosis.unnamed_hypotheses)
+    if of_these:
+        return Changes(before.terms, before, after, nothing_changed(after.values.size), (),
+                       _as_readings_take(before, after),
+                       given_rms(diagnosis.holdout.runs, model), name, of_these)
     heldout = rows_beside(diagnosis, diagnosis.holdout.runs, machine, model)
     shared = not any(isinstance(parameter.value, tuple)
                      for parameter in model_file.parameters.values())
     after = replace(after, bias=swallowed_values(after, (seen, heldout), shared))
-    return _changes(diagnosis, machine, model, values_of_model(model_file, machine, seen.terms),
-                    after,
-                    swallowed=True, since=name)
+    return _changes(diagnosis, machine, model, before, after, swallowed=True, since=name)
 
 
 def model_of_bags(logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile | None,

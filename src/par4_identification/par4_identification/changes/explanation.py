@@ -81,6 +81,11 @@ class Explanation:
         return self.left_p > CHANCE
 
 
+def nothing_changed(size: int) -> Explanation:
+    """Return the explanation where so many values cannot have changed."""
+    return Explanation((), 1.0, np.zeros(size), np.zeros(size), 1.0)
+
+
 @dataclass(frozen=True)
 class _Fit:
     """Readings with their sizes, the squares that they leave and the covariance of the sizes."""

@@ -35,6 +35,7 @@ from par4_identification.diagnosis.search.rules import rules_of_no_cause
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis, Unusable
 from par4_identification.fitting.axis_gravity import with_gravity_told
 from par4_identification.jobs.read_bags import read_bags
+from par4_identification.logs.bag_hash import bag_sha256
 from par4_identification.logs.log import Log
 from par4_identification.reports.outcome.between_logs import (
     differences_json,
@@ -54,7 +55,7 @@ from par4_identification.reports.outcome.confrontation import (
 from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
 from par4_identification.reports.outcome.gravity import gravity_remarks
 from par4_identification.reports.outcome.outcome import over_joints
-from par4_identification.reports.outcome.results import model_in_units, provenance
+from par4_identification.reports.outcome.results import bags_of, model_in_units, provenance
 from par4_identification.reports.outcome.setup import setup_json, setup_lines, with_setup
 from par4_identification.setup_check.check import check_setup
 from par4_identification.setup_check.finding import SetupCheck
@@ -277,7 +278,9 @@ def _changes(asked: Asked, measured: Measured, baseline: ModelFile, diagnosis: D
         InputError: it cannot be told.
     """
     if measured.earlier is None:
-        return changes_since_model(diagnosis, measured.machine, baseline, str(asked.model))
+        of_these = not bags_of(baseline).isdisjoint(map(bag_sha256, asked.bags))
+        return changes_since_model(diagnosis, measured.machine, baseline, str(asked.model),
+                                   of_these)
     return changes_between(diagnosis, measured.machine, measured.earlier.logs, baseline,
                            shortened(asked.before), diagnosis.fit_runs[0].conditioning)
 
