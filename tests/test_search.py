@@ -349,6 +349,19 @@ def test_a_value_on_the_wrong_side_of_zero_is_none_of_a_machine(torque, possible
     assert search.belief.is_possible(item, ()) == possible
 
 
+@pytest.mark.parametrize(('name', 'values', 'joints', 'wrong'), [
+    ('load_dependent_friction', {'coefficient': (-0.02,) * 4}, EVERY, True),
+    ('load_dependent_friction', {'coefficient': (0.02, -0.02, 0.02, -0.02)}, EVERY, False),
+    ('load_dependent_friction', {'coefficient': (0.02, -0.02, 0.02, -0.02)}, (1, 3), True),
+    ('load_dependent_friction', {'coefficient': (5.0,) * 4}, EVERY, False),
+    ('torque_offset', {'offset': (-0.5,) * 4}, EVERY, False),
+    ('theta_friction', {'coulomb': -0.3, 'viscous': -0.1}, EVERY, True)])
+def test_values_that_no_joint_of_a_machine_has_lie_on_the_wrong_side(name, values, joints, wrong):
+    """One beyond a limit may be a mistake of the values; one below zero says that it is none."""
+    search = search_of((name, values), library=(name,))
+    assert search.belief.is_on_wrong_side(cause(name, joints), ()) == wrong
+
+
 STRONG = (6.0, -6.0, 4.0, -4.0)
 WEAK = 0.02
 

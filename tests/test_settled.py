@@ -56,6 +56,17 @@ def test_such_a_name_has_the_value_that_it_has_beside_the_unnamed_cause(beside_u
     assert np.all(np.abs(np.array(value.value) - true) < 2.0 * np.array(value.std))
 
 
+def test_a_name_with_values_below_zero_on_every_joint_falls(monkeypatch):
+    """The search lets values pass that are below it by less than three deviations each."""
+    search = search_of(('load_dependent_friction', {'coefficient': (-5e-4,) * 4}),
+                       library=('load_dependent_friction',))
+    item = cause('load_dependent_friction')
+    monkeypatch.setattr(settled, 'without_replaceable_names', lambda _, model: model)
+    assert settle(search, (item,), FLOOR).causes == ()
+    monkeypatch.setattr(type(search.belief), 'is_on_wrong_side', lambda *_: False)
+    assert len(settle(search, (item,), FLOOR).causes) == 1
+
+
 def offset_beside_friction():
     """Return a search that found an offset beside friction that has no name, and what it found."""
     search = search_of(('torque_offset', {'offset': (0.1, 0.0, 0.0, 0.0)}),

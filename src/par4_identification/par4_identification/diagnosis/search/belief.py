@@ -68,6 +68,27 @@ class Belief:
         exact = {name: np.zeros_like(own) for name, own in std.items()}
         return hypothesis.named.implausible(values, exact, level) is None
 
+    def is_on_wrong_side(self, hypothesis: Hypothesis, others: Model) -> bool:
+        """Return whether each joint of a cause has values that none can have, with the other sign.
+
+        A gap below zero is such a value; a gain that is too far off is none.
+        """
+        values, std, level = self._values(hypothesis, others,
+                                          self.pool.solution([*others, hypothesis]))
+        effect = hypothesis.named
+        sizes = {parameter.name for parameter in effect.parameters if parameter.is_size}
+        mirrored = {name: -value if name in sizes else value for name, value in values.items()}
+        exact = {name: np.zeros_like(own) for name, own in std.items()}
+        joints = 1 if effect.shared else len(hypothesis.joints)
+
+        def is_possible(known: Values, joint: int) -> bool:
+            return effect.implausible(*({
+                name: value[[joint]] if joints > 1 and np.shape(value)[:1] == (joints,) else value
+                for name, value in part.items()} for part in (known, exact, level))) is None
+
+        return all(not is_possible(values, joint) and is_possible(mirrored, joint)
+                   for joint in range(joints))
+
     def _inflation(self, model: Model) -> float:
         return requirement_of(self.pool, model, self.rules).inflation
 

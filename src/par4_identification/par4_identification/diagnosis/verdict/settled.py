@@ -170,14 +170,19 @@ def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...]
     """Return the model without the weakest name that may as well be nothing; None if none may.
 
     How large a cause is depends on its law, on its joints and on what else acts, not whether it is
-    one. But values that no machine can have say nothing if they may as well be zero; neither does a
-    name that may be zero where something that is no twin explains rows held out as well.
+    one. But values that no machine can have say nothing if they may as well be zero, or if they lie
+    on the wrong side of it on every joint, whatever their deviations; neither does a name that may
+    be zero where something that is no twin explains rows held out as well.
     """
     for item, own in reversed(list(zip(named, values))):
         if own.plain.is_nothing or (own.by_any_law.may_be_zero and (
                 unnamed_of(model)
                 or not search.belief.is_possible(item, others_of(named, item)))):
             search.journal.reject(item, 'all its values are zero within their deviations')
+            return search.with_nameless(others_of(model, item))
+        if search.belief.is_on_wrong_side(item, others_of(named, item)):
+            search.journal.reject(item, 'on every joint its values lie on the side of zero where '
+                                  'no machine has any')
             return search.with_nameless(others_of(model, item))
     for item, own in reversed(list(zip(named, values))):
         cause = own.beside_weak
