@@ -377,6 +377,23 @@ def test_an_offset_of_one_encoder_changes_the_torque_of_all(robot):
 
 
 @ROBOTS
+@pytest.mark.parametrize('seed', [11, 12])
+def test_teeth_move_with_the_zero_of_the_encoder(robot, seed):
+    """They were felt at the true angle, which an encoder that was set anew does not read."""
+    random, read = np.random.default_rng(seed), moving_state(robot)
+    offset = random.uniform(-6e-3, 6e-3, 4)
+    teeth = {'amplitude': random.uniform(0.3, 0.8, 4), 'periods': 60.0,
+             'phase': random.uniform(0.0, 6.0, 4)}
+    toothed = model_with(MODELS[robot.name], 'cogging', **teeth)
+    true = state_of_joints(robot.geometry, read.t, read.q - offset, read.qd, read.qdd)
+    expected = toothed.torque(true)
+    told = model_with(toothed, 'encoder_offset', offset=offset).torque(read)
+    moved = toothed.angle_torque(true) - toothed.angle_torque(read)
+    assert np.abs(moved).max() > 0.1
+    assert np.abs(told - expected).max() < 0.02
+
+
+@ROBOTS
 def test_geometry_error_is_the_torque_of_the_true_machine(robot):
     state, model = moving_state(robot), MODELS[robot.name]
     for name, error in VALUES['geometry_error'].items():

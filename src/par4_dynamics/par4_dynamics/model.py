@@ -103,17 +103,32 @@ class Model:
             (active.torque(state) for active in self.effects if active.effect.is_body),
             np.zeros_like(state.q))
 
+    def angle_torque(self, state: State) -> np.ndarray:
+        """Return the torque of the effects that are bound to where each joint is, (n, J) N m.
+
+        The motion has its nominal torque, which some of them scale with.
+        """
+        return sum((active.torque(state) for active in self.effects if active.effect.of_angle),
+                   np.zeros_like(state.q))
+
     def following_torque(self, state: State) -> np.ndarray:
         """Return the torque (n, J), N m, of the effects that follow from the nominal one."""
         return sum((active.torque(state) for active in self.effects if active.effect.needs_nominal),
                    np.zeros_like(state.q))
 
-    def nominal(self, state: State) -> Nominal:
-        """Return the nominal torque of a motion, which effects need that scale or shift torque."""
+    def nominal(self, state: State, bound: Model | None = None) -> Nominal:
+        """Return the nominal torque of a motion, which effects need that scale or shift torque.
+
+        Args:
+            state: the motion.
+            bound: the model whose effects are bound to where joints are (`angle_torque`), this one
+                by default. A search fits the others by the angle that is read.
+        """
         added = sum(active.torque(state) for active in self.effects
                     if not active.effect.needs_nominal)
         nominal = Nominal(torque_of_values(state, self._linear), self.body_torque(state),
-                          self.values, self.body_torque, added)
+                          self.values, self.body_torque,
+                          (bound or self).angle_torque, added)
         read = replace(state, nominal=nominal)
         try:
             halfway = self._half_the_way(read)

@@ -40,6 +40,8 @@ class Nominal:
             those among the effects included (`Effect.is_body`).
         values: base parameter name -> (J,).
         body_torque: function of another motion; returns what `load` is of this one, (n, J) N m.
+        angle_torque: function of another motion; returns the torque of the effects that are bound
+            to where each joint is (`Effect.of_angle`), (n, J) N m.
         added: torque of the effects whose torque does not depend on the nominal one, (n, J) N m.
         halfway: the motion halfway between the one read and the true one, of a machine whose
             readings or dimensions are known to be wrong, see `Effect.halfway`; else None.
@@ -50,6 +52,7 @@ class Nominal:
     load: np.ndarray
     values: Mapping[str, np.ndarray]
     body_torque: Callable[[State], np.ndarray]
+    angle_torque: Callable[[State], np.ndarray]
     added: np.ndarray | float = 0.0
     halfway: State | None = None
     true: State | None = None
@@ -190,6 +193,13 @@ class State:
         here = self._torque_nearby('qdd', 0.0)
         return np.stack([self._torque_nearby('qdd', joint) - here
                          for joint in np.eye(self.joints)], axis=-1)
+
+    @cached_property
+    def angle_torque_by_q(self) -> np.ndarray:
+        """The same of the effects that are bound to where each joint is, (n, J, J) N m/rad."""
+        ahead, behind = (self.known.angle_torque(replace(self, q=self.q + step))
+                         for step in (SMALL_ANGLE, -SMALL_ANGLE))
+        return ((ahead - behind) / (2.0 * SMALL_ANGLE))[..., None] * np.eye(self.joints)
 
     def _central_difference(self, name: str, step: float) -> np.ndarray:
         return np.stack([(self._torque_nearby(name, step * joint)

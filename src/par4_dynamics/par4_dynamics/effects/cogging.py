@@ -135,6 +135,7 @@ class Cogging(Effect):
 
     name = 'cogging'
     phrase = 'cogging torque'
+    of_angle = True
     least_turns: ClassVar[float] = LEAST_TURNS
     parameters = (
         EffectParameter('amplitude', 'N m', 'joint', per_order=True),

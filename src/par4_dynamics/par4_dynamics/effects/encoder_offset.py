@@ -24,6 +24,7 @@ LARGEST = math.radians(12.0)
 class EncoderOffset(Effect):
     """tau(q) -> tau(q - o), q = q_true + o being read: tau -= (dtau/dq) o, the slope at q - o / 2.
 
+    The torque is that of the bodies and of what is bound to where a joint is, such as cogging.
     Through the platform the offset of one joint changes the torque of all, so the coefficients
     are shared: one for each joint's offset.
     """
@@ -38,7 +39,8 @@ class EncoderOffset(Effect):
     variables = 3
 
     def columns(self, state: State, shape: Shape) -> np.ndarray:
-        return -state.halfway.torque_by_q
+        there = state.halfway
+        return -(there.torque_by_q + there.angle_torque_by_q)
 
     def halfway(self, state: State, values: Values) -> State:
         return state.moved(state.q - 0.5 * values['offset'], state.qd, state.qdd)

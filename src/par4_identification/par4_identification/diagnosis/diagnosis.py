@@ -87,6 +87,7 @@ from par4_identification.diagnosis.verdict.loudness import follows_in_size
 from par4_identification.diagnosis.verdict.pair import Pair
 from par4_identification.diagnosis.verdict.settled import settle
 from par4_identification.diagnosis.verdict.sure import is_most_of_it, is_no_noise
+from par4_identification.diagnosis.verdict.true_angles import by_true_angles
 from par4_identification.diagnosis.verdict.unrelated import left_of, swing_of, unrelated
 from par4_identification.fitting.identification import SINGULAR
 from par4_identification.logs.log import Log, refuse_logs
@@ -335,7 +336,8 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     base_only = search.weighing.corrected(solve(evidence, ()))
     settled = settle(search, model, noise_floor(heldout.runs, build_model(
         machine, extended_model(baseline, rigid_body, evidence, (), base_only), effects)))
-    model, named, told, causes = settled.model, settled.named, settled.told, list(settled.causes)
+    model, named, told = settled.model, settled.named, settled.told
+    causes = by_true_angles(settled.causes)
     whole = search.weighing.corrected(solve(evidence, model))
     blocks = settled.blocks
     unnamed = sorted(((unnamed_cause(search, item, model), item) for item in unnamed_of(model)),

@@ -148,9 +148,12 @@ def with_nominal(observations: Observations, model: Model) -> Observations:
     """Return the observations with the torque of `model` as nominal torque.
 
     What the baseline knows may follow from it: a gain scales a payload that it does not know, too.
+    Of what is bound to the angles of the joints the zero of an encoder moves what the baseline
+    knows; the rest is fitted by the angle that is read (see `verdict/true_angles.py`).
     """
-    runs = tuple(_with_nominal_torque(run, model) for run in observations.runs)
     known, target = observations.known, observations.target
+    bound = known or replace(model, effects=())
+    runs = tuple(_with_nominal_torque(run, model, bound) for run in observations.runs)
     if known is not None:
         target = tuple(
             part if old.state.nominal is None else part - new.rows(
@@ -159,9 +162,9 @@ def with_nominal(observations: Observations, model: Model) -> Observations:
     return replace(observations, _kept=lasting(observations._kept), runs=runs, target=target)
 
 
-def _with_nominal_torque(run: Run, model: Model) -> Run:
+def _with_nominal_torque(run: Run, model: Model, bound: Model | None = None) -> Run:
     own = replace(model, apart=dict(run.apart)) if run.apart else model
-    return replace(run, state=replace(run.state, nominal=own.nominal(run.state)))
+    return replace(run, state=replace(run.state, nominal=own.nominal(run.state, bound)))
 
 
 def remembered(observations: Observations, memory: float) -> Observations:
