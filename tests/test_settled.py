@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from searches import cause, names, search_of
+from searches import MODEL, cause, names, search_of
 
 from par4_identification.diagnosis.evidence.fit import left_by, solve
 from par4_identification.diagnosis.search.causes import named_of, unnamed_of
 from par4_identification.diagnosis.search.search import Rival
-from par4_identification.diagnosis.verdict import settled
+from par4_identification.diagnosis.verdict import settled, sure
 from par4_identification.diagnosis.verdict.judgement import judge, share_of
 from par4_identification.diagnosis.verdict.settled import settle
 
@@ -135,3 +135,26 @@ def test_the_model_with_told_values_has_the_best_base_parameters_beside_them(bes
     (3.0, 4.0, 0.75), (3.0, 2.0, 1.0), (-3.0, 2.0, 0.0), (3.0, 0.0, 0.0), (3.0, -2.0, 0.0)])
 def test_a_share_of_what_is_explained_is_one_even_where_nothing_is(own, explained, share):
     assert share_of(own, explained) == share
+
+
+def late_on_one_joint(state):
+    """Return what a torque of joint 1 that is read 1.2 ms late has beyond the true one, N m."""
+    torque, late = MODEL.torque(state), np.zeros_like(state.q)
+    late[:, 1] = np.interp(state.t - 1.2e-3, state.t, torque[:, 1]) - torque[:, 1]
+    return late
+
+
+def test_a_name_falls_where_a_torque_at_another_time_explains_far_more():
+    """Friction that differs has a part of it where the joint turns round."""
+    search = search_of(library=('joint_friction_difference',), beside=late_on_one_joint)
+    assert names(search.run()) == ['rate']
+    friction = cause('joint_friction_difference', (1,))
+    assert names(sure._replaced(search, friction, (friction,))) == ['rate']
+
+
+def test_a_delay_is_not_held_against_the_rate_of_its_own_torque():
+    search = search_of(('time_offset', {'delay': 2e-3}), library=('time_offset',))
+    delay, = search.run()
+    assert [kind for kind, _ in sure._nameless(search, delay, ())
+            if kind.effect.name == 'rate'] == []
+    assert [told.effect.name for told in settle(search, (delay,), FLOOR).causes] == ['time_offset']

@@ -254,14 +254,21 @@ def _nameless(search: Search, item: Hypothesis, others: Model
               ) -> list[tuple[Hypothesis, float]]:
     """Return unnamed causes that could stand in the place of a name, and its margin over each.
 
-    The strongest come first. Kinds that scale with the nominal torque are left out, because it
-    contains the name's own torque. For a series over the position, smooth functions and waves of
-    the position are left out, because they say the same.
+    The strongest come first. For a series over the position, smooth functions and waves of the
+    position are left out, because they say the same.
     """
     return [(rival.hypothesis, rival.margin) for rival in search.rivals(item, others)
             if rival.hypothesis is not None and isinstance(rival.hypothesis.effect, Kind)
-            and not rival.hypothesis.effect.needs_nominal
+            and not _has(rival.hypothesis.effect, item)
             and not (item.named.is_series and rival.hypothesis.effect.name in (POSITION, PERIODIC))]
+
+
+def _has(kind: Kind, item: Hypothesis) -> bool:
+    """Return whether a kind has the torque of a name in it: what follows from the nominal torque.
+
+    The rate of that torque has it only of a name that is a torque at another time.
+    """
+    return kind.needs_nominal and (not kind.left_by_filters or item.named.retimes)
 
 
 def _doubt_of_all(search: Search, model: Model, floor: np.ndarray) -> str | None:
