@@ -116,9 +116,9 @@ def torque_of_values(state: State, values: Mapping[str, np.ndarray | float]
         state: the motion.
         values: name -> one number or (J,); those that are not named are zero.
     """
-    if state.geometry is not None:
-        return rigid_body_torque(state, value_table(values))
     torque = np.zeros_like(state.q)
+    if state.geometry is not None:
+        return rigid_body_torque(state, value_table(values)) if values else torque
     for term in AXIS_TERMS:
         if term.name in values:
             torque += _axis_column(state, term.name) * values[term.name]

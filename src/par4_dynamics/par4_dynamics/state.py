@@ -222,9 +222,11 @@ class State:
         both sides does not see.
         """
         platform = self.platform
-        shift = q - (self.q if geometry is platform.geometry
-                     else inverse_kinematics(geometry, platform.x))
-        x = platform.x + np.einsum('nij,nj->ni', self.jacobian, shift)
+        x = platform.x
+        if q is not self.q or geometry is not platform.geometry:
+            shift = q - (self.q if geometry is platform.geometry
+                         else inverse_kinematics(geometry, x))
+            x = x + np.einsum('nij,nj->ni', self.jacobian, shift)
         moved = platform_motion_at(geometry, x, qd, qdd)
         return State(self.t, q, qd, qdd, geometry, x, moved.xd, moved.xdd, period=self.period,
                      bend=self.bend)

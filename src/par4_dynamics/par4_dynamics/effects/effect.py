@@ -353,8 +353,10 @@ class Effect(ABC):
             shape = self.shape_of({name: value[0] for name, value in values.items()})
             return self.columns(state, shape) @ coefficients[:, 0]
         total = np.zeros_like(state.q)
-        for joint in joints:  # a joint's shape may be its own
+        last: Shape | None = None
+        for joint in joints:  # a joint's shape may be its own, most often it is that of all
             shape = self.shape_of({name: value[joint] for name, value in values.items()})
-            columns = self.columns(state, shape)[:, joint]
-            total[:, joint] = columns @ coefficients[:, joint]
+            if shape != last:
+                columns, last = self.columns(state, shape), shape
+            total[:, joint] = columns[:, joint] @ coefficients[:, joint]
         return total
