@@ -17,13 +17,14 @@ def swing_through(load, place, by_motion, motor, soft, compliance, lag, more, h,
 
     Its gamma is 1/2, so that nothing is damped by the steps. Only the `soft` joints (k,) twist;
     `compliance`, `lag` and `beta` (k,) are theirs. M, C and K (3, n, J, J) of a row are those of
-    its `place`, M without the inertia of the motors, `motor` (J,). Twist, speed and acceleration
+    its `place`, M without the inertia of the motors, `motor` (J,). These and `soft` are tuples:
+    each number of joints is compiled by itself, its loops unrolled. Twist, speed and acceleration
     are told, (3, n, J). `slopes` (n, J, p) are those of the change of the torque by the logarithm
     of each compliance, of the damping ratio and of the motor share, with p = k + 2, or none with
     p = 0. A larger share takes `driven` (n, J) from T_0 and `motor` from M; the logarithm of the
     damping grows with that of the share by `stiffer`.
     """
-    joints, count = load.shape[1], len(soft)
+    joints, count = len(motor), len(soft)
     wanted = slopes.shape[2]
     twist, speed, rate = np.empty(count), np.zeros(count), np.zeros(count)
     twists, speeds, rates = (np.zeros((wanted, count)), np.zeros((wanted, count)),
@@ -40,7 +41,7 @@ def swing_through(load, place, by_motion, motor, soft, compliance, lag, more, h,
             for other in range(joints):
                 inertia[i, other] = by_motion[0, place[row], i, other]
             inertia[i, i] -= motor[i]
-        _predicted(twist, speed, rate, h, beta)
+        _predicted(soft, twist, speed, rate, h, beta)
         for k in range(count):
             slow = more[row] * lag[k]
             for other in range(count):
@@ -51,8 +52,8 @@ def swing_through(load, place, by_motion, motor, soft, compliance, lag, more, h,
             rate[k] = compliance[k] * (load[row, soft[k]] - _by_twist(
                 by_speed[soft[k]], by_twist[soft[k]], soft, speed, twist)
                 ) - slow * speed[k] - twist[k]
-        _factored(matrix)
-        _corrected(matrix, twist, speed, rate, h, beta)
+        _factored(soft, matrix)
+        _corrected(soft, matrix, twist, speed, rate, h, beta)
         for i in range(joints):
             change[row, i] = -_by_rate(inertia[i], soft, rate) - _by_twist(
                 by_speed[i], by_twist[i], soft, speed, twist)
@@ -63,7 +64,7 @@ def swing_through(load, place, by_motion, motor, soft, compliance, lag, more, h,
             told[1, row, soft[k]] = speed[k]
             told[2, row, soft[k]] = rate[k]
         for p in range(wanted):
-            _predicted(twists[p], speeds[p], rates[p], h, beta)
+            _predicted(soft, twists[p], speeds[p], rates[p], h, beta)
             for k in range(count):
                 slow = more[row] * lag[k]
                 rates[p, k] = (-compliance[k] * _by_twist(
@@ -76,7 +77,7 @@ def swing_through(load, place, by_motion, motor, soft, compliance, lag, more, h,
                         driven[row, soft[k]] - motor[soft[k]] * rate[k])
                 elif p == k:  # c T_0 grows with c, what damps it with its root
                     rates[p, k] += twist[k] + 0.5 * slow * speed[k]
-            _corrected(matrix, twists[p], speeds[p], rates[p], h, beta)
+            _corrected(soft, matrix, twists[p], speeds[p], rates[p], h, beta)
             for i in range(joints):
                 slopes[row, i, p] = -_by_rate(inertia[i], soft, rates[p]) - _by_twist(
                     by_speed[i], by_twist[i], soft, speeds[p], twists[p])
@@ -86,17 +87,17 @@ def swing_through(load, place, by_motion, motor, soft, compliance, lag, more, h,
 
 
 @numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _predicted(twist, speed, rate, h, beta):
+def _predicted(soft, twist, speed, rate, h, beta):
     """Move twist and speed to the next step, but for what its acceleration does."""
-    for k in range(len(twist)):
+    for k in range(len(soft)):
         twist[k] += h * speed[k] + (0.5 - beta[k]) * h * h * rate[k]
         speed[k] += 0.5 * h * rate[k]
 
 
 @numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _corrected(factors, twist, speed, rate, h, beta):
+def _corrected(soft, factors, twist, speed, rate, h, beta):
     """Solve for the acceleration, of which `rate` is the right side, and add what it does."""
-    count = len(rate)
+    count = len(soft)
     for k in range(count):
         for other in range(k):
             rate[k] -= factors[k, other] * rate[other]
@@ -110,16 +111,16 @@ def _corrected(factors, twist, speed, rate, h, beta):
 
 
 @numba.njit(cache=True, error_model='numpy', forceinline=True)
-def _factored(matrix):
+def _factored(soft, matrix):
     """Replace a matrix by its triangular factors, with reciprocals on the diagonal.
 
     Without pivots: it is an inertia whose rows are scaled, and little more.
     """
-    for k in range(len(matrix)):
+    for k in range(len(soft)):
         matrix[k, k] = 1.0 / matrix[k, k]
-        for row in range(k + 1, len(matrix)):
+        for row in range(k + 1, len(soft)):
             matrix[row, k] *= matrix[k, k]
-            for column in range(k + 1, len(matrix)):
+            for column in range(k + 1, len(soft)):
                 matrix[row, column] -= matrix[row, k] * matrix[k, column]
 
 

@@ -74,7 +74,9 @@ class Springs:
         state = state.true  # the loads are where they are, not where encoders tell them
         self._state, self._whole_load = state, told_part(state, state.known.load)
         self._still = len(state.t) < 2
+        # of the last share of the motors
         self._load_torque: tuple[float, np.ndarray] = np.nan, self._whole_load
+        self._least_inertia: tuple[float, np.ndarray] = np.nan, np.zeros(state.joints)
         if self._still:
             return
         self._period = (state.t[-1] - state.t[0]) / (len(state.t) - 1)
@@ -172,11 +174,11 @@ class Springs:
         """Return values (n, ...) at the samples of the motion of those at the steps (m, ...)."""
         if every == 1:
             return steps[self._before:]
-        taken, wanted = (every * np.arange(len(steps)),
-                         np.arange(len(self._state.t)) + self._before)
-        return np.stack([np.interp(wanted, taken, values)
-                         for values in steps.reshape(len(steps), -1).T], axis=1).reshape(
-                             (-1, *steps.shape[1:]))
+        ahead = np.diff(steps, axis=0, append=steps[-1:])
+        told = np.empty((every * len(steps), *steps.shape[1:]))
+        for part in range(every):
+            told[part::every] = steps + part / every * ahead
+        return told[self._before:self._before + len(self._state.t)]
 
     def _exact_change(self, motion: np.ndarray, drive: Drive) -> np.ndarray:
         """Return the change of the load's torque (n, J), N m, where its springs twist.
@@ -224,7 +226,8 @@ class Springs:
         reduced = (1.0 - share) * motor[soft]
         lag = 2.0 * drive.damping_ratio * np.sqrt(twisting * reduced)  # c d, s
         h = every * self._period
-        beta = self._beta(twisting, soft, h, motor)
+        beta = self._beta(twisting, soft, h, share)
+        numbers, motors = tuple(soft.tolist()), tuple(motor.tolist())
         place, more = map(np.ascontiguousarray, (self._place[::every], self._more[::every]))
         stiffer = 0.5 * (1.0 - 2.0 * share) / (1.0 - share)
 
@@ -232,7 +235,7 @@ class Springs:
             spring, change = np.empty_like(load), np.empty_like(load)
             twist = np.zeros((3, *load.shape))
             slopes = np.empty((*load.shape, 0 if driven is None else len(soft) + 2))
-            swing_through(load, place[steps], self._by_motion, motor, soft, twisting, lag,
+            swing_through(load, place[steps], self._by_motion, motors, numbers, twisting, lag,
                           more[steps], h, beta, load if driven is None else driven, stiffer,
                           spring, change, twist, slopes)
             return spring, change, twist, slopes
@@ -294,8 +297,7 @@ class Springs:
         return np.ascontiguousarray(
             np.concatenate((2.0 * torque[0] - torque[self._before:0:-1], torque))[::every])
 
-    def _beta(self, compliance: np.ndarray, soft: np.ndarray, h: float, motor: np.ndarray
-              ) -> np.ndarray:
+    def _beta(self, compliance: np.ndarray, soft: np.ndarray, h: float, share: float) -> np.ndarray:
         """Return Newmark's beta of each joint that twists, (k,), for steps of h, s.
 
         It is that of `FOURTH_ORDER` where the joint is soft enough. As the springs' stiffness is
@@ -306,12 +308,14 @@ class Springs:
             compliance: of the joints that twist, (k,).
             soft: which ones, (k,).
             h: step.
-            motor: inertia of the motors, (J,), kg m2.
+            share: of the actuator inertia that turns with the motor, which is no part of the load.
         """
-        least = UNBOUNDED - self._least_inertia(motor)[soft] * compliance / h ** 2
+        if self._least_inertia[0] != share:
+            self._least_inertia = share, self._least_inertia_beside(share * self._actuator)
+        least = UNBOUNDED - self._least_inertia[1][soft] * compliance / h ** 2
         return np.maximum(least, FOURTH_ORDER)
 
-    def _least_inertia(self, motor: np.ndarray) -> np.ndarray:
+    def _least_inertia_beside(self, motor: np.ndarray) -> np.ndarray:
         """Return the inertia (J,), kg m2, of which a diagonal matrix is smaller than the load's.
 
         `motor` (J,), kg m2, is no part of the load.
