@@ -148,9 +148,8 @@ class Evidence:
         found = self._products.get(pair)
         if found is None:
             turned = self._products.get((second, first))
-            if turned is not None:
-                return tuple(part.T for part in turned)
             found = self._products[pair] = tuple(
+                part.T for part in turned) if turned is not None else tuple(
                 own.T @ other for own, other in zip(self._of_joints(first),
                                                     self._of_joints(second)))
         return found

@@ -113,10 +113,12 @@ class Observations:
             of_runs = []
             for run in self.runs:
                 columns = [effect.columns(run.state, shape) for shape in some]
-                rows = run.rows(np.concatenate(columns, axis=2)) if len(some) > 1 else run.rows(
-                    columns[0])
-                ends = np.cumsum([part.shape[2] for part in columns])[:-1]
-                of_runs.append(map(np.ascontiguousarray, np.split(rows, ends, axis=2)))
+                rows = run.rows(np.concatenate([part.reshape(len(part), -1) for part in columns],
+                                               axis=1) if len(some) > 1 else columns[0])
+                ends = np.cumsum([part[0].size for part in columns])[:-1]
+                of_runs.append([np.ascontiguousarray(own).reshape(len(own), *part.shape[1:])
+                                for own, part in zip(np.split(
+                                    rows.reshape(len(rows), -1), ends, axis=1), columns)])
             for shape, *of_shape in zip(some, *of_runs):
                 self._kept[key_of(effect, shape)] = tuple(of_shape)
 
