@@ -49,6 +49,8 @@ class Drive:
 
 
 USUAL = Drive()
+Asked = tuple[Drive, tuple[float, ...], int]
+"""What the springs have in common, their compliances (J,), rad/(N m), and samples a step."""
 Swung = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """What `Springs._swung` returns."""
 
@@ -74,7 +76,7 @@ class Springs:
         state = state.true  # the loads are where they are, not where encoders tell them
         self._state, self._whole_load = state, told_part(state, state.known.load)
         self._still = len(state.t) < 2
-        # of the last share of the motors
+        # of the last that was asked for; several threads may ask, so that what is kept is read once
         self._load_torque: tuple[float, np.ndarray] = np.nan, self._whole_load
         self._least_inertia: tuple[float, np.ndarray] = np.nan, np.zeros(state.joints)
         if self._still:
@@ -88,6 +90,7 @@ class Springs:
         self._more = 1.0 + RUN_IN_DAMPING * fade ** 2
         self._last: tuple[tuple[Drive, tuple[float, ...]] | None, np.ndarray] = (
             None, self._whole_load)
+        self._free: tuple[Asked | None, np.ndarray] = None, self._whole_load
         self._first = min(len(state.t), round(FIRST / self._period))
         self._friction_known = self._known_friction()
 
@@ -241,7 +244,7 @@ class Springs:
             return spring, change, twist, slopes
 
         load = self._swinging_at_first(self._with_run_in(rigid, every), rigid - self.rigid(drive),
-                                       swing, every, soft)
+                                       swing, every, soft, (drive, tuple(compliance), every))
         return swing(load, slice(None), share * self._with_run_in(self._motor_torque, every)
                      if with_slopes else None)
 
@@ -252,7 +255,7 @@ class Springs:
 
     def _swinging_at_first(self, load: np.ndarray, beyond: np.ndarray,
                            swing: Callable[[np.ndarray, slice], Swung], every: int,
-                           soft: np.ndarray) -> np.ndarray:
+                           soft: np.ndarray, asked: Asked) -> np.ndarray:
         """Return steps (m, J) of what rigid springs would carry, with loads that swing at first.
 
         What was before the first sample is not known. Whatever it was, the loads swing freely after
@@ -266,6 +269,7 @@ class Springs:
             swing: integrates some of the steps.
             every: samples from step to step.
             soft: joints that twist, (k,).
+            asked: what tells one `swing` from another.
         """
         begin = -(-self._before // every)
         samples = slice(every * begin - self._before, self._first, every)
@@ -277,17 +281,36 @@ class Springs:
         steps = slice(begin - 1, begin + len(told))
         left = (measured - self._state.known.delivered - beyond)[samples] - swing(
             load[:steps.stop], slice(0, steps.stop))[1][begin:]
-        kicks = np.zeros((2, len(soft), len(told) + 1, load.shape[1]))
-        for kind in range(2):
-            kicks[kind, np.arange(len(soft)), kind, soft] = 1.0
-        free = [swing(kick, steps)[1][1:][told] for kick in kicks.reshape(-1, *kicks.shape[2:])]
-        constant = (np.nonzero(told)[1][:, None] == np.arange(load.shape[1])).astype(float)
-        sizes = np.linalg.lstsq(np.column_stack([*free, constant]), left[told], rcond=RANK)[0]
+        last, free = self._free
+        if last != asked:
+            free = self._free_swings(swing, steps, told, soft)
+            self._free = asked, free
+        sizes = np.linalg.lstsq(free, left[told], rcond=RANK)[0]
         twist, speed = np.split(sizes[:2 * len(soft)], 2)
         begun = load.copy()
         begun[:begin, soft] += twist
         begun[begin, soft] += speed
         return begun
+
+    def _free_swings(self, swing: Callable[[np.ndarray, slice], Swung], steps: slice,
+                     told: np.ndarray, soft: np.ndarray) -> np.ndarray:
+        """Return the torques of free swings and of constants, (r, 2 k + J), N m.
+
+        Those by a torque before the first step go first, then those by one at that step, of each of
+        the `soft` joints (k,). Last is a constant torque of each joint.
+
+        Args:
+            swing: integrates some of the steps.
+            steps: from the one before the first sample on.
+            told: at which of the first samples (f, J), r in all, the torque is asked for.
+            soft: joints that twist, (k,).
+        """
+        kicks = np.zeros((2, len(soft), len(told) + 1, told.shape[1]))
+        for kind in range(2):
+            kicks[kind, np.arange(len(soft)), kind, soft] = 1.0
+        free = [swing(kick, steps)[1][1:][told] for kick in kicks.reshape(-1, *kicks.shape[2:])]
+        constant = np.nonzero(told)[1][:, None] == np.arange(told.shape[1])
+        return np.column_stack([*free, constant.astype(float)])
 
     def _with_run_in(self, torque: np.ndarray, every: int) -> np.ndarray:
         """Return every so many steps of a torque (n, J) and what goes before it.
@@ -310,9 +333,11 @@ class Springs:
             h: step.
             share: of the actuator inertia that turns with the motor, which is no part of the load.
         """
-        if self._least_inertia[0] != share:
-            self._least_inertia = share, self._least_inertia_beside(share * self._actuator)
-        least = UNBOUNDED - self._least_inertia[1][soft] * compliance / h ** 2
+        last, inertia = self._least_inertia
+        if last != share:
+            inertia = self._least_inertia_beside(share * self._actuator)
+            self._least_inertia = share, inertia
+        least = UNBOUNDED - inertia[soft] * compliance / h ** 2
         return np.maximum(least, FOURTH_ORDER)
 
     def _least_inertia_beside(self, motor: np.ndarray) -> np.ndarray:
