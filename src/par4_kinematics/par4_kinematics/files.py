@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
 import os
 import shutil
+import signal
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from copy import deepcopy
 from errno import EDQUOT, EFBIG, ENOSPC, ENOTDIR
 from functools import lru_cache
@@ -21,6 +23,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from par4_kinematics.errors import InputError, quoted
+from par4_kinematics.held_signals import held_back
 from par4_kinematics.paths import instead_of_file
 from par4_kinematics.schema_words import faults_in_words
 from par4_kinematics.yaml_words import problem_in_words
@@ -160,7 +163,7 @@ def written_atomically(path: str | Path, new: bool = False) -> Iterator[Path]:
         InputError: it cannot be written, or is there though it should be new.
     """
     asked, path = path, Path(os.path.realpath(path))
-    missing = list(takewhile(lambda folder: not folder.exists(), path.parents))
+    missing = _missing(path.parent)
     scratch_folder = None
     try:
         if not path.parents[len(missing)].is_dir():
@@ -181,9 +184,44 @@ def written_atomically(path: str | Path, new: bool = False) -> Iterator[Path]:
     finally:
         if scratch_folder is not None:
             shutil.rmtree(scratch_folder, ignore_errors=True)
-        for folder in missing:  # one that holds something stays
+        _remove_empty(missing)
+
+
+@contextmanager
+def alone_in(folder: str | Path) -> Iterator[None]:
+    """Let no other command replace files of a folder in this block; wait for one that does.
+
+    For files that belong together: those of two commands are never mixed, and Ctrl-C waits until
+    all are there. The operating system locks the folder itself and unlocks it when this process
+    ends, however that is; there is no file that could be left behind. Where the folder cannot be
+    locked, as on some network drives or because it cannot be made, the block runs all the same:
+    what writes there says what is wrong. The block must not begin another one of the same folder.
+    """
+    place = Path(os.path.realpath(folder))
+    missing = _missing(place)
+    try:
+        with ExitStack() as held:
             with suppress(OSError):
-                folder.rmdir()
+                place.mkdir(parents=True, exist_ok=True)
+                number = os.open(place, os.O_RDONLY | os.O_DIRECTORY)
+                held.callback(os.close, number)
+                fcntl.flock(number, fcntl.LOCK_EX)
+            with held_back(signal.SIGINT, signal.SIGTERM):
+                yield
+    finally:
+        _remove_empty(missing)
+
+
+def _missing(folder: Path) -> list[Path]:
+    """Return which of a folder and those above it do not exist, the lowest first."""
+    return list(takewhile(lambda path: not path.exists(), (folder, *folder.parents)))
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """Remove folders that hold nothing, and leave the others."""
+    for folder in folders:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def _concerns(error: OSError, folder: Path) -> bool:

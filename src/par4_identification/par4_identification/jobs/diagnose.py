@@ -69,7 +69,7 @@ from par4_kinematics.machine_units import unit_on
 from par4_kinematics.motion_file import free_motion_path, is_untouched, write_motion
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.outcome import Outcome, Remark
-from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.results import refuse_unwritable, results_into
 from par4_sim.report.terminal import say
 from par4_sim.report.words import number, shortened
 
@@ -329,15 +329,16 @@ def _write(asked: Asked, measured: Measured, answer: Answer, outcome: Outcome, p
         'extended_model.yaml': extended and model_in_units(
             extended.model_copy(update={'provenance': origin}), machine),
         'report.html': page}
-    outdated = motion_of_earlier_run(asked.output)
-    if experiment is not None and experiment.motion is not None:  # before what names it
-        place = asked.output / experiment.file
-        write_motion(place, experiment.motion, 'platform', TOOL)
-        outdated = None if outdated == place else outdated
-    write_results(asked.output, results)
-    if outdated is not None:
-        for file in (outdated, outdated.with_suffix('.csv')):
-            file.unlink(missing_ok=True)
+    with results_into(asked.output) as write:
+        outdated = motion_of_earlier_run(asked.output)
+        if experiment is not None and experiment.motion is not None:  # before what names it
+            place = asked.output / experiment.file
+            write_motion(place, experiment.motion, 'platform', TOOL)
+            outdated = None if outdated == place else outdated
+        write(results)
+        if outdated is not None:
+            for file in (outdated, outdated.with_suffix('.csv')):
+                file.unlink(missing_ok=True)
 
 
 def motion_of_earlier_run(folder: Path) -> Path | None:

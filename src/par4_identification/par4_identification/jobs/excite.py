@@ -25,6 +25,7 @@ from par4_identification.excitation.precision import Precision, expected_precisi
 from par4_identification.excitation.quasi_random import quasi_random_within
 from par4_identification.excitation.request import DesignRequest
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import alone_in
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion_file import write_motion
 from par4_kinematics.robot import read_robot
@@ -56,7 +57,8 @@ def excite(robot: str, model: str, output: Path, duration: float, joint_speed: f
                                    progress=lambda share: bar.update(task, completed=share))
     designed, undesigned = (expected_precision(motion, machine, truth, noise)
                             for motion in (design.motion, random))
-    write_motion(output, design.motion, 'platform')
+    with alone_in(output.parent):
+        write_motion(output, design.motion, 'platform')
     print_table(precision_table(designed, undesigned))
     print_table(limits_table(limits, design, largest_loads(limits, random, machine, truth)))
     say(sentence(design, designed, undesigned, noise))

@@ -67,7 +67,7 @@ def _run(command: click.Command) -> int:
     except OSError as error:
         return _refuse(_fault_of_system(error))
     except (click.Abort, KeyboardInterrupt):
-        print('stopped; nothing was changed', file=sys.stderr)
+        print('stopped; nothing is half written', file=sys.stderr)
         return STOPPED
     except RuntimeError as error:
         if not is_without_cache(error):

@@ -13,7 +13,7 @@ from par4_kinematics.motion_file import free_motion_path, write_motion
 from par4_sim.choices import OWN, TIME_OPTIMAL
 from par4_sim.jobs.comparison import read_asked
 from par4_sim.plants.plant import STEP
-from par4_sim.report.results import origin, write_results
+from par4_sim.report.results import Results, origin, results_into
 from par4_sim.report.terminal import print_table, say
 from par4_sim.tracking.fastest import fastest_cases
 
@@ -53,16 +53,19 @@ def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | No
         provenance = origin(TOOL, robot, {
             **asked.options, 'timing': list(timing), 'peak_mm': peak,
             'joint_acceleration': joint_acceleration, 'joint_jerk': joint_jerk})
-        write_results(asked.output, {
+        results: Results = {
             'fastest.json': fastest_json(found, bound, played, robot, limits, 1e-3 * peak,
                                          provenance),
-            'report.html': report_of_fastest(found, bound, outcome, played, robot, provenance)})
-        best, place = best_of(found), free_motion_path(asked.output / 'fastest.yaml', TOOL)
-        if best is not None:
-            write_motion(place, best.case.run.motion, maker=TOOL)
-        elif place.exists():  # the fastest motion of an earlier run is none of this one
-            place.unlink()
-            place.with_suffix('.csv').unlink()
+            'report.html': report_of_fastest(found, bound, outcome, played, robot, provenance)}
+        best = best_of(found)
+        with results_into(asked.output) as write:
+            write(results)
+            place = free_motion_path(asked.output / 'fastest.yaml', TOOL)
+            if best is not None:
+                write_motion(place, best.case.run.motion, maker=TOOL)
+            elif place.exists():  # the fastest motion of an earlier run is none of this one
+                place.unlink()
+                place.with_suffix('.csv').unlink()
     table = Table(box=None, header_style='', pad_edge=False)
     for name in NAMES:
         table.add_column(name, no_wrap=True)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -17,8 +18,11 @@ import numpy as np
 
 from par4_dynamics.model_file import ModelFile
 from par4_kinematics.errors import InputError
-from par4_kinematics.files import written_atomically, yaml_text
+from par4_kinematics.files import alone_in, written_atomically, yaml_text
 from par4_kinematics.robot import Axis, Robot
+
+Results = Mapping[str, str | dict[str, Any] | ModelFile | None]
+"""What is written under each name."""
 
 
 def plain(value: Any) -> Any:
@@ -63,15 +67,27 @@ def refuse_unwritable(folder: Path) -> None:
                          f'--output') from error
 
 
-def write_results(folder: Path,
-                  results: Mapping[str, str | dict[str, Any] | ModelFile | None]) -> None:
-    """Write text, JSON or a model under each name; all are whole before the first is replaced.
+@contextmanager
+def results_into(folder: Path) -> Iterator[Callable[[Results], None]]:
+    """Yield what writes results into a folder, which no other command does in this block.
 
+    It writes text, JSON or a model under each name; all are whole before the first is replaced.
     None removes what an earlier run left under that name. Other files in the folder stay.
 
     Raises:
         InputError: they cannot be written.
     """
+    with alone_in(folder):
+        yield partial(_write, folder)
+
+
+def write_results(folder: Path, results: Results) -> None:
+    """Write results alone into a folder; see `results_into`."""
+    with results_into(folder) as write:
+        write(results)
+
+
+def _write(folder: Path, results: Results) -> None:
     with ExitStack() as complete:
         for name, content in results.items():
             if content is None:
