@@ -299,6 +299,35 @@ def test_a_model_without_inertia_is_none_for_a_law_that_divides_by_it(tmp_path, 
     assert '0 kg m2, expected more than 0; give it an actuator_inertia' in told
 
 
+@pytest.mark.parametrize(('name', 'limit', 'told'), [
+    *(('acceleration', limit, f'between two rests the path takes more than the 100 s that are '
+                              f'looked at, with joint accelerations of at most {limit:g} rad/s2; '
+                              f'raise that limit') for limit in (1e-12, 1e-9, 1e-4)),
+    *(('jerk', limit, f'with joint jerks of at most {limit:g} rad/s3 the limits are not even kept '
+                      f'where the path takes 100 s between two rests; raise the limit of the '
+                      f'jerks') for limit in (1e-9, 1e-3))])
+def test_tiny_limits_are_refused_before_anything_is_simulated(name, limit, told, tmp_path,
+                                                              monkeypatch):
+    def simulated(*_):
+        raise AssertionError('simulated')
+
+    monkeypatch.setattr('par4_sim.tracking.case.Plan.case', simulated)
+    assert refused(tmp_path, f'--joint-{name}', limit) == told
+
+
+def test_a_robot_that_hardly_moves_is_refused():
+    robot = REFERENCE.model_copy(update={
+        'limits': REFERENCE.limits.model_copy(update={'joint_speed': 1e-6})})
+    with pytest.raises(InputError, match='more than the 100 s .* limits of the robot; raise them'):
+        fastest_along(robot, MACHINE, SMOOTH, PathLimits(LIMIT))
+
+
+def test_a_small_limit_of_jerk_is_kept_by_a_slow_motion():
+    slow = motion_of(fastest_along(REFERENCE, MACHINE, SHORT, PathLimits(LIMIT, jerk=1.0)),
+                     REFERENCE, 'slow', 5e-3)
+    check_limits(slow, REFERENCE, jerk=1.0)
+
+
 def test_controllers_of_which_none_can_be_tried_are_refused(tmp_path):
     assert refused(tmp_path, '--controller', 'predictive') == (
         'controller predictive: needs a model, found --feedforward none; give a model.yaml or '

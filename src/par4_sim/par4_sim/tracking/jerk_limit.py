@@ -16,14 +16,17 @@ import scipy
 
 from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints
+from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Robot
 from par4_sim.plants.plant import STEP
-from par4_sim.tracking.way import Averaged, Profile, joints_over_time
+from par4_sim.tracking.way import LONGEST, Averaged, Profile, joints_over_time
 
 SHORTEST = 2.0 * STEP
 """Shortest window, s."""
 PACES = 0.02, 2.0
-"""Lowest and highest pace that are tried."""
+"""Lowest and highest pace that are tried; lower ones where a way then still takes `LONGEST`."""
+TIMES = 20_000
+"""Most times at which limits are looked at."""
 RESOLUTION = 1e-3
 """Relative resolution of window and pace."""
 RESERVE = 1e-3
@@ -40,15 +43,27 @@ def jerk_limited(robot: Robot, model: Model, profile: Profile, torque: float, ac
         profile: that keeps the limits but that of jerk.
         torque: limit of the joints, N m.
         acceleration, jerk: limits of the joints, rad/s2, rad/s3.
+
+    Raises:
+        InputError: none does at any pace that is tried.
     """
+    def keeps(way: Averaged) -> bool:
+        return _keeps(robot, model, way, torque, acceleration, jerk)
+
+    slowest = Averaged(profile, profile.duration,
+                       min(PACES[0], 2.0 * profile.duration / LONGEST))
+    if not keeps(slowest):
+        raise InputError(f'with joint jerks of at most {jerk:g} rad/s3 the limits are not even '
+                         f'kept where the path takes {slowest.duration:.3g} s between two rests; '
+                         f'raise the limit of the jerks')
+
     def quickest(log_window: float) -> Averaged:
         window = math.exp(log_window)
-        low, high = PACES
+        low, high = slowest.pace, PACES[1]
         while high / low > 1.0 + RESOLUTION:
             middle = math.sqrt(low * high)
-            keeps = _keeps(robot, model, Averaged(profile, window, middle), torque, acceleration,
-                           jerk)
-            low, high = (middle, high) if keeps else (low, middle)
+            kept = keeps(Averaged(profile, window, middle))
+            low, high = (middle, high) if kept else (low, middle)
         return Averaged(profile, window, low)
 
     found = scipy.optimize.minimize_scalar(
@@ -60,7 +75,7 @@ def jerk_limited(robot: Robot, model: Model, profile: Profile, torque: float, ac
 def _keeps(robot: Robot, model: Model, way: Averaged, torque: float, acceleration: float,
            jerk: float) -> bool:
     """Return whether a way keeps every limit at all times."""
-    t = np.arange(0.0, way.duration, STEP)
+    t = np.arange(0.0, way.duration, max(STEP, way.duration / TIMES))
     q, qd, qdd = joints_over_time(way, t)
     share = 1.0 - RESERVE
     if (np.abs(way.jerk(t)).max() > share * jerk or np.abs(qdd).max() > share * acceleration

@@ -38,7 +38,7 @@ from par4_kinematics.motion import Motion, motion_of_joints
 from par4_kinematics.robot import Robot
 from par4_sim.plants.plant import STEP
 from par4_sim.tracking.jerk_limit import jerk_limited
-from par4_sim.tracking.way import Profile, Way, joints_over_time
+from par4_sim.tracking.way import LONGEST, Profile, Way, joints_over_time
 
 POINTS = 1000
 """Points of the grid along a path."""
@@ -118,17 +118,18 @@ def fastest_along(robot: Robot, model: Model, motion: Motion, limits: PathLimits
         limits: to be kept.
 
     Raises:
-        InputError: the motion does not begin and end at rest, or never moves; or no speed keeps the
-            limits.
+        InputError: the motion does not begin and end at rest, or never moves; no speed keeps the
+            limits, or only one at which it takes longer than `LONGEST`.
     """
+    longest = max(LONGEST, motion.duration)
     known = replace(model, effects=tuple(
         active for active in model.effects if not active.effect.needs_nominal))
     bound, profiles, ways = 0.0, [], []
     for knots in _stretches(motion):
         path = _path(knots)
         bound += _settled(_Terms.along(robot, model.without_effects(), path), limits,
-                          relaxed=True).duration
-        profile = _settled(_Terms.along(robot, known, path), limits, relaxed=False)
+                          longest, relaxed=True).duration
+        profile = _settled(_Terms.along(robot, known, path), limits, longest, relaxed=False)
         profiles.append(profile)
         ways.append(profile if math.isinf(limits.jerk) else jerk_limited(
             robot, known, profile, limits.torque, limits.acceleration, limits.jerk))
@@ -279,8 +280,11 @@ class _Terms:
                 f'of the way, at most {high[row, joint]:.4g} N m are given; raise the limit')
 
 
-def _settled(terms: _Terms, limits: PathLimits, relaxed: bool) -> Profile:
+def _settled(terms: _Terms, limits: PathLimits, longest: float, relaxed: bool) -> Profile:
     """Return the profile with friction and effects as they are, or friction as at most (relaxed).
+
+    Raises:
+        InputError: no speed keeps the limits, or it takes more than `longest` seconds.
     """
     limit = np.full_like(terms.a, limits.torque)
     # no profile is faster than that of bodies which nothing but the speed limit slows down
@@ -289,10 +293,18 @@ def _settled(terms: _Terms, limits: PathLimits, relaxed: bool) -> Profile:
     for _ in range(TURNS):
         if relaxed:
             low, high = -limit - np.maximum(other, 0.0), limit - np.minimum(other, 0.0)
-            found = terms.profile(low, high, limits.acceleration, other)
+        else:
+            low, high = -limit - other, limit - other
+        found = terms.profile(low, high, limits.acceleration, other)
+        if not found.duration <= longest:  # nan, too
+            why = ('with the limits of the robot; raise them' if math.isinf(limits.acceleration)
+                   else f'with joint accelerations of at most {limits.acceleration:g} rad/s2; '
+                        f'raise that limit')
+            raise InputError(f'between two rests the path takes more than the {longest:g} s that '
+                             f'are looked at, {why}')
+        if relaxed:
             other = terms.viscous * found.sd[:, None]
         else:
-            found = terms.profile(-limit - other, limit - other, limits.acceleration, other)
             now = terms.others(found)
             other = 0.5 * (other + now) if duration else now
         if abs(found.duration - duration) < SETTLED * found.duration:

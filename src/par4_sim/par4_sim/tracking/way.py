@@ -9,6 +9,9 @@ from typing import Protocol
 import numpy as np
 from toppra import SplineInterpolator
 
+LONGEST = 100.0
+"""Seconds between two rests beyond which nothing is looked for, unless the motion takes longer."""
+
 
 class Way(Protocol):
     """A path between two rests and its timing."""
