@@ -18,10 +18,10 @@ from par4_identification.logs.read_log import read_log
 from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.files import written_atomically
+from par4_kinematics.paths import refuse_unwritable
 from par4_kinematics.position import forward_kinematics
 from par4_kinematics.robot import Robot, read_robot
 from par4_sim.pictures.view import View
-from par4_sim.report.results import refuse_unwritable
 
 SLOWER = 12.0
 """Times slower than the real cycle of a quarter of a second."""

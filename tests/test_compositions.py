@@ -141,6 +141,9 @@ def test_arguments_that_make_no_sense_are_refused(given, said):
     ('recording', {'record': ''}, 'argument record: found an empty text; leave it out for recordi'),
     ('recording', {'noise': ''}, 'argument noise: found an empty text; leave it out for 0.0'),
     ('identification', {'record': 'a', 'output': './a/'}, 'output: ./a/ is the bag of'),
+    ('identification', {'output': f'{__file__}/results'},
+     'results: results cannot be written there .not a directory.; give another folder as the arg'),
+    ('identification', {'output': 'a\0b'}, 'written there .* give another folder as the argument'),
     ('cell', {'namespace': '1abc'}, "argument namespace: '1abc' is no name of ROS; give parts of"),
     ('cell', {'namespace': 'a/b c'}, "argument namespace: 'a/b c' is no name of ROS"),
     ('cell', {'clock': '5x'}, "argument clock: '5x' is no name of ROS")])

@@ -1,8 +1,12 @@
-"""Paths as users write them."""
+"""Paths as users write them, and whether results can be written there."""
 
 from __future__ import annotations
 
 import os
+from pathlib import Path
+from tempfile import TemporaryFile
+
+from par4_kinematics.errors import InputError
 
 
 def at_home(path: str) -> str:
@@ -17,3 +21,28 @@ def at_home(path: str) -> str:
 def instead_of_file(path: str | os.PathLike[str]) -> str:
     """Return what is found at a path that should be a file and is none."""
     return 'is a folder' if os.path.isdir(path) else 'no such file'
+
+
+def refuse_unwritable(folder: Path, asked: str = '--output') -> None:
+    """See that results can be written to a folder, which need not exist, before any long work.
+
+    Args:
+        folder: to write to.
+        asked: the option or argument that names it.
+
+    Raises:
+        InputError: they cannot, or the folder is a bag.
+    """
+    try:
+        is_bag = (folder / 'metadata.yaml').exists()
+        place = Path(os.path.realpath(folder))
+        there = next(path for path in (place, *place.parents) if path.exists())
+        with TemporaryFile(dir=there):
+            pass
+    except (OSError, ValueError) as error:  # ValueError: not even a name
+        reason = getattr(error, 'strerror', None) or str(error)
+        raise InputError(f'{folder}: results cannot be written there ({reason.lower()}); give '
+                         f'another folder as {asked}') from error
+    if is_bag:
+        raise InputError(f'{folder}: is a bag, whose folder is for its messages alone; give '
+                         f'another folder as {asked}')

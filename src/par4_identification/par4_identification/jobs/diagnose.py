@@ -67,9 +67,10 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.motion_file import free_motion_path, is_untouched, write_motion
+from par4_kinematics.paths import refuse_unwritable
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.outcome import Outcome, Remark
-from par4_sim.report.results import refuse_unwritable, results_into
+from par4_sim.report.results import results_into
 from par4_sim.report.terminal import say
 from par4_sim.report.words import number, shortened
 

@@ -19,8 +19,9 @@ from par4_identification.reports.outcome.drive_gain import (
 )
 from par4_identification.reports.outcome.results import provenance
 from par4_kinematics.errors import InputError
+from par4_kinematics.paths import refuse_unwritable
 from par4_kinematics.robot import read_robot
-from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.results import write_results
 from par4_sim.report.terminal import print_table, say
 
 

@@ -28,8 +28,8 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.files import alone_in
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion_file import write_motion
+from par4_kinematics.paths import refuse_unwritable
 from par4_kinematics.robot import read_robot
-from par4_sim.report.results import refuse_unwritable
 from par4_sim.report.terminal import print_table, say
 from par4_sim.report.words import in_words, number, percent
 

@@ -34,8 +34,9 @@ from par4_identification.setup_check.unusable import sound_or_refused
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
+from par4_kinematics.paths import refuse_unwritable
 from par4_kinematics.robot import Axis, Robot, read_machine
-from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.results import write_results
 from par4_sim.report.terminal import print_table, say
 from par4_sim.report.words import in_words, listed, percent, with_std
 

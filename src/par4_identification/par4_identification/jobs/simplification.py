@@ -19,8 +19,9 @@ from par4_identification.reports.outcome.simplification import (
     simplification_json,
 )
 from par4_kinematics.motion_file import named_motion
+from par4_kinematics.paths import refuse_unwritable
 from par4_kinematics.robot import read_robot
-from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.results import write_results
 from par4_sim.report.terminal import say
 
 

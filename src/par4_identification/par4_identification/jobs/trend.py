@@ -19,9 +19,10 @@ from par4_identification.trend.kept import Kept
 from par4_identification.trend.life import life_of
 from par4_identification.trend.tasks import results_of
 from par4_kinematics.errors import InputError
+from par4_kinematics.paths import refuse_unwritable
 from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.outcome import Outcome, Remark
-from par4_sim.report.results import origin, refuse_unwritable, write_results
+from par4_sim.report.results import origin, write_results
 from par4_sim.report.terminal import say
 
 

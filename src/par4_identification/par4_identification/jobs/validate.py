@@ -20,8 +20,9 @@ from par4_identification.setup_check.unusable import sound_or_refused
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.scales import Chosen, conditioning_for
+from par4_kinematics.paths import refuse_unwritable
 from par4_kinematics.robot import read_machine
-from par4_sim.report.results import refuse_unwritable, write_results
+from par4_sim.report.results import write_results
 from par4_sim.report.terminal import say
 
 

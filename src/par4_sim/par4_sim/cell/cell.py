@@ -11,9 +11,10 @@ import os.path
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from par4_kinematics.errors import InputError
-from par4_kinematics.paths import at_home
+from par4_kinematics.paths import at_home, refuse_unwritable
 from par4_sim.choices import FIDELITIES, LOOKED_AHEAD, POSITION_LAWS, PREDICTIVE
 
 CLOCK = '/clock'
@@ -219,6 +220,7 @@ def _identification(asked: Mapping[str, Value]) -> Session:
     if os.path.abspath(bag) == os.path.abspath(results):
         raise InputError(f'argument output: {results} is the bag of the argument record; give '
                          f'another folder')
+    refuse_unwritable(Path(results), 'the argument output')
     tool = ToolPart('par4_identification', 'par4_identify', (
         bag, '--robot', str(asked['robot_file']), '--rigid-body', str(asked['rigid_body']),
         '--output', results))

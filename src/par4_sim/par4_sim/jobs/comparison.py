@@ -9,11 +9,11 @@ from typing import Any
 from par4_dynamics.model import Model
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import NAMED_MOTIONS
+from par4_kinematics.paths import refuse_unwritable
 from par4_kinematics.robot import Robot, read_robot
 from par4_sim.choices import PERIOD
 from par4_sim.jobs.motion import cycles_asked, motion_asked
 from par4_sim.machines.machine_effects import read_true_model
-from par4_sim.report.results import refuse_unwritable
 from par4_sim.tracking.case import Plan, models_named
 
 

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
 
 from par4_dynamics.model_file import ModelFile
-from par4_kinematics.errors import InputError
 from par4_kinematics.files import alone_in, written_atomically, yaml_text
 from par4_kinematics.robot import Axis, Robot
 
@@ -45,26 +42,6 @@ def origin(tool: str, machine: Robot | Axis, options: Mapping[str, Any]) -> dict
         'versions': {'par4': version('par4_sim'), 'numpy': np.__version__},
         'robot': machine.name,
         'options': plain({name: value for name, value in options.items() if value})}
-
-
-def refuse_unwritable(folder: Path) -> None:
-    """See that results can be written to a folder, which need not exist, before any long work.
-
-    Raises:
-        InputError: they cannot, or the folder is a bag.
-    """
-    if (folder / 'metadata.yaml').exists():
-        raise InputError(f'{folder}: is a bag, whose folder is for its messages alone; give '
-                         f'another folder as --output')
-    try:
-        place = Path(os.path.realpath(folder))
-        there = next(path for path in (place, *place.parents) if path.exists())
-        with TemporaryFile(dir=there):
-            pass
-    except OSError as error:
-        raise InputError(f'{folder}: results cannot be written there '
-                         f'({(error.strerror or str(error)).lower()}); give another folder as '
-                         f'--output') from error
 
 
 @contextmanager
