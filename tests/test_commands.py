@@ -68,7 +68,7 @@ from par4_kinematics.ros.start import start_node
 from par4_sim.bags.bag_writer import BagWriter
 from par4_sim.closed_loop.offline import simulate_to_bag
 from par4_sim.closed_loop.simulation import build_simulation
-from par4_sim.commands import entry, simulate
+from par4_sim.commands import entry, simulate, track
 from par4_sim.commands.entry import run as run_command
 from par4_sim.commands.numbers import Numbers
 from par4_sim.report.results import plain, write_results
@@ -143,21 +143,48 @@ def test_every_command_has_its_numbers_looked_at():
     assert {option.name for _, option in found} >= {
         'duration', 'torque_noise', 'seed', 'between', 'counts_per_turn', 'cutoff'}
     for _, option in found:
-        plain = (click.types.FloatParamType, click.FloatRange)
+        plain = (click.types.FloatParamType, click.FloatRange, click.types.IntParamType,
+                 click.IntRange)
         assert type(option.type) not in plain, f'{option.name}: par4_sim/commands/numbers.py'
 
 
 @pytest.mark.parametrize(('options', 'words'), [
-    (('--seed', '-1'), '-1 is not in the range x>=0'),
-    (('--motion-seed', '-1'), '-1 is not in the range x>=0'),
-    (('--date', '1969-12-31'), '1969-12-31 is not within 1970 to 2037'),
-    (('--date', '2038-01-01'), '2038-01-01 is not within 1970 to 2037'),
-    (('--date', 'monday'), 'does not match the formats')])
+    *((option, f"{option[0]}: expected a whole number of 0 or more, found '{option[1]}'; see par4_")
+      for option in (('--seed', '-1'), ('--motion-seed', '-1'), ('--seed', '1.5'),
+                     ('--seed', '1e3'), ('--seed', '\N{MINUS SIGN}1'))),
+    *((option, f'--date: expected a date as 2026-03-31 or 2026-03-31T14:30:00, from 1970 to 2037, '
+               f"which a stamp holds, found '{option[1]}'; see par4_simulate --help")
+      for option in (('--date', '1969-12-31'), ('--date', '2038-01-01'), ('--date', 'monday'))),
+    (('--rate', '0'), "--rate: expected a number of 1 or more, found '0'; see par4_sim"),
+    (('--duration', 'ten'), "--duration: expected a number of 0.1 or more, found 'ten'; see par4_"),
+    (('--noise-time', 'inf'), '--noise-time: expected a number of 0 or more, finite and at most '
+                              "1e+12, found 'inf'; see par4_simulate --help"),
+    (('--fidelity', 'best'), "--fidelity: 'best' is not one of 'accurate', 'fast', 'exact'; see")])
 def test_a_simulation_refuses_seeds_and_dates_that_there_are_not(options, words, tmp_path):
     done = run(simulate, 'circle', '--output', tmp_path / 'bag', *options)
     assert done.code == 2
     assert words in done.err
     assert not (tmp_path / 'bag').exists()
+
+
+@pytest.mark.parametrize(('command', 'words', 'said'), [
+    (simulate, 'adept --output a --seed 1 --seed 2', '--seed: given twice'),
+    (simulate, 'adept --output=a --seed 1 --output=b', '--output: given twice'),
+    (identify, 'bag --output a --robot reference --report --no-report', '--no-report: given twice'),
+    (diagnose, 'a --output a --robot reference --holdout b c --holdout b', '--holdout b: given'),
+    (track, 'adept --output a --controller loops --controller=loops', '--controller loops: given')])
+def test_an_option_given_twice_is_refused(command, words, said):
+    done = run(command, *words.split())
+    assert done.code == 2
+    assert done.err.startswith(f'error: {said}')
+    assert '; give it once; see par4_' in done.err
+
+
+def test_an_option_of_several_values_may_be_given_again():
+    with mock.patch.object(track.track, 'callback') as called:
+        assert run(track, 'adept', '--output', 'a', '--controller', 'loops', '--controller',
+                   'predictive').code == 0
+    assert called.call_args.kwargs['controller'] == ('loops', 'predictive')
 
 
 @pytest.mark.parametrize(('motion', 'options', 'words'), [
@@ -557,8 +584,10 @@ def test_bad_input_is_one_line_and_leaves_good_results_alone(case, bags, tmp_pat
         (tmp_path / name).write_text(text)
     module, words, expected = BAD_INPUT[case]
     shutil.copytree(bags.plain, tmp_path / 'copy')
-    defaults = ['--robot', 'reference', '--output', str(tmp_path)]
-    done = run(module, *defaults, *words.format(folder=tmp_path, **vars(bags)).split())
+    given = words.format(folder=tmp_path, **vars(bags)).split()
+    defaults = [word for name, value in (('--robot', 'reference'), ('--output', str(tmp_path)))
+                if name not in given for word in (name, value)]
+    done = run(module, *defaults, *given)
     lines = done.err.splitlines()
     assert done.code == 2
     assert len(lines) == 1

@@ -672,8 +672,9 @@ def test_columns_that_make_no_sense_are_refused(columns, words):
      'for jumps by a turn of the joint, --wraps-after for others: give one of them'),
     (('--columns', 'time=t:s velocity=qd:rad/s torque=tau:Nm', '--joints', 'a', '--wraps-after', 3),
      '--wraps-after is for positions; these are the integral of the velocity'),
-    (('--columns', COLUMNS, '--joints', 'a', '--wraps-after', 0), "Invalid value for"),
-    (('--columns', COLUMNS, '--joints', 'a', '--motor-gain', '-1'), 'is not a positive number'),
+    (('--columns', COLUMNS, '--joints', 'a', '--wraps-after', 0),
+     "--wraps-after: expected a number above 0, found '0'"),
+    (('--columns', COLUMNS, '--joints', 'a', '--motor-gain', '-1'), 'expected a positive number'),
     ((), "Missing option '--columns'"),
 ])
 def test_bad_input_is_one_line_and_leaves_nothing(options, words, tool, tmp_path):

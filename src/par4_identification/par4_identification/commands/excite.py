@@ -9,7 +9,7 @@ import click
 
 from par4_identification.excitation.request import ACCELERATION, DesignRequest
 from par4_sim.commands.entry import loading, run
-from par4_sim.commands.numbers import POSITIVE, Numbers
+from par4_sim.commands.numbers import ANY_WHOLE, POSITIVE, Numbers
 
 DEFAULTS = DesignRequest()
 
@@ -31,18 +31,18 @@ DEFAULTS = DesignRequest()
 @click.option('--torque-noise', default='0.05', show_default=True, type=Numbers(),
               metavar='N_M',
               help='to expect of a sample, N m rms; one number, or four with commas')
-@click.option('--harmonics', default=DEFAULTS.harmonics, show_default=True, type=int,
+@click.option('--harmonics', default=DEFAULTS.harmonics, show_default=True, type=ANY_WHOLE,
               help='of the periodic paths')
 @click.option('--base-frequency', default=None, type=POSITIVE,
               help='of the fast path, Hz  [default: to suit speed and acceleration]')
-@click.option('--periods', default=None, type=int,
+@click.option('--periods', default=None, type=ANY_WHOLE,
               help='of the slow path, 2 or more; the fast one is repeated as often as there is '
                    'time  [default: of about 4 s]')
 @click.option('--slow-fraction', default=DEFAULTS.slow_fraction, show_default=True, type=POSITIVE,
               help='share of the duration for the slow path')
-@click.option('--starts', default=DEFAULTS.starts, show_default=True, type=int,
+@click.option('--starts', default=DEFAULTS.starts, show_default=True, type=ANY_WHOLE,
               help='random paths that each optimisation begins with')
-@click.option('--seed', default=DEFAULTS.seed, show_default=True, type=int)
+@click.option('--seed', default=DEFAULTS.seed, show_default=True, type=ANY_WHOLE)
 def excite(**options: Any) -> None:
     """Design the motion from which the base parameters are known best."""
     with loading():

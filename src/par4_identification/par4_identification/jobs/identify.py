@@ -157,9 +157,9 @@ def payload_masses(payloads: Sequence[str], bags: Sequence[str]) -> dict[str, fl
     """Return bag -> mass, kg, of options BAG=KG.
 
     Raises:
-        InputError: another form, an unknown bag or no mass.
+        InputError: another form, an unknown bag, one that is given twice or no mass.
     """
-    masses = {}
+    masses: dict[str, float] = {}
     for payload in payloads:
         bag, _, mass = payload.rpartition('=')
         same = [name for name in bags if bag and Path(name).resolve() == Path(bag).resolve()]
@@ -170,6 +170,9 @@ def payload_masses(payloads: Sequence[str], bags: Sequence[str]) -> dict[str, fl
         if not same or not 0.0 <= value < math.inf:
             raise InputError(f'--payload {payload}: expected BAG=KG with a mass of 0 kg or more '
                              f'and one of the bags given ({", ".join(bags)})')
+        if same[0] in masses:
+            raise InputError(f'--payload {payload}: found {masses[same[0]]:g} kg for that bag '
+                             f'already; give every bag one payload')
         masses[same[0]] = value
     return masses
 

@@ -26,7 +26,7 @@ def _described(name: str, composition: Composition) -> str:
 @click.command('par4_cell', epilog='\n\n'.join(
     _described(*item) for item in COMPOSITIONS.items()) + '\n\n\b\nExample:\n'
     '  par4_cell identification duration:=20 noise:=0.05 output:=identified')
-@click.argument('composition', type=click.Choice(tuple(COMPOSITIONS)))
+@click.argument('composition', metavar='COMPOSITION', type=click.Choice(tuple(COMPOSITIONS)))
 @click.argument('arguments', nargs=-1, metavar='[NAME:=VALUE]...')
 @click.option('--log', default=None, type=click.Path(path_type=Path, dir_okay=False),
               help='file for what the nodes say, instead of this terminal')

@@ -9,6 +9,7 @@ import click
 
 from par4_sim.choices import CONTROLLERS, CYCLES, FIDELITIES, NO_FEEDFORWARD
 from par4_sim.commands.motion_options import motion_options
+from par4_sim.commands.numbers import FROM_ONE
 
 
 def comparison_options(written: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -32,7 +33,7 @@ def comparison_options(written: str) -> Callable[[Callable[..., None]], Callable
                      type=click.Choice(FIDELITIES)),
         motion_options,
         click.option('--learning-cycles', default=CYCLES, show_default=True,
-                     type=click.IntRange(min=1),
+                     type=FROM_ONE,
                      help='how often a learning controller does the motion'))
 
     def with_options(command: Callable[..., None]) -> Callable[..., None]:

@@ -56,12 +56,12 @@ def _run(command: click.Command) -> int:
     arguments = [_at_home(argument) for argument in sys.argv[1:]]
     try:
         _refuse_missing_values(command, arguments)
+        _refuse_repeated(command, arguments)
         command.main(arguments, standalone_mode=False)
     except click.exceptions.Exit as finished:
         return finished.exit_code
     except click.ClickException as error:
-        found = ' '.join(error.format_message().split()).rstrip('.')
-        return _refuse(f'{found}; see {command.name} --help')
+        return _refuse(f'{_fault_of_usage(error)}; see {command.name} --help')
     except Par4Error as error:
         return _refuse(str(error))
     except OSError as error:
@@ -77,6 +77,16 @@ def _run(command: click.Command) -> int:
         return _refuse('the memory of this machine does not hold so much data; give shorter bags, '
                        'or fewer at a time')
     return 0
+
+
+def _fault_of_usage(error: click.ClickException) -> str:
+    """Return what click says of a command line, of a value as our types say it."""
+    found = error.format_message()
+    if type(error) is click.BadParameter and error.param is not None:
+        asked = error.param
+        name = asked.opts[0] if isinstance(asked, click.Option) else asked.human_readable_name
+        found = f'{name}: {error.message}'
+    return ' '.join(found.split()).rstrip('.')
 
 
 def _fault_of_system(error: OSError) -> str:
@@ -109,6 +119,29 @@ def _refuse_missing_values(command: click.Command, words: Sequence[str]) -> None
         if not word and before != NAMESPACE:
             raise click.UsageError(f'{before if before in with_value else "argument"}: found an '
                                    f'empty text; is a variable of the shell not set?')
+
+
+def _refuse_repeated(command: click.Command, words: Sequence[str]) -> None:
+    """Refuse an option that is given again, of which the last would hold without a word.
+
+    One that may be given several times must have another value each time.
+
+    Raises:
+        click.UsageError: names it.
+    """
+    options = {name: option for option in command.params if isinstance(option, click.Option)
+               for name in (*option.opts, *option.secondary_opts)}
+    given = set()
+    for word, following in pairwise((*words, '')):
+        name, equals, value = word.partition('=')
+        if word == '--':
+            break
+        if name in options:
+            option = options[name]
+            asked = f' {value if equals else following}' if option.multiple else ''
+            if (option.name, asked) in given:
+                raise click.UsageError(f'{name}{asked}: given twice; give it once')
+            given.add((option.name, asked))
 
 
 def _at_home(argument: str) -> str:

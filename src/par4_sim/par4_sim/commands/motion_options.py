@@ -7,7 +7,7 @@ from collections.abc import Callable
 import click
 
 from par4_sim.choices import PERIOD
-from par4_sim.commands.numbers import ANY_SIGN, NOT_NEGATIVE, POSITIVE, SEED, Number
+from par4_sim.commands.numbers import ANY_SIGN, FROM_ONE, NOT_NEGATIVE, POSITIVE, SEED, Number
 
 _OPTIONS = (
     click.option('--duration', default=None, type=Number(min=0.1),
@@ -18,7 +18,7 @@ _OPTIONS = (
                  help=f'seconds between the points of the reference of a named motion; torque is '
                       f'interpolated linearly between them, so that shorter is more exact  '
                       f'[default: {PERIOD:g}]'),
-    click.option('--cycles', default=None, type=click.IntRange(min=1),
+    click.option('--cycles', default=None, type=FROM_ONE,
                  help='adept: round trips  [default: 1]'),
     click.option('--speed', default=None, type=POSITIVE, help='adept: limit, m/s  [default: 5]'),
     click.option('--acceleration', default=None, type=POSITIVE,

@@ -13,28 +13,56 @@ FIRST_YEAR, LAST_YEAR = 1970, 2037
 """Whole years that a stamp of ROS holds."""
 
 
-class AnyNumber(click.types.FloatParamType):
-    """A finite number."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-                ) -> float:
-        """Return the number."""
-        number = super().convert(value, param, ctx)
-        if not abs(number) <= LARGEST:
-            self.fail(f'{number:g} is not a finite number of at most {LARGEST:g}', param, ctx)
-        return number
-
-
-ANY_SIGN = AnyNumber()
-
-
 class Number(click.FloatRange):
     """A finite number within a range."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None
                 ) -> float:
         """Return the number."""
-        return super().convert(ANY_SIGN.convert(value, param, ctx), param, ctx)
+        try:
+            number = float(value)
+        except ValueError:
+            self.fail(_told(f'a number{_range(self)}', value), param, ctx)
+        if not abs(number) <= LARGEST:
+            self.fail(_told(f'a number{_range(self)}, finite and at most {LARGEST:g}', value),
+                      param, ctx)
+        return _within(self, 'a number', number, value, param, ctx)
+
+
+class Whole(click.IntRange):
+    """A whole number within a range."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Return the number."""
+        try:
+            number = int(value)
+        except ValueError:
+            self.fail(_told(f'a whole number{_range(self)}', value), param, ctx)
+        return int(_within(self, 'a whole number', number, value, param, ctx))
+
+
+def _within(asked: Number | Whole, kind: str, number: float, value: Any,
+            param: click.Parameter | None, ctx: click.Context | None) -> float:
+    """Return a number that is in the range that was asked for."""
+    low, high = asked.min, asked.max
+    if (low is not None and (number <= low if asked.min_open else number < low)) or (
+            high is not None and number > high):
+        asked.fail(_told(kind + _range(asked), value), param, ctx)
+    return number
+
+
+def _range(asked: Number | Whole) -> str:
+    """Return the range of a number in words, to be put behind its kind."""
+    if asked.min is None:
+        return ''
+    if asked.max is not None:
+        return f' from {asked.min:g} to {asked.max:g}'
+    return f' above {asked.min:g}' if asked.min_open else f' of {asked.min:g} or more'
+
+
+def _told(expected: str, found: Any) -> str:
+    """Return what was expected and what was found instead."""
+    return f'expected {expected}, found {str(found)!r}'
 
 
 class Numbers(click.ParamType[tuple[float, ...]]):
@@ -52,8 +80,7 @@ class Numbers(click.ParamType[tuple[float, ...]]):
         except ValueError:
             numbers = ()
         if not numbers or not all(0.0 < number <= LARGEST for number in numbers):
-            self.fail(f'{value!r} is not a positive number, or several parted by commas', param,
-                      ctx)
+            self.fail(_told('a positive number, or several parted by commas', value), param, ctx)
         return numbers
 
 
@@ -63,13 +90,20 @@ class Date(click.DateTime):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None
                 ) -> datetime:
         """Return the date."""
-        date = super().convert(value, param, ctx)
+        expected = (f'a date as 2026-03-31 or 2026-03-31T14:30:00, from {FIRST_YEAR} to '
+                    f'{LAST_YEAR}, which a stamp holds')
+        try:
+            date = super().convert(value, param, ctx)
+        except click.BadParameter:
+            self.fail(_told(expected, value), param, ctx)
         if not FIRST_YEAR <= date.year <= LAST_YEAR:
-            self.fail(f'{value} is not within {FIRST_YEAR} to {LAST_YEAR}, which a stamp holds',
-                      param, ctx)
+            self.fail(_told(expected, value), param, ctx)
         return date
 
 
 POSITIVE = Number(min=0.0, min_open=True)
 NOT_NEGATIVE = Number(min=0.0)
-SEED = click.IntRange(min=0)
+ANY_SIGN = Number()
+ANY_WHOLE = Whole()
+FROM_ONE = Whole(min=1)
+SEED = Whole(min=0)
