@@ -92,6 +92,6 @@ def _overlap(lift: TimeLaw, across: TimeLaw, round_trip: float | None) -> float:
     if not shortest <= round_trip <= longest:
         raise InputError(
             f'adept motion: a round trip of {round_trip:g} s, but these limits give '
-            f'{shortest:.4f} s (corners fully blended) to {longest:.4f} s (not blended); choose '
+            f'{shortest:.4g} s (corners fully blended) to {longest:.4g} s (not blended); choose '
             f'one of these, or other limits of speed, acceleration and jerk')
     return (longest - round_trip) / CORNERS

@@ -24,7 +24,7 @@ from ruamel.yaml.error import YAMLError
 
 from par4_kinematics.errors import InputError, quoted
 from par4_kinematics.held_signals import held_back
-from par4_kinematics.paths import instead_of_file
+from par4_kinematics.paths import instead_of_file, refuse_loop
 from par4_kinematics.schema_words import faults_in_words
 from par4_kinematics.yaml_words import problem_in_words
 
@@ -166,6 +166,7 @@ def written_atomically(path: str | Path, new: bool = False) -> Iterator[Path]:
     missing = _missing(path.parent)
     scratch_folder = None
     try:
+        refuse_loop(path)
         if not path.parents[len(missing)].is_dir():
             raise NotADirectoryError(ENOTDIR, os.strerror(ENOTDIR))
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from errno import ELOOP
 from pathlib import Path
 from tempfile import TemporaryFile
 
@@ -23,6 +24,16 @@ def instead_of_file(path: str | os.PathLike[str]) -> str:
     return 'is a folder' if os.path.isdir(path) else 'no such file'
 
 
+def refuse_loop(place: Path) -> None:
+    """See that a path of `os.path.realpath` leads somewhere: only of a loop a link is left in it.
+
+    Raises:
+        OSError: it does not.
+    """
+    if any(path.is_symlink() for path in (place, *place.parents)):
+        raise OSError(ELOOP, os.strerror(ELOOP))
+
+
 def refuse_unwritable(folder: Path, asked: str = '--output') -> None:
     """See that results can be written to a folder, which need not exist, before any long work.
 
@@ -36,6 +47,7 @@ def refuse_unwritable(folder: Path, asked: str = '--output') -> None:
     try:
         is_bag = (folder / 'metadata.yaml').exists()
         place = Path(os.path.realpath(folder))
+        refuse_loop(place)
         there = next(path for path in (place, *place.parents) if path.exists())
         with TemporaryFile(dir=there):
             pass

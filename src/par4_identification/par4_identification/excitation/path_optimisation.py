@@ -130,6 +130,7 @@ def criterion(information: np.ndarray) -> tuple[float, np.ndarray]:
     diagonal = np.diag(information)
     scale = 1.0 / np.sqrt(diagonal)
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    values = np.maximum(values, np.finfo(float).eps)  # of a singular matrix rounding makes any sign
     scaled = vectors * scale[:, None]
     value = -(np.log(values).sum() + np.log(diagonal).sum()) / (2.0 * size)
     slope = -(scaled / values) @ scaled.T / (2.0 * size)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -39,6 +40,9 @@ from par4_kinematics.robot import Axis, Robot, read_machine
 from par4_sim.report.results import write_results
 from par4_sim.report.terminal import print_table, say
 from par4_sim.report.words import in_words, listed, percent, with_std
+
+HEAVIEST = 1000.0
+"""Heaviest payload, kg."""
 
 
 @dataclass(frozen=True)
@@ -162,14 +166,14 @@ def payload_masses(payloads: Sequence[str], bags: Sequence[str]) -> dict[str, fl
     masses: dict[str, float] = {}
     for payload in payloads:
         bag, _, mass = payload.rpartition('=')
-        same = [name for name in bags if bag and Path(name).resolve() == Path(bag).resolve()]
+        same = [name for name in bags if bag and os.path.realpath(name) == os.path.realpath(bag)]
         try:
             value = float(mass)
         except ValueError:
             value = math.nan
-        if not same or not 0.0 <= value < math.inf:
-            raise InputError(f'--payload {payload}: expected BAG=KG with a mass of 0 kg or more '
-                             f'and one of the bags given ({", ".join(bags)})')
+        if not same or not 0.0 <= value <= HEAVIEST:
+            raise InputError(f'--payload {payload}: expected BAG=KG with a mass of 0 to '
+                             f'{HEAVIEST:g} kg and one of the bags given ({", ".join(bags)})')
         if same[0] in masses:
             raise InputError(f'--payload {payload}: found {masses[same[0]]:g} kg for that bag '
                              f'already; give every bag one payload')
@@ -183,9 +187,9 @@ def loaded_bags(names: Sequence[str], bags: Sequence[str]) -> list[str]:
     Raises:
         InputError: an unknown bag, or no bag left without the payload.
     """
-    asked = {Path(name).resolve(): name for name in names}
-    loaded = [bag for bag in bags if Path(bag).resolve() in asked]
-    unknown = asked.keys() - {Path(bag).resolve() for bag in loaded}
+    asked = {os.path.realpath(name): name for name in names}
+    loaded = [bag for bag in bags if os.path.realpath(bag) in asked]
+    unknown = asked.keys() - {os.path.realpath(bag) for bag in loaded}
     if unknown:
         raise InputError(f'--unknown-payload {asked[min(unknown)]}: expected one of the bags given '
                          f'({", ".join(bags)})')

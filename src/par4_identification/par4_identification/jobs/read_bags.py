@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from hashlib import sha256
-from pathlib import Path
 
 from par4_identification.diagnosis.progress import Progress
 from par4_identification.logs.log import Log
@@ -37,7 +37,7 @@ def read_bags(bags: Sequence[str], machine: Robot | Axis, namespace: str | None,
 
 
 def _refuse_twice(bags: Sequence[str]) -> None:
-    found = [Path(bag).resolve() for bag in bags]
+    found = [os.path.realpath(bag) for bag in bags]
     for index, path in enumerate(found):
         if path in found[:index]:
             raise InputError(f'{bags[index]}: given twice; give every bag once')

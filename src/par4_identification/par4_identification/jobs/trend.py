@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -72,7 +73,8 @@ def _results(bags: Sequence[str], machine: Robot | Axis, model_file: ModelFile |
     kept = Kept(output, machine, model_file, namespace)
     found: dict[str, Mapping[str, Any]] = {}
     keys: dict[str, str] = {}
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    terminal = Console(stderr=True)
+    with Progress(console=terminal, transient=True, disable=not terminal.is_terminal) as progress:
         bar = progress.add_task('bags', total=len(bags))
         for bag in bags:
             try:
@@ -96,10 +98,10 @@ def _results(bags: Sequence[str], machine: Robot | Axis, model_file: ModelFile |
 
 def _each_once(bags: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     """Return the bags without those given before, and what is said of those."""
-    first: dict[Path, str] = {}
+    first: dict[str, str] = {}
     again = {}
     for bag in bags:
-        path = Path(bag).resolve()
+        path = os.path.realpath(bag)
         if path in first:
             as_given = '' if first[path] == bag else f', as {first[path]} before'
             again[bag] = f'{bag}: given twice{as_given}; it counts once'

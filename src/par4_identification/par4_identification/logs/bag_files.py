@@ -41,7 +41,7 @@ def cut_off(path: Path, reason: str) -> CutOffError:
 
 def storage_files(path: Path) -> list[Path]:
     """Return the storage files of a bag; their order means nothing, messages are sorted by time."""
-    candidates = [path] if path.is_file() else sorted(path.iterdir())
+    candidates = sorted(path.iterdir()) if path.is_dir() else [path]
     files = [file for file in candidates
              if (file.with_suffix('') if file.suffix == ZSTD_SUFFIX else file).suffix
              in STORAGE_SUFFIXES]
