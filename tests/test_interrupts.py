@@ -28,12 +28,14 @@ ARGUMENTS = {
 """What each tool is asked for, so that it loads what it works with."""
 
 
-def interrupted(name: str, imports: int, folder: Path) -> subprocess.CompletedProcess[str]:
+def interrupted(name: str, imports: int, folder: Path, arguments: str | None = None
+                ) -> subprocess.CompletedProcess[str]:
     """Run an executable that SIGINT reaches as it imports for the n-th time.
 
     So the place does not depend on how fast the machine is.
     """
     script = SCRIPTS[name]
+    words = (ARGUMENTS.get(name, '') if arguments is None else arguments).split()
     code = f"""
 import os, signal, sys
 from {script.module} import {script.attr} as start
@@ -45,7 +47,7 @@ def strike(event, _):
         if count == {imports}:
             os.kill(os.getpid(), signal.SIGINT)
 sys.addaudithook(strike)
-sys.argv = {[name, *ARGUMENTS.get(name, '').split()]!r}
+sys.argv = {[name, *words]!r}
 sys.exit(start())
 """
     return subprocess.run([sys.executable, '-c', code], cwd=folder, capture_output=True, text=True,
@@ -64,6 +66,44 @@ def test_an_interrupt_while_modules_load_ends_an_executable_quietly(name, import
     done = interrupted(name, imports, tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (130 if name in TOOLS else 0, '', '')
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize('imports', [1, 40, 150])
+@pytest.mark.parametrize('asked', ['--repair nope', '--repair=nope'])
+def test_an_interrupted_repair_has_not_been_done(asked, imports, tmp_path):
+    """The same executable is a node, which ends well when it is interrupted."""
+    done = interrupted('par4_record', imports, tmp_path, asked)
+    assert (done.returncode, done.stdout, done.stderr) == (130, '', '')
+
+
+@pytest.mark.parametrize('where', ['told = weakref.ref(Thing(), strike)',
+                                   'ctypes.CFUNCTYPE(None)(strike)()'])
+def test_an_interrupt_that_python_ignores_comes_again(where, tmp_path):
+    """It went on and told of an ignored exception with a traceback."""
+    code = f"""
+import ctypes, os, signal, sys, time, weakref
+import click
+from par4_sim.commands.entry import loading, run
+from par4_start import Tool
+class Thing:
+    pass
+@click.command('par4_x')
+def command():
+    with loading():
+        pass
+    def strike(*_):
+        os.kill(os.getpid(), signal.SIGINT)
+    {where}
+    time.sleep(100)
+    print('went on')
+sys.argv = ['par4_x']
+with Tool():
+    run(command)
+"""
+    done = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, capture_output=True,
+                          text=True, check=False, timeout=200)
+    assert (done.returncode, done.stdout) == (130, '')
+    assert done.stderr.strip() == 'stopped; nothing is half written'
 
 
 def test_a_node_that_another_signal_must_interrupt_says_so_by_its_exit_code(bench):

@@ -1,10 +1,17 @@
 """Executables of par4_identification; the package itself is loaded once a signal is quiet."""
 
-from par4_start import Tool, node_starts
+from par4_start import Tool, asked_for, node_starts
+
+REPAIR = '--repair'
+"""As `par4_sim.choices.REPAIR`, which would have to be loaded first."""
 
 
 def record() -> int:
-    """Run the node par4_record; return its exit code."""
+    """Run the node par4_record, or the tool that mends a bag; return the exit code."""
+    if asked_for(REPAIR):
+        with Tool():
+            from par4_identification.commands.repair import main
+            main()
     node_starts()
     from par4_identification.ros import record
     return record()

@@ -6,10 +6,13 @@ takes time in which a signal may come. What comes before these lines is Python's
 
 import os
 import signal
+import sys
 from types import FrameType
 
 STOPPED = 130
 """Exit code of an offline tool that was interrupted, as shells count it."""
+MOMENT = 1e-3
+"""Seconds."""
 ENDED = 0
 """Exit code of a node that was ended by a signal, which is how nodes end."""
 
@@ -40,6 +43,23 @@ def tool_is_interrupted() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def asked_for(option: str) -> bool:
+    """Return whether the command line has an option, `--option` or `--option=value`."""
+    return any(word.partition('=')[0] == option for word in sys.argv[1:])
+
+
+def _interrupt_again(ignored: 'sys.UnraisableHookArgs') -> None:
+    """Let an interrupt come again in a moment where Python has ignored the exception it raised.
+
+    That is so while an object is released, or in a function that C calls.
+    """
+    if ignored.exc_type is KeyboardInterrupt:
+        signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+        signal.setitimer(signal.ITIMER_REAL, MOMENT)
+    else:
+        sys.__unraisablehook__(ignored)
+
+
 class Tool:
     """The life of an offline tool, from its first line to its last.
 
@@ -48,6 +68,7 @@ class Tool:
 
     def __enter__(self) -> None:
         tool_ends_quietly()
+        sys.unraisablehook = _interrupt_again
         _take_signals()
 
     def __exit__(self, *_: object) -> None:
