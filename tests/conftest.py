@@ -37,6 +37,14 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGHUP, lambda *_: None)
 
 
+@pytest.fixture(autouse=True)
+def same_handler() -> Iterator[None]:
+    """Take back how a command that a test runs in this process answers Ctrl-C: it may end it."""
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def pytest_collection_finish() -> None:
     """Spare the garbage collector what stays till the end: modules, tests, compiled kernels.
 
