@@ -309,6 +309,13 @@ class Effect(ABC):
             base: base parameters (J,) that were fitted together with the values.
         """
 
+    def is_unsure(self, state: State) -> np.ndarray:
+        """Return where the law does not tell the torque of a machine that has the effect, (n,).
+
+        Friction of what rests is anything up to that of Coulomb.
+        """
+        return np.zeros(len(state.t), dtype=bool)
+
     def reach(self, values: Values) -> tuple[float, float] | None:
         """Return the least and the greatest torque, N m; None where the parameters tell the size.
         """

@@ -13,13 +13,18 @@ from par4_dynamics.effects.effect import (
     Values,
     beyond,
 )
-from par4_dynamics.effects.rest import fading_sign
+from par4_dynamics.effects.rest import RESTING_RATE, fading_sign
 from par4_dynamics.state import State
 
 TYPICAL_RATE = 5.0
 """rad/s of theta."""
 LARGEST = 5.0
 """N m at that rate, ten times what belts and pulleys take."""
+
+
+MAY_REST = 3.0 * RESTING_RATE
+"""rad/s of theta below which its belts may stick, or turn back a moment before or after what is
+measured."""
 
 
 class ThetaFriction(Effect):
@@ -38,6 +43,9 @@ class ThetaFriction(Effect):
         unit = state.torque_of_force((0.0, 0.0, 0.0, 1.0))
         rate = state.platform.xd[:, 3:]
         return np.stack((unit * fading_sign(rate), unit * rate), axis=-1)
+
+    def is_unsure(self, state: State) -> np.ndarray:
+        return np.abs(state.platform.xd[:, 3]) < MAY_REST
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         coulomb, viscous = float(values['coulomb'][0]), float(values['viscous'][0])

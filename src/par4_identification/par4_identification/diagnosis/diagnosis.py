@@ -36,8 +36,10 @@ from par4_identification.diagnosis.evidence.holdout import Blocks
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.observations import (
     Observations,
+    is_worse_where_unsure,
     observe,
     remembered,
+    sure_rows,
     with_nominal,
 )
 from par4_identification.diagnosis.evidence.pool import Pool
@@ -291,8 +293,11 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
             baseline, rigid_body, search.pool.evidence, named,
             search.pool.solution((*named, *unnamed_of(model)))), effects)
         memory = max((item.named.memory for item in named), default=0.0)
+        unsure = is_worse_where_unsure(observations, better, residuals(observations, model, found))
         observations, heldout = (remembered(with_nominal(part, better), memory)
                                  for part in (observations, heldout))
+        if unsure:
+            observations, heldout = (sure_rows(part, better) for part in (observations, heldout))
         same = same and all(new.valid is old.valid for new, old in zip(
             observations.runs, whitener.runs))
         whitener, held = replace(quiet, runs=observations.runs), names_of(named)

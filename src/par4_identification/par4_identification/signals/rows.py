@@ -162,6 +162,15 @@ class Run:
         memory = min(memory, 0.5 * float(state.t[-1] - state.t[0]))
         return self.part(self.t >= state.t[0] + memory)
 
+    def without(self, samples: np.ndarray) -> Run:
+        """Return the same run without the rows that filters let some samples (n,) into."""
+        if not samples.any():
+            return self
+        reach = int(np.ceil(self.conditioning.reach / self.row_time * self._every))
+        taken = ~near(samples[:, None], reach)[:, 0]
+        kept = taken[self._first:len(taken) - self._first:self._every]
+        return self if kept[self.valid.any(axis=1)].all() else self.part(kept)
+
     def part(self, rows: slice | np.ndarray) -> Run:
         """Return the same run with only `rows` of it, or those where they are true, valid."""
         inside = np.zeros(len(self.t), dtype=bool)

@@ -17,6 +17,10 @@ from par4_identification.fitting.identification import known_torque
 from par4_identification.signals.rows import Run
 from par4_kinematics.robot import Axis, Robot
 
+LEAST_SURE = 0.3
+"""Share of the rows that are enough for a diagnosis."""
+WORSE = 4.0
+"""Ratio of mean squares from which rows are left out where a law does not tell a torque."""
 AT_ONCE = 8
 """Shapes whose columns are filtered together."""
 
@@ -172,6 +176,41 @@ def _with_nominal_torque(run: Run, model: Model, bound: Model | None = None) -> 
 def remembered(observations: Observations, memory: float) -> Observations:
     """Return the observations without rows that follow from what was before a log, see `Run`."""
     return replace(observations, runs=tuple(run.remembered(memory) for run in observations.runs))
+
+
+def sure_rows(observations: Observations, model: Model) -> Observations:
+    """Return the observations without rows where the law of an effect does not tell its torque.
+
+    They stay as they are where that would leave less than `LEAST_SURE` of them.
+
+    Args:
+        observations: rows.
+        model: with the effects that the machine is believed to have.
+    """
+    runs = list(observations.runs)
+    for active in model.effects:
+        runs = [run.without(active.effect.is_unsure(run.state)) for run in runs]
+    before, after = (sum(int(run.valid.sum()) for run in part)
+                     for part in (observations.runs, runs))
+    return observations if after < LEAST_SURE * before or before == after else replace(
+        observations, runs=tuple(runs))
+
+
+def is_worse_where_unsure(observations: Observations, model: Model, left: Sequence[np.ndarray]
+                          ) -> bool:
+    """Return whether far more is left where a law does not tell a torque than elsewhere.
+
+    Args:
+        observations: rows.
+        model: with the effects that the machine is believed to have.
+        left: of the rows of each run, (m, J), N m.
+    """
+    sure = [run.valid for run in sure_rows(observations, model).runs]
+    unsure = [run.valid & ~valid for run, valid in zip(observations.runs, sure)]
+    there, elsewhere = (
+        sum(float(np.sum(part[valid] ** 2)) for part, valid in zip(left, masks))
+        / max(sum(int(valid.sum()) for valid in masks), 1) for masks in (unsure, sure))
+    return there > WORSE * elsewhere
 
 
 def lasting(kept: dict[Any, Any]) -> dict[Any, Any]:

@@ -267,6 +267,7 @@ def _bursts(runs: Sequence[Left], floor: np.ndarray, most: float
             valid = run.valid[:, joint]
             noise = fit_noise([left[:, joint]], [valid])
             white = noise.whiten(left[:, [joint]], valid)[:, 0]
+            usual = float(white[valid] @ white[valid]) / max(int(valid.sum()), 1)
             firsts = range(0, len(left) - length + 1, length)
             own = np.sqrt(np.mean(left[valid, joint] ** 2)) if valid.any() else 1.0
             white /= np.sqrt(1.0 + (wrong[:, joint] / max(own, 1e-30)) ** 2)
@@ -276,9 +277,9 @@ def _bursts(runs: Sequence[Left], floor: np.ndarray, most: float
             enough = count > length // 2
             if enough.sum() < 8:
                 continue
-            level = max(np.median(squares[enough] / count[enough]),
-                        np.mean(white[valid] ** 2) * (floor[joint] / max(own, 1e-30)) ** 2)
-            if level > (most * floor[joint] / max(own, 1e-30)) ** 2 * np.mean(white[valid] ** 2):
+            of_floor = usual * (floor[joint] / max(own, 1e-30)) ** 2
+            level = max(np.median(squares[enough] / count[enough]), of_floor)
+            if level > most ** 2 * of_floor:
                 continue
             # of Fisher's distribution; `scipy.stats`, where it has a name, is slow to load
             limit = scipy.special.fdtri(length, enough.sum() * length // 4,
