@@ -17,8 +17,9 @@ from measured import DWELL, excitation, log_of_machine, log_of_model
 from planned import evidence_of, log_of, state_of_motion
 from searches import MODEL, log_with
 
-from par4_dynamics.model import build_model, read_model
+from par4_dynamics.model import build_model, read_model, torque_model
 from par4_dynamics.model_file import read_model_file
+from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis import diagnosis
 from par4_identification.diagnosis.diagnosis import diagnose
 from par4_identification.diagnosis.evidence.fit import solve
@@ -27,6 +28,7 @@ from par4_identification.diagnosis.search.search import Journal
 from par4_identification.diagnosis.verdict import settled
 from par4_identification.diagnosis.verdict.answer import Unusable
 from par4_identification.diagnosis.verdict.floor import deviation_of_base
+from par4_identification.jobs import diagnose as jobs
 from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.timing import ROUNDED
 from par4_kinematics.adept import adept_motion
@@ -497,3 +499,21 @@ def test_a_cause_that_makes_friction_drive_is_looked_for(soft_at_15_g, library, 
         softest = np.multiply(stiffness.value, SOFT)[:2]
         np.testing.assert_allclose(softest, 1.0, atol=0.06)
         assert result.base_after['viscous_friction'].value == pytest.approx(2.04, rel=0.1)
+
+
+def test_base_parameters_of_bodies_that_no_machine_has_end_no_diagnosis():
+    """They may be so beside some of the causes; where they stay so, a remark says it."""
+    file = read_model_file('table1_full')
+    light = torque_model(REFERENCE, file.model_copy(update={'parameters': {
+        **file.parameters, 'actuator_inertia': Parameter(value=4e-3, unit='kg m2')}}))
+    logs = []
+    for seed, duration in ((71, 10.0), (72, 7.0)):
+        motion = excitation_motion(REFERENCE, duration, seed)
+        torque = light.torque(state_of_motion(REFERENCE, motion))
+        logs.append(log_of(REFERENCE, motion.t, motion.q, torque, seed))
+    result = diagnose(logs[:1], REFERENCE, file, logs[1:], library={
+        'cogging': diagnosis.LIBRARY['cogging']})
+    assert result.verdict == 'clean'
+    remark, = jobs._impossible_bodies(REFERENCE, result)
+    assert 'motor inertia i_a + i_m' in remark.text
+    assert jobs._impossible_bodies(REFERENCE, replace(result, extended_model=file)) == ()

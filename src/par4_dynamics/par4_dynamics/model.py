@@ -253,9 +253,26 @@ def build_model(machine: Robot | Axis, model_file: ModelFile,
     `library` says which effect each name stands for.
 
     Raises:
+        InputError: as `torque_model`; platform masses that differ between joints, or masses that
+            make a body negative.
+    """
+    model = torque_model(machine, model_file, library)
+    if isinstance(machine, Robot):
+        lumped = model.lumped_bodies()
+        if model.rigid_body == 'full':
+            physical_bodies(machine.geometry, lumped, model.bodies.rod_mass, model.bodies.bar_mass)
+    return model
+
+
+def torque_model(machine: Robot | Axis, model_file: ModelFile,
+                 library: Mapping[str, Effect] = CATALOGUE) -> Model:
+    """Return the same for its torque alone, which may be that of bodies that no machine has.
+
+    A diagnosis goes through such models where the causes that it has found so far are not all.
+
+    Raises:
         InputError: a parameter that is missing, in another unit than its own or has the wrong
-            number of values, platform masses that differ between joints, the load of another kind
-            of axis, an unknown effect, or masses that make a body negative.
+            number of values, the load of another kind of axis, or an unknown effect.
     """
     joints = len(machine.joint_names)
     is_robot = isinstance(machine, Robot)
@@ -277,12 +294,7 @@ def build_model(machine: Robot | Axis, model_file: ModelFile,
     effects = tuple(_active_effect(entry, effect_named(entry.effect, library), machine)
                     for entry in model_file.effects)
     bodies = machine.bodies if isinstance(machine, Robot) else Bodies()
-    model = Model(model_file.rigid_body, values, bodies, effects, model_file.torque_limit)
-    if isinstance(machine, Robot):
-        lumped = model.lumped_bodies()
-        if model.rigid_body == 'full':
-            physical_bodies(machine.geometry, lumped, bodies.rod_mass, bodies.bar_mass)
-    return model
+    return Model(model_file.rigid_body, values, bodies, effects, model_file.torque_limit)
 
 
 def _hanging_terms(machine: Robot | Axis, model_file: ModelFile) -> list[BaseTerm]:

@@ -177,10 +177,11 @@ class Springs:
         """Return values (n, ...) at the samples of the motion of those at the steps (m, ...)."""
         if every == 1:
             return steps[self._before:]
-        ahead = np.diff(steps, axis=0, append=steps[-1:])
         told = np.empty((every * len(steps), *steps.shape[1:]))
-        for part in range(every):
-            told[part::every] = steps + part / every * ahead
+        with np.errstate(all='ignore'):  # springs that are tried may throw the loads to infinity
+            ahead = np.diff(steps, axis=0, append=steps[-1:])
+            for part in range(every):
+                told[part::every] = steps + part / every * ahead
         return told[self._before:self._before + len(self._state.t)]
 
     def _exact_change(self, motion: np.ndarray, drive: Drive) -> np.ndarray:

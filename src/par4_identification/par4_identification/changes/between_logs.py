@@ -15,7 +15,7 @@ import numpy as np
 from par4_dynamics.base_terms import BaseTerm
 from par4_dynamics.effects.distributed_rods import DistributedRods
 from par4_dynamics.effects.effect import beyond
-from par4_dynamics.model import build_model
+from par4_dynamics.model import build_model, torque_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.changes.changes import explained_change, gains_of, rows_beside
 from par4_identification.changes.explanation import CHANCE, Explanation
@@ -123,8 +123,8 @@ def differences_between_logs(diagnosis: Diagnosis, machine: Robot | Axis,
         whole = _with_nominal(whole, alike, before, machine)
     names = [run.name for run in whole.runs]
     parts = {name: _of_runs(whole, [own == name for own in names]) for name in names}
-    gains = gains_of(build_model(machine, (alike or diagnosis).extended_model,
-                                 (alike or diagnosis).effects))
+    gains = gains_of(torque_model(machine, (alike or diagnosis).extended_model,
+                                  (alike or diagnosis).effects))
     values = {name: replace(found, gains=gains) for name, part in parts.items()
               if (found := _values(part, causes)) is not None}
     if len(values) < 2:
@@ -210,7 +210,7 @@ def _with_nominal(rows: Observations, alike: Diagnosis, before: LogDifferences,
     """
     runs = tuple(replace(run, apart=before.apart.get(run.name, {})) for run in rows.runs)
     return with_nominal(replace(rows, runs=runs),
-                        build_model(machine, alike.extended_model, alike.effects))
+                        torque_model(machine, alike.extended_model, alike.effects))
 
 
 def _of_runs(rows: Observations, chosen: Sequence[bool]) -> Observations:

@@ -15,7 +15,7 @@ import numpy as np
 
 from par4_dynamics.base_terms import INERTIA, BaseTerm
 from par4_dynamics.effects.drive_gain_error import DriveGainError
-from par4_dynamics.model import Model, build_model
+from par4_dynamics.model import Model, build_model, torque_model
 from par4_dynamics.model_file import ModelFile, RigidBody
 from par4_identification.changes.explanation import (
     Explanation,
@@ -196,7 +196,7 @@ def _changes(diagnosis: Diagnosis, machine: Robot | Axis, model: Model, before: 
     # been there before, and nobody knew
     gains = [np.ones(len(before.values))]
     if not swallowed:
-        extended = build_model(machine, diagnosis.extended_model, diagnosis.effects)
+        extended = torque_model(machine, diagnosis.extended_model, diagnosis.effects)
         gains.append(1.0 + gains_of(extended) - gains_of(model))
     parameters, explanation = min(
         (explained_change(replace(before, gains=own), after, swallowed) for own in gains),
@@ -215,7 +215,7 @@ def rows_beside(diagnosis: Diagnosis, runs: Sequence[Run], machine: Robot | Axis
     """
     rows = observe(list(runs), machine, 'paper' if baseline is None else baseline.rigid_body,
                    baseline)
-    return with_nominal(rows, build_model(machine, diagnosis.extended_model, diagnosis.effects)
+    return with_nominal(rows, torque_model(machine, diagnosis.extended_model, diagnosis.effects)
                         ).with_terms_of(diagnosis.evidence.observations)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.effects.springs import DAMPING_RATIO, USUAL, Springs
-from par4_dynamics.model import build_model
+from par4_dynamics.model import torque_model
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.search.swing import Swing
 from par4_identification.diagnosis.verdict.answer import Diagnosis
@@ -69,7 +69,7 @@ def below_resonance(answer: Diagnosis, conditioning: Conditioning, floor_excess:
 
 def explains_more(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> bool:
     """Return whether a second diagnosis leaves less of its held-out rows than the first would."""
-    model = build_model(machine, first.extended_model, first.effects)
+    model = torque_model(machine, first.extended_model, first.effects)
     left = np.concatenate([(run.tau - run.rows(model.torque(run.state)))[run.valid]
                            for run in second.holdout.runs])
     return bool(np.mean(second.holdout.extended_rms ** 2) < np.mean(left ** 2))

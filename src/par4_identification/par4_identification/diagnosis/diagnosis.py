@@ -12,7 +12,7 @@ from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
 from par4_dynamics.model import Model as DynamicModel
-from par4_dynamics.model import build_model
+from par4_dynamics.model import build_model, torque_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.below_resonance import (
     below_resonance,
@@ -218,7 +218,7 @@ def _diagnosed_runs(fit_runs: list[Run], holdout_runs: list[Run], machine: Robot
         again = start_beside_position(start, observations, machine, rigid_body, rules)
     if (start.left_out or start.unless_mended) and answer.causes:
         beside = observe(fit_runs, machine, rigid_body,
-                         build_model(machine, answer.extended_model, effects))
+                         torque_model(machine, answer.extended_model, effects))
         again = start_beside(start, observations, beside.target, machine, rigid_body)
     if again is not None:
         progress('diagnosing again from the base parameters beside the causes found')
@@ -289,7 +289,7 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
             break
         # effects that scale with the torque were searched with that of other causes
         progress('searching again beside the causes found')
-        better = build_model(machine, extended_model(
+        better = torque_model(machine, extended_model(
             baseline, rigid_body, search.pool.evidence, named,
             search.pool.solution((*named, *unnamed_of(model)))), effects)
         memory = max((item.named.memory for item in named), default=0.0)
@@ -313,7 +313,7 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
 def _base_model(start: Start, machine: Robot | Axis, baseline: ModelFile | None
                 ) -> DynamicModel:
     """Return the base parameters of a start, and the effects of a baseline, as a model."""
-    return build_model(machine, baseline_with(
+    return torque_model(machine, baseline_with(
         baseline, baseline.rigid_body if baseline else 'paper', start.fitted.parameters,
         start.observations.terms, ()))
 
@@ -339,7 +339,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
     evidence, heldout = pool.evidence, pool.heldout.observations
     progress('comparing each cause with what could stand in its place')
     base_only = search.weighing.corrected(solve(evidence, ()))
-    settled = settle(search, model, noise_floor(heldout.runs, build_model(
+    settled = settle(search, model, noise_floor(heldout.runs, torque_model(
         machine, extended_model(baseline, rigid_body, evidence, (), base_only), effects)))
     model, named, told = settled.model, settled.named, settled.told
     causes = by_true_angles(settled.causes)
@@ -352,7 +352,7 @@ def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: Model
         ((), base_only), (named, told), (model, whole)))
     extended = as_told(extended_model(baseline, rigid_body, evidence, named, told),
                        [cause.parameters for cause in causes])
-    floor = noise_floor(heldout.runs, build_model(machine, extended, effects))
+    floor = noise_floor(heldout.runs, torque_model(machine, extended, effects))
     hypotheses = named
     if settled.loose is not None:
         cause, entry = cause_of(search.candidates.library[Backlash.name], settled.loose)

@@ -239,6 +239,7 @@ def _answer(asked: Asked, measured: Measured, progress: Progress) -> Answer:
         machine, check.logs[:measured.fitted], conditioning)
     if not isinstance(diagnosis, Diagnosis):
         return Answer(diagnosis, beside)
+    beside += _impossible_bodies(machine, diagnosis)
     progress('looking for the motion that would tell twins apart')
     experiment = next_experiment(diagnosis, machine)
     if experiment is not None:
@@ -254,6 +255,16 @@ def _answer(asked: Asked, measured: Measured, progress: Progress) -> Answer:
     confrontation = confront_diagnosis(
         diagnosis, machine, check.logs, progress=progress) if asked.simulate else None
     return Answer(diagnosis, beside, experiment, changes, confrontation, between)
+
+
+def _impossible_bodies(machine: Robot | Axis, diagnosis: Diagnosis) -> tuple[Remark, ...]:
+    """Return that no machine has the bodies of the extended model, if none has."""
+    try:
+        build_model(machine, diagnosis.extended_model, diagnosis.effects)
+    except InputError as error:
+        return (Remark(False, f'The extended model has bodies that no machine has, and other tools '
+                              f'refuse it: {error}.'),)
+    return ()
 
 
 def _diagnosis(measured: Measured, progress: Progress

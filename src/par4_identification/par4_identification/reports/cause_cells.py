@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from par4_dynamics.model import build_model
+from par4_dynamics.model import torque_model
 from par4_dynamics.parameters import Parameter, parts_of_orders
 from par4_identification.diagnosis.verdict.answer import Cause, Diagnosis
 from par4_identification.reports.names import Names
@@ -97,7 +97,7 @@ def _signature_of_cause(diagnosis: Diagnosis, index: int, machine: Robot | Axis,
                         ) -> tuple[str, str]:
     """Return the signature plot of a cause and the label of its abscissa."""
     cause, holdout = diagnosis.causes[index], diagnosis.holdout
-    model = build_model(machine, diagnosis.extended_model, diagnosis.effects)
+    model = torque_model(machine, diagnosis.extended_model, diagnosis.effects)
     added = model.effects[-len(diagnosis.causes):]
     places, own, label = [], [], ''
     for run in holdout.runs:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from par4_dynamics.model import build_model
+from par4_dynamics.model import torque_model
 from par4_identification.changes.between_logs import LogDifferences
 from par4_identification.changes.changes import Changes
 from par4_identification.confrontation.confrontation import Confrontation, Unsimulated
@@ -128,7 +128,7 @@ def _sample_by_sample(diagnosis: Diagnosis, machine: Robot | Axis, logs: Sequenc
     """Return measured torque and that of the extended model where the old one leaves most."""
     holdout = diagnosis.holdout
     worst = worst_run(holdout.runs, holdout.baseline)
-    model = build_model(machine, diagnosis.extended_model, diagnosis.effects)
+    model = torque_model(machine, diagnosis.extended_model, diagnosis.effects)
     return torque_traces(holdout.runs[worst], logs, model, holdout.baseline[worst], names)
 
 

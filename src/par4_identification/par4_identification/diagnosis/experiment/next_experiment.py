@@ -19,7 +19,7 @@ import numpy as np
 
 from par4_dynamics.effects.catalogue import effect_named
 from par4_dynamics.effects.effect import Effect, Shape
-from par4_dynamics.model import Model, build_model
+from par4_dynamics.model import Model, torque_model
 from par4_dynamics.model_file import ModelFile
 from par4_dynamics.state import State
 from par4_identification.diagnosis.evidence.evidence import Evidence, gather
@@ -202,7 +202,7 @@ class Prospect:
     @cached_property
     def model(self) -> Model:
         """The extended model."""
-        return build_model(self.robot, self.model_file, self.effects)
+        return torque_model(self.robot, self.model_file, self.effects)
 
     def of_motion(self, motion: Motion) -> Evidence:
         """Return the whitened rows of a motion; computed once."""

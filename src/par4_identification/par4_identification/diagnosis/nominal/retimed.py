@@ -9,7 +9,7 @@ import numpy as np
 
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
-from par4_dynamics.model import Model, build_model
+from par4_dynamics.model import Model, torque_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.evidence.evidence import gather
 from par4_identification.diagnosis.evidence.extended import extended_model
@@ -53,7 +53,7 @@ def beside_retimed(base_model: Model, observations: Observations, machine: Robot
                 hypothesis = replace(hypothesis, shape=effect.shape_of(
                     {time: fit.coefficients[0][0, 0]}))
             fit = solve(evidence, [hypothesis])
-            model = build_model(machine, extended_model(
+            model = torque_model(machine, extended_model(
                 baseline, rigid_body, evidence, [hypothesis], fit), {**CATALOGUE, **library})
         found.append((project(evidence, [hypothesis]).squares, effect.name, model))
     return min(found, key=lambda item: item[:2])[-1]
