@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,13 @@ from hidden.hiders import HIDERS
 from hidden.scenario import Task, record_scenario
 from short_scenarios import short_scenario
 
+from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis import diagnosis as diagnosis_module
-from par4_identification.diagnosis.below_resonance import NARROWER, below_resonance
+from par4_identification.diagnosis.below_resonance import (
+    NARROWER,
+    below_resonance,
+    hidden_resonance,
+)
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
 from par4_identification.diagnosis.search.rules import OF_PAR4
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
@@ -74,6 +80,22 @@ def test_only_a_hidden_swing_asks_for_lower_filters(both):
     quiet = replace(first, remaining=replace(first.remaining, floor_excess=1.0))
     for other in (answer, far, quiet):
         assert below_resonance(other, CONDITIONING, OF_PAR4.floor_excess) is None
+
+
+@pytest.mark.parametrize(('damping', 'std', 'hides'), [
+    (0.05, 0.0, False), (0.17, 0.09, False), (0.3, 0.05, True)])
+def test_a_damping_hides_something_only_if_it_is_surely_large(both, damping, std, hides):
+    """Below the resonance the loads hardly tell what damps them."""
+    answer, _ = both
+    springs = next(cause for cause in answer.causes if cause.effect.name == 'elastic_transmission')
+    told = replace(springs, parameters={**springs.parameters, 'damping_ratio': Parameter(
+        value=damping, std=std, unit='1')})
+    swing = SimpleNamespace(told={'damping_ratio': damping}, compliance=1.0 / STIFFNESS)
+    found = hidden_resonance([swing], answer.evidence.observations, replace(
+        answer, causes=(told,)))
+    assert (found is not None) == hides
+    beside = replace(answer, causes=(told,), unnamed=(SimpleNamespace(),))
+    assert hidden_resonance([swing], answer.evidence.observations, beside) is not None
 
 
 def test_filters_that_a_user_sets_stay(recorded, both, monkeypatch):

@@ -19,7 +19,7 @@ from par4_dynamics.effects.springs import DAMPING_RATIO, USUAL, Springs
 from par4_dynamics.model import torque_model
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.search.swing import Swing
-from par4_identification.diagnosis.verdict.answer import Diagnosis
+from par4_identification.diagnosis.verdict.answer import EITHER_SIDE, Cause, Diagnosis
 from par4_identification.signals.conditioning import Conditioning
 from par4_kinematics.robot import Axis, Robot
 
@@ -35,8 +35,8 @@ def hidden_resonance(swings: Sequence[Swing | None], observations: Observations,
                      answer: Diagnosis) -> float | None:
     """Return the lowest resonance (Hz) of loads whose swing encoder counts may hide.
 
-    None where no search found a transmission that twists, or where one is named that damps as those
-    of machines do and nothing without a name is beside it.
+    None where no search found a transmission that twists, or where one is named that may damp as
+    those of machines do and nothing without a name is beside it.
 
     Args:
         swings: what one search after the other found.
@@ -44,12 +44,19 @@ def hidden_resonance(swings: Sequence[Swing | None], observations: Observations,
         answer: causes that are told.
     """
     found = [(swing, replace(USUAL, **swing.told)) for swing in swings if swing is not None]
-    if not found or (found[-1][1].damping_ratio <= MOST_DAMPING and not answer.unnamed and any(
-            isinstance(cause.effect, ElasticTransmission) for cause in answer.causes)):
+    if not found or (not answer.unnamed and any(
+            isinstance(cause.effect, ElasticTransmission) and _may_be_usual(cause)
+            for cause in answer.causes)):
         return None
     springs = [Springs(run.state) for run in observations.runs]
     return float(min(own.resonances(swing.compliance, drive).min()
                      for own in springs for swing, drive in found))
+
+
+def _may_be_usual(springs: Cause) -> bool:
+    """Return whether transmissions may damp as those of machines do, by their deviation."""
+    damping = springs.parameters['damping_ratio']
+    return damping.number - EITHER_SIDE * damping.deviation <= MOST_DAMPING
 
 
 def below_resonance(answer: Diagnosis, conditioning: Conditioning, floor_excess: float
