@@ -81,7 +81,7 @@ def test_an_interrupted_repair_has_not_been_done(asked, imports, tmp_path):
 def test_an_interrupt_that_python_ignores_comes_again(where, tmp_path):
     """It went on and told of an ignored exception with a traceback."""
     code = f"""
-import ctypes, os, signal, sys, time, weakref
+import ctypes, os, signal, sys, weakref
 import click
 from par4_sim.commands.entry import loading, run
 from par4_start import Tool
@@ -94,8 +94,8 @@ def command():
     def strike(*_):
         os.kill(os.getpid(), signal.SIGINT)
     {where}
-    time.sleep(100)
-    print('went on')
+    while True:  # until the interrupt comes
+        pass
 sys.argv = ['par4_x']
 with Tool():
     run(command)
