@@ -71,3 +71,15 @@ def test_orders_turn_by_their_number_and_what_is_bound_to_nothing_stays():
     np.testing.assert_allclose(phase.value, ((0.1, 0.3), (0.3, 6.0 - 2.0 * np.pi)))
     np.testing.assert_allclose(phase.std, ((0.0, 0.01), (0.4, 0.5)))
     assert by_true_angles([teeth]) == [teeth]
+
+
+def test_zeros_of_several_joints_turn_the_teeth_of_each_though_none_has_a_deviation():
+    zero = SimpleNamespace(effect=CATALOGUE['encoder_offset'], joints=(0, 2), parameters={
+        'offset': Parameter(value=(0.01, -0.02), unit='rad')})
+    teeth = Cause(CATALOGUE['cogging'], (0, 1, 2), {
+        'periods': Parameter(value=10.0, unit='1/turn'),
+        'phase': Parameter(value=(0.1, 0.2, 0.3), std=(0.1, 0.1, 0.1), unit='rad')},
+        (), 1.0, 0.0, 1.0, None, None)
+    phase = by_true_angles([teeth, zero])[0].parameters['phase']
+    np.testing.assert_allclose(phase.value, (0.2, 0.2, 0.1))
+    assert phase.std == (0.1, 0.1, 0.1)

@@ -23,7 +23,8 @@ def by_true_angles(causes: Sequence[Cause]) -> list[Cause]:
     if zero is None:
         return list(causes)
     offset = zero.parameters['offset']
-    zeros = dict(zip(zero.joints, zip(_row(offset.value), _row(offset.std or 0.0))))
+    errors, stds = np.broadcast_arrays(offset.value, 0.0 if offset.std is None else offset.std)
+    zeros = dict(zip(zero.joints, zip(errors, stds, strict=True), strict=True))
     return [replace(cause, parameters=_moved(cause, zeros)) if cause.effect.of_angle else cause
             for cause in causes]
 
@@ -39,7 +40,3 @@ def _moved(cause: Cause, zeros: dict[int, tuple[float, float]]) -> dict[str, Par
         np.hypot(np.asarray(phase.std, dtype=float), turns * std).tolist())
     return {**cause.parameters, 'phase': phase.model_copy(update={
         'value': nested(value.tolist()), 'std': spread})}
-
-
-def _row(value: object) -> np.ndarray:
-    return np.atleast_1d(np.asarray(value, dtype=float))
