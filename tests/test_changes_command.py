@@ -155,6 +155,8 @@ def test_nothing_changed_since_a_model_of_the_very_recordings(bags, tmp_path):
     assert content['verdict'] == 'clean'
     assert min(content['holdout']['given_rms']) > 5.0 * max(content['holdout']['baseline_rms'])
     assert 'this has changed' not in done.out
+    assert done.out.splitlines()[-2].endswith(
+        'is not told, as it was identified from recordings that are fitted here.')
 
 
 @pytest.mark.usefixtures('unrendered')

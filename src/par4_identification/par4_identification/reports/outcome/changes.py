@@ -28,7 +28,7 @@ from par4_identification.diagnosis.verdict.answer import Diagnosis, Holdout, Ver
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
-from par4_sim.report.outcome import Outcome, Remark, note
+from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
 from par4_sim.report.words import capital, in_words, joint_labels, listed, number, percent
 
@@ -168,10 +168,9 @@ def with_changes(outcome: Outcome, changes: Changes, diagnosis: Diagnosis,
     unit = unit_on(machine, 'N m')
     given = f'{number(over_joints(changes.given_rms), 2)} {unit}'
     if changes.of_these:
-        return replace(outcome, remarks=(*outcome.remarks, note(
-            f'{changes.since} was identified from recordings that are fitted here: what has '
-            f'changed since then is not told.',
-            'To look for changes diagnose later recordings, or give those of before (--before).')))
+        return replace(outcome, sentence=f'{outcome.sentence} What has changed since '
+                                         f'{changes.since} is not told, as it was identified from '
+                                         f'recordings that are fitted here.')
     if not changes.read and not changes.beyond_readings:
         return replace(outcome, sentence=f'{outcome.sentence} Since {changes.since} no base '
                                          f'parameter has changed beyond chance.')
