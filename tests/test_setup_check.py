@@ -547,6 +547,24 @@ def test_a_logger_of_an_axis_that_holds_is_told_once():
     assert finding.evidence.startswith('3 times ')
 
 
+def test_a_short_stretch_that_creeps_does_not_tell_how_fine_an_encoder_is():
+    """Samples that were filled in beside a gap are small parts of a count apart there."""
+    t, count = 2e-3 * np.arange(6000), 2.0 * np.pi / 131072
+    q = np.stack([0.4 * np.sin(1.3 * t + phase) for phase in range(4)], axis=1)
+    q[:200] = q[200] + 40.0 * count * ((t[:200] - t[200]) / 0.4)[:, None]
+    q = count * np.round(q / count)
+    for joint, rows in enumerate(((31, 62, 83), (22, 51, 74), (43, 92, 113), (54, 75, 106))):
+        q[rows, joint] += np.array((1e-6, -2e-6, 1e-6)) * count
+    tau = np.cos(7.0 * t)[:, None] + np.random.default_rng(3).normal(size=q.shape)
+    log = Log('creeping', REFERENCE.joint_names, 1, 2e-3, t, q, tau,
+              (slice(0, 200), slice(200, len(t))), None, None)
+    assert held_stretches(log) == []
+    q[100:120] = q[100]
+    q[120:200] += 30.0 * count
+    held, = held_stretches(replace(log, q=q))
+    assert (held.end, held.joints) == (120, (0, 1, 2, 3))
+
+
 def test_a_reading_with_a_fixed_number_of_digits_is_not_frozen_where_it_turns_round():
     """Of 100 degrees five digits leave steps of 0.01 degrees, of small angles finer ones."""
     t = 2e-4 * np.arange(20000)

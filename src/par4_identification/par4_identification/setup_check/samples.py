@@ -106,11 +106,13 @@ def held_stretches(log: Log) -> list[Held]:
     Torques that stand at their end are clipped, not held.
     """
     found, flat = [], flat_tops(log)
+    finest = [resolution(own) for own in log.q.T]  # a short segment at rest does not tell it
     for segment in log.segments:
         q, tau = log.q[segment], log.tau[segment]
         if len(q) < 4 * AROUND:
             continue
-        frozen = [_frozen_runs(q, joint, log.period) for joint in range(q.shape[1])]
+        frozen = [_frozen_runs(q, joint, finest[joint], log.period)
+                  for joint in range(q.shape[1])]
         stands = (np.diff(tau, axis=0) == 0.0).all(axis=1)
         still = np.diff(q, axis=0) == 0.0
         together: dict[int, list[tuple[int, int, bool]]] = {}  # what goes on at the same row
@@ -226,12 +228,19 @@ def _distinct(found: list[Held]) -> list[Held]:
     return sorted(kept, key=lambda held: held.start)
 
 
-def _frozen_runs(q: np.ndarray, joint: int, period: float) -> list[tuple[int, int, bool]]:
+def _frozen_runs(q: np.ndarray, joint: int, finest: float, period: float
+                 ) -> list[tuple[int, int, bool]]:
     """Return the runs over which a joint's reading repeats though the joint must move.
 
     With each goes whether its end is so sudden that the joint cannot have moved so far meanwhile.
+
+    Args:
+        q: readings of a segment, (n, J).
+        joint: whose runs.
+        finest: smallest usual step of its readings in the whole log.
+        period: between samples, s.
     """
-    own, finest = q[:, joint], resolution(q[:, joint])
+    own = q[:, joint]
     least = SLIGHT * float(np.quantile(np.abs(np.diff(own)), 0.95))
     found = []
     for start, last in stretches(np.diff(own) == 0.0):
