@@ -67,6 +67,27 @@ def test_a_name_with_values_below_zero_on_every_joint_falls(monkeypatch):
     assert len(settle(search, (item,), FLOOR).causes) == 1
 
 
+@pytest.mark.parametrize(('margin', 'wide', 'holds'), [
+    (-1.0, 3.0, False), (1.0, 3.0, True), (-1.0, 0.9, True)])
+def test_a_name_told_as_nothing_falls_where_its_twin_explains_as_much(
+        margin, wide, holds, monkeypatch):
+    """On which joints it acts, and what else does, may leave nothing of its size."""
+    search = search_of(('torque_offset', {'offset': (0.1, 0.0, 0.0, 0.0)}),
+                       library=('torque_offset',))
+    twin = 'external_force'
+    monkeypatch.setattr(settled, 'judge', lambda *of: replace(
+        judge(*of), margin=margin, rival=twin, twins=(twin,)))
+
+    def widely(_, own, *__):
+        offset = own.parameters['offset']
+        return replace(own, parameters={'offset': offset.model_copy(
+            update={'std': [wide * abs(value) for value in offset.value]})})
+
+    monkeypatch.setattr(settled, 'widened', widely)
+    told = settle(search, search.run(), FLOOR).causes
+    assert [own.effect.name for own in told] == (['torque_offset'] if holds else [])
+
+
 def offset_beside_friction():
     """Return a search that found an offset beside friction that has no name, and what it found."""
     search = search_of(('torque_offset', {'offset': (0.1, 0.0, 0.0, 0.0)}),
