@@ -67,11 +67,11 @@ def test_every_part_exists_and_takes_its_parameters(name):
 @pytest.mark.parametrize('controller', POSITION_LAWS)
 def test_a_controller_is_told_what_it_needs(controller):
     parts = {part.executable: part.parameters
-             for part in session_of('cell', controller=controller, model='mine').nodes}
+             for part in session_of('cell', controller=controller, model='table1_full').nodes}
     drives = SimulationParameters(**{key: value
                                      for key, value in parts['par4_simulation'].items()
                                      if key in ('controller', 'controller_model')})
-    assert (drives.law, drives.controller_model) == (controller, 'mine')
+    assert (drives.law, drives.controller_model) == (controller, 'table1_full')
     looks_ahead = parts['par4_feedforward']['torque_factor'] > 1.0
     assert looks_ahead == (controller == 'predictive')
 
@@ -146,7 +146,12 @@ def test_arguments_that_make_no_sense_are_refused(given, said):
     ('identification', {'output': 'a\0b'}, 'written there .* give another folder as the argument'),
     ('cell', {'namespace': '1abc'}, "argument namespace: '1abc' is no name of ROS; give parts of"),
     ('cell', {'namespace': 'a/b c'}, "argument namespace: 'a/b c' is no name of ROS"),
-    ('cell', {'clock': '5x'}, "argument clock: '5x' is no name of ROS")])
+    ('cell', {'clock': '5x'}, "argument clock: '5x' is no name of ROS"),
+    ('cell', {'motion': 'nope'}, 'motion nope: no such file, and not a name .adept, excit'),
+    ('cell', {'robot_file': 'nope'}, 'robot_file: nope: no such file, and not a built-in name'),
+    ('simulation', {'machine': 'nope'}, 'machine: nope: no such file, and not a built-in name'),
+    ('recording', {'model': '/'}, 'argument model: /: is a folder, and not a built-in name .table1')
+])
 def test_what_cannot_be_is_refused_before_a_node_starts(name, given, said):
     with pytest.raises(InputError, match=said):
         COMPOSITIONS[name].session(given)

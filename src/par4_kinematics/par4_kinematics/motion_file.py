@@ -343,13 +343,22 @@ def named_motion(name_or_path: str | Path, robot: Robot, duration: float | None 
         often = {} if duration is None else {
             REPEATED[name]: repeats_within(name, robot, duration, period)}
         motion = RECIPES[name](robot, period=period, **often)
-    elif Path(name).is_file():
-        motion = read_motion(name, robot)
     else:
-        raise InputError(f'motion {name}: {instead_of_file(name)}, and not a name ('
-                         f'{", ".join(NAMED_MOTIONS)}); give one of these or the path of a file')
+        refuse_no_motion(name)
+        motion = read_motion(name, robot)
     check_limits(motion, robot)
     return motion
+
+
+def refuse_no_motion(name_or_path: str) -> None:
+    """Refuse what is neither one of `NAMED_MOTIONS` nor a file.
+
+    Raises:
+        InputError: says so, and what may be given.
+    """
+    if name_or_path not in NAMED_MOTIONS and not Path(name_or_path).is_file():
+        raise InputError(f'motion {name_or_path}: {instead_of_file(name_or_path)}, and not a name ('
+                         f'{", ".join(NAMED_MOTIONS)}); give one of these or the path of a file')
 
 
 def repeats_within(name: str, robot: Robot, duration: float, period: float = 1e-3) -> int:

@@ -29,12 +29,21 @@ _NAME = re.compile(r'[A-Za-z_]\w*(/[A-Za-z_]\w*)*', re.ASCII)
 
 @dataclass(frozen=True)
 class Argument:
-    """An argument of a composition; its default has its type."""
+    """An argument of a composition; its default has its type.
+
+    Attributes:
+        name: of the argument.
+        default: value that it has if it is not given.
+        description: what it means.
+        choices: texts that may be given; any if there are none.
+        refuse: raises an InputError for a text that names no file; None where it names none.
+    """
 
     name: str
     default: Value
     description: str
     choices: tuple[str, ...] = ()
+    refuse: Callable[[str], object] | None = None
 
     @property
     def written(self) -> str:
@@ -50,8 +59,8 @@ class Argument:
         """Return what a text means.
 
         Raises:
-            InputError: it is empty where the default is not, not among the choices, or not a number
-                where one is expected.
+            InputError: it is empty where the default is not, not among the choices, no file where
+                one is named, or not a number where one is expected.
         """
         if not text and self.written:
             raise InputError(f'argument {self.name}: found an empty text; leave it out for '
@@ -61,6 +70,11 @@ class Argument:
                              f'{", ".join(self.allowed)}')
         if isinstance(self.default, bool):
             return text == 'true'
+        if self.refuse is not None and text:
+            try:
+                self.refuse(at_home(text))
+            except InputError as error:
+                raise InputError(f'argument {self.name}: {error}') from None
         try:
             return type(self.default)(at_home(text))
         except ValueError:
@@ -106,14 +120,33 @@ class Session:
     remappings: tuple[tuple[str, str], ...] = ()
 
 
+def _robot_file(text: str) -> None:
+    from par4_kinematics.files import resolve_builtin  # slow to load, and often not needed
+
+    resolve_builtin(text, 'par4_kinematics')
+
+
+def _model_file(text: str) -> None:
+    from par4_kinematics.files import resolve_builtin
+
+    resolve_builtin(text, 'par4_dynamics')
+
+
+def _motion(text: str) -> None:
+    from par4_kinematics.motion_file import refuse_no_motion
+
+    refuse_no_motion(text)
+
+
 ROBOT = (
-    Argument('robot_file', 'reference', 'robot.yaml or built-in name'),
+    Argument('robot_file', 'reference', 'robot.yaml or built-in name', refuse=_robot_file),
     Argument('namespace', '', 'of all nodes and topics; without one they have none'),
 )
 SIMULATED = (
     Argument('clock', '', f'topic of the simulated time; without one {CLOCK}, in a namespace '
                           f'NAMESPACE{CLOCK}'),
-    Argument('machine', 'table1_full', 'model.yaml of the machine as it truly is'),
+    Argument('machine', 'table1_full', 'model.yaml of the machine as it truly is',
+             refuse=_model_file),
     Argument('fidelity', 'fast', 'how exactly the mechanism is simulated', FIDELITIES),
     Argument('controller', POSITION_LAWS[0], 'of the simulated drives', POSITION_LAWS),
     Argument('noise', 0.0, 'of the recorded torque, N m rms'),
@@ -122,16 +155,16 @@ SIMULATED = (
 )
 FED_FORWARD = (
     Argument('model', 'table1', 'model.yaml of the feedforward, and of a controller that needs '
-                                'one'),
+                                'one', refuse=_model_file),
 )
 OPTIONAL = (
     Argument('motion', '', 'adept, excitation, circle or a motion.yaml; without one none is '
-                           'played'),
+                           'played', refuse=_motion),
     Argument('duration', 0.0, 's of a named motion; 0 = its own'),
     Argument('record', '', 'bag to write; without one nothing is recorded'),
 )
 PLAYED = (
-    Argument('motion', 'excitation', 'adept, excitation, circle or a motion.yaml'),
+    Argument('motion', 'excitation', 'adept, excitation, circle or a motion.yaml', refuse=_motion),
     Argument('duration', 0.0, 's of a named motion; 0 = its own'),
     Argument('record', 'recording', 'bag to write'),
 )
