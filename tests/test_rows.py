@@ -21,7 +21,11 @@ from par4_identification.diagnosis.evidence.side_by_side import side_by_side, th
 from par4_identification.diagnosis.evidence.whitener import Whitener, whitener_of_residuals
 from par4_identification.diagnosis.search.orders import Lines, _Orders, best_orders
 from par4_identification.diagnosis.search.rules import Rules
-from par4_identification.diagnosis.verdict.floor import encoder_noise, noise_floor
+from par4_identification.diagnosis.verdict.floor import (
+    encoder_noise,
+    noise_floor,
+    rounding_noise,
+)
 from par4_identification.logs.log import Log
 from par4_identification.signals.conditioning import Conditioning
 from par4_identification.signals.noise import ArNoise
@@ -300,6 +304,35 @@ def test_a_soft_transmission_is_no_reason_for_a_large_error():
     soft = model_with(MODEL, 'elastic_transmission', stiffness=3e3)
     np.testing.assert_array_equal(noise_floor(runs, soft), noise_floor(runs, MODEL))
     assert np.all(encoder_noise(runs, soft) > 2.0 * encoder_noise(runs, MODEL))
+
+
+@pytest.mark.parametrize(('step', 'noise'), [(0.8, 0.02), (0.8, 0.1), (0.3, 0.05), (0.3, 0.5)])
+def test_the_noise_floor_of_a_torque_in_coarse_steps_is_what_rows_have_of_it(step, noise):
+    """Rounding of a torque that changes slowly is no white noise; under much noise it is.
+
+    Between the two the noise is told too small, and with it what the steps make too large.
+    """
+    motion = excitation('reference', 12.0, 906)
+    true = MODEL.torque(state_of_motion(REFERENCE, motion))
+    log = log_of(REFERENCE, motion.t, motion.q, true, 5, noise=noise)
+    run, = runs_of_log(replace(log, tau=step * np.round(log.tau / step)), REFERENCE)
+    plain, = runs_of_log(replace(log, tau=true), REFERENCE)
+    np.testing.assert_allclose(run.torque_step, step, rtol=1e-6)
+    left = np.sqrt(np.mean((run.tau - plain.tau)[run.valid.all(axis=1)] ** 2, axis=0))
+    told = np.hypot(run.noise_floor, rounding_noise([run], MODEL))
+    assert np.all(told > 0.85 * left)
+    assert np.all(told < 1.4 * left)
+    assert np.all(noise_floor([run], MODEL) >= told)
+
+
+@pytest.mark.parametrize('noise', [0.0, 0.05])
+def test_a_torque_without_steps_has_no_noise_of_rounding(noise):
+    motion = excitation('reference', 6.0, 907)
+    log = log_of(REFERENCE, motion.t, motion.q, MODEL.torque(state_of_motion(REFERENCE, motion)), 5,
+                 noise=noise)
+    runs = runs_of_log(log, REFERENCE)
+    assert not runs[0].torque_step.any()
+    assert not rounding_noise(runs, MODEL).any()
 
 
 def slide_of(friction):

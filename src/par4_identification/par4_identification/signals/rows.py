@@ -17,6 +17,7 @@ import numpy as np
 import scipy
 
 from par4_dynamics.state import State, state_of_joints
+from par4_identification.logs.jumps import count_of
 from par4_identification.logs.log import Log
 from par4_identification.logs.masks import near
 from par4_identification.logs.stamps import SHORTEST_PERIOD
@@ -47,7 +48,8 @@ BAND_ORDER = 8
 FINE_HZ = 1000.0
 """Rate of the samples of an axis from which columns are computed, at the least."""
 
-
+WHOLE = 0.01
+"""Part of a step by which readings of torques may miss a multiple of it."""
 AT_FIRST = 0.05
 """s in which a log that begins at rest stays there."""
 
@@ -77,6 +79,7 @@ class Run:
             beside their stamps would cause, (m, J), N m; zero of plateaus.
         turning_error: the same of times of turning that are wrong by `TURNED_WITHIN`, over the
             Coulomb friction of the joint, (m, J).
+        torque_step: of which all torque readings are multiples, (J,) N m; zero where there is none.
         apart: what base parameters (J,) this log has beyond others, by name. Its torque is taken
             out of `tau`; joints carry its bodies all the same.
     """
@@ -100,6 +103,7 @@ class Run:
     position_noise: np.ndarray = field(default_factory=lambda: np.zeros(1))
     timing_error: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
     turning_error: np.ndarray = field(default_factory=lambda: np.zeros((1, 1)))
+    torque_step: np.ndarray = field(default_factory=lambda: np.zeros(1))
     apart: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def rows(self, columns: np.ndarray) -> np.ndarray:
@@ -362,9 +366,17 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
         _first=first, _every=every, period=sampled, smoother=smoother,
         likely=low_pass(smoother.likely(log.q[segment]), conditioning.position_cutoff_hz, period),
         coarse=coarse, counts=counts, position_noise=noise,
+        torque_step=_torque_step(log.tau[segment]),
         timing_error=timing_error(log.tau[segment], conditioning, period, round(
             sampled / period))[window],
         turning_error=turning_error(qd, conditioning, period)[window])
+
+
+def _torque_step(torque: np.ndarray) -> np.ndarray:
+    """Return the step (J,), N m, of which all readings (n, J) are multiples, zero without one."""
+    steps = np.abs(np.diff(torque, axis=0))
+    return np.array([count_of(own[own > 0.0], WHOLE) if np.any(own > 0.0) else 0.0
+                     for own in steps.T])
 
 
 def _noise_edges(conditioning: Conditioning, period: float, machine: Robot | Axis) -> np.ndarray:

@@ -92,7 +92,33 @@ def noise_floor(runs: Sequence[Run], model: Model) -> np.ndarray:
     simple = replace(model, effects=tuple(
         active for active in model.effects if not active.effect.needs_nominal))
     return np.sqrt(torque_noise(runs) ** 2 + encoder_noise(runs, simple) ** 2
-                   + _by_times_of_readings(runs) ** 2)
+                   + _by_times_of_readings(runs) ** 2 + rounding_noise(runs, simple) ** 2)
+
+
+def rounding_noise(runs: Sequence[Run], model: Model) -> np.ndarray:
+    """Return the deviation (J,), N m, of rows by rounded torques, beyond white noise as large.
+
+    Where torque changes slowly its readings stay near one end of a step for long, which the
+    low-pass lets through. The torque of the model is rounded as the readings are, with noise as
+    large as theirs.
+    """
+    joints = runs[0].tau.shape[1]
+    random = np.random.default_rng(0)
+    squares, rows = np.zeros(joints), np.zeros(joints)
+    for run in runs:
+        if not run.torque_step.any():
+            continue
+        torque = model.torque(run.state.part(slice(0, LONGEST)))
+        white = random.standard_normal(torque.shape)
+        passes = np.mean(run.rows(white) ** 2, axis=0)
+        rounded = run.torque_step ** 2 / 12.0
+        told = torque + white * np.sqrt(np.maximum(run.noise_floor ** 2 / passes - rounded, 0.0))
+        step = np.maximum(run.torque_step, 1e-30)
+        change = run.rows(np.where(rounded > 0.0, step * np.round(told / step) - told, 0.0))
+        valid = run.valid[:len(change)]
+        squares += np.sum(np.where(valid, change ** 2 - passes * rounded, 0.0), axis=0)
+        rows += valid.sum(axis=0)
+    return np.sqrt(np.maximum(squares, 0.0) / np.maximum(rows, 1))
 
 
 def _by_times_of_readings(runs: Sequence[Run]) -> np.ndarray:
