@@ -102,6 +102,34 @@ def readings_of(between):
             for read in item.explanation.read}
 
 
+def with_offset(machine, offset):
+    return HIDERS['torque_offset'].build(machine, {'offset': np.array((0.0, offset, 0.0, 0.0))})
+
+
+@pytest.mark.parametrize('of_all', [0.0, 0.4])
+def test_an_offset_of_one_recording_is_no_weight_of_an_arm(cogging, of_all):
+    """What all have is still a cause."""
+    usual, drifted = (with_offset(cogging, of_all + more) for more in (0.0, -0.6))
+    logs = [recorded(usual, 'usual', 1), recorded(drifted, 'drifted', 2)]
+    kept = [recorded(usual, 'later', 3)]
+    found = differences_between_logs(diagnosed(logs, kept), KNOWN.robot, None)
+    assert readings_of(found) == {
+        ('drifted', Added(1, 'torque_offset')): pytest.approx(-0.6, abs=0.02)}
+    again = diagnosed(logs, kept, apart=found.apart)
+    assert again.verdict == 'explained'
+    told = {cause.effect.name: cause for cause in again.causes}
+    assert set(told) == {'cogging', *(['torque_offset'] if of_all else [])}
+    if of_all:
+        assert told['torque_offset'].parameters['offset'].value == (
+            pytest.approx(of_all, abs=0.02),)
+
+
+def test_no_load_carries_the_offset_of_a_recording():
+    run, = runs_of_log(recorded(KNOWN.machine, 'usual', 1), KNOWN.robot)
+    apart = replace(KNOWN.model, apart={'torque_offset': np.full(4, 0.6)})
+    np.testing.assert_array_equal(apart.body_torque(run.state), KNOWN.model.body_torque(run.state))
+
+
 def test_a_wrong_gain_of_all_recordings_scales_the_payload_of_one():
     """It was read as a gain and a friction of that joint that had changed, beside the payload."""
     machine = with_gain(KNOWN.machine, 3)

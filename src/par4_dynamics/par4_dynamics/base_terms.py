@@ -45,6 +45,8 @@ BASE_TERMS = (
     BaseTerm('viscous_friction', 'N m s/rad', 'f_v', False),
 )
 """In the order of (23)."""
+OFFSET = BaseTerm('torque_offset', 'N m', 'o', False, False)
+"""Constant torque of a joint: no base parameter, but recordings may differ by it."""
 INERTIA = 'actuator_inertia'
 """The base parameter that accelerations alone show."""
 PLATFORM_MASSES = ('platform_mass_1', 'platform_mass_2')

@@ -16,6 +16,7 @@ from par4_dynamics.base_terms import (
     BASE_TERMS,
     FRICTION,
     HANGING_TERMS,
+    OFFSET,
     PLATFORM_MASSES,
     BaseTerm,
     torque_of_values,
@@ -98,7 +99,8 @@ class Model:
 
     def body_torque(self, state: State) -> np.ndarray:
         """Return `rigid_torque` with the bodies that are effects or `apart`, (n, J) N m."""
-        apart = {name: value for name, value in self.apart.items() if name not in FRICTION}
+        apart = {name: value for name, value in self.apart.items()
+                 if name not in (*FRICTION, OFFSET.name)}
         return self.rigid_torque(state) + torque_of_values(state, apart) + sum(
             (active.torque(state) for active in self.effects if active.effect.is_body),
             np.zeros_like(state.q))

@@ -12,9 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from par4_dynamics.base_terms import BaseTerm
+from par4_dynamics.base_terms import OFFSET, BaseTerm
+from par4_dynamics.effects.coulomb_asymmetry import CoulombAsymmetry
 from par4_dynamics.effects.distributed_rods import DistributedRods
 from par4_dynamics.effects.effect import beyond
+from par4_dynamics.effects.torque_offset import TorqueOffset
 from par4_dynamics.model import build_model, torque_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.changes.changes import explained_change, gains_of, rows_beside
@@ -119,6 +121,10 @@ def differences_between_logs(diagnosis: Diagnosis, machine: Robot | Axis,
         return None
     causes = _with_rods((alike or diagnosis).hypotheses, machine, baseline)
     whole = _all_rows(diagnosis, machine, baseline)
+    if isinstance(machine, Robot):
+        whole = _with_offsets(whole)
+        causes = tuple(item for item in causes  # which would say the same
+                       if not isinstance(item.effect, TorqueOffset | CoulombAsymmetry))
     if alike is not None and before is not None:
         whole = _with_nominal(whole, alike, before, machine)
     names = [run.name for run in whole.runs]
@@ -211,6 +217,16 @@ def _with_nominal(rows: Observations, alike: Diagnosis, before: LogDifferences,
     runs = tuple(replace(run, apart=before.apart.get(run.name, {})) for run in rows.runs)
     return with_nominal(replace(rows, runs=runs),
                         torque_model(machine, alike.extended_model, alike.effects))
+
+
+def _with_offsets(rows: Observations) -> Observations:
+    """Return rows of a Par4 with a constant torque of every joint among the base parameters.
+
+    An amplifier may have another one in one log. The weight of an arm would take its place.
+    """
+    return replace(rows, terms=(*rows.terms, OFFSET), base=tuple(
+        np.concatenate([base, np.ones((*base.shape[:2], 1))], axis=2) for base in rows.base),
+        _kept={})
 
 
 def _of_runs(rows: Observations, chosen: Sequence[bool]) -> Observations:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from par4_dynamics.base_terms import INERTIA, base_columns, base_terms
+from par4_dynamics.base_terms import INERTIA, OFFSET, base_columns, base_terms
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
@@ -240,6 +240,7 @@ def _alike(run: Run, beyond: Mapping[str, np.ndarray]) -> Run:
     values = np.stack([beyond.get(term.name, np.zeros(run.tau.shape[1]))
                        for term in base_terms(run.state)], axis=1)
     torque = np.einsum('njp,jp->nj', base_columns(run.state), values)
+    torque = torque + beyond.get(OFFSET.name, 0.0)
     measured = run.state.measured
     return replace(run, tau=run.tau - run.rows(torque), apart=beyond, state=replace(
         run.state, measured=None if measured is None else measured - torque))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from par4_dynamics.base_terms import FRICTION, INERTIA, PLATFORM_MASSES, TERMS
+from par4_dynamics.base_terms import FRICTION, INERTIA, OFFSET, PLATFORM_MASSES, TERMS
 from par4_dynamics.effects.payload import Payload
 from par4_identification.changes.changes import Changes
 from par4_identification.changes.explanation import CHANCE, Read
@@ -69,8 +69,10 @@ def _phrase_of_added(reading: Added, amount: float, up: bool, where: str,
         half = PLATFORM_MASSES.index(reading.parameter) + 1
         less = '' if up else ' less'
         return f'a payload of {number(amount, 2)} kg{less} at half plate {half}'
-    unit = unit_on(machine, TERMS[reading.parameter].unit)
+    term = OFFSET if reading.parameter == OFFSET.name else TERMS[reading.parameter]
+    unit = unit_on(machine, term.unit)
     name = {INERTIA: 'inertia of the arm', 'arm_gravity': 'weight of the arm',
+            OFFSET.name: 'constant torque',
             'gravity_load': 'load'}.get(reading.parameter, in_words(reading.parameter))
     if reading.parameter in TURNING:
         part = 'sine' if reading.parameter == TURNING[0] else 'cosine'
