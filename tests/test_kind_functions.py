@@ -9,7 +9,13 @@ import numpy as np
 
 from par4_dynamics.effects.cogging import waves_of_orders
 from par4_dynamics.state import Nominal, State
-from par4_identification.diagnosis.evidence.kind_functions import Ranges, acceleration, creep, gain
+from par4_identification.diagnosis.evidence.kind_functions import (
+    Ranges,
+    acceleration,
+    creep,
+    drift,
+    gain,
+)
 
 T = np.arange(0.0, 6.0, 0.01)
 RANGES = Ranges(q=(np.array([-1.0]), np.array([1.0])), qd=np.array([1.0]), qdd=np.array([1.0]),
@@ -60,3 +66,16 @@ def test_an_inertia_of_a_slide_changes_with_its_place_whatever_the_unit_of_lengt
         found.append(acceleration(State(T, unit * q, unit * qd, unit * qdd, slides=True), ranges))
     np.testing.assert_allclose(found[1], found[0], atol=1e-12)
     assert np.ptp(found[0][:, 0, 2]) > 0.1
+
+
+def test_friction_that_changes_with_time_is_that_of_oil_that_warms_too():
+    """Its viscous part falls to half within seconds, its dry part by a tenth."""
+    qd = 0.7 * np.cos(1.7 * T)
+    run = State(T, 0.4 * np.sin(1.7 * T)[:, None], qd[:, None], qd[:, None])
+    warm = 1.0 - np.exp(-T / 2.5)
+    friction = 2.0 * (1.0 - 0.1 * warm) * np.sign(qd) + 2.4 * (1.0 - 0.5 * warm) * qd
+    known = np.column_stack((np.sign(qd), qd))  # of which base terms take what is constant
+    columns = np.column_stack((known, drift(run, RANGES)[:, 0]))
+    left = friction - columns @ np.linalg.lstsq(columns, friction, rcond=None)[0]
+    alone = friction - known @ np.linalg.lstsq(known, friction, rcond=None)[0]
+    assert np.std(left) < 0.1 * np.std(alone)

@@ -263,8 +263,10 @@ def coupling(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
 
 
 def drift(state: State, ranges: Ranges) -> np.ndarray:
-    """Return Coulomb friction that is a smooth function of the time."""
-    return time(state, ranges) * state.direction[..., None]
+    """Return Coulomb and viscous friction that are smooth functions of the time."""
+    over_time = time(state, ranges)
+    return np.concatenate([over_time * part[..., None] for part in (
+        state.direction, state.qd / ranges.qd)], axis=-1)
 
 
 Function = Callable[[State, Ranges], np.ndarray]
