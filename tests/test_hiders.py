@@ -92,6 +92,8 @@ ON_JOINTS = {
                       lambda c, _: 0.02 * np.sin(30.0 * c.q + 0.7) * c.total),
     'arm_mass_offset': ({'first_moment': on([1], 0.03)},
                         lambda c, v: GRAVITY * v['first_moment'] * np.sin(c.q)),
+    'arm_weight_difference': ({'first_moment': on([2], -0.03)},
+                              lambda c, v: -GRAVITY * v['first_moment'] * np.cos(c.q)),
     'joint_inertia_difference': ({'actuator_inertia': on([0, 1], (0.01, -0.005))},
                                  lambda c, v: v['actuator_inertia'] * c.qdd),
     'theta_inertia': ({'theta_inertia': 2e-3}, lambda c, _: c.state.torque_of_force(
@@ -207,7 +209,7 @@ def test_wrong_encoders_and_dimensions_move_the_true_machine(case):
 
 def test_every_hider_draws_usual_sizes_and_its_family_spans_them(case):
     random = np.random.default_rng(0)
-    assert len(HIDERS) == 30
+    assert len(HIDERS) == 31
     for name, hider in HIDERS.items():
         values = hider.draw(random, case.known, ALL)
         assert any(np.any(values.get(size, 0.0)) for size in hider.sizes), name

@@ -53,6 +53,7 @@ EXAMPLES = {
                                   'viscous': (-0.1, 0.2, 0.3, 0.1)},
     'joint_inertia_difference': {'inertia': (0.02, -0.01, 0.015, 0.01)},
     'arm_mass_offset': {'first_moment': (0.05, -0.03, 0.02, 0.04)},
+    'arm_weight_difference': {'first_moment': (0.05, -0.03, 0.02, 0.04)},
     'drive_gain_error': {'relative': (0.05, -0.03, 0.04, -0.02)},
     'torque_ripple': {'relative': (0.05, 0.03, 0.04, 0.02), 'periods': 16,
                       'phase': (0.0, 1.0, -2.0, 3.0)},

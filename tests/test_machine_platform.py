@@ -48,6 +48,14 @@ def up_in_tilted_base():
     return base_in_world.T @ (0.0, 0.0, 1.0)
 
 
+def heavier(mass):
+    """Return the energy of masses (4,), kg m, that hang on the lines of the arms."""
+    def energy(x):
+        return weight_energy(x) - GRAVITY * float(
+            np.sum(mass * np.sin(inverse_kinematics(GEOMETRY, x))))
+    return energy
+
+
 def lifted(mass):
     """Return the energy of masses (4,), kg m, that hang below their horizontal arms."""
     def energy(x):
@@ -74,6 +82,8 @@ ENERGIES = {
         lambda x: (weight_energy(x) - OFFSET @ np.cos(24.0 * joints(x) + PHASE) / 24.0
                    - 0.2 * np.sum(np.cos(7.0 * joints(x) + 0.3)) / 7.0)),
     'arm_mass_offset': ((entry('arm_mass_offset', first_moment=tuple(BESIDE)),), lifted(BESIDE)),
+    'arm_weight_difference': (
+        (entry('arm_weight_difference', first_moment=tuple(BESIDE)),), heavier(BESIDE)),
     'payload at D': ((entry('payload', mass=1.5, half=1),),
                      lambda x: weight_energy(x, mass_1=M_1 + 1.5)),
     'payload at the other half': ((entry('payload', mass=1.5, half=2),),

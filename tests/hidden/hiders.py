@@ -168,6 +168,21 @@ ARM_MASS_OFFSET = Hider(
     lambda _scene: [[Column({'first_moment': on(JOINTS, 0.03)})]], own_joints=True)
 
 
+def _heavier_arm(machine: Machine, values: Values) -> Machine:
+    """Hang a weight on the line to the elbow: it pulls most where the arm lies flat."""
+    added = tuple(Harmonic(joint, -9.81 * float(moment), 1.0, 0.5 * math.pi)
+                  for joint, moment in enumerate(values['first_moment']) if moment)
+    return replace(machine, harmonics=(*machine.harmonics, *added))
+
+
+ARM_WEIGHT_DIFFERENCE = Hider(
+    'arm_weight_difference', _heavier_arm,
+    lambda random, _known, joints: {'first_moment': on(
+        joints, signs(random, joints) * random.uniform(0.05, 0.5, len(joints)) / 9.81)},
+    ('first_moment',),
+    lambda _scene: [[Column({'first_moment': on(JOINTS, 0.03)})]], own_joints=True)
+
+
 # --- bodies, gravity, geometry, platform ------------------------------------------------------
 
 def _heavier(machine: Machine, values: Values) -> Machine:
@@ -357,5 +372,5 @@ HIDERS: dict[str, Hider] = {hider.name: hider for hider in (
     ARM_MASS_OFFSET, DISTRIBUTED_RODS, THETA_INERTIA, THETA_FRICTION, PASSIVE_JOINT_FRICTION,
     JOINT_INERTIA_DIFFERENCE, BASE_TILT, EXTERNAL_FORCE, CABLE_SPRING, PLATFORM_DRAG,
     ENCODER_OFFSET, ENCODER_ECCENTRICITY, GEOMETRY_ERROR,
-    LEG_LENGTH_ERROR)}
+    LEG_LENGTH_ERROR, ARM_WEIGHT_DIFFERENCE)}
 """All of the table but payload (two runs), torque_saturation and quantization (no torque)."""

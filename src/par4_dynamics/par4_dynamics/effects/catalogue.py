@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from par4_dynamics.effects.actuator_lag import ActuatorLag
 from par4_dynamics.effects.arm_mass_offset import ArmMassOffset
+from par4_dynamics.effects.arm_weight_difference import ArmWeightDifference
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.base_tilt import BaseTilt
 from par4_dynamics.effects.cable_spring import CableSpring
@@ -71,6 +72,7 @@ CATALOGUE: dict[str, Effect] = {
         JointFrictionDifference(),
         JointInertiaDifference(),
         ArmMassOffset(),
+        ArmWeightDifference(),
         DriveGainError(),
         TorqueRipple(),
         ActuatorLag(),

@@ -163,6 +163,10 @@ GUIDES = {
         'The centre of mass of an arm is beside the line from its axis to its end.',
         'Look for what is fixed to the arm: a sensor, a cable, a screw.',
         {'first_moment': (0.05, 0.0, 0.03, 0.0)}),
+    'arm_weight_difference': Guide(
+        'One arm is heavier or lighter than the others.',
+        'Look for what is fixed to the arm: a sensor, a cable, a clamp.',
+        {'first_moment': (0.05, 0.0, 0.0, -0.03)}),
     'drive_gain_error': Guide(
         'The amplifier delivers more or less torque a volt than the robot file says.',
         'Measure the gain: `par4_drive_gain` does so from pushes on a force sensor, '

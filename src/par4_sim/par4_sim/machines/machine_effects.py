@@ -245,6 +245,10 @@ def _theta_inertia(machine: Machine, active: ActiveEffect) -> Machine:
     return _with_bodies(machine, theta_inertia=_whole(active, 'inertia'))
 
 
+def _arm_weight_difference(machine: Machine, active: ActiveEffect) -> Machine:
+    return _with_bodies(machine, arm_gravity=GRAVITY * _acting(active, 'first_moment'))
+
+
 def _joint_inertia_difference(machine: Machine, active: ActiveEffect) -> Machine:
     return _with_bodies(machine, actuator_inertia=_acting(active, 'inertia'))
 
@@ -314,6 +318,7 @@ _OTHERS: dict[str, Callable[[Machine, ActiveEffect], Machine]] = {
     'cogging': _cogging,
     'torque_ripple': _torque_ripple,
     'arm_mass_offset': _arm_mass_offset,
+    'arm_weight_difference': _arm_weight_difference,
     'distributed_rods': _distributed_rods,
     'payload': _payload,
     'theta_inertia': _theta_inertia,
