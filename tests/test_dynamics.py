@@ -315,6 +315,22 @@ def test_forces_on_the_platform_do_the_work_of_the_joints():
                                state.xd @ force, atol=1e-9)
 
 
+def test_what_is_computed_of_a_motion_is_so_whatever_its_torque_and_not_of_a_motion_nearby():
+    state = moving_state(REFERENCE)
+    larger = REFERENCE.geometry.with_errors(arm_length=1e-4)
+    jacobian_there, turns = state.jacobian, state.turns
+    told = state.with_nominal(read_model('table1', REFERENCE).nominal(state))
+    assert told.jacobian is jacobian_there
+    assert told.turns is turns
+    assert state.nominal is None
+    assert told.known.torque.shape == state.q.shape
+    for near in (told.nearby(REFERENCE.geometry, state.q + 1e-3, state.qd, state.qdd),
+                 told.nearby(larger, state.q, state.qd, state.qdd),
+                 told.nearby(REFERENCE.geometry, state.q, state.qd + 1.0, state.qdd)):
+        theta = near.x[:, 3]
+        np.testing.assert_array_equal(near.turns, np.column_stack((np.cos(theta), np.sin(theta))))
+
+
 def test_state_of_joints_and_of_platform_agree():
     state = moving_state(UNEVEN)
     again = state_of_joints(UNEVEN.geometry, state.t, state.q, state.qd, state.qdd)

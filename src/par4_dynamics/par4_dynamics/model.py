@@ -131,7 +131,7 @@ class Model:
         nominal = Nominal(torque_of_values(state, self._linear), self.body_torque(state),
                           self.values, self.body_torque,
                           (bound or self).angle_torque, added)
-        read = replace(state, nominal=nominal)
+        read = state.with_nominal(nominal)
         try:
             halfway = self._half_the_way(read)
             true = self._half_the_way(halfway)
@@ -221,7 +221,7 @@ class Model:
 
     def _with_effects(self, state: State, torque: np.ndarray) -> np.ndarray:
         if any(active.effect.needs_nominal for active in self.effects):
-            state = replace(state, nominal=self.nominal(state))
+            state = state.with_nominal(self.nominal(state))
         for active in self.effects:
             torque = torque + active.torque(state)
         return torque

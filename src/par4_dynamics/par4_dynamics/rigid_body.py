@@ -26,7 +26,7 @@ from par4_kinematics.arrays import four, put_four, two
 from par4_kinematics.geometry import ARM, HOME, LEGS
 from par4_kinematics.leg import joint_lever, tangent
 from par4_kinematics.linear_solve import dot
-from par4_kinematics.position import forward_sample, turns_of
+from par4_kinematics.position import forward_sample
 
 COLUMNS = ('actuator_inertia', 'platform_mass_1', 'platform_mass_2', 'arm_gravity',
            'coulomb_friction', 'viscous_friction', 'rod_mass', 'bar_mass', 'theta_inertia')
@@ -205,7 +205,7 @@ def rigid_body_torque(state: State, table: np.ndarray) -> np.ndarray:
     """Return the torque (n, 4), N m, that the parameters make; table of `value_table`."""
     x, xd, xdd, qd, qdd = _motion(state)
     torque = np.empty_like(x)
-    _torque_rows(state.platform.geometry.packed, table, x, xd, xdd, turns_of(x), qd, qdd,
+    _torque_rows(state.platform.geometry.packed, table, x, xd, xdd, state.turns, qd, qdd,
                  state.period, state.bends, torque)
     return torque
 
@@ -217,7 +217,7 @@ def rigid_body_columns(state: State, count: int = len(COLUMNS)) -> np.ndarray:
     """
     x, xd, xdd, qd, qdd = _motion(state)
     columns = np.empty((len(x), LEGS, count))
-    _column_rows(state.platform.geometry.packed, x, xd, xdd, turns_of(x), qd, qdd, state.period,
+    _column_rows(state.platform.geometry.packed, x, xd, xdd, state.turns, qd, qdd, state.period,
                  state.bends, columns)
     return columns
 

@@ -19,12 +19,14 @@ from par4_kinematics.acceleration import (
 )
 from par4_kinematics.arrays import as_matching_rows
 from par4_kinematics.geometry import Geometry
-from par4_kinematics.position import inverse_kinematics
+from par4_kinematics.position import inverse_kinematics, turns_of
 from par4_kinematics.robot import Hanging
-from par4_kinematics.velocity import jacobian
+from par4_kinematics.velocity import carried_by, jacobian, moved_by
 
 GRAVITY = 9.81
 """m/s2, along -z of `base`."""
+OF_MOTION = ('direction', 'phasor', 'turns', 'jacobian')
+"""What is computed of a motion when it is first asked for, whatever its nominal torque."""
 SMALL_ANGLE = 1e-5
 """rad: step of a central difference; small against any pose, large against the rounding of (20)."""
 
@@ -173,6 +175,11 @@ class State:
         return np.exp(1j * self.q, order='C')
 
     @cached_property
+    def turns(self) -> np.ndarray:
+        """cos theta and sin theta of the platform, (n, 2)."""
+        return turns_of(self.platform.x)
+
+    @cached_property
     def jacobian(self) -> np.ndarray:
         """J_1 of (2), (n, 4, 4)."""
         return jacobian(self.platform.geometry, self.platform.x)
@@ -222,14 +229,23 @@ class State:
         both sides does not see.
         """
         platform = self.platform
-        x = platform.x
+        x, turns = platform.x, self.turns
         if q is not self.q or geometry is not platform.geometry:
             shift = q - (self.q if geometry is platform.geometry
-                         else inverse_kinematics(geometry, x))
-            x = x + np.einsum('nij,nj->ni', self.jacobian, shift)
-        moved = platform_motion_at(geometry, x, qd, qdd)
-        return State(self.t, q, qd, qdd, geometry, x, moved.xd, moved.xdd, period=self.period,
-                     bend=self.bend)
+                         else inverse_kinematics(geometry, x, turns))
+            x = x + moved_by(self.jacobian, shift)
+            turns = turns_of(x)
+        moved = platform_motion_at(geometry, x, qd, qdd, turns)
+        nearby = State(self.t, q, qd, qdd, geometry, x, moved.xd, moved.xdd, period=self.period,
+                       bend=self.bend)
+        vars(nearby)['turns'] = turns
+        return nearby
+
+    def with_nominal(self, nominal: Nominal) -> State:
+        """Return the same motion with a nominal torque; what is known of the motion stays known."""
+        state = replace(self, nominal=nominal)
+        vars(state).update((name, vars(self)[name]) for name in OF_MOTION if name in vars(self))
+        return state
 
     def moved(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray,
               geometry: Geometry | None = None) -> State:
@@ -258,7 +274,7 @@ class State:
             force: (n, 4) or (4,): force at D in `base`, N, and moment about theta, N m.
         """
         force = np.broadcast_to(np.asarray(force, dtype=float), self.platform.x.shape)
-        return np.einsum('nij,ni->nj', self.jacobian, force)
+        return carried_by(self.jacobian, force)
 
 
 def state_of_joints(geometry: Geometry | None, t: ArrayLike, q: ArrayLike, qd: ArrayLike,

@@ -190,11 +190,15 @@ def platform_motion(geometry: Geometry, q: ArrayLike, qd: ArrayLike, qdd: ArrayL
     return PlatformMotion(rows.x.reshape(shape), rows.xd.reshape(shape), rows.xdd.reshape(shape))
 
 
-def platform_motion_at(geometry: Geometry, x: np.ndarray, qd: np.ndarray, qdd: np.ndarray
-                       ) -> PlatformMotion:
-    """Return the platform motion at known poses x (n, 4) for joint rates (n, 4)."""
+def platform_motion_at(geometry: Geometry, x: np.ndarray, qd: np.ndarray, qdd: np.ndarray,
+                       turns: np.ndarray | None = None) -> PlatformMotion:
+    """Return the platform motion at known poses x (n, 4) for joint rates (n, 4).
+
+    `turns` is `turns_of(x)` where it is known.
+    """
     xd, xdd = np.empty_like(x), np.empty_like(x)
-    _platform_rate_rows(geometry.packed, x, turns_of(x), qd, qdd, xd, xdd)
+    _platform_rate_rows(geometry.packed, x, turns_of(x) if turns is None else turns, qd, qdd, xd,
+                        xdd)
     return PlatformMotion(x, xd, xdd)
 
 

@@ -151,8 +151,14 @@ def turns_of(x: np.ndarray) -> np.ndarray:
     return turns
 
 
-def inverse_kinematics(geometry: Geometry, x: ArrayLike) -> np.ndarray:
+def inverse_kinematics(geometry: Geometry, x: ArrayLike, turns: np.ndarray | None = None
+                       ) -> np.ndarray:
     """Return the joint positions q (..., 4), rad, of the poses x (..., 4), m and rad.
+
+    Args:
+        geometry: dimensions of the robot.
+        x: poses.
+        turns: `turns_of` the rows of x where it is known.
 
     Raises:
         UnreachableError: a pose that a leg cannot reach; names sample, pose and legs.
@@ -160,7 +166,8 @@ def inverse_kinematics(geometry: Geometry, x: ArrayLike) -> np.ndarray:
     """
     rows, leading = as_rows(x, 'pose x')
     cosines, sines = np.empty_like(rows), np.empty_like(rows)
-    _direction_rows(geometry.packed, rows, turns_of(rows), cosines, sines)
+    _direction_rows(geometry.packed, rows, turns_of(rows) if turns is None else turns, cosines,
+                    sines)
     q = np.arctan2(sines, cosines, out=cosines)
     lost = np.isnan(q)
     if lost.any():

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from par4_kinematics.arrays import as_matching_rows, as_rows
+from par4_kinematics.arrays import as_matching_rows, as_rows, four
 from par4_kinematics.geometry import ARM, LEGS, Geometry
 from par4_kinematics.leg import bar_lever, joint_lever, tangent
 from par4_kinematics.linear_solve import solve_in_place
@@ -104,6 +104,38 @@ def _jacobian_rate_rows(packed, x, xd, q, qd, point, rate):
             rate[row, i, i] += j_q_rate[i]
         matrix[:] = j_x
         solve_in_place(matrix, rate[row])
+
+
+@numba.njit(cache=True, error_model='numpy', nogil=True)
+def _moved_rows(jacobian, rate, moved):
+    for row in range(jacobian.shape[0]):
+        q_0, q_1, q_2, q_3 = four(rate, row)
+        for axis in range(4):  # added up as `einsum` does, two by two
+            moved[row, axis] = ((jacobian[row, axis, 0] * q_0 + jacobian[row, axis, 2] * q_2)
+                                + (jacobian[row, axis, 1] * q_1 + jacobian[row, axis, 3] * q_3))
+
+
+@numba.njit(cache=True, error_model='numpy', nogil=True)
+def _carried_rows(jacobian, force, carried):
+    for row in range(jacobian.shape[0]):
+        f_0, f_1, f_2, f_3 = four(force, row)
+        for joint in range(4):
+            carried[row, joint] = (jacobian[row, 0, joint] * f_0 + jacobian[row, 1, joint] * f_1
+                                   + jacobian[row, 2, joint] * f_2 + jacobian[row, 3, joint] * f_3)
+
+
+def moved_by(jacobian: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    """Return J qd (n, 4): the platform's rate by those of the joints (n, 4); J is (n, 4, 4)."""
+    moved = np.empty((len(jacobian), 4))
+    _moved_rows(np.ascontiguousarray(jacobian), np.ascontiguousarray(qd), moved)
+    return moved
+
+
+def carried_by(jacobian: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return J^T f (n, 4): the joint torques, N m, that carry forces f (n, 4) on the platform."""
+    carried = np.empty((len(jacobian), 4))
+    _carried_rows(np.ascontiguousarray(jacobian), np.array(force, order='C'), carried)
+    return carried
 
 
 def jacobian_parts(geometry: Geometry, x: ArrayLike, point: float = AT_D

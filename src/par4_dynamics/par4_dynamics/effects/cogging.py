@@ -81,7 +81,9 @@ def waves_of_orders(state: State, orders: Sequence[Sequence[int]], step: float =
 def _waves(state: State, periods: float) -> np.ndarray:
     """Return sine and cosine of so many times the joint positions, (n, J, 2)."""
     if periods < 0 or periods != int(periods):  # a model file may have any number
-        return np.stack((np.sin(periods * state.q), np.cos(periods * state.q)), axis=-1)
+        angle, waves = periods * state.q, np.empty((*state.q.shape, 2))
+        waves[..., 0], waves[..., 1] = np.sin(angle), np.cos(angle)
+        return waves
     return waves_of_orders(state, [(int(periods),)] * state.joints)
 
 

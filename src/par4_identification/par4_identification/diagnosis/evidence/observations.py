@@ -170,7 +170,7 @@ def with_nominal(observations: Observations, model: Model) -> Observations:
 
 def _with_nominal_torque(run: Run, model: Model, bound: Model | None = None) -> Run:
     own = replace(model, apart=dict(run.apart)) if run.apart else model
-    return replace(run, state=replace(run.state, nominal=own.nominal(run.state, bound)))
+    return replace(run, state=run.state.with_nominal(own.nominal(run.state, bound)))
 
 
 def remembered(observations: Observations, memory: float) -> Observations:
