@@ -832,9 +832,9 @@ def held_in_turn(speeds, each):
      {'gravity': 'vertical'})])
 def test_steady_speeds_do_not_hide_a_torque_that_follows_the_position(motor, speeds, facts):
     """Means over a speed would leave cogging out, and the weight of an arm."""
-    log = recorded(motor, held_in_turn(speeds, 4.0), 4.0 * len(speeds), 100.0, noise=5e-3)
+    log = recorded(motor, held_in_turn(speeds, 2.5), 2.5 * len(speeds), 100.0, noise=5e-3)
     smooth = replace(motor, lines={}, hanging=0.0)
-    flat = recorded(smooth, held_in_turn(speeds, 4.0), 4.0 * len(speeds), 100.0, noise=5e-3)
+    flat = recorded(smooth, held_in_turn(speeds, 2.5), 2.5 * len(speeds), 100.0, noise=5e-3)
     assert conditioning_for([flat], axis(), CONDITIONING).steady
     assert not conditioning_for([log], axis(), CONDITIONING).steady
     found = diagnosed([log], [], axis(**facts))

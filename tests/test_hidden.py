@@ -118,7 +118,7 @@ def test_a_scenario_is_what_its_seed_says():
 
 @pytest.mark.parametrize('lost', [OutOfReach('no pose'), UnreachableError('leg 0')])
 def test_another_machine_is_drawn_where_one_leaves_its_reach(lost, monkeypatch):
-    task, drawn = Task('pair', 11, 'cogging', True), list[Scenario]()
+    task, drawn = Task('clean', 11, None, True), list[Scenario]()
 
     def recorded(of, scenario, _started):
         drawn.append(scenario)
@@ -139,7 +139,7 @@ def test_draws_that_all_leave_their_reach_end(monkeypatch):
 
     monkeypatch.setattr(study, '_recorded', recorded)
     with pytest.raises(OutOfReach):
-        study.made(Task('pair', 11, 'cogging', True))
+        study.made(Task('clean', 11, None, True))
 
 
 def test_a_study_is_the_same_list_of_distinct_tasks():
