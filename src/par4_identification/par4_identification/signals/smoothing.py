@@ -16,8 +16,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
+import scipy
 
 from par4_identification.signals.position_noise import mean_spectrum
 
@@ -35,8 +35,6 @@ NEARLY_ALL = 0.98
 """The same where motors move with what encoders misread, and that swings."""
 RISE = 0.25
 """Share by which what is told rises again, beyond where the motion fades, that is no motion."""
-AT_ONCE = 512
-"""Values that are filtered together."""
 LEAST_CHANGE = 1e-6
 """Of a count, for a position to count as changed."""
 WHOLE, ALL = 0.1, 0.9
@@ -192,30 +190,5 @@ def _filtered(values: np.ndarray, taps: np.ndarray) -> np.ndarray:
     if reach == 0:
         return values
     wide = np.pad(values, ((reach, reach), (0, 0)), mode='reflect', reflect_type='odd')
-    filtered = np.empty_like(values)
-    _weigh(np.ascontiguousarray(wide.T), np.ascontiguousarray(taps.T), filtered)
-    return filtered
-
-
-@numba.njit(cache=True, error_model='numpy', nogil=True)
-def _weigh(lines, taps, filtered):
-    """Write sums of values weighted by symmetric taps (J, 2 k + 1), of lines (J, n + 2 k), (n, J).
-
-    Each takes its pairs of values in the same order, many at a time: so the compiler turns them
-    into vector instructions.
-    """
-    reach, sums = taps.shape[1] // 2, np.empty(AT_ONCE)
-    for joint in range(lines.shape[0]):
-        line, own = lines[joint], taps[joint]
-        for first in range(0, filtered.shape[0], AT_ONCE):
-            count = min(AT_ONCE, filtered.shape[0] - first)
-            middle = line[first + reach:first + reach + count]
-            for row in range(count):
-                sums[row] = middle[row] * own[reach]
-            for place in range(reach):
-                weight, last = own[2 * reach - place], first + 2 * reach - place
-                before, after = line[first + place:first + place + count], line[last:last + count]
-                for row in range(count):
-                    sums[row] += (before[row] + after[row]) * weight
-            for row in range(count):
-                filtered[first + row, joint] = sums[row]
+    return np.stack([scipy.ndimage.convolve1d(line, own)[reach:-reach]
+                     for line, own in zip(wide.T, taps.T)], axis=1)
