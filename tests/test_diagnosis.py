@@ -13,6 +13,7 @@ from hidden.machines import Known, known_machine
 from hidden.motions import draw_motion
 from hidden.recording import record
 from hidden.scenario import Task, draw_scenario, record_scenario
+from hidden.truth import build
 from measured import DWELL, excitation, log_of_machine, log_of_model
 from planned import evidence_of, log_of, state_of_motion
 from searches import MODEL, log_with
@@ -110,7 +111,15 @@ def answered(cogged_and_sticky):
 def pulled():
     """Return a robot and two logs: it moves so slowly beside a cable that its inertia is vague."""
     scenario = draw_scenario(Task('realistic', 8901401, None, True))
-    assert 'cable_spring' in dict(scenario.hidden)
+    hidden = (
+        ('joint_friction_difference', {'coulomb': np.array((0.47, 0.30, -0.48, 0.0)),
+                                       'viscous': np.array((-0.38, 0.31, -0.27, 0.0))}),
+        ('joint_inertia_difference', {'actuator_inertia': np.array((0.010, 0.010, 0.008, 0.0))}),
+        ('viscous_asymmetry', {'asymmetry': np.array((0.0, 0.0, 0.39, 0.0))}),
+        ('cable_spring', {'stiffness': np.array((0.0, 31.0, 0.0)),
+                          'anchor': np.array((0.0, -0.21, 0.0))}))
+    scenario = replace(scenario, hidden=hidden,
+                       machine=build(scenario.known.machine, hidden))
     return scenario.known.robot, [recording.log for recording in record_scenario(scenario)]
 
 
