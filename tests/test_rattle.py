@@ -92,6 +92,15 @@ def test_an_axis_whose_inertia_counts_as_zero_has_no_load_that_rattles(inertia):
     assert bool(gaps(observations, left)[0]) == (inertia > 0.0)
 
 
+def test_what_a_torque_leaves_that_jumps_at_an_unknown_time_is_no_bounce(loose):
+    observations, left = loose
+    unknown = replace(observations, runs=tuple(
+        replace(run, timing_error=2.0 * np.broadcast_to(run.noise_floor, run.tau.shape))
+        for run in observations.runs))
+    assert rattle([(observations, left)]) is not None
+    assert rattle([(unknown, left)]) is None
+
+
 def test_every_part_of_the_data_must_rattle(loose):
     observations, left = loose
     assert rattle([(observations, left)]) is not None

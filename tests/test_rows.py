@@ -28,9 +28,11 @@ from par4_identification.diagnosis.verdict.floor import (
 )
 from par4_identification.logs.log import Log
 from par4_identification.signals.conditioning import Conditioning
+from par4_identification.signals.filtering import low_pass
 from par4_identification.signals.noise import ArNoise
 from par4_identification.signals.rows import runs_of_log
 from par4_identification.signals.scales import conditioning_for
+from par4_identification.signals.timing import TICK, timing_error
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis
 from robots import REFERENCE, model_with
@@ -88,6 +90,24 @@ def test_rows_beside_a_jump_of_torque_know_what_the_times_of_readings_make(rate)
     ratio = run.timing_error[near] / made[near]
     assert 1.0 < np.sqrt(np.mean(ratio ** 2)) < 1.5
     assert not run_of(np.sin(t) + noise).timing_error.max() > 0.002
+
+
+def test_a_slow_log_does_not_tell_at_which_tick_a_torque_jumped():
+    """As with times of reading, its error is told up to sqrt(2) too large."""
+    random = np.random.default_rng(5)
+    conditioning, told, made = Conditioning(), [], []
+    for _ in range(40):
+        ticks = np.arange(4000) + random.integers(2)
+        steps = np.arange(300, 4000, 400) + random.integers(0, 50, 10)
+        torque = 15.0 * (np.searchsorted(steps, ticks, side='right') % 2)[:, None]
+        true = low_pass(torque, conditioning.torque_cutoff_hz, 1e-3)[::2]
+        made.append(low_pass(torque[::2], conditioning.torque_cutoff_hz, 2e-3) - true)
+        told.append(timing_error(torque[::2], conditioning, 2e-3, 1, TICK))
+        for period in (TICK, 5e-3):  # all ticks are told; a torque that goes on changes as much
+            np.testing.assert_array_equal(timing_error(torque, conditioning, period, 1, TICK),
+                                          timing_error(torque, conditioning, period, 1))
+    told, made = (np.sqrt(np.mean(np.square(part))) for part in (told, made))
+    assert 1.0 < told / made < 1.5
 
 
 def slow_log(*lengths):

@@ -33,7 +33,7 @@ from par4_identification.signals.filtering import (
 from par4_identification.signals.plateaus import plateaus_of
 from par4_identification.signals.position_noise import position_noise
 from par4_identification.signals.smoothing import UNCHANGED, Smoother, smoother_of, speed_noise
-from par4_identification.signals.timing import ROUNDED, timing_error, turning_error
+from par4_identification.signals.timing import ROUNDED, TICK, timing_error, turning_error
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Axis, Robot
 
@@ -76,7 +76,8 @@ class Run:
         position_noise: standard deviation of the white noise of the positions where counts are not
             known, (J,), rad; zero of plateaus.
         timing_error: standard deviation of the rows that instants of reading up to `READ_WITHIN`
-            beside their stamps would cause, (m, J), N m; zero of plateaus.
+            beside their stamps would cause, and of a Par4 ticks between samples, (m, J), N m; zero
+            of plateaus.
         turning_error: the same of times of turning that are wrong by `TURNED_WITHIN`, over the
             Coulomb friction of the joint, (m, J).
         torque_step: of which all torque readings are multiples, (J,) N m; zero where there is none.
@@ -368,7 +369,7 @@ def _run(log: Log, segment: slice, machine: Robot | Axis, conditioning: Conditio
         coarse=coarse, counts=counts, position_noise=noise,
         torque_step=_torque_step(log.tau[segment]),
         timing_error=timing_error(log.tau[segment], conditioning, period, round(
-            sampled / period))[window],
+            sampled / period), TICK if geometry is not None else np.inf)[window],
         turning_error=turning_error(qd, conditioning, period)[window])
 
 

@@ -11,6 +11,11 @@ from par4_identification.signals.filtering import fewest_samples, low_pass
 READ_WITHIN = 0.01
 """Time from the instants at which torque and positions are read to their stamps, over that between
 samples (standard deviation)."""
+TICK = 1e-3
+"""s after which the drives of a Par4 get a torque, at the latest: one that jumps does so at a tick,
+which a slower log does not tell from others between its samples."""
+LONGEST_TICKED = 2.5e-3
+"""s between samples up to which a jump stands out of a torque that goes on."""
 TURNED_WITHIN = 0.01
 """Error of the times at which joints turn back, over the period of the positions' cut-off. Friction
 changes an acceleration there, and the low-pass rounds it off."""
@@ -22,8 +27,8 @@ JUMP, LARGE = 5.0, 0.2
 and over the largest torque, from which it is a jump."""
 
 
-def timing_error(torque: np.ndarray, conditioning: Conditioning, period: float, parts: int
-                  ) -> np.ndarray:
+def timing_error(torque: np.ndarray, conditioning: Conditioning, period: float, parts: int,
+                 tick: float = np.inf) -> np.ndarray:
     """Return the standard deviation (n, J), N m, of filtered torque by the times of its readings.
 
     A torque that jumps between two samples is wrong by the jump until its reading comes. Over the
@@ -37,13 +42,16 @@ def timing_error(torque: np.ndarray, conditioning: Conditioning, period: float, 
         conditioning: filters.
         period: of the torque, s.
         parts: samples of `torque` that are one of the log.
+        tick: time from one command of a torque to the next, s, where that is known.
     """
     jump = np.zeros_like(torque)
     jump[parts:-parts] = torque[2 * parts:] - 2.0 * torque[parts:-parts] + torque[:-2 * parts]
     size = np.abs(jump)
     jump[size < np.maximum(JUMP * 1.4826 * np.median(size, axis=0),
                            LARGE * np.abs(torque).max(axis=0))] = 0.0
-    return READ_WITHIN * _filtered_size(np.sqrt(parts) * jump, conditioning, period)
+    ticks = max(period / tick, 1.0) if period <= LONGEST_TICKED else 1.0
+    within = np.hypot(READ_WITHIN, np.sqrt((ticks ** 2 - 1.0) / 12.0) / ticks)  # of as many
+    return within * _filtered_size(np.sqrt(parts) * jump, conditioning, period)
 
 
 def turning_error(qd: np.ndarray, conditioning: Conditioning, period: float) -> np.ndarray:
