@@ -171,9 +171,9 @@ def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...]
 
     How large a cause is depends on its law, on its joints and on what else acts, not whether it is
     one. But values that no machine can have say nothing if they may as well be zero, or if they lie
-    on the wrong side of it on every joint, whatever their deviations. Neither does a name where
-    something else explains rows held out as well, if it may be zero and that is no twin, or if it
-    is told as nothing, whatever that is.
+    on the wrong side of it on every joint, whatever their deviations. Neither does a name that may
+    be zero where something that is no twin explains rows held out as well, nor one that is told as
+    nothing where anything explains more of them than twins differ by.
     """
     for item, own in reversed(list(zip(named, values))):
         if own.plain.is_nothing or (own.by_any_law.may_be_zero and (
@@ -187,8 +187,9 @@ def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...]
             return search.with_nameless(others_of(model, item))
     for item, own in reversed(list(zip(named, values))):
         cause = own.beside_weak
-        if cause.margin <= 0.0 and (own.told.is_nothing or (
-                cause.rival not in cause.twins and cause.may_be_zero)):
+        outdone = own.told.is_nothing and -own.told.margin > search.rules.twin
+        if outdone or (cause.margin <= 0.0 and cause.rival not in cause.twins
+                       and cause.may_be_zero):
             search.journal.reject(item, f'all its values may be zero, and on rows held out '
                                   f'{cause.rival or "no cause at all"} explains as much')
             return search.with_nameless(others_of(model, item))
