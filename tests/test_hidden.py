@@ -62,7 +62,11 @@ def test_a_hidden_effect_is_named_and_sized(effect, seed, coloured, fidelity):
 
 
 def test_both_effects_of_a_pair_are_named():
-    scenario, diagnosis = diagnosed(Task('pair', 105005, 'drive_gain_error', True))
+    scenario = short_scenario(Task('pair', 105005, 'drive_gain_error', True))
+    fit, heldout = record_scenario(scenario)
+    truth = truth_of(scenario, fit)
+    assert all(truth.strength(name) > VISIBLE for name, _ in scenario.hidden)
+    diagnosis = diagnosis_of(scenario, fit, heldout)
     assert {cause.effect.name for cause in diagnosis.causes} == {
         name for name, _ in scenario.hidden}
 
