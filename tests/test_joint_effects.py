@@ -298,7 +298,7 @@ def test_an_estimate_is_out_of_bounds_by_more_than_chance_or_not_at_all():
     ('joint_friction_difference', {'viscous': (0, 0, -3.0, 0)}, 'viscous'),
     ('joint_inertia_difference', {'inertia': (0.01, 0.01, 0.01, -0.2)}, 'inertia'),
     ('arm_mass_offset', {'first_moment': 1.0}, 'beside the arm'),
-    ('arm_weight_difference', {'first_moment': (0.0, 0.0, -0.9, 0.0)}, 'weight of one arm differs'),
+    ('arm_weight_difference', {'first_moment': (0.0, 0.0, -0.9, 0.0)}, 'by which one arm differs'),
     ('drive_gain_error', {'relative': (0.01, -0.9, 0, 0)}, 'wrong unit'),
     ('drive_gain_error', {'relative': (0.01, 11.7, 0, 0)}, 'wrong unit'),
     ('torque_ripple', {'relative': 0.6}, 'ripple'),

@@ -153,34 +153,25 @@ TORQUE_OFFSET = Hider(
     lambda _scene: [[Column({'offset': on(JOINTS, 0.3)})]], own_joints=True)
 
 
-def _arm_weight(machine: Machine, values: Values) -> Machine:
-    """Put a weight off the line to the elbow: it is highest at q = 90 degrees."""
-    added = tuple(Harmonic(joint, 9.81 * float(moment), 1.0, 0.0)
-                  for joint, moment in enumerate(values['first_moment']) if moment)
-    return replace(machine, harmonics=(*machine.harmonics, *added))
+def _arm_hider(name: str, torque: float, phase: float) -> Hider:
+    """Return a hider of weights on arms: that of 1 kg m has torque sin(q + phase), N m."""
+    def weighed(machine: Machine, values: Values) -> Machine:
+        added = tuple(Harmonic(joint, torque * float(moment), 1.0, phase)
+                      for joint, moment in enumerate(values['first_moment']) if moment)
+        return replace(machine, harmonics=(*machine.harmonics, *added))
+
+    return Hider(
+        name, weighed,
+        lambda random, _known, joints: {'first_moment': on(
+            joints, signs(random, joints) * random.uniform(0.05, 0.5, len(joints)) / 9.81)},
+        ('first_moment',),
+        lambda _scene: [[Column({'first_moment': on(JOINTS, 0.03)})]], own_joints=True)
 
 
-ARM_MASS_OFFSET = Hider(
-    'arm_mass_offset', _arm_weight,
-    lambda random, _known, joints: {'first_moment': on(
-        joints, signs(random, joints) * random.uniform(0.05, 0.5, len(joints)) / 9.81)},
-    ('first_moment',),
-    lambda _scene: [[Column({'first_moment': on(JOINTS, 0.03)})]], own_joints=True)
-
-
-def _heavier_arm(machine: Machine, values: Values) -> Machine:
-    """Hang a weight on the line to the elbow: it pulls most where the arm lies flat."""
-    added = tuple(Harmonic(joint, -9.81 * float(moment), 1.0, 0.5 * math.pi)
-                  for joint, moment in enumerate(values['first_moment']) if moment)
-    return replace(machine, harmonics=(*machine.harmonics, *added))
-
-
-ARM_WEIGHT_DIFFERENCE = Hider(
-    'arm_weight_difference', _heavier_arm,
-    lambda random, _known, joints: {'first_moment': on(
-        joints, signs(random, joints) * random.uniform(0.05, 0.5, len(joints)) / 9.81)},
-    ('first_moment',),
-    lambda _scene: [[Column({'first_moment': on(JOINTS, 0.03)})]], own_joints=True)
+# off the line to the elbow a weight is highest at q = 90 degrees; on it, it pulls down most where
+# the arm lies flat
+ARM_MASS_OFFSET = _arm_hider('arm_mass_offset', 9.81, 0.0)
+ARM_WEIGHT_DIFFERENCE = _arm_hider('arm_weight_difference', -9.81, 0.5 * math.pi)
 
 
 # --- bodies, gravity, geometry, platform ------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from par4_dynamics.effects.arm_moment import unlike_an_arm
 from par4_dynamics.effects.effect import (
     Base,
     Effect,
@@ -11,7 +12,6 @@ from par4_dynamics.effects.effect import (
     Shape,
     Signature,
     Values,
-    beyond,
 )
 from par4_dynamics.state import GRAVITY, State
 
@@ -34,14 +34,7 @@ class ArmMassOffset(Effect):
         return (GRAVITY * np.sin(state.q))[..., None]
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
-        torque, spread = GRAVITY * values['first_moment'], GRAVITY * std['first_moment']
-        along = float(np.max(np.abs(base['arm_gravity'])))
-        largest = max(2.0 * along, 1.0)
-        worst = beyond(torque, spread, -largest, largest)
-        if worst is not None:
-            return (f'{abs(torque[worst]):.3g} N m of mass beside the arm is more than twice what '
-                    f'lies along it, {along:.3g} N m')
-        return None
+        return unlike_an_arm(values, std, base, 'mass beside the arm')
 
     def signature(self, state: State) -> Signature:
         return Signature(np.sin(state.q), 'sine of the joint position')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from par4_dynamics.effects.arm_moment import unlike_an_arm
 from par4_dynamics.effects.effect import (
     Base,
     Effect,
@@ -11,7 +12,6 @@ from par4_dynamics.effects.effect import (
     Shape,
     Signature,
     Values,
-    beyond,
 )
 from par4_dynamics.state import GRAVITY, State
 
@@ -34,14 +34,7 @@ class ArmWeightDifference(Effect):
         return (-GRAVITY * np.cos(state.q))[..., None]
 
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
-        torque, spread = GRAVITY * values['first_moment'], GRAVITY * std['first_moment']
-        whole = np.abs(base['arm_gravity'])
-        largest = np.maximum(2.0 * whole, 1.0)
-        worst = beyond(torque, spread, -largest, largest)
-        if worst is not None:
-            return (f'{abs(torque[worst]):.3g} N m by which the weight of one arm differs is more '
-                    f'than twice that of an arm, {whole[worst]:.3g} N m')
-        return None
+        return unlike_an_arm(values, std, base, 'weight by which one arm differs')
 
     def signature(self, state: State) -> Signature:
         return Signature(np.cos(state.q), 'cosine of the joint position')
