@@ -122,6 +122,9 @@ def test_an_offset_of_one_recording_is_no_weight_of_an_arm(cogging, of_all):
     if of_all:
         assert told['torque_offset'].parameters['offset'].value == (
             pytest.approx(of_all, abs=0.02),)
+        beside = differences_between_logs(diagnosed(logs, kept), KNOWN.robot, None, alike=again,
+                                          before=found)
+        assert beside.is_like(found)
 
 
 def test_no_load_carries_the_offset_of_a_recording():

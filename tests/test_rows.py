@@ -110,6 +110,18 @@ def test_a_slow_log_does_not_tell_at_which_tick_a_torque_jumped():
     assert 1.0 < told / made < 1.5
 
 
+@pytest.mark.parametrize(('machine', 'low', 'high'), [(REFERENCE, 22.0, 28.0), (MOTOR, 0.7, 1.4)])
+def test_the_ticks_of_a_drive_are_known_of_a_par4_alone(machine, low, high):
+    t = 2e-3 * np.arange(3000)
+    joints = len(machine.joint_names) if machine is REFERENCE else 1
+    q = np.repeat(0.3 + 0.3 * np.sin(1.7 * t)[:, None], joints, axis=1)
+    torque = np.repeat(15.0 * (np.arange(len(t)) // 150 % 2)[:, None], joints, axis=1)
+    run, = runs_of_log(log_of(machine, t, q, torque, 6), machine)
+    told, by_stamps = (np.sqrt(np.mean(np.square(part))) for part in (
+        run.timing_error, timing_error(torque, run.conditioning, 2e-3, 1)))
+    assert low * by_stamps < told < high * by_stamps
+
+
 def slow_log(*lengths):
     """Return a log of an axis at 10 Hz in stretches of so many samples, 5 s between them."""
     ends = np.cumsum([0, *lengths])
