@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,13 +12,13 @@ from short_scenarios import short_scenario
 
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis import diagnosis as diagnosis_module
-from par4_identification.diagnosis.below_resonance import (
-    NARROWER,
-    below_resonance,
-    hidden_resonance,
-)
+from par4_identification.diagnosis.below_resonance import below_resonance, is_better, resonance
 from par4_identification.diagnosis.diagnosis import CONDITIONING, LIBRARY, diagnose
+from par4_identification.diagnosis.evidence.projection import project
+from par4_identification.diagnosis.search import candidates as candidates_module
+from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import OF_PAR4
+from par4_identification.diagnosis.search.swing import LOWER_BAND, Swing, swing_below
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
 
 STIFFNESS = np.array([7020.0, 6530.0, 7920.0, 5960.0])
@@ -68,40 +67,80 @@ def test_springs_that_counts_hide_are_named_with_what_is_beside_them(both):
     assert first.unnamed
 
 
-def test_only_a_hidden_swing_asks_for_lower_filters(both):
-    answer, first = both
-    assert answer.hidden_hz is None
-    assert 25.0 < first.hidden_hz < 60.0
+def test_only_a_swing_within_the_rows_asks_for_lower_filters(both):
+    _, first = both
+    assert 25.0 < first.swing_hz < 60.0
     narrow = below_resonance(first, CONDITIONING, OF_PAR4.floor_excess)
-    assert narrow.torque_cutoff_hz == NARROWER * CONDITIONING.torque_cutoff_hz
+    assert narrow.torque_cutoff_hz == LOWER_BAND * CONDITIONING.torque_cutoff_hz
     assert narrow.row_rate_hz / narrow.torque_cutoff_hz == (
         CONDITIONING.row_rate_hz / CONDITIONING.torque_cutoff_hz)
-    far = replace(first, hidden_hz=4.0 * CONDITIONING.torque_cutoff_hz)
+    far = replace(first, swing_hz=4.0 * CONDITIONING.torque_cutoff_hz)
+    rigid = replace(first, swing_hz=None)
     quiet = replace(first, remaining=replace(first.remaining, floor_excess=1.0))
-    for other in (answer, far, quiet):
+    for other in (far, rigid, quiet):
         assert below_resonance(other, CONDITIONING, OF_PAR4.floor_excess) is None
 
 
-@pytest.mark.parametrize(('damping', 'std', 'hides'), [
-    (0.05, 0.0, False), (0.17, 0.09, False), (0.3, 0.05, True)])
-def test_a_damping_hides_something_only_if_it_is_surely_large(both, damping, std, hides):
+def test_a_named_swing_is_looked_at_again_where_something_is_left(both):
+    """Counts may have made a wrong minimum, however usual its damping is."""
+    answer, first = both
+    named = replace(first, causes=answer.causes, unnamed=())
+    assert below_resonance(named, CONDITIONING, OF_PAR4.floor_excess) is not None
+
+
+def test_lower_frequencies_tell_a_swing_that_all_rows_do_not(both, monkeypatch):
+    """Counts swing loads little there."""
+    _, first = both
+    evidence, least = first.evidence, 2.0 * OF_PAR4.evidence
+    monkeypatch.setattr(candidates_module, 'swing_in', lambda *_: None)
+    search = Candidates(SEARCHED, evidence, OF_PAR4)
+    assert search.best(SEARCHED['elastic_transmission'], project(evidence, ())) is None
+    found = search.softest
+    np.testing.assert_allclose(found.compliance, 1.0 / STIFFNESS, rtol=0.5)
+    true = resonance([Swing(1.0 / STIFFNESS, 0.0, ())], evidence.observations)
+    assert resonance([found], evidence.observations) == pytest.approx(true, rel=0.2)
+    assert resonance([None], evidence.observations) is None
+    # the look stops at the same evidence as that at all rows
+    assert swing_below(project(evidence, ()), 0.99 * found.squares) is not None
+    assert swing_below(project(evidence, ()), found.squares) is None
+    assert found.squares > least
+
+
+@pytest.mark.parametrize(('damping', 'std', 'is_told'), [
+    (0.05, 0.0, True), (0.17, 0.09, True), (0.3, 0.05, False)])
+def test_springs_are_told_unless_their_damping_is_surely_large(recorded, both, damping, std,
+                                                               is_told):
     """Below the resonance the loads hardly tell what damps them."""
-    answer, _ = both
-    springs = next(cause for cause in answer.causes if cause.effect.name == 'elastic_transmission')
-    told = replace(springs, parameters={**springs.parameters, 'damping_ratio': Parameter(
-        value=damping, std=std, unit='1')})
-    swing = SimpleNamespace(told={'damping_ratio': damping}, compliance=1.0 / STIFFNESS)
-    found = hidden_resonance([swing], answer.evidence.observations, replace(
-        answer, causes=(told,)))
-    assert (found is not None) == hides
-    beside = replace(answer, causes=(told,), unnamed=(SimpleNamespace(),))
-    assert hidden_resonance([swing], answer.evidence.observations, beside) is not None
+    answer, first = both
+    told = [replace(cause, parameters={**cause.parameters, 'damping_ratio': Parameter(
+        value=damping, std=std, unit='1')}) if cause.effect.name == 'elastic_transmission'
+        else cause for cause in answer.causes]
+    second = replace(answer, causes=tuple(told))
+    assert is_better(second, first, recorded[0]) == is_told
+
+
+def test_springs_are_told_with_no_more_unnamed_causes_than_before(recorded, both):
+    answer, first = both
+    robot, _, _ = recorded
+    nameless, = first.unnamed
+    assert is_better(replace(answer, unnamed=(nameless,)), first, robot)
+    assert not is_better(replace(answer, unnamed=(nameless, nameless)), first, robot)
+    without = [cause for cause in answer.causes if cause.effect.name != 'elastic_transmission']
+    assert not is_better(replace(answer, causes=tuple(without)), first, robot)
+    assert is_better(replace(answer, causes=tuple(without), swing_hz=None), first, robot)
+
+
+def test_what_leaves_more_of_the_rows_is_not_told(recorded, both):
+    answer, first = both
+    worse = replace(answer, holdout=replace(
+        answer.holdout, extended_rms=10.0 * answer.holdout.extended_rms))
+    assert not is_better(worse, first, recorded[0])
 
 
 def test_filters_that_a_user_sets_stay(recorded, both, monkeypatch):
     robot, fit, heldout = recorded
     answer, first = both
-    assert answer.below_hz == first.hidden_hz
+    assert answer.below_hz == first.swing_hz
     asked = []
     monkeypatch.setattr(diagnosis_module, '_diagnosed_logs',
                         lambda *arguments: asked.append(arguments[6]) or first)
@@ -114,4 +153,4 @@ def test_the_report_says_by_which_rows_it_answers(recorded, both):
     answer, _ = both
     remarks = ' '.join(remark.text for remark in outcome_of_diagnosis(
         answer, recorded[0], None).remarks)
-    assert f'this answer rests on torques below {NARROWER * 40.0:.1f} Hz' in remarks
+    assert f'this answer rests on torques below {LOWER_BAND * 40.0:.1f} Hz' in remarks

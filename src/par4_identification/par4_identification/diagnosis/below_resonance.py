@@ -18,45 +18,29 @@ from par4_dynamics.effects.elastic_transmission import ElasticTransmission
 from par4_dynamics.effects.springs import DAMPING_RATIO, USUAL, Springs
 from par4_dynamics.model import torque_model
 from par4_identification.diagnosis.evidence.observations import Observations
-from par4_identification.diagnosis.search.swing import Swing
+from par4_identification.diagnosis.search.swing import LOWER_BAND, Swing
 from par4_identification.diagnosis.verdict.answer import EITHER_SIDE, Cause, Diagnosis
 from par4_identification.signals.conditioning import Conditioning
 from par4_kinematics.robot import Axis, Robot
 
-IN_BAND = 1.6
-"""Resonance over the cut-off of the torque up to which counts swing a load within the rows."""
+IN_BAND = 2.0
+"""Resonance, as it is found, over the cut-off of the torque up to which counts swing a load within
+the rows."""
 MOST_DAMPING = 2.0 * DAMPING_RATIO
 """Of transmissions; what is told beyond it may hide what counts make of a swing."""
-NARROWER = 0.5
-"""Cut-off of the second diagnosis, over that of the first."""
 
 
-def hidden_resonance(swings: Sequence[Swing | None], observations: Observations,
-                     answer: Diagnosis) -> float | None:
-    """Return the lowest resonance (Hz) of loads whose swing encoder counts may hide.
-
-    None where no search found a transmission that twists, or where one is named that may damp as
-    those of machines do and nothing without a name is beside it.
+def resonance(swings: Sequence[Swing | None], observations: Observations) -> float | None:
+    """Return the lowest resonance (Hz) of loads that a search found to swing, None if none does.
 
     Args:
         swings: what one search after the other found.
         observations: rows with their nominal torque.
-        answer: causes that are told.
     """
     found = [(swing, replace(USUAL, **swing.told)) for swing in swings if swing is not None]
-    if not found or (not answer.unnamed and any(
-            isinstance(cause.effect, ElasticTransmission) and _may_be_usual(cause)
-            for cause in answer.causes)):
-        return None
     springs = [Springs(run.state) for run in observations.runs]
-    return float(min(own.resonances(swing.compliance, drive).min()
-                     for own in springs for swing, drive in found))
-
-
-def _may_be_usual(springs: Cause) -> bool:
-    """Return whether transmissions may damp as those of machines do, by their deviation."""
-    damping = springs.parameters['damping_ratio']
-    return damping.number - EITHER_SIDE * damping.deviation <= MOST_DAMPING
+    return min((float(own.resonances(swing.compliance, drive).min())
+                for own in springs for swing, drive in found), default=None)
 
 
 def below_resonance(answer: Diagnosis, conditioning: Conditioning, floor_excess: float
@@ -65,17 +49,35 @@ def below_resonance(answer: Diagnosis, conditioning: Conditioning, floor_excess:
 
     There is none either where nothing more than noise is left, as counts have then hidden nothing.
     """
-    if (answer.hidden_hz is None or answer.remaining.floor_excess < floor_excess
-            or answer.hidden_hz > IN_BAND * conditioning.torque_cutoff_hz):
+    if (answer.swing_hz is None or answer.remaining.floor_excess < floor_excess
+            or answer.swing_hz > IN_BAND * conditioning.torque_cutoff_hz):
         return None
     return replace(conditioning,
-                   position_cutoff_hz=NARROWER * conditioning.position_cutoff_hz,
-                   torque_cutoff_hz=NARROWER * conditioning.torque_cutoff_hz,
-                   row_rate_hz=NARROWER * conditioning.row_rate_hz)
+                   position_cutoff_hz=LOWER_BAND * conditioning.position_cutoff_hz,
+                   torque_cutoff_hz=LOWER_BAND * conditioning.torque_cutoff_hz,
+                   row_rate_hz=LOWER_BAND * conditioning.row_rate_hz)
 
 
-def explains_more(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> bool:
-    """Return whether a second diagnosis leaves less of its held-out rows than the first would."""
+def is_better(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> bool:
+    """Return whether a second diagnosis, below the resonance, takes the place of the first.
+
+    It has to leave less of its held-out rows than the first would. Loads that swing in it must be
+    named, damp as those of machines may, and leave no more causes without a name than the first.
+    """
+    springs = [cause for cause in second.causes if isinstance(cause.effect, ElasticTransmission)]
+    told = second.swing_hz is None or (
+        any(_may_be_usual(cause) for cause in springs)
+        and len(second.unnamed) <= len(first.unnamed))
+    return told and _explains_more(second, first, machine)
+
+
+def _may_be_usual(springs: Cause) -> bool:
+    """Return whether transmissions may damp as those of machines do, by their deviation."""
+    damping = springs.parameters['damping_ratio']
+    return damping.number - EITHER_SIDE * damping.deviation <= MOST_DAMPING
+
+
+def _explains_more(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> bool:
     model = torque_model(machine, first.extended_model, first.effects)
     left = np.concatenate([(run.tau - run.rows(model.torque(run.state)))[run.valid]
                            for run in second.holdout.runs])

@@ -16,8 +16,8 @@ from par4_dynamics.model import build_model, torque_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.below_resonance import (
     below_resonance,
-    explains_more,
-    hidden_resonance,
+    is_better,
+    resonance,
 )
 from par4_identification.diagnosis.evidence.dithered import Dithered, dithered
 from par4_identification.diagnosis.evidence.evidence import Evidence, gather
@@ -161,9 +161,8 @@ def diagnose(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: ModelFile
         progress('diagnosing again below the resonance of the transmissions')
         second = _diagnosed_logs(fit_logs, machine, baseline, holdout_logs, searched, rules,
                                  narrow, progress, apart or {})
-        if (isinstance(second, Diagnosis) and second.hidden_hz is None
-                and explains_more(second, answer, machine)):
-            return replace(second, below_hz=answer.hidden_hz)
+        if isinstance(second, Diagnosis) and is_better(second, answer, machine):
+            return replace(second, below_hz=answer.swing_hz)
         return answer
 
 
@@ -307,8 +306,8 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
                          search.candidates.swing)
         model = search.run(tuple(named))
     answer = _answer(search, model, machine, baseline, rigid_body, effects, fit_runs, progress)
-    return replace(answer, left_out=start.left_out, hidden_hz=hidden_resonance(
-        [softest, search.candidates.swing], observations, answer))
+    return replace(answer, left_out=start.left_out, swing_hz=resonance(
+        [softest, search.candidates.swing], observations))
 
 
 def _base_model(start: Start, machine: Robot | Axis, baseline: ModelFile | None

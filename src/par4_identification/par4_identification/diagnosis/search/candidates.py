@@ -24,7 +24,12 @@ from par4_identification.diagnosis.search.shapes import (
     self_consistent,
     shapes_of,
 )
-from par4_identification.diagnosis.search.swing import TRIED, Swing, swing_in
+from par4_identification.diagnosis.search.swing import (
+    TRIED,
+    Swing,
+    swing_below,
+    swing_in,
+)
 
 ONE_WAY = 0.1
 """Share of the travel that must go either way for a difference between the directions to show."""
@@ -56,7 +61,8 @@ class Candidates:
 
     Attributes:
         swing: transmissions that twist, as this search found them last.
-        softest: those of all that this search found which have the softest one.
+        softest: those of all that this search found which have the softest one; if it found none,
+            what the lower frequencies of the rows tell.
         family: number of effects and shapes that are tried.
     """
 
@@ -154,9 +160,11 @@ class Candidates:
         """
         if 0.5 * projection.gain(effect, {}) < self._rules.evidence:
             return None
-        found = swing_in(projection, 2.0 * self._rules.evidence, 2.0 * self._rules.price,
-                         self.swing)
+        least = 2.0 * self._rules.evidence
+        found = swing_in(projection, least, 2.0 * self._rules.price, self.swing)
         if found is None:
+            if self.softest is None:
+                self.softest = swing_below(projection, least)
             return None
         self.swing = found
         if self.softest is None or found.compliance.max() > self.softest.compliance.max():

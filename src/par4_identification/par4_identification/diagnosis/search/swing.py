@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -28,6 +29,8 @@ COARSE_DAMPING = 0.4
 """Ratio in the first search: wide resonances overlap, and so do the basins of the fit."""
 COARSE_STEP = 2
 """Samples from step to step of the integration in the first search."""
+LOWER_BAND = 0.5
+"""Share of the frequencies of rows, the lower ones, in which counts swing a load much less."""
 SWEEPS, TRIALS = 3, 100
 """Of the first look over the joints; of compliances in one descent."""
 SETTLED = 1e-4
@@ -86,11 +89,7 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
             is.
     """
     twisting = _Twisting(projection)
-    soft, stiff = twisting.stiffnesses
-    grid = np.geomspace(VISIBLE / stiff, 1.0 / soft, TRIED)
-    looks = [twisting.first_look(grid, drive) for drive in COARSE]
-    looked = int(np.argmax([worth for _, worth in looks]))
-    (chosen, worth), coarse = looks[looked], COARSE[looked]
+    chosen, worth, coarse = twisting.first_look()
     if worth <= least:
         return None
     again = None
@@ -98,12 +97,25 @@ def swing_in(projection: Projection, least: float, price: float, known: Swing | 
         again = twisting.freed(twisting.descended(replace(known, first_look=chosen)), price)
         if again.squares > worth or known.first_look == chosen:
             return again
-    best = Swing(np.array([3.0 / stiff if index is None else grid[index] for index in chosen]),
-                 0.0, chosen)
+    best = Swing(twisting.tried(chosen), 0.0, chosen)
     for drive in (coarse, USUAL):
         best = twisting.descended(best, drive)
     best = twisting.freed(best, price)
     return best if again is None or again.squares < best.squares else again
+
+
+def swing_below(projection: Projection, least: float) -> Swing | None:
+    """Return the transmissions that twist by the lower frequencies of the rows alone, roughly.
+
+    These tell soft transmissions whose resonance, where encoder counts swing the loads, leaves more
+    of all rows than a rigid machine does. None if a first look at them promises too little.
+
+    Args:
+        projection, least: see `swing_in`.
+    """
+    twisting = _Twisting(projection)
+    chosen, worth, _ = twisting.first_look(LOWER_BAND)
+    return Swing(twisting.tried(chosen), worth, chosen) if worth > least else None
 
 
 class _Twisting:
@@ -115,13 +127,35 @@ class _Twisting:
         runs = projection.evidence.observations.runs
         self._springs = {id(run.state): Springs(run.state) for run in runs}
         self._joints = projection.evidence.observations.joints
-        self.stiffnesses = stiffnesses_of(runs[0].state)
+        self._believed = stiffnesses_of(runs[0].state)
+        soft, stiff = self._believed
+        self._grid = np.geomspace(VISIBLE / stiff, 1.0 / soft, TRIED)
 
-    def first_look(self, grid: np.ndarray, drive: Drive) -> tuple[tuple[int | None, ...], float]:
-        """Return which compliances of a grid explain most, and how much; see `_first_look`."""
-        single = np.concatenate([grid[:, None] * unit for unit in np.eye(self._joints)])
-        alone = self._projection.rest(self._torques(single, drive))
-        return _first_look(alone, self._projection.residual, self._joints)
+    def first_look(self, band: float = 1.0) -> tuple[tuple[int | None, ...], float, Drive]:
+        """Return which of the compliances tried explain most, how much, and what they share.
+
+        `band` is the share of the frequencies that is looked at, from zero on.
+        """
+        single = np.concatenate([self._grid[:, None] * unit for unit in np.eye(self._joints)])
+        target = self._lower(self._projection.residual, band)
+        looks = [(*_first_look(self._lower(self._projection.rest(self._torques(single, drive)),
+                                           band), target, self._joints), drive)
+                 for drive in COARSE]
+        return max(looks, key=lambda look: look[1])
+
+    def tried(self, chosen: tuple[int | None, ...]) -> np.ndarray:
+        """Return the compliances (J,) that a first look chose, those of stiff joints small."""
+        return np.array([3.0 / self._believed[1] if index is None else self._grid[index]
+                         for index in chosen])
+
+    def _lower(self, rows: np.ndarray, band: float) -> np.ndarray:
+        """Return the lower share of the frequencies of stacked rows (N, ...), of each joint."""
+        if band == 1.0:
+            return rows
+        ends = self._evidence.ends
+        return np.concatenate([
+            scipy.fft.dct(rows[first:last], axis=0, norm='ortho')[:int(band * (last - first))]
+            for first, last in pairwise(ends)])
 
     def descended(self, start: Swing, drive: Drive = USUAL) -> Swing:
         """Return where compliances and the numbers that `start` tells come to."""
@@ -131,7 +165,7 @@ class _Twisting:
         def parts(trial: np.ndarray) -> tuple[np.ndarray, Drive]:
             return trial[:joints], replace(drive, **dict(zip(names, trial[joints:].tolist())))
 
-        soft, stiff = self.stiffnesses
+        soft, stiff = self._believed
         box = np.stack([np.append(np.full(joints, compliance), np.log([
             BOUNDS[name][side] for name in names]))
             for side, compliance in enumerate(np.log((2.0 / stiff, 1.0 / soft)))])

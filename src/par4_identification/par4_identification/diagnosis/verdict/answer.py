@@ -211,9 +211,8 @@ class Diagnosis:
         share: share of the readings that was looked at; less than 1 for long logs.
         doubts: each unnamed cause, or name that nearly passes as a cause, and what else it may be.
         effects: name -> effect, of the library that was searched and of the catalogue.
-        hidden_hz: lowest frequency, Hz, at which loads swing on transmissions that the search
-            found, where they are not named, have more damping than those of machines or something
-            without a name beside them; else None.
+        swing_hz: lowest frequency, Hz, at which loads swing on transmissions that the search found,
+            named or not; None if it found none.
         below_hz: such a frequency, below which the rows of this answer end; else None.
     """
 
@@ -235,7 +234,7 @@ class Diagnosis:
     share: float = 1.0
     doubts: tuple[Pair, ...] = ()
     effects: Mapping[str, Effect] = field(default_factory=lambda: CATALOGUE)
-    hidden_hz: float | None = None
+    swing_hz: float | None = None
     below_hz: float | None = None
 
     @property
