@@ -15,6 +15,7 @@ from par4_sim.jobs.comparison import read_asked
 from par4_sim.plants.plant import STEP
 from par4_sim.report.results import Results, origin, results_into
 from par4_sim.report.terminal import print_table, say
+from par4_sim.tracking.case import pairs_of
 from par4_sim.tracking.fastest import fastest_cases
 
 TOOL = 'par4_fastest'
@@ -25,6 +26,7 @@ def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | No
     """Find how fast a simulated machine can do MOTION (adept, circle, a motion.yaml)."""
     asked = read_asked(**options)
     robot, played = asked.robot, asked.motion
+    pairs = pairs_of(robot, asked.controllers, asked.models)
     with Console(stderr=True).status('looking for the bound') as status:
         from par4_sim.tracking.fastest_outcome import (
             HEADINGS,
@@ -46,8 +48,8 @@ def fastest(timing: tuple[str, ...], peak: float, joint_acceleration: float | No
         motions = {OWN: played, TIME_OPTIMAL: motion_of(
             bound, robot, f'{played.name}, time-optimal', STEP)}
         plans = {name: asked.plan(motions[name]) for name in timing}
-        found = fastest_cases(plans, asked.controllers, asked.models, bound.bound, 1e-3 * peak,
-                              limits.acceleration, limits.jerk, status.update)
+        found = fastest_cases(plans, pairs, bound.bound, 1e-3 * peak, limits.acceleration,
+                              limits.jerk, status.update)
         status.update('drawing the report')
         outcome = outcome_of_fastest(found, bound, played, robot, limits, 1e-3 * peak)
         provenance = origin(TOOL, robot, {

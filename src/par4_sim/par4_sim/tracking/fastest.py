@@ -19,7 +19,7 @@ from par4_dynamics.model import Model
 from par4_kinematics.errors import Par4Error
 from par4_kinematics.motion import Motion, check_limits
 from par4_sim.choices import OWN, PEAK, TIMINGS
-from par4_sim.tracking.case import Case, Plan, pairs_of
+from par4_sim.tracking.case import Case, Plan
 from par4_sim.tracking.metrics import (
     errors_of,
     first_limited_torque,
@@ -118,25 +118,21 @@ def fastest_case(plan: Plan, controller: str, name: str, model: Model | None, bo
     return Reached(timing, case, low, float(np.abs(case.run.motion.xdd[:, axis]).max()), reason)
 
 
-def fastest_cases(plans: Mapping[str, Plan], controllers: Sequence[str],
-                  models: Mapping[str, Model | None], bound: float, peak: float = PEAK,
-                  acceleration: float = math.inf, jerk: float = math.inf,
-                  progress: Callable[[str], None] = lambda _: None
+def fastest_cases(plans: Mapping[str, Plan], pairs: Sequence[tuple[str, str, Model | None]],
+                  bound: float, peak: float = PEAK, acceleration: float = math.inf,
+                  jerk: float = math.inf, progress: Callable[[str], None] = lambda _: None
                   ) -> list[Reached | Unreached]:
     """Return the fastest of every controller with every model in every timing of a path.
 
     Args:
         plans: timing -> plan with the motion of that timing.
-        controllers, models: as `pairs_of`.
+        pairs: of `pairs_of`.
         bound, peak, acceleration, jerk: as `fastest_case`.
         progress: told what is being simulated.
-
-    Raises:
-        InputError: as `pairs_of`.
     """
     reached: list[Reached | Unreached] = []
     for timing, plan in plans.items():
-        for controller, name, model in pairs_of(plan.robot, controllers, models):
+        for controller, name, model in pairs:
             progress(f'looking for the fastest pace of {controller} with {name}, '
                      f'{TIMINGS[timing]}')
             reached.append(fastest_case(plan, controller, name, model, bound, peak, timing,
