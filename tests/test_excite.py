@@ -45,7 +45,7 @@ CASES = (('reference', None), ('other', None), ('reference', 30.0), ('other', 12
 
 
 @cache
-def designed(name: str, torque: float | None = None):
+def designed(name: str, torque: float | None):
     robot, model = MACHINES[name]
     limits = limits_of(robot, model, torque=torque)
     return robot, model, limits, design_excitation(robot, model, limits, QUICK)
@@ -60,7 +60,7 @@ def few_iterations(monkeypatch):
 
 @pytest.fixture(params=MACHINES)
 def design(request):
-    return designed(request.param)
+    return designed(request.param, None)
 
 
 def state_of(robot, motion):
@@ -154,7 +154,7 @@ def test_slow_is_slow_and_fast_is_fast(design):
 
 
 def test_the_same_request_gives_the_same_motion_and_another_seed_another():
-    robot, model, limits, first = designed('reference')
+    robot, model, limits, first = designed('reference', None)
     again = design_excitation(robot, model, limits, QUICK)
     other = design_excitation(robot, model, limits, replace(QUICK, seed=4))
     assert (first.motion.q == again.motion.q).all()
@@ -181,7 +181,7 @@ def test_quasi_random_keeps_the_same_limits(name, torque):
 
 
 def test_information_is_the_sum_over_the_joints_each_by_its_noise():
-    robot, model, limits, result = designed('reference')
+    robot, model, limits, result = designed('reference', None)
     noise = np.array((0.1, 0.2, 0.4, 0.8))
 
     def information(of):
@@ -217,7 +217,7 @@ def test_expected_deviations_are_those_of_identification(design):
 
 
 def test_repeats_of_a_simulated_log_show_the_noise_floor():
-    robot, model, _, result = designed('reference')
+    robot, model, _, result = designed('reference', None)
     quiet = robot.model_copy(update={
         'drives': robot.drives.model_copy(update={'encoder_counts': 0})})
     simulation = build_simulation(quiet, model, 'exact', 1e-3, 0, torque_noise=0.2)
@@ -317,7 +317,7 @@ def test_from_design_to_identification(tmp_path):
     assert not done.err
     assert 'geometric mean' in done.out
     assert sorted(path.name for path in file.parent.iterdir()) == ['motion.csv', 'motion.yaml']
-    expected = designed('reference')[3].motion
+    expected = designed('reference', None)[3].motion
     played = read_motion(file, REFERENCE)
     np.testing.assert_allclose(played.q, expected.q, atol=1e-9)
     np.testing.assert_allclose(played.qdd, expected.qdd, atol=1e-6)

@@ -43,6 +43,12 @@ def shortest():
     return fastest_along(REFERENCE, MACHINE, SMOOTH, PathLimits(LIMIT))
 
 
+@pytest.fixture(scope='module')
+def quickest():
+    """Return the same of the short path."""
+    return fastest_along(REFERENCE, MACHINE, SHORT, PathLimits(LIMIT))
+
+
 def test_the_bound_and_a_motion_that_keeps_the_limits_enclose_the_shortest_time(shortest):
     assert shortest.bound < shortest.duration < 1.02 * shortest.bound
     for profile in shortest.profiles:
@@ -113,9 +119,8 @@ def test_with_torque_and_speed_to_spare_time_goes_with_the_root_of_the_accelerat
     assert np.mean(qdd > 1.01 * 400.0) < 0.02
 
 
-def test_a_limit_of_jerk_is_kept_on_the_same_path_and_costs_less_the_higher_it_is():
-    whole = fastest_along(REFERENCE, MACHINE, SHORT, PathLimits(LIMIT))
-    before = np.inf
+def test_a_limit_of_jerk_is_kept_on_the_same_path_and_costs_less_the_higher_it_is(quickest):
+    whole, before = quickest, np.inf
     for jerk in (5e4, 2e7):
         found = fastest_along(REFERENCE, MACHINE, SHORT, PathLimits(LIMIT, jerk=jerk))
         assert found.bound == whole.bound
@@ -146,13 +151,15 @@ def test_an_averaged_profile_is_that_of_its_derivatives(shortest):
     ('payload', {'mass': 0.5, 'half': 1.0}),
     ('cogging', {'amplitude': 12.0, 'periods': 24.0, 'phase': 0.4}),
     ('stribeck', {'stribeck_torque': 20.0, 'stribeck_velocity': 2.0})])
-def test_a_time_optimal_motion_keeps_the_limit_with_the_effects_of_the_model(effect, values):
+def test_a_time_optimal_motion_keeps_the_limit_with_the_effects_of_the_model(
+        effect, values, quickest):
     """But for samples beside a jump of acceleration, which have something of both sides."""
     machine = model_with(MACHINE, effect, **values)
     most = {}
-    for name, model in (('with', machine), ('without', MACHINE)):
-        found = fastest_along(REFERENCE, model, SHORT, PathLimits(LIMIT))
-        assert found.effects == (() if model is MACHINE else (effect,))
+    for name, found, effects in (
+            ('with', fastest_along(REFERENCE, machine, SHORT, PathLimits(LIMIT)), (effect,)),
+            ('without', quickest, ())):
+        assert found.effects == effects
         motion = motion_of(found, REFERENCE, name, 0.25e-3)
         jumps = np.abs(np.diff(motion.qdd, axis=0)).max(axis=1) > 100.0
         calm = ~(np.append(jumps, True) | np.append(True, jumps))
