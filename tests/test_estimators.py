@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -79,9 +80,15 @@ WRONG = replace(TABLE_1, values={
     zip(TABLE_1.values.items(), (1.05, 0.95, 1.05, 1.0, 0.97, 1.03))})
 
 
+@cache
+def log_of_table_1(robot, seed):
+    """Return a log of a robot that obeys TABLE 1; made once."""
+    return log_of_model(robot, TABLE_1, seed=seed)
+
+
 def noisy_log(seed, position_noise, robot=REFERENCE):
     """Return a log whose recorded positions are noisy, with the reference that it followed."""
-    log, motion = log_of_model(robot, TABLE_1, seed=seed), excitation('reference', 10.0, seed)
+    log, motion = log_of_table_1(robot, seed), excitation('reference', 10.0, seed)
     random = np.random.default_rng(seed)
     return replace(
         log, q=log.q + position_noise * random.standard_normal(log.q.shape),
@@ -166,7 +173,7 @@ def test_robust_is_nearly_as_good_as_least_squares_without_outliers():
 
 
 def test_spikes_in_the_torque_of_a_robot_do_not_move_robust():
-    log, random = log_of_model(REFERENCE, TABLE_1, seed=2), np.random.default_rng(2)
+    log, random = log_of_table_1(REFERENCE, 2), np.random.default_rng(2)
     hit = random.random(log.tau.shape) < 0.002
     spiked = replace(log, tau=log.tau + 100.0 * hit * np.sign(np.gradient(log.q, axis=0)))
     problem, _ = problem_of_log(spiked)
@@ -277,7 +284,7 @@ def test_simulated_motion_needs_a_reference():
 
 
 def test_consistent_is_least_squares_where_physics_is_content():
-    problem, _ = problem_of_log(log_of_model(REFERENCE, TABLE_1, seed=4))
+    problem, _ = problem_of_log(log_of_table_1(REFERENCE, 4))
     estimate = consistent(problem, physical_constraints(problem.labels, REFERENCE, 'paper'))
     least = weighted(problem)
     np.testing.assert_array_equal(estimate.values, least.values)
@@ -345,7 +352,7 @@ def test_a_light_half_plate_stays_positive():
 
 
 def test_full_mechanism_keeps_its_bodies_positive():
-    labels = problem_of_log(log_of_model(REFERENCE, TABLE_1, seed=4))[0].labels
+    labels = problem_of_log(log_of_table_1(REFERENCE, 4))[0].labels
     lower = {item.name: item.lower
              for item in physical_constraints(labels, REFERENCE, 'full')}
     rod, bar = REFERENCE.bodies.rod_mass, REFERENCE.bodies.bar_mass
@@ -373,7 +380,7 @@ def test_what_is_held_at_its_bounds_can_be_built(per_joint):
         'geometry': REFERENCE.geometry.model_copy(
             update={'arm_length_errors': (0.0, 0.02, 0.0, -0.01)}),
         'bodies': REFERENCE.bodies.model_copy(update={'rod_mass': 0.95})})
-    found = identify([log_of_model(REFERENCE, TABLE_1, seed=4)], robot, 'full',
+    found = identify([log_of_table_1(REFERENCE, 4)], robot, 'full',
                      fitting=Fitting('consistent', per_joint=per_joint))
     needed = 0.95 * np.array(robot.geometry.arm_lengths) ** 2
     assert np.array_equal(found.parameters['actuator_inertia'].value,
@@ -423,16 +430,23 @@ JOINTS = {'actuator_inertia': (0.113, 0.12, 0.105, 0.118), 'arm_gravity': (1.3, 
 OFFSETS = (0.4, -0.3, 0.2, -0.5)
 
 
-@pytest.mark.parametrize('estimator', ESTIMATORS)
-def test_every_estimator_finds_values_of_each_joint_and_offsets(estimator):
-    """A machine of unequal joints comes back, and the model that is written says its torque."""
-    unequal = model_with(replace(TABLE_1, values={
+@pytest.fixture(scope='module')
+def unequal():
+    """Return the model of a machine of unequal joints, and a log of it with its reference."""
+    model = model_with(replace(TABLE_1, values={
         **TABLE_1.values, **{name: np.array(value) for name, value in JOINTS.items()}}),
         'torque_offset', offset=OFFSETS)
-    log, motion = log_of_model(REFERENCE, unequal, seed=7), excitation('reference', 10.0, 7)
-    log = replace(log, reference=Reference(DWELL + motion.t, motion.q, motion.qd, motion.qdd))
+    log, motion = log_of_model(REFERENCE, model, seed=7), excitation('reference', 10.0, 7)
+    return model, replace(log, reference=Reference(DWELL + motion.t, motion.q, motion.qd,
+                                                   motion.qdd))
+
+
+@pytest.mark.parametrize('estimator', ESTIMATORS)
+def test_every_estimator_finds_values_of_each_joint_and_offsets(estimator, unequal):
+    """A machine of unequal joints comes back, and the model that is written says its torque."""
+    true, log = unequal
     found = identify([log], REFERENCE, fitting=Fitting(estimator, per_joint=True, offsets=True))
-    for name, value in {**unequal.values, 'torque_offset': OFFSETS}.items():
+    for name, value in {**true.values, 'torque_offset': OFFSETS}.items():
         parameter = found.offsets if name == 'torque_offset' else found.parameters[name]
         value = value if isinstance(parameter.value, tuple) else np.mean(value)
         np.testing.assert_allclose(parameter.value, value, rtol=1e-3,
@@ -446,7 +460,7 @@ def test_every_estimator_finds_values_of_each_joint_and_offsets(estimator):
 def test_values_of_each_joint_tell_which_one_is_impossible():
     driving = replace(TABLE_1, values={**TABLE_1.values, 'viscous_friction': np.array(
         (2.0, 2.0, -0.5, 2.0))})
-    log = log_of_model(REFERENCE, TABLE_1, seed=7)
+    log = log_of_table_1(REFERENCE, 7)
     run, = runs_of_log(log, REFERENCE)
     target = run.rows(driving.torque(run.state))
     found = identify_runs([run], [target], [run.rows(base_columns(run.state))], 'paper',
