@@ -32,6 +32,9 @@ class DriveGainError(Effect):
     def columns(self, state: State, shape: Shape) -> np.ndarray:
         return state.known.torque[..., None]
 
+    def recorded(self, values: Values) -> np.ndarray:
+        return 1.0 + values['relative']
+
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         relative = values['relative']
         worst = beyond(relative, std['relative'], SMALLEST, LARGEST)

@@ -299,6 +299,13 @@ class Effect(ABC):
         """
         return None
 
+    def recorded(self, values: Values) -> np.ndarray | None:
+        """Return the recorded torque over the true one, (k,) of the k joints that it acts on.
+
+        None if it does not change what is recorded of other torques.
+        """
+        return None
+
     @abstractmethod
     def implausible(self, values: Values, std: Values, base: Base) -> str | None:
         """Return why no machine can have these values, or None if one may.
