@@ -18,6 +18,7 @@ from par4_dynamics.effects.cogging import waves_of_orders
 from par4_dynamics.effects.rest import fading_sign
 from par4_dynamics.effects.shifted import shift_columns
 from par4_dynamics.effects.time_rate import time_rate
+from par4_dynamics.imbalance import imbalance_columns
 from par4_dynamics.state import State
 
 SLIPS = np.geomspace(1e-3, 0.5, 9)
@@ -178,6 +179,11 @@ def wrench(state: State, ranges: Ranges) -> np.ndarray:
     forces = scales.force * np.stack((np.ones_like(x), x, side, xd, np.abs(xd) * xd))
     return np.stack([state.torque_of_force(axis * force)
                      for axis in np.eye(4) for force in forces], axis=-1)
+
+
+def imbalance(state: State, ranges: Ranges) -> np.ndarray:  # noqa: ARG001
+    """Return joint torques of a mass of the tool beside its axis, along x and along y."""
+    return imbalance_columns(state)
 
 
 def place(state: State, ranges: Ranges) -> np.ndarray:

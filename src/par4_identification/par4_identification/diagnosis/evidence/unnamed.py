@@ -49,6 +49,8 @@ KINDS = (
     FunctionKind('load', 'a share of the torque itself', functions.load, needs_nominal=True),
     FunctionKind('wrench', 'a force on the platform that follows its position and speed',
                  functions.wrench, shared=True, needs_platform=True),
+    FunctionKind('imbalance', 'a mass of the tool beside its axis', functions.imbalance,
+                 shared=True, needs_platform=True),
     FunctionKind('gain', 'a share of the torque itself that changes with time, speed or torque',
                  functions.gain, needs_nominal=True),
     FunctionKind('coupling', 'a share of the torque of other joints', functions.coupling,
