@@ -130,6 +130,18 @@ def test_springs_are_told_with_no_more_unnamed_causes_than_before(recorded, both
     assert is_better(replace(answer, causes=tuple(without), swing_hz=None), first, robot)
 
 
+@pytest.mark.parametrize(('verdict', 'nearest', 'is_told'), [
+    ('clean', 'elastic_transmission', True), ('clean', 'encoder_offset', False),
+    ('unknown', 'elastic_transmission', False), ('clean', None, False)])
+def test_a_sound_machine_that_springs_come_near_is_unknown(recorded, both, verdict, nearest,
+                                                            is_told):
+    """They are not sure enough to be named; that there is nothing is not sure, either."""
+    answer, first = both
+    near = replace(answer, verdict='unknown', causes=(), remaining=replace(
+        answer.remaining, nearest=nearest and SEARCHED[nearest]))
+    assert is_better(near, replace(first, verdict=verdict), recorded[0]) == is_told
+
+
 def test_what_leaves_more_of_the_rows_is_not_told(recorded, both):
     answer, first = both
     worse = replace(answer, holdout=replace(

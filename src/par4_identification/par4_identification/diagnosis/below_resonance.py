@@ -63,12 +63,14 @@ def is_better(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> boo
 
     It has to leave less of its held-out rows than the first would. Loads that swing in it must be
     named, damp as those of machines may, and leave no more causes without a name than the first.
+    If the first has found nothing, it is enough that springs come nearest to a cause.
     """
     springs = [cause for cause in second.causes if isinstance(cause.effect, ElasticTransmission)]
     told = second.swing_hz is None or (
         any(_may_be_usual(cause) for cause in springs)
         and len(second.unnamed) <= len(first.unnamed))
-    return told and _explains_more(second, first, machine)
+    nearly = first.verdict == 'clean' and isinstance(second.remaining.nearest, ElasticTransmission)
+    return (told or nearly) and _explains_more(second, first, machine)
 
 
 def _may_be_usual(springs: Cause) -> bool:
