@@ -81,6 +81,16 @@ def test_only_a_swing_within_the_rows_asks_for_lower_filters(both):
         assert below_resonance(other, CONDITIONING, OF_PAR4.floor_excess) is None
 
 
+def test_what_bounces_in_a_gap_is_not_looked_at_below_a_resonance(both):
+    """Slower rows tell no bounces, and springs would take their place."""
+    answer, first = both
+    bounces = replace(answer.causes[0], effect=LIBRARY['backlash'], predictable=False)
+    told = replace(first, causes=(bounces,))
+    assert below_resonance(told, CONDITIONING, OF_PAR4.floor_excess) is None
+    assert below_resonance(replace(first, causes=answer.causes), CONDITIONING,
+                           OF_PAR4.floor_excess) is not None
+
+
 def test_a_named_swing_is_looked_at_again_where_something_is_left(both):
     """Counts may have made a wrong minimum, however usual its damping is."""
     answer, first = both
@@ -119,15 +129,26 @@ def test_springs_are_told_unless_their_damping_is_surely_large(recorded, both, d
     assert is_better(second, first, recorded[0]) == is_told
 
 
-def test_springs_are_told_with_no_more_unnamed_causes_than_before(recorded, both):
+def test_springs_that_were_named_are_told_with_no_more_unnamed_causes_than_before(recorded, both):
     answer, first = both
     robot, _, _ = recorded
     nameless, = first.unnamed
-    assert is_better(replace(answer, unnamed=(nameless,)), first, robot)
-    assert not is_better(replace(answer, unnamed=(nameless, nameless)), first, robot)
+    left = replace(answer, verdict='partly_explained')
+    assert 'elastic_transmission' in {cause.effect.name for cause in first.causes}
+    assert is_better(replace(left, unnamed=(nameless,)), first, robot)
+    assert not is_better(replace(left, unnamed=(nameless, nameless)), first, robot)
     without = [cause for cause in answer.causes if cause.effect.name != 'elastic_transmission']
     assert not is_better(replace(answer, causes=tuple(without)), first, robot)
     assert is_better(replace(answer, causes=tuple(without), swing_hz=None), first, robot)
+
+
+def test_springs_that_were_not_named_must_leave_nothing(recorded, both):
+    """Loads that bounce in a gap leave something beside the springs that they look like."""
+    answer, first = both
+    robot, _, _ = recorded
+    unknown = replace(first, verdict='unknown', causes=())
+    assert is_better(answer, unknown, robot)
+    assert not is_better(replace(answer, verdict='partly_explained'), unknown, robot)
 
 
 @pytest.mark.parametrize(('verdict', 'nearest', 'is_told'), [

@@ -47,10 +47,13 @@ def below_resonance(answer: Diagnosis, conditioning: Conditioning, floor_excess:
                     ) -> Conditioning | None:
     """Return filters below the resonance of loads that may swing; None if none does in the rows.
 
-    There is none either where nothing more than noise is left, as counts have then hidden nothing.
+    There is none either where nothing more than noise is left, as counts have then hidden nothing,
+    and where loads bounce in a gap: that leaves more than noise, and looks like a spring where the
+    bounces are too quick for the rows.
     """
     if (answer.swing_hz is None or answer.remaining.floor_excess < floor_excess
-            or answer.swing_hz > IN_BAND * conditioning.torque_cutoff_hz):
+            or answer.swing_hz > IN_BAND * conditioning.torque_cutoff_hz
+            or not all(cause.predictable for cause in answer.causes)):
         return None
     return replace(conditioning,
                    position_cutoff_hz=LOWER_BAND * conditioning.position_cutoff_hz,
@@ -62,15 +65,22 @@ def is_better(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> boo
     """Return whether a second diagnosis, below the resonance, takes the place of the first.
 
     It has to leave less of its held-out rows than the first would. Loads that swing in it must be
-    named, damp as those of machines may, and leave no more causes without a name than the first.
+    named and damp as those of machines may. Where the first has not named them, they must leave
+    nothing, as loads that bounce in a gap would; else no more causes without a name than the first.
     If the first has found nothing, it is enough that springs come nearest to a cause.
     """
-    springs = [cause for cause in second.causes if isinstance(cause.effect, ElasticTransmission)]
+    before, after = (_springs_of(answer.causes) for answer in (first, second))
     told = second.swing_hz is None or (
-        any(_may_be_usual(cause) for cause in springs)
-        and len(second.unnamed) <= len(first.unnamed))
+        any(_may_be_usual(cause) for cause in after)
+        and (second.verdict == 'explained'
+             or bool(before and len(second.unnamed) <= len(first.unnamed))))
     nearly = first.verdict == 'clean' and isinstance(second.remaining.nearest, ElasticTransmission)
     return (told or nearly) and _explains_more(second, first, machine)
+
+
+def _springs_of(causes: Sequence[Cause]) -> list[Cause]:
+    """Return the soft transmissions among causes."""
+    return [cause for cause in causes if isinstance(cause.effect, ElasticTransmission)]
 
 
 def _may_be_usual(springs: Cause) -> bool:
