@@ -158,7 +158,8 @@ def test_a_sound_machine_that_springs_come_near_is_unknown(recorded, both, verdi
                                                             is_told):
     """They are not sure enough to be named; that there is nothing is not sure, either."""
     answer, first = both
-    near = replace(answer, verdict='unknown', causes=(), remaining=replace(
+    near = replace(answer, verdict='unknown', causes=(), holdout=replace(
+        answer.holdout, extended_rms=10.0 * answer.holdout.extended_rms), remaining=replace(
         answer.remaining, nearest=nearest and SEARCHED[nearest]))
     assert is_better(near, replace(first, verdict=verdict), recorded[0]) == is_told
 

@@ -67,7 +67,8 @@ def is_better(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> boo
     It has to leave less of its held-out rows than the first would. Loads that swing in it must be
     named and damp as those of machines may. Where the first has not named them, they must leave
     nothing, as loads that bounce in a gap would; else no more causes without a name than the first.
-    If the first has found nothing, it is enough that springs come nearest to a cause.
+    If the first has found nothing, it is enough that springs come nearest to a cause: then neither
+    has one that would leave less.
     """
     before, after = (_springs_of(answer.causes) for answer in (first, second))
     told = second.swing_hz is None or (
@@ -75,7 +76,7 @@ def is_better(second: Diagnosis, first: Diagnosis, machine: Robot | Axis) -> boo
         and (second.verdict == 'explained'
              or bool(before and len(second.unnamed) <= len(first.unnamed))))
     nearly = first.verdict == 'clean' and isinstance(second.remaining.nearest, ElasticTransmission)
-    return (told or nearly) and _explains_more(second, first, machine)
+    return nearly or (told and _explains_more(second, first, machine))
 
 
 def _springs_of(causes: Sequence[Cause]) -> list[Cause]:
