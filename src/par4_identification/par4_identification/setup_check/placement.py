@@ -9,8 +9,8 @@ the model lacks is coloured, and counts as often as it comes, not as often as it
 What is refitted beside the bodies: inertia and friction that all joints share, which is all that a
 machine without other faults needs; or as much as the library knows and more: on each joint an
 offset, a weight, inertia, friction, a lag of its own and a quadratic polynomial of all positions,
-on the platform any constant force and moment, a spring and drag along each axis, friction and
-inertia about theta, a mass beside the axis of the tool.
+on the platform any constant force and moment, a spring and drag along each axis, friction about
+theta, a mass beside the axis of the tool.
 """
 
 from __future__ import annotations
@@ -298,8 +298,8 @@ def _platform_columns(state: State) -> np.ndarray:
 
 
 def _loads(state: State) -> np.ndarray:
-    """Return the torque (n, J, 15) of loads on the platform: forces and a moment, springs and drag
-    along three axes, friction and inertia about theta, a mass of the tool beside its axis."""
+    """Return the torque (n, J, 14) of loads on the platform: forces and a moment, springs and drag
+    along three axes, friction about theta, a mass of the tool beside its axis."""
     units = np.eye(LEGS)
     forces = [state.torque_of_force(unit) for unit in units]
     platform = state.platform
@@ -307,7 +307,7 @@ def _loads(state: State) -> np.ndarray:
     rate = platform.xd[:, 3:]
     springs = [forces[axis] * away[:, [axis]] for axis in range(3)]
     drags = [forces[axis] * platform.xd[:, [axis]] for axis in range(3)]
-    turning = [forces[3] * part for part in (rate, fading_sign(rate), platform.xdd[:, 3:])]
+    turning = [forces[3] * part for part in (rate, fading_sign(rate))]
     return np.concatenate((np.stack(forces + springs + drags + turning, axis=-1),
                            imbalance_columns(state)), axis=-1)
 
