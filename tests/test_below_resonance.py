@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from hidden.hiders import HIDERS
 from hidden.scenario import Task, record_scenario
 from short_scenarios import short_scenario
 
+from par4_dynamics.effects.springs import Springs
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis import diagnosis as diagnosis_module
 from par4_identification.diagnosis.below_resonance import below_resonance, is_better, resonance
@@ -18,7 +21,7 @@ from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.search import candidates as candidates_module
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.rules import OF_PAR4
-from par4_identification.diagnosis.search.swing import LOWER_BAND, Swing, swing_below
+from par4_identification.diagnosis.search.swing import LOWER_BAND, Swing, swing_below, swing_in
 from par4_identification.reports.outcome.diagnosis import outcome_of_diagnosis
 
 STIFFNESS = np.array([7020.0, 6530.0, 7920.0, 5960.0])
@@ -98,6 +101,20 @@ def test_a_named_swing_is_looked_at_again_where_something_is_left(both):
     assert below_resonance(named, CONDITIONING, OF_PAR4.floor_excess) is not None
 
 
+def springs_by_frequency(evidence):
+    """Return the torque of the springs on the whitened rows, below half the rows' rate and above.
+    """
+    torque = project(evidence, ()).rest(np.concatenate(evidence.whitener.whiten([run.rows(
+        Springs(run.state).torque(1.0 / STIFFNESS)[1][..., None])
+        for run in evidence.observations.runs]))[:, 0])
+    low = np.zeros_like(torque)
+    for first, last in pairwise(evidence.ends):
+        spectrum = np.fft.rfft(torque[first:last])
+        spectrum[len(spectrum) // 2:] = 0.0
+        low[first:last] = np.fft.irfft(spectrum, last - first)
+    return low, torque - low
+
+
 def test_lower_frequencies_tell_a_swing_that_all_rows_do_not(both, monkeypatch):
     """Counts swing loads little there."""
     _, first = both
@@ -110,6 +127,13 @@ def test_lower_frequencies_tell_a_swing_that_all_rows_do_not(both, monkeypatch):
     true = resonance([Swing(1.0 / STIFFNESS, 0.0, ())], evidence.observations)
     assert resonance([found], evidence.observations) == pytest.approx(true, rel=0.2)
     assert resonance([None], evidence.observations) is None
+    # what opposes the springs at higher frequencies hides them from all rows, not from these
+    low, high = springs_by_frequency(evidence)
+    opposed = SimpleNamespace(evidence=evidence, rest=project(evidence, ()).rest,
+                              residual=low - 30.0 * high)
+    assert swing_in(opposed, least, 2.0 * OF_PAR4.price) is None
+    hidden = swing_below(opposed, least)
+    assert resonance([hidden], evidence.observations) == pytest.approx(true, rel=0.2)
     # the look stops at the same evidence as that at all rows
     assert swing_below(project(evidence, ()), 0.99 * found.squares) is not None
     assert swing_below(project(evidence, ()), found.squares) is None
