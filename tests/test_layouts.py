@@ -11,20 +11,21 @@ import pytest
 
 from par4_kinematics import interface
 from par4_kinematics.ros.qos import message_type
-from par4_sim.cell.layouts import FOXGLOVE, PLOTJUGGLER, absolute, foxglove, plotjuggler
+from par4_sim.cell.layouts import FOXGLOVE, PLOTJUGGLER, PLOTS, absolute, foxglove, plotjuggler
 
 PACKAGE = Path(__file__).parents[1] / 'src' / 'par4_sim'
 READ_BY_FOXGLOVE = {
-    'Plot': {'foxglovePanelTitle', 'paths', 'minXValue', 'maxXValue', 'minYValue', 'maxYValue',
-             'showLegend', 'legendDisplay', 'showPlotValuesInLegend', 'showXAxisLabels',
-             'showYAxisLabels', 'isSynced', 'xAxisVal', 'xAxisPath', 'followingViewWidth',
-             'sidebarDimension'},
+    'Plot': {'foxglovePanelTitle', 'lichtblickPanelTitle', 'paths', 'minXValue', 'maxXValue',
+             'minYValue', 'maxYValue', 'showLegend', 'legendDisplay', 'showPlotValuesInLegend',
+             'showXAxisLabels', 'showYAxisLabels', 'isSynced', 'xAxisVal', 'xAxisPath',
+             'followingViewWidth', 'sidebarDimension'},
     '3D': {'cameraState', 'followTf', 'followMode', 'scene', 'publish', 'transforms', 'topics',
            'layers', 'imageMode'},
     'DiagnosticSummary': {'minLevel', 'pinnedIds', 'hardwareIdFilter', 'topicToRender',
                           'sortByLevel'},
 }
-"""Keys of each panel, as Lichtblick 1.x types them, which has the layouts of open Foxglove."""
+"""Keys of each panel, as Lichtblick 1.28 types them, which has the layouts of open Foxglove; the
+title has a key of its own in each of the two."""
 TOPICS = {absolute(topic): topic for topic in interface.TOPICS}
 
 
@@ -91,6 +92,47 @@ def test_foxglove_knows_every_key():
             splits(part['second'])
 
     splits(content['layout'])
+
+
+def foxglove_panels(kind: str) -> list[dict]:
+    """Return the settings of all panels of a kind."""
+    return [panel for name, panel in json.loads(foxglove())['configById'].items()
+            if name.startswith(f'{kind}!')]
+
+
+def test_foxglove_and_lichtblick_show_the_title_of_each_plot():
+    titles = [plot.title for plot in PLOTS]
+    for key in ('foxglovePanelTitle', 'lichtblickPanelTitle'):
+        assert [panel.get(key) for panel in foxglove_panels('Plot')] == titles
+
+
+def test_foxglove_plots_over_the_time_of_receipt():
+    """Lichtblick counts from the first receipt, and stamps of a simulation begin at zero: over
+    these all curves of a bag of the nodes once lay 56 years to the left of the plot.
+    """
+    assert {path['timestampMethod'] for panel in foxglove_panels('Plot')
+            for path in panel['paths']} == {'receiveTime'}
+
+
+def test_foxglove_draws_curves_beside_the_names_of_the_joints():
+    """A legend that floats covers two fifths of the plot."""
+    for panel in foxglove_panels('Plot'):
+        assert panel['legendDisplay'] == 'left'
+        for path in panel['paths']:
+            joint = re.search(r'\[([0-3])\]$', path['value'])
+            assert path['label'] == (interface.JOINT_NAMES[int(joint[1])] if joint
+                                     else path['value'][-1])
+
+
+def test_foxglove_shows_the_robot_large_and_without_its_frames():
+    """By default it is a speck, 20 m away, behind the names of its 29 frames."""
+    panel, = foxglove_panels('3D')
+    camera = panel['cameraState']
+    assert camera.keys() == {'distance', 'perspective', 'phi', 'target', 'targetOffset',
+                             'targetOrientation', 'thetaOffset', 'fovy', 'near', 'far'}
+    assert 1.0 < camera['distance'] < 4.0, 'the robot is 1 m high'
+    assert camera['near'] < 0.1
+    assert panel['scene']['transforms'] == {'showLabel': False, 'axisScale': 0, 'lineWidth': 0}
 
 
 def test_plotjuggler_finds_every_part_where_it_looks():

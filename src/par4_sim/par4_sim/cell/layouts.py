@@ -29,6 +29,12 @@ from par4_kinematics.robot import JOINT_NAMES
 COLOURS = ('#1f77b4', '#d62728', '#2ca02c', '#9467bd')
 JOINT_FIELDS = ('position', 'velocity', 'effort')
 PLOTJUGGLER, FOXGLOVE = 'par4.plotjuggler.xml', 'par4.foxglove.json'
+LEGEND_WIDTH = 145
+"""Pixels; the names of the joints fit into it."""
+CAMERA = {'perspective': True, 'distance': 2.2, 'phi': 75, 'thetaOffset': 45, 'fovy': 45,
+          'near': 0.01, 'far': 100, 'target': [0, 0, 0], 'targetOffset': [0, 0, -0.45],
+          'targetOrientation': [0, 0, 0, 1]}
+"""m and degrees: the robot fills the panel; by default it is looked at from 20 m."""
 
 
 @dataclass(frozen=True)
@@ -83,19 +89,28 @@ def plotjuggler() -> str:
 
 
 def foxglove() -> str:
-    """Return the layout for Foxglove, which finds the joints by their places: arms are first."""
+    """Return the layout for Foxglove, which finds the joints by their places: arms are first.
+
+    Curves are over the time of receipt. Stamps of a simulation begin at zero, and Lichtblick, which
+    has the layouts of Foxglove, counts from the first receipt: curves over stamps would lie decades
+    to the left.
+    """
     panels: dict[str, Any] = {}
     for number, plot in enumerate(PLOTS):
-        fields = ([f'{plot.field}[{joint}]' for joint in range(len(JOINT_NAMES))]
-                  if plot.of_joints else [f'{plot.field}.{axis}' for axis in 'xyz'])
+        fields = ({name: f'{plot.field}[{joint}]' for joint, name in enumerate(JOINT_NAMES)}
+                  if plot.of_joints else {axis: f'{plot.field}.{axis}' for axis in 'xyz'})
         panels[f'Plot!plot{number}'] = {
-            'foxglovePanelTitle': plot.title, 'showLegend': True, 'isSynced': True,
-            'xAxisVal': 'timestamp',
-            'paths': [{'value': f'{absolute(plot.topic)}.{field}', 'enabled': True,
-                       'timestampMethod': 'headerStamp', 'color': colour}
-                      for field, colour in zip(fields, COLOURS, strict=False)]}
-    panels['3D!robot'] = {'followTf': BASE_FRAME, 'topics': {
-        absolute(topic): {'visible': True} for topic in (ROBOT_DESCRIPTION, PLATFORM_POSE)}}
+            'foxglovePanelTitle': plot.title, 'lichtblickPanelTitle': plot.title,
+            'showLegend': True, 'legendDisplay': 'left', 'sidebarDimension': LEGEND_WIDTH,
+            'isSynced': True, 'xAxisVal': 'timestamp',
+            'paths': [{'value': f'{absolute(plot.topic)}.{field}', 'label': label,
+                       'enabled': True, 'timestampMethod': 'receiveTime', 'color': colour}
+                      for (label, field), colour in zip(fields.items(), COLOURS, strict=False)]}
+    panels['3D!robot'] = {
+        'followTf': BASE_FRAME, 'cameraState': CAMERA,
+        'scene': {'transforms': {'showLabel': False, 'axisScale': 0, 'lineWidth': 0}},
+        'topics': {absolute(topic): {'visible': True}
+                   for topic in (ROBOT_DESCRIPTION, PLATFORM_POSE)}}
     panels['DiagnosticSummary!states'] = {'topicToRender': absolute(DIAGNOSTICS)}
     plots = [name for name in panels if name.startswith('Plot!')]
     layout = {'direction': 'row', 'splitPercentage': 60, 'first': _stacked(plots),
