@@ -10,7 +10,7 @@ from par4_dynamics.model_file import EffectEntry
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.fit import residuals, solve
 from par4_identification.diagnosis.evidence.holdout import Gain
-from par4_identification.diagnosis.search.causes import Model, named_of, others_of
+from par4_identification.diagnosis.search.causes import Model, named_of, names_of, others_of
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.verdict.answer import Cause
 from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR, Rattle, rattle
@@ -27,11 +27,15 @@ CHANCE = 1e-3
 
 
 def loose_loads(search: Search, model: Model) -> tuple[Rattle | None, Model]:
-    """Return the loads that rattle, None if none do, and the causes that stand beside them."""
-    found = _rattle(search, model)
+    """Return the loads that rattle, None if none do, and the causes that stand beside them.
+
+    A soft transmission does not: bounces look like a load that swings.
+    """
+    named = tuple(item for item in named_of(model) if item.effect.name != ElasticTransmission.name)
+    found = _rattle(search, model, named)
     if found is None:
         return None, model
-    beside = _beside_bounces(search, model)
+    beside = _beside_bounces(search, named)
     return (None, model) if _hums(search, beside) else (found, beside)
 
 
@@ -44,17 +48,18 @@ def cause_of(effect: Effect, found: Rattle) -> tuple[Cause, EffectEntry]:
     return cause, EffectEntry(effect=effect.name, joints=found.joints, parameters=parameters)
 
 
-def _rattle(search: Search, model: Model) -> Rattle | None:
-    """Return the joints whose loads rattle in a gap, if what the names leave tells of any."""
+def _rattle(search: Search, model: Model, named: Model) -> Rattle | None:
+    """Return the joints whose loads rattle in a gap, if what the names leave tells of any.
+
+    `named` are those of the model but for soft transmissions.
+    """
     library, pool = search.candidates.library, search.pool
-    named = tuple(named_of(model))
-    names = {item.effect.name for item in named}
-    if Backlash.name not in library or names & {Backlash.name, ElasticTransmission.name}:
+    if Backlash.name not in library or Backlash.name in names_of(named):
         return None
     if INERTIA not in {term.name for term in pool.evidence.observations.terms}:
         return None  # nothing is known to rattle
     left, rest = pool.fit(named).heldout_squares, pool.fit(model).heldout_squares
-    if rest < (1.0 - SMOOTH) * left or _rings(search, named):
+    if rest < (1.0 - SMOOTH) * left or _rings(search, model, named):
         return None
     fit = solve(pool.evidence, named)
     found = rattle([(part.observations, residuals(part.observations, named, fit))
@@ -62,13 +67,12 @@ def _rattle(search: Search, model: Model) -> Rattle | None:
     return found if found is not None and found.p_value < CHANCE else None
 
 
-def _beside_bounces(search: Search, model: Model) -> Model:
-    """Return the names of a model that explain more than bounces of a load may look like.
+def _beside_bounces(search: Search, named: Model) -> Model:
+    """Return the names that explain more than bounces of a load may look like.
 
     What the names leave is then the torque of the bounces. They are no function of the motion, and
     as little known as an unnamed cause.
     """
-    named = tuple(named_of(model))
     left, share = search.pool.fit(named), 0.5 * search.rules.unnamed_error ** 2
     kept = []
     for item in named:
@@ -89,9 +93,18 @@ def _hums(search: Search, model: Model) -> bool:
     return bool(lines_of(*left)) or swing_of(left) is not None
 
 
-def _rings(search: Search, model: Model) -> bool:
-    """Return whether transmissions that twist, no cause though, explain much of what is left."""
+def _rings(search: Search, model: Model, named: Model) -> bool:
+    """Return whether transmissions that twist explain much of what the other names leave.
+
+    They do so as the model has them, or as a first look finds them that are no cause.
+    """
     effect = search.candidates.library.get(ElasticTransmission.name)
-    projection = search.weighing.beside(model)
-    candidate = None if effect is None else search.candidates.best(effect, projection)
+    if effect is None:
+        return False
+    if ElasticTransmission.name in names_of(model):
+        left, rest = (search.pool.fit(names).heldout_squares
+                      for names in (named, tuple(named_of(model))))
+        return rest < (1.0 - RINGING) * left
+    projection = search.weighing.beside(named)
+    candidate = search.candidates.best(effect, projection)
     return candidate is not None and 2.0 * candidate.gain > RINGING * projection.squares

@@ -21,12 +21,16 @@ FRESH, LEANING = 0.05, 0.15
 """s around and after a change of sides in which a load rattles, and after which it has settled."""
 LEAST_ROWS = 40
 """Near changes of sides, and of leaning loads: fewer tell no scatter."""
-CONTRAST = 10.0
+CONTRAST = 12.0
 """Least ratio of the slip's rms near changes of sides to that of leaning loads. Noise gives 1, lags
-and friction that the model lacks up to 9, gaps of some mrad 14 and more."""
-LEANING_NOISE = 2.5
-"""Largest ratio of the slip's rms of leaning loads to that of noise: with gaps 0.8 to 1.1, where a
-stiffness differs from tooth to tooth 2.7 and more."""
+and friction that the model lacks up to 10, gaps of some mrad 14 and more."""
+CONTRAST_BESIDE = 4.0
+"""The same of another joint, where one rattles by `CONTRAST`: of a sound joint it is up to 1.8, of
+a gap of a milliradian 5 and more."""
+LEANING_GROWTH = 1.8
+"""Largest ratio of the slip's rms under large loads to that under small ones, of loads that lean:
+noise gives 1, what bounces have made of the base values up to 1.6, a stiffness that differs from
+tooth to tooth 2.3 to 3.1."""
 SLOWEST_HZ = 6.0
 """Slips are summed up to positions above this frequency; bounces in a gap are faster."""
 SLOWEST_ROWS_HZ = 80.0
@@ -63,24 +67,32 @@ class _Slip:
         quiet: while the load leans on one flank, rad/s2.
         path: what the loud part moves, rad.
         still: what the quiet part moves, rad: noise.
-        noise: what noise alone makes of it, one number a row of the quiet part, rad/s2.
+        load: size of the torque that it transmits, one number a row of the quiet part, N m.
     """
 
     loud: np.ndarray
     quiet: np.ndarray
     path: np.ndarray
     still: np.ndarray
-    noise: np.ndarray
+    load: np.ndarray
 
-    @property
-    def rattles(self) -> bool:
-        """Whether it is so much louder near changes of sides that the load must be loose.
+    def rattles(self, contrast: float) -> bool:
+        """Return whether it is louder near changes of sides by a contrast: the load is loose.
 
-        Away from them nothing may be left but noise: a load that leans on a flank has no gap.
+        Away from them nothing may be left but noise, which does not know the load.
         """
         return min(len(self.loud), len(self.quiet)) >= LEAST_ROWS and bool(
-            np.std(self.loud) > CONTRAST * np.std(self.quiet)
-            and np.std(self.quiet) <= LEANING_NOISE * np.sqrt(np.mean(self.noise ** 2)))
+            np.std(self.loud) > contrast * np.std(self.quiet)
+            and self._growth <= LEANING_GROWTH)
+
+    @property
+    def _growth(self) -> float:
+        """Ratio of the quiet part's rms under the larger half of the loads to that under the rest.
+        """
+        large = self.load > np.median(self.load)
+        less = float(np.sqrt(np.mean(self.quiet[~large] ** 2)))
+        more = float(np.sqrt(np.mean(self.quiet[large] ** 2))) if large.any() else less
+        return more / less if less > 0.0 else float('inf')
 
     @property
     def p_value(self) -> float:
@@ -111,11 +123,11 @@ def rattle(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]) -> Rattle
     """
     if not all(_carries_bounces(observations) for observations, _ in parts):
         return None
-    slips = [_slips(observations, left) for observations, left in parts]
-    joints = tuple(joint for joint, same in enumerate(zip(*slips))
-                   if all(slip.rattles for slip in same))
-    if not joints:
+    slips = [_slips(observations, left)
+             for (observations, _), left in zip(parts, _where_loads_lean(parts))]
+    if not _rattling(slips, CONTRAST):
         return None
+    joints = _rattling(slips, CONTRAST_BESIDE)
     p_values = [scipy.stats.combine_pvalues([slip[joint].p_value for slip in slips]).pvalue
                 for joint in joints]
     return Rattle(joints, np.array([np.mean([slip[joint].gap for slip in slips])
@@ -138,7 +150,14 @@ def gaps(observations: Observations, left: Sequence[np.ndarray]
     if not _carries_bounces(observations):
         return [None] * observations.joints
     return [None if min(len(slip.path), len(slip.still)) < LEAST_ROWS else
-            (slip.gap, slip.gap_std) for slip in _slips(observations, left)]
+            (slip.gap, slip.gap_std)
+            for slip in _slips(observations, *_where_loads_lean([(observations, left)]))]
+
+
+def _rattling(slips: Sequence[Sequence[_Slip]], contrast: float) -> tuple[int, ...]:
+    """Return the joints whose loads rattle by a contrast in every part."""
+    return tuple(joint for joint, same in enumerate(zip(*slips))
+                 if all(slip.rattles(contrast) for slip in same))
 
 
 def _carries_bounces(observations: Observations) -> bool:
@@ -151,34 +170,50 @@ def _carries_bounces(observations: Observations) -> bool:
         for run in observations.runs)
 
 
+def _where_loads_lean(parts: Sequence[tuple[Observations, Sequence[np.ndarray]]]
+                      ) -> list[list[np.ndarray]]:
+    """Return what is left of each part beside base values that bounces have not moved.
+
+    They are those of the rows of the first part in which a load leans: the bounces of all others
+    can be some fifty times the noise.
+    """
+    observations, left = parts[0]
+    rows = [_sides(run)[1] for run in observations.runs]
+    columns = np.concatenate([base[own] for base, own in zip(observations.base, rows)])
+    change = np.linalg.lstsq(
+        columns, np.concatenate([rest[own] for rest, own in zip(left, rows)]), rcond=1e-10)[0]
+    return [[rest - base @ change for rest, base in zip(own, part.base)] for part, own in parts]
+
+
 def _slips(observations: Observations, left: Sequence[np.ndarray]) -> list[_Slip]:
     """Return the slip of each joint."""
     parts: list[list[_Slip]] = [[] for _ in range(observations.joints)]
     for run, rest in zip(observations.runs, left):
-        slip, load = _slip(run, rest), transmitted_torque(run.state)
-        # a torque that jumps at a time which is not quite known leaves what bounces do
-        counted = (run.valid & (run.timing_error <= run.noise_floor)).all(axis=1)
-        path, noise = _positions(slip, run.row_time), _noise(run)
+        slip, carried = _slip(run, rest), transmitted_torque(run.state)
+        path, (fresh, leans) = _positions(slip, run.row_time), _sides(run)
         for joint in range(observations.joints):
-            since, until = _around_changes(run.state.t, load[:, joint], run.t)
-            loud = counted & ((since < FRESH) | (until < FRESH))
-            quiet = counted & (since > LEANING) & (until > FRESH)
+            loud, quiet = fresh[:, joint], leans[:, joint]
+            load = np.interp(run.t[quiet], run.state.t, carried[:, joint])
             parts[joint].append(_Slip(slip[loud, joint], slip[quiet, joint], path[loud, joint],
-                                      path[quiet, joint], noise[quiet, joint]))
+                                      path[quiet, joint], np.abs(load)))
     return [_Slip(*(np.concatenate([getattr(part, name) for part in own])
-                    for name in ('loud', 'quiet', 'path', 'still', 'noise'))) for own in parts]
+                    for name in ('loud', 'quiet', 'path', 'still', 'load'))) for own in parts]
+
+
+def _sides(run: Run) -> tuple[np.ndarray, np.ndarray]:
+    """Return in which rows each load changes sides and in which it leans on a flank, (m, J)."""
+    # a torque that jumps at a time which is not quite known leaves what bounces do
+    counted = np.all(run.valid & (run.timing_error <= run.noise_floor), axis=1, keepdims=True)
+    since, until = (np.stack(times, axis=1) for times in zip(*(
+        _around_changes(run.state.t, load, run.t) for load in transmitted_torque(run.state).T)))
+    return (counted & ((since < FRESH) | (until < FRESH)),
+            counted & (since > LEANING) & (until > FRESH))
 
 
 def _slip(run: Run, rest: np.ndarray) -> np.ndarray:
     """Return the acceleration (m, J), rad/s2, of the loads against their motors."""
     inertia = load_inertia(run.state, run.t)
     return np.linalg.solve(inertia, np.where(run.valid, rest, 0.0)[..., None])[..., 0]
-
-
-def _noise(run: Run) -> np.ndarray:
-    """Return the standard deviation of `_slip` by noise alone, (m, J), rad/s2."""
-    return np.sqrt(np.square(np.linalg.inv(load_inertia(run.state, run.t)))
-                   @ np.square(run.noise_floor))
 
 
 def _positions(acceleration: np.ndarray, period: float) -> np.ndarray:
