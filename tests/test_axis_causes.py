@@ -91,6 +91,27 @@ def test_the_encoder_of_any_axis_may_be_mounted_badly(amplitude):
     assert cause.parameters['phase'].value == pytest.approx((1.0,), abs=0.05)
 
 
+# ------------------------------------------------------------------------- offsets
+
+
+@pytest.mark.parametrize(('seed', 'averaged'), [(3, 12), (4, 16)])
+def test_an_offset_of_a_torque_that_is_averaged_follows_no_position(seed, averaged):
+    """Such a torque has hardly noise: a law that is a little wrong lets other terms count."""
+    random = np.random.default_rng(seed)
+    waves = random.uniform([0.3, 0.4, 0.0], [0.9, 1.4, 6.0], (3, 3))
+
+    def motion(t):
+        return sum(size * np.sin(rate * t + phase) for size, rate, phase in waves)
+
+    log = recorded(Motor(0.3, 1.2, 0.4), motion, 40.0, 1000.0, counts=1 << 20, noise=0.003)
+    tau = np.convolve(log.tau[:, 0], np.ones(averaged) / averaged)[:len(log.tau)] + 0.8
+    diagnosis = diagnosed(replace(log, tau=tau[:, None]), axis(), (
+        'torque_offset', 'position_torque', 'time_offset', 'coulomb_asymmetry', 'stribeck'))
+    assert 'position_torque' not in named(diagnosis)
+    offset = next(cause for cause in diagnosis.causes if cause.effect.name == 'torque_offset')
+    assert offset.parameters['offset'].value == pytest.approx((0.8,), rel=0.05)
+
+
 # ------------------------------------------------------------------------- springs
 
 

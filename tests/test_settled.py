@@ -67,6 +67,20 @@ def test_a_name_with_values_below_zero_on_every_joint_falls(monkeypatch):
     assert len(settle(search, (item,), FLOOR).causes) == 1
 
 
+def test_names_that_are_left_are_judged_together_again(monkeypatch):
+    """The last of some names, whose company fell, may make the error on held-out rows larger."""
+    search = search_of(('torque_offset', {'offset': (0.1, 0.0, 0.0, 0.0)}),
+                       library=('torque_offset', 'stribeck'))
+    model = cause('torque_offset'), cause('stribeck')
+    monkeypatch.setattr(sure, '_without', lambda _search, model, *_doubts: (
+        model[:1] if len(model) > 1 else model))
+    monkeypatch.setattr(sure, '_doubt_of_all', lambda _search, model, _floor: (
+        'no smaller' if len(model) == 1 else None))
+    found = sure.without_doubtful_names(search, model, FLOOR)
+    assert named_of(found) == []
+    assert 'no smaller' in [item.reason for item in search.journal.rejected]
+
+
 @pytest.mark.parametrize(('margin', 'wide', 'holds'), [
     (-11.0, 3.0, False), (-9.0, 3.0, True), (-11.0, 0.9, True)])
 def test_a_name_told_as_nothing_falls_where_its_twin_explains_more(

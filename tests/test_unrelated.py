@@ -10,10 +10,12 @@ import pytest
 from measured import excitation
 from planned import log_of
 
+from par4_identification.changes.joint_values import whitened
+from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.observations import observe
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.verdict.sure import is_most_of_it
-from par4_identification.diagnosis.verdict.unrelated import lines_of, unrelated
+from par4_identification.diagnosis.verdict.unrelated import left_of, lines_of, unrelated
 from par4_identification.signals.filtering import low_pass
 from par4_identification.signals.rows import runs_of_log
 from robots import REFERENCE
@@ -46,6 +48,20 @@ def left(runs, random: np.random.Generator, frequency: float = LINE, amplitude: 
         rows = run.rows(noise)
         found.append((run, rows, np.zeros_like(rows)))
     return found
+
+
+def test_a_share_of_the_torque_may_be_left_by_any_model():
+    """Where a log is smooth its noise is far below what the law of the machine may be wrong by."""
+    motion = excitation('reference', 8.0, 71)
+    log = log_of(REFERENCE, motion.t, motion.q, motion.qdd, 1)
+    observations = observe(runs_of_log(log, REFERENCE), REFERENCE, 'paper', None)
+    fit = solve(whitened(observations), ())
+    rules = Rules()
+    for (run, _, error), torque in zip(
+            left_of(observations, (), fit, fit, rules), observations.varying):
+        np.testing.assert_allclose(
+            error, np.hypot(rules.base_error * torque, run.timing_error))
+        assert np.all(error[run.valid] > 0.0)
 
 
 def test_noise_makes_no_line(parts):

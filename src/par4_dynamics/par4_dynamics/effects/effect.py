@@ -228,6 +228,15 @@ class Effect(ABC):
         """Return the shapes of the same series with fewer coefficients, the fewest first."""
         return ()
 
+    def simpler(self, values: Values, std: Values) -> str | None:
+        """Return the name of the effect that this one is but for values that may be zero.
+
+        Args:
+            values: of the parameters.
+            std: their standard deviations.
+        """
+        return None
+
     def with_more_terms(self, shape: Shape, count: int) -> Shape | None:
         """Return the shape of the same series with `count` more coefficients, if it is a series."""
         return None

@@ -20,6 +20,8 @@ HIGHEST_DEGREE = 9
 WIDEST = 4.0 * np.pi
 """rad: what goes further goes on turning, so that no spring is wound up, if it does not come back.
 """
+FLAT = 2.0
+"""Standard deviations within which every term but the constant one makes it an offset."""
 QUARTER, RETURNS = 0.25, 3
 """Shares of its way at either end that a joint which comes and goes must reach, and how often it
 must go from one to the other, as the motor of a screw does."""
@@ -81,6 +83,11 @@ class PositionTorque(Effect):
 
     def with_fewer_terms(self, shape: Shape) -> tuple[Shape, ...]:
         return tuple({**shape, 'degree': float(degree)} for degree in range(1, self.terms(shape)))
+
+    def simpler(self, values: Values, std: Values) -> str | None:
+        sizes, deviations = (np.atleast_2d(part['coefficients'])[:, 1:] for part in (values, std))
+        constant = sizes.size and np.all(np.abs(sizes) <= FLAT * deviations)
+        return 'torque_offset' if constant else None
 
     def with_more_terms(self, shape: Shape, count: int) -> Shape | None:
         return {**shape, 'degree': float(self.terms(shape) + count)}

@@ -86,9 +86,10 @@ def unusable(observations: Observations, identification: Identification, machine
     if error > WORST_ERROR and (bound or _error_in_motion(observations) > WORST_ERROR):
         share = f'explain only {1 - error:.0%} of the torque'
         reasons.append(Reason(
-            f'inertia, friction and weight {share}; check gravity in the robot file, {SIGNS}'
-            if alone else f'the rigid bodies {share}; check order, sign and zero of the joints, '
-                          f'the gains and the robot file'))
+            f'inertia, friction and weight {share}; check gravity in the robot file, {SIGNS}, and '
+            f'whether a soft belt or a loose coupling lets the load move by itself' if alone else
+            f'the rigid bodies {share}; check order, sign and zero of the joints, the gains and '
+            f'the robot file'))
     for term in identification.terms:
         # a lag of the drives can turn the slope of friction over; together it must brake, see above
         friction_term = term.name in FRICTION

@@ -22,7 +22,13 @@ from par4_identification.diagnosis.evidence.fit import Fit, left_by, solve, with
 from par4_identification.diagnosis.evidence.holdout import Blocks, blocks_of_runs
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.candidates import goes_both_ways
-from par4_identification.diagnosis.search.causes import Model, named_of, others_of, unnamed_of
+from par4_identification.diagnosis.search.causes import (
+    Model,
+    named_of,
+    names_of,
+    others_of,
+    unnamed_of,
+)
 from par4_identification.diagnosis.search.joints import without_joints
 from par4_identification.diagnosis.search.polish import polished
 from par4_identification.diagnosis.search.requirement import torque_errors
@@ -103,6 +109,7 @@ def settle(search: Search, model: Model, floor: np.ndarray) -> Settled:
     """
     heldout = search.pool.heldout.observations
     blocks = blocks_of_runs([run.t for run in heldout.runs], [run.valid for run in heldout.runs])
+    simplified: set[str] = set()
     while True:
         weak = weak_causes(search, model)
         model, changed = without_count_bias(search, polished(search, model))
@@ -119,6 +126,8 @@ def settle(search: Search, model: Model, floor: np.ndarray) -> Settled:
         if less is None:
             causes = with_doubt_of_counts(search, [own.told for own in values], named, changed)
             less = _without_idle_joints(model, named, causes)
+        if less is None:
+            less = _told_more_simply(search, model, named, causes, simplified)
         if less is None:
             told = with_coefficients(
                 search.pool.evidence, told, [own.coefficients for own in values])
@@ -193,6 +202,30 @@ def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...]
             search.journal.reject(item, f'all its values may be zero, and on rows held out '
                                   f'{cause.rival or "no cause at all"} explains as much')
             return search.with_nameless(others_of(model, item))
+    return None
+
+
+def _told_more_simply(search: Search, model: Model, named: Sequence[Hypothesis],
+                      causes: Sequence[Cause], done: set[str]) -> Model | None:
+    """Return the model with the simpler effect in the place of one that is no more than that.
+
+    Where the law of another cause is a little wrong, a torque over the position explains more than
+    an offset, and is told as one all the same: the other terms are zero within their deviations.
+    None if there is no such name, or if it came back: each is added to `done`.
+    """
+    for item, cause in zip(named, causes):
+        values, std = ({name: np.asarray(getattr(parameter, what), dtype=float)
+                        for name, parameter in cause.parameters.items()}
+                       for what in ('value', 'std'))
+        name = item.named.simpler(values, std)
+        effect = search.candidates.library.get(name or '')
+        if effect is None or item.effect.name in done:
+            continue
+        done.add(item.effect.name)
+        search.journal.reject(item, f'all but {effect.phrase} is zero within its deviations')
+        simple = Hypothesis(effect, {}, item.joints)
+        others = others_of(model, item)
+        return others if effect.name in names_of(others) else (*others, simple)
     return None
 
 

@@ -63,13 +63,17 @@ def without_doubtful_names(search: Search, model: Model, floor: np.ndarray) -> M
     if {Cogging.name, PERIODIC} <= {item.effect.name for item in model}:
         # its waves may be orders of the cogging that were lost beside other causes
         model = search.tested(tuple(item for item in model if item.effect.name != PERIODIC))
-    reason = _doubt_of_all(search, model, floor)
-    if reason is not None:
-        for item in named_of(model):
-            search.journal.reject(item, reason)
-        return search.with_nameless(()) or tuple(unnamed_of(model))
-    return _without(search, model, _continued, _replaced, _outdone, _inertial, _timed_otherwise,
-                    _inconstant)
+    while True:
+        reason = _doubt_of_all(search, model, floor)
+        if reason is not None:
+            for item in named_of(model):
+                search.journal.reject(item, reason)
+            return search.with_nameless(()) or tuple(unnamed_of(model))
+        less = _without(search, model, _continued, _replaced, _outdone, _inertial,
+                        _timed_otherwise, _inconstant)
+        if less is model:
+            return model
+        model = less  # those that are left are judged together, too
 
 
 def without_replaceable_names(search: Search, model: Model) -> Model:

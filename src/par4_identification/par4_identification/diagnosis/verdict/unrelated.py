@@ -94,8 +94,8 @@ def left_of(observations: Observations, model: Sequence[Hypothesis], base_only: 
     """Return of each run what a model leaves, and by what the torque of its causes may be wrong.
 
     That is a share of the difference that they make to the base terms (`Rules.named_error`), one
-    of the torque of those without a name (`Rules.unnamed_error`), and what the times of readings
-    make where the torque jumps.
+    of the torque of those without a name (`Rules.unnamed_error`), one of the measured torque
+    (`Rules.base_error`), and what the times of readings make where the torque jumps.
     """
     before, after = (residuals(observations, part, fit)
                      for part, fit in (((), base_only), (model, whole)))
@@ -105,8 +105,10 @@ def left_of(observations: Observations, model: Sequence[Hypothesis], base_only: 
             unnamed = [total + np.einsum('mjk,kj->mj', rows, coefficients) for total, rows in zip(
                 unnamed, observations.effect_rows(item.effect, item.shape))]
     return [(run, left, np.sqrt((rules.named_error * (old - left)) ** 2
-                                + (rules.unnamed_error * own) ** 2 + run.timing_error ** 2))
-            for run, old, left, own in zip(observations.runs, before, after, unnamed)]
+                                + (rules.unnamed_error * own) ** 2
+                                + (rules.base_error * torque) ** 2 + run.timing_error ** 2))
+            for run, old, left, own, torque in zip(
+                observations.runs, before, after, unnamed, observations.varying)]
 
 
 def unrelated(fit: Sequence[Left], heldout: Sequence[Left], floor: np.ndarray, rules: Rules,
