@@ -38,7 +38,11 @@ from par4_identification.logs.log import Log
 from par4_identification.reports.diagnosis_report import report_of_diagnosis
 from par4_identification.reports.outcome.causes import source_of_order
 from par4_identification.reports.outcome.changes import payload_causes_json, phrases_of_changes
-from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
+from par4_identification.reports.outcome.diagnosis import (
+    diagnosis_json,
+    outcome_of_diagnosis,
+    parameters_beside_causes,
+)
 from par4_identification.reports.outcome.identification import (
     outcome_of_identification,
     table_of_parameters,
@@ -50,6 +54,7 @@ from par4_identification.signals.plateaus import plateaus_of
 from par4_identification.signals.rows import finer, runs_of_log
 from par4_identification.signals.scales import Chosen, conditioning_for
 from par4_kinematics.errors import InputError
+from par4_sim.report.words import with_std
 from robots import REFERENCE
 
 DRIVER = Motor(4.7e-6, 0.002, 1e-5, {72: (0.0047, -2.6), 18: (0.0010, 0.2)})
@@ -180,7 +185,12 @@ def test_a_slide_has_one_order_whatever_its_pitch(pitch):
     assert cause.parameters['periods'].number == pytest.approx(2.0 * np.pi / pitch, rel=1e-3)
     assert cause.parameters['amplitude'].value == pytest.approx((9.0,), rel=0.02)
     outcome = outcome_of_diagnosis(found, machine)
-    assert f'a pitch of {1e3 * pitch:.1f} mm' in outcome.sentence
+    assert f'N of cogging force with a pitch of {1e3 * pitch:.1f} mm' in outcome.sentence
+    line, = parameters_beside_causes(found, machine)
+    value, std = with_std(found.base_after['coulomb_friction'].number,
+                          found.base_after['coulomb_friction'].deviation)
+    assert line.startswith('Beside this cause the parameters are actuator inertia ')
+    assert f'Coulomb friction {value} ± {std} N' in line
     page = report_of_diagnosis(found, outcome, machine, [], {})
     assert f'within a pitch of {1e3 * pitch:.1f} mm' in page
     assert 'periods a turn' not in page

@@ -307,6 +307,15 @@ def test_a_size_that_may_be_none_is_not_said_beside_one_that_is_not(coulomb, vis
     assert phrase_of_cause(cause, REFERENCE) == phrase
 
 
+@pytest.mark.parametrize(('delay', 'phrase'), [
+    (0.0041, 'torque recorded 0.0041 s late against the positions'),
+    (-0.0041, 'torque recorded 0.0041 s early against the positions')])
+def test_stamps_that_are_wrong_are_told_as_late_or_early(delay, phrase):
+    cause = SimpleNamespace(effect=CATALOGUE['time_offset'], joints=(0, 1, 2, 3), twins=(),
+                            parameters={'delay': Parameter(value=delay, std=1e-4, unit='s')})
+    assert phrase_of_cause(cause, REFERENCE) == phrase
+
+
 # bad input
 
 BAD_INPUT = {

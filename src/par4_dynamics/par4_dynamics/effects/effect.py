@@ -154,6 +154,8 @@ class Effect(ABC):
         law: the shape parameter whose values are different laws of the effect, if data may not
             tell which one holds; None if there is one law.
         phrase: the effect in words, for the report, e.g. 'cogging torque'.
+        by_sign: how its one size is told where it is positive and where it is negative, with {}
+            for the amount; None where its sign is told as a number.
     """
 
     name: ClassVar[str]
@@ -179,6 +181,7 @@ class Effect(ABC):
     variables: ClassVar[int] = 1
     law: ClassVar[str | None] = None
     phrase: ClassVar[str]
+    by_sign: ClassVar[tuple[str, str] | None] = None
 
     @property
     def of_machine(self) -> bool:

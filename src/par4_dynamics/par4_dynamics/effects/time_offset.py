@@ -31,6 +31,8 @@ class TimeOffset(Effect):
 
     name = 'time_offset'
     phrase = 'torque recorded out of time with the positions'
+    by_sign = ('torque recorded {} late against the positions',
+               'torque recorded {} early against the positions')
     parameters = (EffectParameter('delay', 's', 'machine'),)
     shared = True
     expanded = True

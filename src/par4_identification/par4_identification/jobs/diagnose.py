@@ -52,7 +52,11 @@ from par4_identification.reports.outcome.confrontation import (
     remarks_of_confrontation,
     simulation_json,
 )
-from par4_identification.reports.outcome.diagnosis import diagnosis_json, outcome_of_diagnosis
+from par4_identification.reports.outcome.diagnosis import (
+    diagnosis_json,
+    outcome_of_diagnosis,
+    parameters_beside_causes,
+)
 from par4_identification.reports.outcome.gravity import gravity_remarks
 from par4_identification.reports.outcome.outcome import over_joints
 from par4_identification.reports.outcome.results import bags_of, model_in_units, provenance
@@ -199,7 +203,8 @@ def diagnose_bags(asked: Asked) -> None:
     say(*outcome.first, *(f'{remark.text} {remark.advice}'.rstrip() for remark in answer.beside))
     if isinstance(answer.diagnosis, Diagnosis) and answer.changes is not None:
         say(errors_in_lines(answer.changes, answer.diagnosis, measured.machine), whole=True)
-    say(f'{answer.verdict}: {outcome.sentence}')
+    say(f'{answer.verdict}: {outcome.sentence}',
+        *parameters_beside_causes(answer.diagnosis, measured.machine))
     say(f'results{" and report" if asked.report else ""}: {asked.output}', whole=True)
     if (isinstance(measured.machine, Robot) and answer.experiment is not None
             and answer.experiment.motion is not None):

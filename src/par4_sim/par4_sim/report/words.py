@@ -84,6 +84,11 @@ def typeset(unit: str) -> str:
     return re.sub(r'(?<=[a-zA-Z])[23]', lambda match: {'2': '²', '3': '³'}[match[0]], unit)
 
 
+def phrase_on(machine: Robot | Axis, phrase: str) -> str:
+    """Return what is said of torques, of a machine: a linear axis has forces."""
+    return re.sub(r'\btorque\b', torque_name(machine), phrase)
+
+
 def torque_name(machine: Robot | Axis) -> str:
     """Return 'torque', or 'force' on a linear axis."""
     return 'torque' if unit_on(machine, 'N m') == 'N m' else 'force'

@@ -11,7 +11,7 @@ from par4_dynamics.parameters import Parameter, parts_of_orders
 from par4_identification.diagnosis.verdict.answer import Cause
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
-from par4_sim.report.words import in_words, joint_labels, listed, number
+from par4_sim.report.words import in_words, joint_labels, listed, number, phrase_on
 
 TOLD = 6
 """Orders of a periodic torque that a sentence names one by one."""
@@ -45,19 +45,25 @@ def _phrase_of_name(cause: Cause, machine: Robot | Axis) -> str:
 
 def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
     effect = cause.effect
+    phrase = phrase_on(machine, effect.phrase)
     first, *others = effect.parameters
+    if effect.by_sign is not None:
+        size = cause.parameters[first.name]
+        ahead, behind = (phrase_on(machine, told) for told in effect.by_sign)
+        return (ahead if size.number > 0.0 else behind).format(
+            _size(Parameter(value=abs(size.number), unit=size.unit), machine))
     if any(item.per_order and isinstance(cause.parameters[item.name].value, tuple)
            and item.is_shape for item in effect.parameters):
         return _phrase_of_orders(cause, machine)
     reach = _reach(cause)
     if reach is not None:
         return (f'{number(reach[0], 2)} to {number(reach[1], 2)} {unit_on(machine, first.unit)} of '
-                f'{effect.phrase}')
+                f'{phrase}')
     sizes = {item.name: _size(cause.parameters[item.name], machine) for item in effect.parameters}
     if any(item.unit == first.unit for item in others):  # parts of one whole, as x, y, z
         told = [name for name in sizes if _stands_out(cause.parameters[name])] or list(sizes)
         parts = ', '.join(f'{in_words(name)} {sizes[name]}' for name in told)
-        return f'{effect.phrase} ({parts})'
+        return f'{phrase} ({parts})'
     told = [item.name for item in effect.parameters
             if np.any(np.asarray(cause.parameters[item.name].value) != 0.0)
             and not (item.is_shape and np.all(np.asarray(
@@ -72,7 +78,7 @@ def _phrase_of_size(cause: Cause, machine: Robot | Axis) -> str:
              if item.unit == '1/turn' else
              f'{in_words(item.name.removeprefix(f"{effect.name}_"))} {sizes[item.name]}'
              for item in others if item.name != 'phase' and item.name in shown]
-    whole = f'{amount} of {effect.phrase}' if first.name in shown else effect.phrase
+    whole = f'{amount} of {phrase}' if first.name in shown else phrase
     return f'{whole} with {listed(shape)}' if shape else whole
 
 
@@ -105,7 +111,7 @@ def _phrase_of_orders(cause: Cause, machine: Robot | Axis) -> str:
     told = [text for _, text in orders[:TOLD]]
     if len(orders) > TOLD:
         told.append(f'{len(orders) - TOLD} weaker orders')
-    return f'{cause.effect.phrase} of {len(orders)} orders ({", ".join(told)})'
+    return f'{phrase_on(machine, cause.effect.phrase)} of {len(orders)} orders ({", ".join(told)})'
 
 
 def _phrase_of_periods(order: float, machine: Robot | Axis) -> str:

@@ -15,12 +15,32 @@ from par4_kinematics.machine_units import parameter_unit, unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Outcome, Remark
 from par4_sim.report.results import plain
-from par4_sim.report.words import capital, listed, number, percent, torque_name
+from par4_sim.report.words import (
+    capital,
+    in_words,
+    listed,
+    number,
+    percent,
+    phrase_on,
+    torque_name,
+    with_std,
+)
 
 NO_FUNCTION = 'a torque that follows nothing known of the motion'
 """What is left where it is too much for noise and no function fits it."""
 FITTED_ALONE = 'something that acts in the fitted recordings alone'
 """What is left where far more is left of the fitted rows than of those held out."""
+
+
+def parameters_beside_causes(diagnosis: Diagnosis | Unusable, machine: Robot | Axis
+                             ) -> tuple[str, ...]:
+    """Return a line with the parameters beside the causes; none where there is no cause."""
+    if isinstance(diagnosis, Unusable) or not diagnosis.causes:
+        return ()
+    parts = [f'{in_words(name)} {" ± ".join(with_std(value.number, value.deviation))} '
+             f'{unit_on(machine, value.unit)}' for name, value in diagnosis.base_after.items()]
+    causes = 'this cause' if len(diagnosis.causes) == 1 else 'these causes'
+    return (f'Beside {causes} the parameters are {listed(parts)}.',)
 
 
 def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
@@ -41,11 +61,12 @@ def outcome_of_diagnosis(diagnosis: Diagnosis | Unusable, machine: Robot | Axis,
                             for error, own in zip(errors, (digits, digits, 2)))
     remarks = remarks_of_diagnosis(diagnosis, machine, experiment)
     nearest = diagnosis.remaining.nearest
-    beside = (' and '.join([*(item.phrase for item in diagnosis.unnamed),
+    beside = (' and '.join([*(phrase_on(machine, item.phrase) for item in diagnosis.unnamed),
                             *_phrases_of_unrelated(diagnosis.remaining.unrelated),
                             *_phrase_of_swing(diagnosis.remaining.swing_hz),
                             *([FITTED_ALONE] if diagnosis.fitted_unlike else [])])
-              or (nearest and f'{nearest.phrase}, which does not pass as a cause')
+              or (nearest and f'{phrase_on(machine, nearest.phrase)}, which does not pass as a '
+                              f'cause')
               or (diagnosis.remaining.no_noise and NO_FUNCTION)
               or 'a torque that changes from speed to speed')
     if diagnosis.verdict == 'clean':

@@ -15,7 +15,15 @@ from par4_identification.signals.rows import Run, longest_motion
 from par4_kinematics.machine_units import unit_on
 from par4_kinematics.robot import Axis, Robot
 from par4_sim.report.outcome import Remark, note
-from par4_sim.report.words import capital, in_words, joint_labels, listed, number, percent
+from par4_sim.report.words import (
+    capital,
+    in_words,
+    joint_labels,
+    listed,
+    number,
+    percent,
+    phrase_on,
+)
 
 ALL = 0.999
 """Share beyond which an interval says no more."""
@@ -87,10 +95,10 @@ def remarks_of_diagnosis(diagnosis: Diagnosis, machine: Robot | Axis,
 def remarks_of_cause(cause: Cause, machine: Robot | Axis, experiment: NextExperiment | None
                      ) -> list[Remark]:
     """Return what is to be said of a cause beside its size."""
-    remarks = []
+    remarks, phrase = [], phrase_on(machine, cause.effect.phrase)
     if not cause.predictable:
         remarks.append(Remark(
-            False, f'{capital(cause.effect.phrase)} is read off where the residual is large, '
+            False, f'{capital(phrase)} is read off where the residual is large, '
             f'not off its course; the size is good to a third.',
             'Preload or adjust the transmission; feedforward alone does not remove it.'))
     assumed = cause.effect.assumes({name: np.asarray(parameter.value)
@@ -99,11 +107,11 @@ def remarks_of_cause(cause: Cause, machine: Robot | Axis, experiment: NextExperi
         remarks.append(note(assumed))
     if _is_relative(cause, machine):
         remarks.append(note(
-            f'{capital(cause.effect.phrase)} is measured against the joints that are '
+            f'{capital(phrase)} is measured against the joints that are '
             f'not named: what all joints have in common belongs to the base parameters.'))
     if cause.twins:
         remarks.append(Remark(
-            False, f'On this motion {cause.effect.phrase} cannot be told from '
+            False, f'On this motion {phrase} cannot be told from '
             f'{listed([in_words(name) for name in cause.twins])}.',
             advice(cause.effect.name, experiment)
             or 'To tell such names apart, add a bag of slow wide sweeps and one with a known '
@@ -178,16 +186,17 @@ def _is_relative(cause: Cause, machine: Robot | Axis) -> bool:
 def _unnamed_remark(diagnosis: Diagnosis, machine: Robot | Axis, index: int,
                     experiment: NextExperiment | None) -> Remark:
     item, unit = diagnosis.unnamed[index], unit_on(machine, 'N m')
+    phrase = phrase_on(machine, item.phrase)
     wrong = number(over_joints(diagnosis.holdout.baseline_rms), 2)
     joints = len(joint_labels(machine))
     where = '' if len(item.joints) == joints else (
         f' on joint{"s" if len(item.joints) > 1 else ""} '
         f'{listed([str(joint) for joint in item.joints])}')
     return Remark(
-        False, f'{capital(item.phrase)}{where}, without a name, has '
+        False, f'{capital(phrase)}{where}, without a name, has '
         f'{number(item.torque_rms, 2)} {unit} rms where the model is wrong by {wrong} {unit}; it '
         f'explains {percent(item.share)} of what all causes explain of the squared error.',
-        f'Look at the machine for something that acts as {item.phrase}. '
+        f'Look at the machine for something that acts as {phrase}. '
         f'{advice(item.phrase, experiment)}'.strip())
 
 
@@ -197,9 +206,9 @@ def _remaining_remarks(diagnosis: Diagnosis, machine: Robot | Axis,
     unit = unit_on(machine, 'N m')
     remarks = []
     if remaining.nearest is not None:
+        nearest = capital(phrase_on(machine, remaining.nearest.phrase))
         remarks.append(Remark(
-            False, f'{capital(remaining.nearest.phrase)} would explain some of it, but does not '
-            f'pass as a cause.',
+            False, f'{nearest} would explain some of it, but does not pass as a cause.',
             f'See among the rejected names why. {advice(remaining.nearest.name, experiment)}'
             .strip()))
     if remaining.swing_hz is not None:
