@@ -10,11 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hidden import study
+from hidden.hiders import HIDERS
 from hidden.kept import Kept, generator_hash, read_kept
+from hidden.outside import OUTSIDE
 from hidden.physics import OutOfReach
 from hidden.scenario import (
     KINDS,
     LARGE,
+    UNREAL,
     Scenario,
     Task,
     draw_scenario,
@@ -152,13 +155,13 @@ def test_a_study_is_the_same_list_of_distinct_tasks():
     assert len({task.seed for task in tasks}) == len(tasks) == sum(COUNTS.values())
     assert sum(task.fidelity == 'fast' for task in tasks) >= 20
     singles = [task.effect for task in tasks if task.kind == 'single']
-    counts = [singles.count(effect) for effect in set(singles)]
-    assert len(counts) == 31
+    assert set(singles) == set(HIDERS)
+    counts = [singles.count(effect) for effect in HIDERS]
     assert max(counts) - min(counts) <= 1
     assert min(task.seed for task in tasks) >= 1_000_000
     company = [task for task in tasks if task.kind == 'company']
-    assert len({task.effect for task in company}) == 29
-    assert len({task.outside for task in company}) == 15
+    assert {task.effect for task in company} == set(HIDERS) - set(UNREAL)
+    assert {task.outside for task in company} == set(OUTSIDE)
     assert len({(task.effect, task.outside) for task in company}) > 100
     assert all((task.outside is None) == (task.kind not in (
         'company', 'outside', 'lines', 'bursts')) for task in tasks)

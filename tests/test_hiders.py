@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hidden.hider import Column, on
-from hidden.hiders import HIDERS
+from hidden.hiders import HIDERS, NOT_HIDDEN
 from hidden.machines import known_machine
 from hidden.physics import Torques, rate
 from hidden.recording import record
@@ -25,7 +25,9 @@ from hidden.truth import (
     whitener_of,
 )
 
+from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.state import GRAVITY, state_of_joints
+from par4_identification.diagnosis.diagnosis import LIBRARY
 from par4_kinematics.excitation import excitation_motion
 from par4_sim.machines.noise import Noise
 
@@ -207,9 +209,15 @@ def test_wrong_encoders_and_dimensions_move_the_true_machine(case):
     assert int(np.abs(one_leg).max(axis=0).argmax()) == 2
 
 
+def test_every_effect_has_a_hider_or_a_reason_for_none():
+    assert set(HIDERS) == set(CATALOGUE) - NOT_HIDDEN
+    assert set(CATALOGUE) >= NOT_HIDDEN
+    assert {name for name in CATALOGUE if CATALOGUE[name].of_axis} <= NOT_HIDDEN
+    assert set(CATALOGUE) - set(LIBRARY) <= NOT_HIDDEN
+
+
 def test_every_hider_draws_usual_sizes_and_its_family_spans_them(case):
     random = np.random.default_rng(0)
-    assert len(HIDERS) == 31
     for name, hider in HIDERS.items():
         values = hider.draw(random, case.known, ALL)
         assert any(np.any(values.get(size, 0.0)) for size in hider.sizes), name

@@ -24,7 +24,7 @@ class Guide:
     usual: dict[str, float | tuple[float, ...]]
 
 
-GUIDES = {
+GUIDES: dict[str, Guide] = {
     'torque_offset': Guide(
         'The current sensor or the analogue input of an amplifier has a zero error, or something '
         'pulls at the joint with the same torque in every pose.',
@@ -208,3 +208,4 @@ GUIDES = {
         'Look at the range of the converter, and use all of it.',
         {'step': 0.2}),
 }
+"""By name, in the order of the catalogue."""
