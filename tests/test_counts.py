@@ -19,7 +19,7 @@ from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.projection import project
 from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.candidates import Candidates
-from par4_identification.diagnosis.search.causes import Model, named_of, names_of
+from par4_identification.diagnosis.search.causes import Hypotheses, named_of, names_of
 from par4_identification.diagnosis.search.counts import DOUBT, Counts
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.search import Search
@@ -79,7 +79,7 @@ def test_a_search_names_nothing_that_counts_imitate(motion, effect):
     fit = evidence_on(motion, counted=True)
     heldout = evidence_on(excitation('reference', 8.0, 80), counted=True)
 
-    def found(known: Dithered) -> Model:
+    def found(known: Dithered) -> Hypotheses:
         search = Search(Candidates({effect: CATALOGUE[effect]}, fit, Rules()),
                         Pool(fit, heldout), Rules(), known, Kinds(fit.observations))
         return search.run()

@@ -11,8 +11,7 @@ from par4_dynamics.base_terms import INERTIA, OFFSET, base_columns, base_terms
 from par4_dynamics.effects.backlash import Backlash
 from par4_dynamics.effects.catalogue import CATALOGUE
 from par4_dynamics.effects.effect import Effect
-from par4_dynamics.model import Model as DynamicModel
-from par4_dynamics.model import build_model, torque_model
+from par4_dynamics.model import Model, build_model, torque_model
 from par4_dynamics.model_file import ModelFile
 from par4_identification.diagnosis.below_resonance import (
     below_resonance,
@@ -60,7 +59,7 @@ from par4_identification.diagnosis.nominal.turning import turning
 from par4_identification.diagnosis.progress import Progress, silent
 from par4_identification.diagnosis.search.candidates import Candidates
 from par4_identification.diagnosis.search.causes import (
-    Model,
+    Hypotheses,
     named_of,
     names_of,
     unnamed_of,
@@ -185,7 +184,7 @@ def _diagnosed_logs(fit_logs: Sequence[Log], machine: Robot | Axis, baseline: Mo
 
 
 def _diagnosed_runs(fit_runs: list[Run], holdout_runs: list[Run], machine: Robot | Axis,
-                    baseline: ModelFile | None, known: DynamicModel | None,
+                    baseline: ModelFile | None, known: Model | None,
                     searched: Mapping[str, Effect], rules: Rules, progress: Progress
                     ) -> Diagnosis | Unusable:
     """Return the diagnosis of rows; once more from better base parameters if causes give them."""
@@ -310,8 +309,7 @@ def _diagnosed(start: Start, heldout: Observations, machine: Robot | Axis,
         [softest, search.candidates.swing], observations))
 
 
-def _base_model(start: Start, machine: Robot | Axis, baseline: ModelFile | None
-                ) -> DynamicModel:
+def _base_model(start: Start, machine: Robot | Axis, baseline: ModelFile | None) -> Model:
     """Return the base parameters of a start, and the effects of a baseline, as a model."""
     return torque_model(machine, baseline_with(
         baseline, baseline.rigid_body if baseline else 'paper', start.fitted.parameters,
@@ -332,7 +330,7 @@ def _search(observations: Observations, heldout: Observations, whitener: Whitene
     return Search(Candidates(library, evidence, rules, swing), pool, rules, moved, kinds)
 
 
-def _answer(search: Search, model: Model, machine: Robot | Axis, baseline: ModelFile | None,
+def _answer(search: Search, model: Hypotheses, machine: Robot | Axis, baseline: ModelFile | None,
             rigid_body: str, effects: Mapping[str, Effect], fit_runs: tuple[Run, ...],
             progress: Progress) -> Diagnosis:
     pool, rules = search.pool, search.rules

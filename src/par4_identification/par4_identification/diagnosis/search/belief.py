@@ -16,7 +16,7 @@ from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.projection import Projections
 from par4_identification.diagnosis.search.candidates import Candidates
-from par4_identification.diagnosis.search.causes import Model
+from par4_identification.diagnosis.search.causes import Hypotheses
 from par4_identification.diagnosis.search.lag_or_delay import obeys
 from par4_identification.diagnosis.search.requirement import requirement_of
 from par4_identification.diagnosis.search.rules import Rules
@@ -42,7 +42,7 @@ class Belief:
     dithered: Dithered
     _objections: dict[Any, str | None] = field(default_factory=dict)
 
-    def objection(self, hypothesis: Hypothesis, others: Model) -> str | None:
+    def objection(self, hypothesis: Hypothesis, others: Hypotheses) -> str | None:
         """Return why a cause cannot be real beside others, or None; computed once."""
         if isinstance(hypothesis.effect, Kind):
             return None
@@ -51,7 +51,7 @@ class Belief:
             self._objections[key] = self._objection(hypothesis, others)
         return self._objections[key]
 
-    def _objection(self, hypothesis: Hypothesis, others: Model) -> str | None:
+    def _objection(self, hypothesis: Hypothesis, others: Hypotheses) -> str | None:
         fit = self.pool.solution([*others, hypothesis])
         reason = self._implausible(hypothesis, others, fit)
         if (reason is None and hypothesis.named.retimes
@@ -60,7 +60,7 @@ class Belief:
                       'low frequencies, it does not follow this law')
         return reason
 
-    def is_possible(self, hypothesis: Hypothesis, others: Model) -> bool:
+    def is_possible(self, hypothesis: Hypothesis, others: Hypotheses) -> bool:
         """Return whether a machine can have the values of a cause as they are, if they are exact.
         """
         values, std, level = self._values(hypothesis, others,
@@ -68,7 +68,7 @@ class Belief:
         exact = {name: np.zeros_like(own) for name, own in std.items()}
         return hypothesis.named.implausible(values, exact, level) is None
 
-    def is_on_wrong_side(self, hypothesis: Hypothesis, others: Model) -> bool:
+    def is_on_wrong_side(self, hypothesis: Hypothesis, others: Hypotheses) -> bool:
         """Return whether each joint of a cause has values that none can have, with the other sign.
 
         A gap below zero is such a value; a gain that is too far off is none.
@@ -89,10 +89,10 @@ class Belief:
         return all(not is_possible(values, joint) and is_possible(mirrored, joint)
                    for joint in range(joints))
 
-    def _inflation(self, model: Model) -> float:
+    def _inflation(self, model: Hypotheses) -> float:
         return requirement_of(self.pool, model, self.rules).inflation
 
-    def _follows_its_law(self, hypothesis: Hypothesis, others: Model) -> bool:
+    def _follows_its_law(self, hypothesis: Hypothesis, others: Hypotheses) -> bool:
         """Return whether a torque at another time follows its law beyond the first order.
 
         Errors of the other causes count as noise. If neither this law nor another passes like that,
@@ -100,7 +100,7 @@ class Belief:
         """
         projection = self.projections.beside(others)
 
-        def follows(item: Hypothesis, known: Model) -> bool:
+        def follows(item: Hypothesis, known: Hypotheses) -> bool:
             time = float(self.pool.solution([*others, item]).coefficients[-1][0, 0])
             return obeys(self.dithered, projection, item, time, self._inflation(known))
 
@@ -112,7 +112,7 @@ class Belief:
         return follows(hypothesis, (*others, hypothesis)) and not any(
             law is not None and follows(law.hypothesis, others) for law in laws)
 
-    def _implausible(self, hypothesis: Hypothesis, others: Model, fit: Fit) -> str | None:
+    def _implausible(self, hypothesis: Hypothesis, others: Hypotheses, fit: Fit) -> str | None:
         """Return why the values of a hypothesis, the last of a fit, are not those of a machine."""
         effect = hypothesis.named
         if effect.fixed_coefficients:
@@ -126,7 +126,7 @@ class Belief:
             reason = self._driven_beside(others, fit, self._inflation((*others, hypothesis)))
         return reason
 
-    def _values(self, hypothesis: Hypothesis, others: Model, fit: Fit
+    def _values(self, hypothesis: Hypothesis, others: Hypotheses, fit: Fit
                 ) -> tuple[Values, Values, Base]:
         """Return the values of a hypothesis, the last of a fit, their deviations and the base's."""
         effect, evidence = hypothesis.named, self.pool.evidence
@@ -148,7 +148,7 @@ class Belief:
         return float(np.quantile(np.abs(np.concatenate(
             [run.speed for run in self.pool.evidence.observations.runs])), 0.95))
 
-    def _driven_beside(self, others: Model, fit: Fit, inflation: float) -> str | None:
+    def _driven_beside(self, others: Hypotheses, fit: Fit, inflation: float) -> str | None:
         """Return why the friction of an axis beside a cause, the last of a fit, is none, or None.
 
         At a speed that hardly changes, a constant torque and friction cannot be told apart, so one

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
 
-Model = tuple[Hypothesis, ...]
-"""Causes, named and unnamed, that stand beside the base terms."""
+Hypotheses = tuple[Hypothesis, ...]
+"""What a model has beside its base terms: causes, named and unnamed."""
 
 
 def names_of(model: Sequence[Hypothesis]) -> frozenset[str]:
@@ -26,6 +26,6 @@ def unnamed_of(model: Sequence[Hypothesis]) -> list[Hypothesis]:
     return [item for item in model if isinstance(item.effect, Kind)]
 
 
-def others_of(model: Model, cause: Hypothesis) -> Model:
+def others_of(model: Hypotheses, cause: Hypothesis) -> Hypotheses:
     """Return a model without one of its causes."""
     return tuple(item for item in model if item is not cause)

@@ -12,13 +12,13 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.search.belief import Belief
-from par4_identification.diagnosis.search.causes import Model
+from par4_identification.diagnosis.search.causes import Hypotheses
 from par4_identification.diagnosis.search.requirement import requirement_of
 from par4_identification.diagnosis.search.rules import Rules
 from par4_identification.diagnosis.search.shapes import order_name
 
 
-def with_needed_joints(pool: Pool, belief: Belief, hypothesis: Hypothesis, others: Model
+def with_needed_joints(pool: Pool, belief: Belief, hypothesis: Hypothesis, others: Hypotheses
                        ) -> Hypothesis:
     """Return a name with only those joints and parts that are worth their price.
 
@@ -88,7 +88,7 @@ def without_joints(hypothesis: Hypothesis, idle: Collection[int]) -> Hypothesis:
     return _by_itself(replace(hypothesis, joints=kept, sets=kept))
 
 
-def with_acting_joints(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Model
+def with_acting_joints(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Hypotheses
                        ) -> Hypothesis:
     """Return an unnamed cause without the joints that held-out rows do not need."""
     if hypothesis.effect.shared:
@@ -124,7 +124,7 @@ def choices(hypothesis: Hypothesis, everywhere: tuple[int, ...]) -> Iterator[Hyp
                               joints=chosen if of_joints else hypothesis.joints)
 
 
-def _with_confirmed_orders(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Model
+def _with_confirmed_orders(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Hypotheses
                            ) -> Hypothesis:
     """Return a periodic torque without the orders that held-out rows do not need."""
     if isinstance(hypothesis.effect, Kind):
@@ -142,7 +142,7 @@ def _with_confirmed_orders(pool: Pool, rules: Rules, hypothesis: Hypothesis, oth
     return hypothesis
 
 
-def _with_confirmed_terms(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Model
+def _with_confirmed_terms(pool: Pool, rules: Rules, hypothesis: Hypothesis, others: Hypotheses
                           ) -> Hypothesis:
     """Return a series without the highest terms that held-out rows do not need.
 

@@ -13,7 +13,7 @@ from par4_identification.diagnosis.evidence.fit import Fit, left_by
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.pool import Pool
-from par4_identification.diagnosis.search.causes import Model, others_of
+from par4_identification.diagnosis.search.causes import Hypotheses, others_of
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.shapes import order_name
 
@@ -25,7 +25,7 @@ SMALL = 0.05
 """Step over its own standard deviation that is not worth taking."""
 
 
-def polished(search: Search, model: Sequence[Hypothesis]) -> Model:
+def polished(search: Search, model: Sequence[Hypothesis]) -> Hypotheses:
     """Return a model whose shapes fit the fitted rows best.
 
     The search tries shapes on a grid, so its result is off by up to half a step, which may be many
@@ -47,12 +47,12 @@ def polished(search: Search, model: Sequence[Hypothesis]) -> Model:
     return model
 
 
-def polished_alone(search: Search, item: Hypothesis, others: Model) -> Hypothesis:
+def polished_alone(search: Search, item: Hypothesis, others: Hypotheses) -> Hypothesis:
     """Return a hypothesis whose shape fits the fitted rows best; the others are not changed."""
     return _with_best_shape(search.pool, (*others, item), item)[-1]
 
 
-def _sought_again(search: Search, model: Model) -> Model:
+def _sought_again(search: Search, model: Hypotheses) -> Hypotheses:
     """Return a model whose far from linear causes are sought once more, beside all others."""
     for item in model:
         if isinstance(item.effect, Kind) or item.named.exact_at(
@@ -68,7 +68,7 @@ def _sought_again(search: Search, model: Model) -> Model:
     return model
 
 
-def _with_best_shape(pool: Pool, model: Model, item: Hypothesis) -> Model:
+def _with_best_shape(pool: Pool, model: Hypotheses, item: Hypothesis) -> Hypotheses:
     for _ in range(STEPS):
         others = others_of(model, item)
         step, covariance = shape_step(pool.evidence, pool.solution((*others, item)), len(others))

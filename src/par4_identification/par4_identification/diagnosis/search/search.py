@@ -17,7 +17,7 @@ from par4_identification.diagnosis.evidence.unnamed import Kinds
 from par4_identification.diagnosis.search.belief import Belief
 from par4_identification.diagnosis.search.candidates import Candidate, Candidates, price_of_shapes
 from par4_identification.diagnosis.search.causes import (
-    Model,
+    Hypotheses,
     named_of,
     names_of,
     others_of,
@@ -102,7 +102,7 @@ class Search:
         self._all_kinds = kinds
         self._kinds: tuple[Kind, ...] = ()
 
-    def run(self, start: Model = ()) -> Model:
+    def run(self, start: Hypotheses = ()) -> Hypotheses:
         """Return the causes; the search begins with those of an earlier one."""
         model = self.tested(start)
         visited: set[frozenset[str]] = {names_of(model)}
@@ -124,7 +124,7 @@ class Search:
             model = trial
             refused.clear()  # beside other causes a candidate may look better
 
-    def with_nameless(self, model: Model) -> Model:
+    def with_nameless(self, model: Hypotheses) -> Hypotheses:
         """Return a model with the unnamed causes that explain what it leaves."""
         while grown := self._with_unnamed(model, set()):
             trial = self.tested(grown)
@@ -133,7 +133,7 @@ class Search:
             model = trial
         return model
 
-    def _does_as_well(self, trial: Model, model: Model) -> bool:
+    def _does_as_well(self, trial: Hypotheses, model: Hypotheses) -> bool:
         """Return whether a trial explains as much as the model from which a step led to it.
 
         For each cause that it dropped it may explain less by as much as chance makes.
@@ -142,7 +142,7 @@ class Search:
         loss = 0.5 * (sum(self.pool.fit(trial).squares) - sum(self.pool.fit(model).squares))
         return loss < dropped * (self.rules.evidence + self.rules.margin)
 
-    def _gives_names_away(self, trial: Model, model: Model) -> bool:
+    def _gives_names_away(self, trial: Hypotheses, model: Hypotheses) -> bool:
         """Return whether a trial lost names to an unnamed cause that does little more than they.
 
         An unnamed function of the speed contains the columns of every law of the speed, so that
@@ -163,7 +163,7 @@ class Search:
         whole = 0.5 * (self.pool.fit(kept).heldout_squares - after)
         return most > (1.0 - self.rules.unnamed_error ** 2) * whole
 
-    def _with_a_name(self, model: Model, refused: set[str]) -> Model | None:
+    def _with_a_name(self, model: Hypotheses, refused: set[str]) -> Hypotheses | None:
         """Return the model with the most likely name that can be confirmed.
 
         Of names that are as likely but for what chance and the times of readings make, the simplest
@@ -202,7 +202,7 @@ class Search:
             refused.add(hypothesis.effect.name)
         return None
 
-    def _trimmed(self, candidate: Candidate, model: Model) -> tuple[float, Hypothesis]:
+    def _trimmed(self, candidate: Candidate, model: Hypotheses) -> tuple[float, Hypothesis]:
         """Return a candidate with what it needs, and its log-likelihood less what chance gives.
 
         So many numbers, and the best of so many shapes, gain something by chance.
@@ -212,7 +212,7 @@ class Search:
         gain, _ = self.weighing.gains(hypothesis, model)
         return gain - chance - price_of_shapes(candidate), hypothesis
 
-    def _with_unnamed(self, model: Model, refused: set[str]) -> Model | None:
+    def _with_unnamed(self, model: Hypotheses, refused: set[str]) -> Hypotheses | None:
         """Return the model with the unnamed cause that explains most, if rows held out agree."""
         left = residuals(self.pool.evidence.observations, model, self.pool.solution(model))
         here = self.pool.fit(model)
@@ -235,10 +235,10 @@ class Search:
             return None
         return (*model, hypothesis)
 
-    def _with_needed_joints(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
+    def _with_needed_joints(self, hypothesis: Hypothesis, others: Hypotheses) -> Hypothesis:
         return with_needed_joints(self.pool, self.belief, hypothesis, others)
 
-    def _is_confirmed(self, hypothesis: Hypothesis, others: Model) -> bool:
+    def _is_confirmed(self, hypothesis: Hypothesis, others: Hypotheses) -> bool:
         """Return whether a candidate could be real and is confirmed by rows held out."""
         reason = self.belief.objection(hypothesis, others)
         if reason is None:
@@ -256,7 +256,7 @@ class Search:
             self.journal.reject(hypothesis, reason)
         return reason is None
 
-    def tested(self, model: Model) -> Model:
+    def tested(self, model: Hypotheses) -> Hypotheses:
         """Return a model without the causes that are superfluous beside the others.
 
         The best shape and the joints of each cause are sought again. Then the cause that falls
@@ -280,7 +280,7 @@ class Search:
             model = others if twin is None else (*others, twin)
         return model
 
-    def _twin_of(self, cause: Hypothesis, others: Model, gone: set[str]) -> Hypothesis | None:
+    def _twin_of(self, cause: Hypothesis, others: Hypotheses, gone: set[str]) -> Hypothesis | None:
         """Return the name that can be real and explains as much as a cause that cannot, if any.
 
         A cable that found no stiffness is a constant force, a law of two numbers one of a single
@@ -298,7 +298,7 @@ class Search:
                 return twin
         return None
 
-    def _unbelievable(self, model: Model) -> tuple[Hypothesis, str] | None:
+    def _unbelievable(self, model: Hypotheses) -> tuple[Hypothesis, str] | None:
         """Return the first cause of a model that cannot be real beside the others, and why."""
         for item in model:
             reason = self.belief.objection(item, others_of(model, item))
@@ -306,7 +306,7 @@ class Search:
                 return item, reason
         return None
 
-    def _adjusted(self, hypothesis: Hypothesis, others: Model) -> Hypothesis:
+    def _adjusted(self, hypothesis: Hypothesis, others: Hypotheses) -> Hypothesis:
         effect = hypothesis.effect
         if isinstance(effect, Kind):
             return with_acting_joints(self.pool, self.rules,
@@ -315,7 +315,7 @@ class Search:
         return hypothesis if candidate is None else self._with_needed_joints(
             candidate.hypothesis, others)
 
-    def _with_a_swap(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
+    def _with_a_swap(self, model: Hypotheses, visited: set[frozenset[str]]) -> Hypotheses | None:
         """Return a model in which a cause gave way to what is decidedly better in its place.
 
         That is what explains more, at the price of its coefficients, or as much with fewer of them.
@@ -335,7 +335,7 @@ class Search:
                     return swapped
         return self._with_unnamed_instead(model, visited)
 
-    def _loss(self, model: Model) -> float:
+    def _loss(self, model: Hypotheses) -> float:
         """Return what a model leaves of all rows, in log-likelihood, and what it gains by chance.
 
         The latter is `BY_CHANCE` for each coefficient. Rows held out may go where rows to fit do
@@ -344,7 +344,8 @@ class Search:
         return (0.5 * sum(self.pool.fit(model).squares)
                 + BY_CHANCE * sum(map(self.pool.width, model)))
 
-    def _with_unnamed_instead(self, model: Model, visited: set[frozenset[str]]) -> Model | None:
+    def _with_unnamed_instead(self, model: Hypotheses, visited: set[frozenset[str]]
+                              ) -> Hypotheses | None:
         """Return a model in which an unnamed cause does better than those it makes needless.
 
         Several causes can together imitate one outside the library so well that nothing is left
@@ -381,7 +382,7 @@ class Search:
         return min(found, key=lambda item: best_first(self.pool, item[1][-1], item[0]),
                    default=(0.0, None))[1]
 
-    def rivals(self, cause: Hypothesis, others: Model) -> list[Rival]:
+    def rivals(self, cause: Hypothesis, others: Hypotheses) -> list[Rival]:
         """Return the rivals of a cause beside the others, the strongest first.
 
         Of equally strong ones the simplest comes first.
@@ -401,7 +402,7 @@ class Search:
         return sorted(found, key=lambda rival: best_first(
             self.pool, rival.hypothesis, rival.margin))
 
-    def _believable(self, candidate: Candidate, others: Model) -> Hypothesis:
+    def _believable(self, candidate: Candidate, others: Hypotheses) -> Hypothesis:
         """Return a candidate with what it needs, in the best shape that a machine can have.
 
         The best shape of all is no machine's where the data hardly tell shapes apart; one that

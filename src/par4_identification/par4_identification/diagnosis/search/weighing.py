@@ -14,7 +14,7 @@ from par4_identification.diagnosis.evidence.kind_functions import Ranges
 from par4_identification.diagnosis.evidence.law_error import factors_of, law_error_of, put_in
 from par4_identification.diagnosis.evidence.pool import Pool
 from par4_identification.diagnosis.evidence.projection import Projection, Projections
-from par4_identification.diagnosis.search.causes import Model, named_of
+from par4_identification.diagnosis.search.causes import Hypotheses, named_of
 from par4_identification.diagnosis.search.counts import Counts
 from par4_identification.diagnosis.search.requirement import Requirement, requirement_of
 from par4_identification.diagnosis.search.rules import Rules
@@ -52,13 +52,13 @@ class Weighing:
         return [(part, factors_of(part.observations, self._ranges))
                 for part in (self._pool.evidence, self._pool.heldout)]
 
-    def gains(self, cause: Hypothesis, others: Model) -> tuple[float, float]:
+    def gains(self, cause: Hypothesis, others: Hypotheses) -> tuple[float, float]:
         """Return the gain in log-likelihood beside others, on fitted and on held-out rows."""
         without, together = self._pool.fit(others), self._pool.fit((*others, cause))
         return (0.5 * (without.fit_squares - together.fit_squares),
                 0.5 * (without.heldout_squares - together.heldout_squares))
 
-    def sound_gains(self, cause: Hypothesis, others: Model) -> tuple[float, float]:
+    def sound_gains(self, cause: Hypothesis, others: Hypotheses) -> tuple[float, float]:
         """Return `gains` less what encoder counts may have contributed."""
         fit_gain, gain = self.gains(cause, others)
         by_counts = self._by_counts(cause, others)
@@ -75,11 +75,11 @@ class Weighing:
         return pinned(evidence, self._counts.corrected(evidence, pinned(evidence, fit)),
                       retimed=False)
 
-    def requirement(self, model: Model, cause: Hypothesis | None = None) -> Requirement:
+    def requirement(self, model: Hypotheses, cause: Hypothesis | None = None) -> Requirement:
         """Return what a cause must gain in a model."""
         return requirement_of(self._pool, model, self._rules, cause)
 
-    def standing(self, cause: Hypothesis, others: Model) -> float:
+    def standing(self, cause: Hypothesis, others: Hypotheses) -> float:
         """Return the ratio of what a cause gains beside others to what it must gain.
 
         It is the smaller of the ratios on fitted and on held-out rows. A name gets a second chance
@@ -97,7 +97,7 @@ class Weighing:
             return standing
         return max(standing, self._standing_beside_law_error(cause, others, needed))
 
-    def _standing_beside_law_error(self, cause: Hypothesis, others: Model, needed: Requirement
+    def _standing_beside_law_error(self, cause: Hypothesis, others: Hypotheses, needed: Requirement
                                    ) -> float:
         """Return the same beside the errors that the laws of the other names can have.
 
@@ -111,16 +111,16 @@ class Weighing:
         return min((gains[part] - by_counts[part]) / max(1.0, left[part] / max(rows[part], 1))
                    / needed.beside_law_error[part] for part in (0, 1))
 
-    def _by_counts(self, cause: Hypothesis, others: Model) -> tuple[float, float]:
+    def _by_counts(self, cause: Hypothesis, others: Hypotheses) -> tuple[float, float]:
         """Return what encoder counts may contribute to the gains."""
         imitated = self._counts.imitate(self.beside(others), cause)
         return imitated, imitated * self._pool.heldout.rows / max(self._pool.evidence.rows, 1)
 
-    def beside(self, model: Model) -> Projection:
+    def beside(self, model: Hypotheses) -> Projection:
         """Return what a model leaves of the rows to fit."""
         return self._projections.beside(model)
 
-    def _law_error(self, model: Model) -> Model:
+    def _law_error(self, model: Hypotheses) -> Hypotheses:
         """Return what the named causes of a model may get wrong, if it has any; made once."""
         named = named_of(model)
         key = frozenset(item.key for item in model)

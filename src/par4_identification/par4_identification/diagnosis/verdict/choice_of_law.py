@@ -18,13 +18,13 @@ from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.doubt import nested
 from par4_identification.diagnosis.evidence.estimates import effect_parameters
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
-from par4_identification.diagnosis.search.causes import Model, others_of
+from par4_identification.diagnosis.search.causes import Hypotheses, others_of
 from par4_identification.diagnosis.search.polish import polished_alone
 from par4_identification.diagnosis.search.search import Search
 
 
 def with_doubt_of_law(parameters: dict[str, Parameter], search: Search, cause: Hypothesis,
-                      model: Model, errors: Sequence[np.ndarray]) -> dict[str, Parameter]:
+                      model: Hypotheses, errors: Sequence[np.ndarray]) -> dict[str, Parameter]:
     """Return the parameters of a cause with deviations that allow for the choice of its law.
 
     Args:

@@ -15,7 +15,7 @@ import numpy as np
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import Projection
-from par4_identification.diagnosis.search.causes import Model
+from par4_identification.diagnosis.search.causes import Hypotheses
 from par4_identification.diagnosis.search.rules import OF_PAR4
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.signals.rows import Run
@@ -37,7 +37,7 @@ OF_PLATFORM: dict[str, Follows] = {
     f'the position of the platform along {name}': _along(axis) for axis, name in enumerate('xyz')}
 
 
-def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
+def followed_by(search: Search, cause: Hypothesis, others: Hypotheses) -> str | None:
     """Return what the size of a named cause follows beside others, None if it is of one size.
 
     It follows something if on the fitted rows and, by themselves, on those held out a size that
@@ -58,7 +58,7 @@ def followed_by(search: Search, cause: Hypothesis, others: Model) -> str | None:
     return most if shares[most] > share else None
 
 
-def _shares(evidence: Evidence, cause: Hypothesis, others: Model, enough: float
+def _shares(evidence: Evidence, cause: Hypothesis, others: Hypotheses, enough: float
             ) -> dict[str, float]:
     """Return what sizes that follow something explain more, over what they explain with the cause.
 

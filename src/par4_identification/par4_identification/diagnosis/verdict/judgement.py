@@ -11,7 +11,7 @@ import scipy
 from par4_identification.diagnosis.evidence.fit import solve
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
-from par4_identification.diagnosis.search.causes import Model, named_of, others_of
+from par4_identification.diagnosis.search.causes import Hypotheses, named_of, others_of
 from par4_identification.diagnosis.search.search import Rival, Search
 from par4_identification.diagnosis.search.simplicity import best_first
 from par4_identification.diagnosis.verdict.pair import Pair, name_of
@@ -64,7 +64,7 @@ class UnnamedCause:
     margin: float
 
 
-def judge(search: Search, cause: Hypothesis, model: Model) -> Judgement:
+def judge(search: Search, cause: Hypothesis, model: Hypotheses) -> Judgement:
     """Return how a named cause of a model compares with its rivals."""
     others = others_of(model, cause)
     rivals = [rival for rival in search.rivals(cause, others) if rival.believable]
@@ -91,14 +91,14 @@ def _twins_among(search: Search, cause: Hypothesis, rivals: Sequence[Rival]) -> 
              or (rival.hypothesis.named.retimes and cause.named.retimes)))
 
 
-def own_share(search: Search, cause: Hypothesis, others: Model) -> float:
+def own_share(search: Search, cause: Hypothesis, others: Hypotheses) -> float:
     """Return what a name explains beside others over what it does beside those with a name."""
     alone, gain = (search.weighing.gains(cause, part)[0]
                    for part in (tuple(named_of(others)), others))
     return gain / alone if alone > 0.0 else float(np.inf)
 
 
-def doubt_of(search: Search, cause: Hypothesis, model: Model) -> Pair | None:
+def doubt_of(search: Search, cause: Hypothesis, model: Hypotheses) -> Pair | None:
     """Return an unnamed cause and the name that comes nearest to it; None without any name."""
     others = others_of(model, cause)
     found = search.candidates.all_of(search.weighing.beside(others),
@@ -108,7 +108,7 @@ def doubt_of(search: Search, cause: Hypothesis, model: Model) -> Pair | None:
     return None if best is None else Pair(cause, best.hypothesis, others, twins=False)
 
 
-def unnamed_cause(search: Search, cause: Hypothesis, model: Model) -> UnnamedCause:
+def unnamed_cause(search: Search, cause: Hypothesis, model: Hypotheses) -> UnnamedCause:
     """Return size, share and margin of an unnamed cause."""
     pool, others = search.pool, others_of(model, cause)
     _, margin = search.weighing.gains(cause, others)

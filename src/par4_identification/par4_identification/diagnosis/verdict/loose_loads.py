@@ -10,7 +10,7 @@ from par4_dynamics.model_file import EffectEntry
 from par4_dynamics.parameters import Parameter
 from par4_identification.diagnosis.evidence.fit import residuals, solve
 from par4_identification.diagnosis.evidence.holdout import Gain
-from par4_identification.diagnosis.search.causes import Model, named_of, names_of, others_of
+from par4_identification.diagnosis.search.causes import Hypotheses, named_of, names_of, others_of
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.verdict.answer import Cause
 from par4_identification.diagnosis.verdict.rattle import WIDTH_ERROR, Rattle, rattle
@@ -26,7 +26,7 @@ CHANCE = 1e-3
 """Largest probability that chance makes such bounces."""
 
 
-def loose_loads(search: Search, model: Model) -> tuple[Rattle | None, Model]:
+def loose_loads(search: Search, model: Hypotheses) -> tuple[Rattle | None, Hypotheses]:
     """Return the loads that rattle, None if none do, and the causes that stand beside them.
 
     A soft transmission does not: bounces look like a load that swings.
@@ -48,7 +48,7 @@ def cause_of(effect: Effect, found: Rattle) -> tuple[Cause, EffectEntry]:
     return cause, EffectEntry(effect=effect.name, joints=found.joints, parameters=parameters)
 
 
-def _rattle(search: Search, model: Model, named: Model) -> Rattle | None:
+def _rattle(search: Search, model: Hypotheses, named: Hypotheses) -> Rattle | None:
     """Return the joints whose loads rattle in a gap, if what the names leave tells of any.
 
     `named` are those of the model but for soft transmissions.
@@ -67,7 +67,7 @@ def _rattle(search: Search, model: Model, named: Model) -> Rattle | None:
     return found if found is not None and found.p_value < CHANCE else None
 
 
-def _beside_bounces(search: Search, named: Model) -> Model:
+def _beside_bounces(search: Search, named: Hypotheses) -> Hypotheses:
     """Return the names that explain more than bounces of a load may look like.
 
     What the names leave is then the torque of the bounces. They are no function of the motion, and
@@ -84,7 +84,7 @@ def _beside_bounces(search: Search, named: Model) -> Model:
     return tuple(kept)
 
 
-def _hums(search: Search, model: Model) -> bool:
+def _hums(search: Search, model: Hypotheses) -> bool:
     """Return whether what a model leaves has frequencies of its own, which bounces have not."""
     evidence = search.pool.evidence
     base_only, fit = solve(evidence, ()), solve(evidence, model)
@@ -93,7 +93,7 @@ def _hums(search: Search, model: Model) -> bool:
     return bool(lines_of(*left)) or swing_of(left) is not None
 
 
-def _rings(search: Search, model: Model, named: Model) -> bool:
+def _rings(search: Search, model: Hypotheses, named: Hypotheses) -> bool:
     """Return whether transmissions that twist explain much of what the other names leave.
 
     They do so as the model has them, or as a first look finds them that are no cause.

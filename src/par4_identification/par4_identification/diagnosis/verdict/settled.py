@@ -23,7 +23,7 @@ from par4_identification.diagnosis.evidence.holdout import Blocks, blocks_of_run
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.candidates import goes_both_ways
 from par4_identification.diagnosis.search.causes import (
-    Model,
+    Hypotheses,
     named_of,
     names_of,
     others_of,
@@ -70,7 +70,7 @@ class Settled:
         blocks: of the rows held out.
     """
 
-    model: Model
+    model: Hypotheses
     named: tuple[Hypothesis, ...]
     told: Fit
     causes: tuple[Cause, ...]
@@ -99,7 +99,7 @@ class Doubted:
     coefficients: np.ndarray
 
 
-def settle(search: Search, model: Model, floor: np.ndarray) -> Settled:
+def settle(search: Search, model: Hypotheses, floor: np.ndarray) -> Settled:
     """Return the causes of a search that hold.
 
     `floor` (J,), N m, is that of the noise on held-out rows.
@@ -135,12 +135,12 @@ def settle(search: Search, model: Model, floor: np.ndarray) -> Settled:
         model = less
 
 
-def _strongest_first(search: Search, model: Model) -> tuple[Hypothesis, ...]:
+def _strongest_first(search: Search, model: Hypotheses) -> tuple[Hypothesis, ...]:
     return tuple(sorted(named_of(model), key=lambda item: -search.weighing.gains(
         item, others_of(model, item))[0]))
 
 
-def _doubted(search: Search, item: Hypothesis, cause: Cause, fit: Fit, model: Model,
+def _doubted(search: Search, item: Hypothesis, cause: Cause, fit: Fit, model: Hypotheses,
              errors: TorqueErrors, weak: Sequence[Hypothesis]) -> Doubted:
     """Return a name with its values, by a fit of the names or of all, and with doubts about them.
 
@@ -166,7 +166,7 @@ def _doubted(search: Search, item: Hypothesis, cause: Cause, fit: Fit, model: Mo
         fit.coefficients[beside.index(item)])
 
 
-def _is_by_itself(search: Search, item: Hypothesis, cause: Cause, model: Model) -> bool:
+def _is_by_itself(search: Search, item: Hypothesis, cause: Cause, model: Hypotheses) -> bool:
     """Return whether a name has little to do with the unnamed causes of a model, if it has any."""
     others = others_of(model, item)
     _, gain = search.weighing.gains(item, others)
@@ -174,8 +174,8 @@ def _is_by_itself(search: Search, item: Hypothesis, cause: Cause, model: Model) 
         gain >= OWN * (gain - cause.margin))
 
 
-def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...],
-                     values: Sequence[Doubted]) -> Model | None:
+def _without_nothing(search: Search, model: Hypotheses, named: tuple[Hypothesis, ...],
+                     values: Sequence[Doubted]) -> Hypotheses | None:
     """Return the model without the weakest name that may as well be nothing; None if none may.
 
     How large a cause is depends on its law, on its joints and on what else acts, not whether it is
@@ -205,8 +205,8 @@ def _without_nothing(search: Search, model: Model, named: tuple[Hypothesis, ...]
     return None
 
 
-def _told_more_simply(search: Search, model: Model, named: Sequence[Hypothesis],
-                      causes: Sequence[Cause], done: set[str]) -> Model | None:
+def _told_more_simply(search: Search, model: Hypotheses, named: Sequence[Hypothesis],
+                      causes: Sequence[Cause], done: set[str]) -> Hypotheses | None:
     """Return the model with the simpler effect in the place of one that is no more than that.
 
     Where the law of another cause is a little wrong, a torque over the position explains more than
@@ -229,8 +229,8 @@ def _told_more_simply(search: Search, model: Model, named: Sequence[Hypothesis],
     return None
 
 
-def _without_idle_joints(model: Model, named: Sequence[Hypothesis], causes: Sequence[Cause]
-                         ) -> Model | None:
+def _without_idle_joints(model: Hypotheses, named: Sequence[Hypothesis], causes: Sequence[Cause]
+                         ) -> Hypotheses | None:
     """Return the model in which a name lost the joints where it is nothing; None if none has any.
     """
     for item, cause in zip(named, causes):
@@ -241,7 +241,7 @@ def _without_idle_joints(model: Model, named: Sequence[Hypothesis], causes: Sequ
 
 
 def _cause(hypothesis: Hypothesis, search: Search, named: Sequence[Hypothesis], fit: Fit,
-           blocks: Blocks, model: Model, errors: TorqueErrors) -> Cause:
+           blocks: Blocks, model: Hypotheses, errors: TorqueErrors) -> Cause:
     evidence, heldout = search.pool.evidence, search.pool.heldout
     judgement, index = judge(search, hypothesis, model), named.index(hypothesis)
     before, after = (left_by(heldout, part, solve(evidence, part))
@@ -257,8 +257,8 @@ def _cause(hypothesis: Hypothesis, search: Search, named: Sequence[Hypothesis], 
         by_shape=variance_of_shape(evidence, hypothesis, fit, index, errors[0]))
 
 
-def _parameters(search: Search, hypothesis: Hypothesis, fit: Fit, model: Model, errors: TorqueErrors
-                ) -> dict[str, Parameter]:
+def _parameters(search: Search, hypothesis: Hypothesis, fit: Fit, model: Hypotheses,
+                errors: TorqueErrors) -> dict[str, Parameter]:
     """Return the parameters of a name by a fit of all causes of a model or of the named ones."""
     evidence, heldout = search.pool.evidence, search.pool.heldout
     parameters = effect_parameters(

@@ -23,12 +23,12 @@ from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.kind import Kind
 from par4_identification.diagnosis.evidence.observations import Observations
 from par4_identification.diagnosis.nominal.gate import is_vague
-from par4_identification.diagnosis.search.causes import Model, named_of, others_of, unnamed_of
+from par4_identification.diagnosis.search.causes import Hypotheses, named_of, others_of, unnamed_of
 from par4_identification.diagnosis.search.rules import OF_PAR4, Rules
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.verdict.constancy import followed_by
 
-Doubt = Callable[[Search, Hypothesis, Model], Model | None]
+Doubt = Callable[[Search, Hypothesis, Hypotheses], Hypotheses | None]
 """Of a name in a model: returns the model without it if the name is doubtful."""
 POSITION, PERIODIC = 'position', 'periodic'
 """Kinds of unnamed causes that are smooth functions and sums of waves of the position."""
@@ -49,7 +49,7 @@ MOST = 1.0
 something that looks like a torque at another time."""
 
 
-def without_doubtful_names(search: Search, model: Model, floor: np.ndarray) -> Model:
+def without_doubtful_names(search: Search, model: Hypotheses, floor: np.ndarray) -> Hypotheses:
     """Return the model of an axis without doubtful names.
 
     `floor` (J,), N m, is that of the noise on held-out rows.
@@ -76,7 +76,7 @@ def without_doubtful_names(search: Search, model: Model, floor: np.ndarray) -> M
         model = less  # those that are left are judged together, too
 
 
-def without_replaceable_names(search: Search, model: Model) -> Model:
+def without_replaceable_names(search: Search, model: Hypotheses) -> Hypotheses:
     """Return the model of a Par4 without names that something else explains better.
 
     That is another cause in the place of a name, or a size that is not the same everywhere.
@@ -118,7 +118,7 @@ def is_most_of_it(heldout: Observations, left: Sequence[np.ndarray], floor: np.n
                 and rest > LARGEST * rms_of(heldout, heldout.varying))
 
 
-def _without(search: Search, model: Model, *doubts: Doubt) -> Model:
+def _without(search: Search, model: Hypotheses, *doubts: Doubt) -> Hypotheses:
     """Return a model without names that are doubtful, one after the other."""
     for item in named_of(model):
         for doubt in doubts:
@@ -128,7 +128,7 @@ def _without(search: Search, model: Model, *doubts: Doubt) -> Model:
     return model
 
 
-def _continued(search: Search, item: Hypothesis, model: Model) -> Model | None:
+def _continued(search: Search, item: Hypothesis, model: Hypotheses) -> Hypotheses | None:
     """Return the model without a name, if a series that goes on does as well in its place.
 
     What a series leaves that ends too early looks like something else: a magnet beside the
@@ -152,7 +152,7 @@ def _continued(search: Search, item: Hypothesis, model: Model) -> Model | None:
     return None
 
 
-def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
+def _replaced(search: Search, item: Hypothesis, model: Hypotheses) -> Hypotheses | None:
     """Return the model with an unnamed function in the place of a name, if it explains far more."""
     others = others_of(model, item)
     best = next(iter(_nameless(search, item, others)), None)
@@ -164,7 +164,7 @@ def _replaced(search: Search, item: Hypothesis, model: Model) -> Model | None:
     return (*others, kind)
 
 
-def _outdone(search: Search, item: Hypothesis, model: Model) -> Model | None:
+def _outdone(search: Search, item: Hypothesis, model: Hypotheses) -> Hypotheses | None:
     """Return the model without a name, if a name that was rejected explains far more in its place.
 
     That one takes its place if it is a cause beside the others. It may also have been rejected
@@ -186,7 +186,7 @@ def _outdone(search: Search, item: Hypothesis, model: Model) -> Model | None:
     return search.with_nameless(others)
 
 
-def _inconstant(search: Search, item: Hypothesis, model: Model) -> Model | None:
+def _inconstant(search: Search, item: Hypothesis, model: Hypotheses) -> Hypotheses | None:
     """Return the model without a name whose size is not the same everywhere.
 
     Its torque is there, whatever it is: if no unnamed cause is found that explains it well enough
@@ -202,7 +202,7 @@ def _inconstant(search: Search, item: Hypothesis, model: Model) -> Model | None:
     return without if unnamed_of(without) else (*others, *(kind for kind, _ in nearest))
 
 
-def _inertial(search: Search, item: Hypothesis, model: Model) -> Model | None:
+def _inertial(search: Search, item: Hypothesis, model: Hypotheses) -> Hypotheses | None:
     """Return the model without a name that takes the place of an inertia which is told without it.
 
     On a single sine the acceleration is the position with another sign, so that a spring that
@@ -216,7 +216,7 @@ def _inertial(search: Search, item: Hypothesis, model: Model) -> Model | None:
     return search.with_nameless(others)
 
 
-def _inertia_beside(search: Search, model: Model) -> tuple[float, float]:
+def _inertia_beside(search: Search, model: Hypotheses) -> tuple[float, float]:
     """Return the inertia of an axis beside causes and its deviation; zeros where it is not fitted.
     """
     names = [term.name for term in search.pool.evidence.observations.terms]
@@ -226,7 +226,7 @@ def _inertia_beside(search: Search, model: Model) -> tuple[float, float]:
     return float(fit.base[place]), float(np.sqrt(fit.covariance[place, place]))
 
 
-def _timed_otherwise(search: Search, item: Hypothesis, model: Model) -> Model | None:
+def _timed_otherwise(search: Search, item: Hypothesis, model: Hypotheses) -> Hypotheses | None:
     """Return the model without a delay or lag whose time changes much beside unnamed causes."""
     others = others_of(model, item)
     if unnamed_of(model) and item.named.retimes:
@@ -239,7 +239,7 @@ def _timed_otherwise(search: Search, item: Hypothesis, model: Model) -> Model | 
     return None
 
 
-def _law_may_lose(search: Search, item: Hypothesis, rival: Hypothesis, others: Model) -> float:
+def _law_may_lose(search: Search, item: Hypothesis, rival: Hypothesis, others: Hypotheses) -> float:
     """Return by how much a rival may explain more than a name that is right.
 
     The law of a name may be wrong by a share of its torque, and a rival with many coefficients can
@@ -254,7 +254,7 @@ def _law_may_lose(search: Search, item: Hypothesis, rival: Hypothesis, others: M
                rules.unnamed_error ** 2 * alone)
 
 
-def _nameless(search: Search, item: Hypothesis, others: Model
+def _nameless(search: Search, item: Hypothesis, others: Hypotheses
               ) -> list[tuple[Hypothesis, float]]:
     """Return unnamed causes that could stand in the place of a name, and its margin over each.
 
@@ -275,7 +275,7 @@ def _has(kind: Kind, item: Hypothesis) -> bool:
     return kind.needs_nominal and (not kind.left_by_filters or item.named.retimes)
 
 
-def _doubt_of_all(search: Search, model: Model, floor: np.ndarray) -> str | None:
+def _doubt_of_all(search: Search, model: Hypotheses, floor: np.ndarray) -> str | None:
     """Return why the names of a model are doubtful together; None if they are not."""
     named = tuple(named_of(model))
     if not named:

@@ -29,7 +29,7 @@ from par4_identification.diagnosis.evidence.estimates import told_values
 from par4_identification.diagnosis.evidence.evidence import Evidence
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.evidence.projection import Projection
-from par4_identification.diagnosis.search.causes import Model, others_of
+from par4_identification.diagnosis.search.causes import Hypotheses, others_of
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.swing import BOUNDS, stiffnesses_of
 from par4_identification.diagnosis.verdict.answer import Cause
@@ -49,7 +49,7 @@ Moved = tuple[Hypothesis, Hypothesis]
 """A cause as least squares have it, and as it is told."""
 
 
-def without_count_bias(search: Search, model: Model) -> tuple[Model, list[Moved]]:
+def without_count_bias(search: Search, model: Hypotheses) -> tuple[Hypotheses, list[Moved]]:
     """Return a model whose swinging loads have unbiased values, and what was changed.
 
     Nothing is, where the noise of the positions is not known.

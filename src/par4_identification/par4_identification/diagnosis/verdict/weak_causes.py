@@ -15,7 +15,7 @@ from par4_identification.diagnosis.evidence.doubt import with_doubt
 from par4_identification.diagnosis.evidence.estimates import told_values
 from par4_identification.diagnosis.evidence.hypothesis import Hypothesis
 from par4_identification.diagnosis.search.candidates import price_of_shapes
-from par4_identification.diagnosis.search.causes import Model, named_of, names_of
+from par4_identification.diagnosis.search.causes import Hypotheses, named_of, names_of
 from par4_identification.diagnosis.search.search import Search
 from par4_identification.diagnosis.search.simplicity import BY_CHANCE
 from par4_identification.diagnosis.verdict.answer import Cause
@@ -24,7 +24,7 @@ SHARE = 3.0 ** -0.5
 """Root of the mean square of what is as likely as anything between 0 and 1."""
 
 
-def weak_causes(search: Search, model: Model) -> list[Hypothesis]:
+def weak_causes(search: Search, model: Hypotheses) -> list[Hypothesis]:
     """Return the effects that may act beside a model, although they are not named in it.
 
     A machine can have them, and they gain more than chance gives to so many numbers and to the best
@@ -46,7 +46,7 @@ def weak_causes(search: Search, model: Model) -> list[Hypothesis]:
     return found
 
 
-def widened(search: Search, cause: Cause, hypothesis: Hypothesis, model: Model,
+def widened(search: Search, cause: Cause, hypothesis: Hypothesis, model: Hypotheses,
             weak: Sequence[Hypothesis]) -> Cause:
     """Return a cause with deviations that include what each weak cause would change.
 
