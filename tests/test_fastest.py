@@ -22,7 +22,7 @@ from par4_sim.commands.fastest import fastest
 from par4_sim.tracking.case import Case, Plan
 from par4_sim.tracking.fastest import Reached, Unreached, at_pace, fastest_case
 from par4_sim.tracking.fastest_outcome import outcome_of_fastest
-from par4_sim.tracking.run import Run
+from par4_sim.tracking.run import TrackedRun
 from par4_sim.tracking.time_optimal import PathLimits, fastest_along, motion_of
 from par4_sim.tracking.way import Averaged, joints_over_time
 from robots import OTHER, REFERENCE, model_with, other_model
@@ -231,7 +231,7 @@ def test_the_fastest_motion_keeps_the_limits_that_were_asked_for(tmp_path):
 
 
 def test_a_motion_keeps_its_name_at_the_beginning_of_a_sentence(shortest):
-    run = Run(SMOOTH, *np.zeros((6, 1)), None, {}, 0)
+    run = TrackedRun(SMOOTH, *np.zeros((6, 1)), None, {}, 0)
     found = Reached('own', Case('loops', 'table1', run, None), 1.0, 150.0, 'torque')
     told = outcome_of_fastest([found], shortest, replace(SMOOTH, name='pickABC'), REFERENCE,
                               PathLimits(LIMIT), 5e-4)

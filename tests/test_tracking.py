@@ -24,7 +24,7 @@ from par4_sim.tracking.case import Case, Plan
 from par4_sim.tracking.comparison import outcome_of_tracking
 from par4_sim.tracking.learning import Cycle
 from par4_sim.tracking.metrics import errors_of, tracking_of
-from par4_sim.tracking.run import Run, feedforward_of, record_run
+from par4_sim.tracking.run import TrackedRun, feedforward_of, record_run
 from par4_sim.tracking.stability import Margin
 from robots import REFERENCE, model_with
 
@@ -101,7 +101,7 @@ def test_a_machine_at_rest_does_not_stir_when_feedforward_sets_in():
         REFERENCE.drives.velocity_gain * REFERENCE.drives.position_gain))
 
 
-def swinging(decay: float, rate: float, size: float, axis: int = 0) -> Run:
+def swinging(decay: float, rate: float, size: float, axis: int = 0) -> TrackedRun:
     """Return a run that arrives in time and then swings about the end, by formula."""
     t = 0.25e-3 * np.arange(4001)
     asked = 1e-3 * np.arange(501)
@@ -113,8 +113,8 @@ def swinging(decay: float, rate: float, size: float, axis: int = 0) -> Run:
         rate * after)
     still, torque = np.zeros_like(x), np.zeros((len(t), 4))
     counts = {'saturated_commands': 0, 'saturated_speeds': 0, 'unsolved_programs': 0}
-    return Run(Motion('ramp', asked, still, still, still, x, still, still), t, pose, torque,
-               torque, torque, torque, None, counts, 0)
+    return TrackedRun(Motion('ramp', asked, still, still, still, x, still, still), t, pose, torque,
+                      torque, torque, torque, None, counts, 0)
 
 
 @pytest.mark.parametrize('axis', [0, 1, 2])

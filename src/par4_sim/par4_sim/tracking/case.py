@@ -18,7 +18,7 @@ from par4_sim.plants.plant import STEP
 from par4_sim.report.words import in_words, listed
 from par4_sim.tracking.learning import Cycle, learn
 from par4_sim.tracking.metrics import Tracking, tracking_of
-from par4_sim.tracking.run import Run, feedforward_of, record_run
+from par4_sim.tracking.run import TrackedRun, feedforward_of, record_run
 from par4_sim.tracking.stability import (
     Margin,
     gains_of_computed_torque,
@@ -48,7 +48,7 @@ class Case:
 
     controller: str
     feedforward: str
-    run: Run
+    run: TrackedRun
     tracking: Tracking
     learned: tuple[Cycle, ...] = ()
     margin: Margin | None = None
@@ -105,7 +105,7 @@ class Plan:
                          self.learning_cycles, self.fidelity)
         return Case(LEARNING, name, learning.run, self._tracking(learning.run), learning.cycles)
 
-    def _tracking(self, run: Run) -> Tracking:
+    def _tracking(self, run: TrackedRun) -> Tracking:
         return tracking_of(run, self.cycles, self.band, self.robot.limits.workspace)
 
     def margin(self, controller: str, model: Model | None) -> Margin | None:

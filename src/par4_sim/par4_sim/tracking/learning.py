@@ -29,7 +29,7 @@ from par4_kinematics.robot import Robot
 from par4_sim.choices import CYCLES
 from par4_sim.plants.plant import STEP
 from par4_sim.tracking.metrics import errors_of
-from par4_sim.tracking.run import Run, record_run
+from par4_sim.tracking.run import TrackedRun, record_run
 
 CUTOFF_HZ = 100.0
 """Cut-off of the filter Q: at this frequency half of the power passes. Far above the loops'
@@ -59,7 +59,7 @@ class Learning:
         cycles: all of them.
     """
 
-    run: Run
+    run: TrackedRun
     cycles: tuple[Cycle, ...]
 
 
@@ -91,13 +91,13 @@ def learn(robot: Robot, machine: Model, motion: Motion, feedforward: np.ndarray,
     return Learning(best, tuple(history))
 
 
-def _cycle_of(run: Run) -> Cycle:
+def _cycle_of(run: TrackedRun) -> Cycle:
     moving = _joint_error(run)[:len(run.motion.t)]
     return Cycle(float(np.sqrt(np.mean(np.sum(errors_of(run) ** 2, axis=1)))),
                  float(np.sqrt(np.mean(moving ** 2))), float(np.abs(moving).max()))
 
 
-def _joint_error(run: Run) -> np.ndarray:
+def _joint_error(run: TrackedRun) -> np.ndarray:
     """Return q_ref - q, rad, at the period of the motion, standing still after its end, (n, 4)."""
     motion = run.motion
     t = np.arange(int(run.t[-1] / motion.period + 1e-9) + 1) * motion.period
@@ -105,7 +105,8 @@ def _joint_error(run: Run) -> np.ndarray:
     return wanted - _at(t, run.t, run.q)
 
 
-def _corrected(run: Run, given: np.ndarray, inertia: np.ndarray, cutoff_hz: float) -> np.ndarray:
+def _corrected(run: TrackedRun, given: np.ndarray, inertia: np.ndarray, cutoff_hz: float
+               ) -> np.ndarray:
     """Return the torques (m, 4), N m, that correct a run which `given` torques (m, 4) were for."""
     motion = run.motion
     width = math.sqrt(math.log(2.0)) / (2.0 * math.pi * cutoff_hz)  # s, standard deviation

@@ -19,7 +19,7 @@ import numpy as np
 
 from par4_kinematics.robot import Workspace
 from par4_sim.choices import BAND
-from par4_sim.tracking.run import Run
+from par4_sim.tracking.run import TrackedRun
 
 STILL = 1e-12
 """m: smaller steps of a desired coordinate are rounding."""
@@ -72,19 +72,19 @@ class Tracking:
         return math.isfinite(self.settling_time)
 
 
-def errors_of(run: Run) -> np.ndarray:
+def errors_of(run: TrackedRun) -> np.ndarray:
     """Return the error vectors of D at the samples of the motion, (m, 3) m: obtained - desired."""
     motion = run.motion
     return np.stack([np.interp(motion.t, run.t, run.pose[:, axis]) - motion.x[:, axis]
                      for axis in range(3)], axis=1)
 
 
-def longest_axis(run: Run) -> int:
+def longest_axis(run: TrackedRun) -> int:
     """Return along which of x, y and z, 0 to 2, the desired path is longest."""
     return int(np.argmax(np.ptp(run.motion.x[:, :3], axis=0)))
 
 
-def tracking_of(run: Run, cycles: int = 1, band: float = BAND, space: Workspace | None = None
+def tracking_of(run: TrackedRun, cycles: int = 1, band: float = BAND, space: Workspace | None = None
                 ) -> Tracking:
     """Return the figures of a run.
 
@@ -118,7 +118,7 @@ def _outside(pose: np.ndarray, space: Workspace) -> float:
     return max(0.0, *(float(part.max()) for part in beyond))
 
 
-def _stop_of(run: Run, band: float) -> tuple[float, float, float]:
+def _stop_of(run: TrackedRun, band: float) -> tuple[float, float, float]:
     """Return overshoot, settling time and arrival of the stop at the end of the motion.
 
     Times are NaN where D is not inside the band all the last `ATTAINED` seconds.
@@ -158,7 +158,7 @@ def _last_way(wanted: np.ndarray) -> int:
     return int(back[-1]) + 1 if len(back) else 0
 
 
-def first_limited_torque(run: Run) -> tuple[float, str] | None:
+def first_limited_torque(run: TrackedRun) -> tuple[float, str] | None:
     """Return when a command was limited first, s, and of which joint and where in words."""
     if not run.counts['saturated_commands']:
         return None

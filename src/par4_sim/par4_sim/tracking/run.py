@@ -22,7 +22,7 @@ SETTLING = 0.5
 
 
 @dataclass(frozen=True)
-class Run:
+class TrackedRun:
     """What a machine did when a motion was asked of it; n samples, one a physics step.
 
     Attributes:
@@ -57,7 +57,8 @@ def feedforward_of(robot: Robot, model: Model, motion: Motion) -> np.ndarray:
 
 
 def record_run(robot: Robot, machine: Model, motion: Motion, feedforward: np.ndarray | None,
-               fidelity: str = 'exact', law: str = 'loops', known: Model | None = None) -> Run:
+               fidelity: str = 'exact', law: str = 'loops', known: Model | None = None
+               ) -> TrackedRun:
     """Return the run of a machine that rests where the motion begins and then follows it.
 
     Args:
@@ -92,5 +93,6 @@ def record_run(robot: Robot, machine: Model, motion: Motion, feedforward: np.nda
         simulation.close()
     if feedforward is None:
         counts.pop('missing_effort')
-    return Run(motion, STEP * np.arange(first, first + count), told.true_pose, told.q, told.qd,
-               told.effort, told.true_torque, feedforward, counts, limited)
+    return TrackedRun(
+        motion, STEP * np.arange(first, first + count), told.true_pose, told.q, told.qd,
+        told.effort, told.true_torque, feedforward, counts, limited)
