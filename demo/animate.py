@@ -14,13 +14,11 @@ import numpy as np
 from PIL import Image
 from rich.progress import track
 
-from par4_identification.logs.read_log import read_log
+from par4_identification import read_log
+from par4_kinematics import InputError, Par4Error, Robot, forward_kinematics, read_robot
 from par4_kinematics.adept import adept_motion
-from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.files import written_atomically
 from par4_kinematics.paths import refuse_unwritable
-from par4_kinematics.position import forward_kinematics
-from par4_kinematics.robot import Robot, read_robot
 from par4_sim.pictures.view import View
 
 SLOWER = 12.0

@@ -12,19 +12,21 @@ from pathlib import Path
 
 import numpy as np
 
+from par4_dynamics import (
+    EffectEntry,
+    Model,
+    build_model,
+    read_model,
+    read_model_file,
+    state_of_joints,
+)
 from par4_dynamics.mechanism import joint_mass_matrix
-from par4_dynamics.model import Model, build_model, read_model
-from par4_dynamics.model_file import EffectEntry, read_model_file
-from par4_dynamics.state import state_of_joints
-from par4_identification.diagnosis.diagnosis import diagnose
-from par4_identification.logs.log import Log
-from par4_identification.logs.read_log import read_log
+from par4_identification import Log, diagnose, read_log
+from par4_kinematics import read_robot
 from par4_kinematics.excitation import excitation_motion
-from par4_kinematics.robot import read_robot
 from par4_kinematics.ros.serialised_trajectory import SerialisedTrajectory, serialised_rest
 from par4_kinematics.velocity import jacobian_rate
-from par4_sim.closed_loop.offline import simulate_to_bag
-from par4_sim.closed_loop.simulation import build_simulation
+from par4_sim import build_simulation, simulate_to_bag
 from par4_sim.ros.compiled_limits import compiled_limits
 
 ROBOT = read_robot('reference')

@@ -17,8 +17,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from par4_dynamics.model_file import read_model_file
-from par4_kinematics.errors import InputError
+from par4_dynamics import read_model_file
+from par4_kinematics import InputError
 from par4_kinematics.files import write_yaml
 from par4_sim.cell.cell import COMPOSITIONS
 from par4_sim.cell.running_cell import running_cell

@@ -16,7 +16,7 @@ from pathlib import Path
 from sphinx.cmd.build import build_main
 
 from effect_pages import page, picture, searched
-from par4_dynamics.effects.catalogue import CATALOGUE
+from par4_dynamics import CATALOGUE
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent

@@ -14,17 +14,21 @@ from functools import cache
 import numpy as np
 from matplotlib.figure import Figure
 
-from par4_dynamics import build_model, read_model_file
-from par4_dynamics.base_terms import base_columns
-from par4_dynamics.effects.catalogue import CATALOGUE, meaning_of
-from par4_dynamics.effects.effect import Effect
+from par4_dynamics import (
+    CATALOGUE,
+    Effect,
+    EffectEntry,
+    Model,
+    Parameter,
+    State,
+    base_columns,
+    build_model,
+    read_model_file,
+    state_of_joints,
+)
+from par4_dynamics.effects.catalogue import meaning_of
 from par4_dynamics.effects.guide import GUIDES
-from par4_dynamics.model import Model
-from par4_dynamics.model_file import EffectEntry
-from par4_dynamics.parameters import Parameter
-from par4_dynamics.state import State, state_of_joints
-from par4_kinematics import named_motion, read_robot
-from par4_kinematics.robot import Robot
+from par4_kinematics import Robot, named_motion, read_robot
 
 SECONDS, EVERY = 16.0, 10
 """Of the excitation, and samples from row to row."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 import subprocess
@@ -18,7 +19,8 @@ from par4_identification.diagnosis.diagnosis import CONDITIONING
 from par4_identification.signals.scales import conditioning_for
 from par4_kinematics.errors import InputError
 
-PAGE = Path(__file__).parents[1] / 'docs' / 'api.md'
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / 'docs' / 'api.md'
 PACKAGES = ('par4_kinematics', 'par4_dynamics', 'par4_sim', 'par4_identification')
 
 
@@ -30,6 +32,24 @@ def test_what_a_package_names_is_there_and_documented(package):
         item = getattr(door, name)
         assert item.__doc__
     assert door.__doc__.count('>>>') >= 2
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_the_page_lists_what_a_package_names(package):
+    rows = re.findall(rf'^\| `{package}` \| (.*) \|$', PAGE.read_text(), re.MULTILINE)
+    listed = [name for row in rows for name in re.findall(r'`(\w+)`', row)]
+    assert sorted(listed) == sorted(importlib.import_module(package).__all__)
+
+
+@pytest.mark.parametrize('path', sorted(path.relative_to(ROOT) for folder in (
+    'examples', 'demo', 'site') for path in ROOT.glob(f'{folder}/**/*.py')), ids=str)
+def test_what_a_package_names_is_taken_from_it(path):
+    """Examples are copied: what is named may not be taken from where it happens to stand."""
+    for item in ast.walk(ast.parse((ROOT / path).read_text(encoding='utf-8'))):
+        if isinstance(item, ast.ImportFrom) and item.module.startswith('par4_'):
+            package, _, inside = item.module.partition('.')
+            door = importlib.import_module(package).__all__
+            assert not inside or not {name.name for name in item.names} & set(door), item.module
 
 
 @pytest.mark.parametrize('package', PACKAGES)
@@ -53,11 +73,16 @@ def test_the_page_runs_and_names_the_effect_of_its_own(tmp_path, monkeypatch, ca
     scope = {}
     for code in re.findall(r'```python\n(.*?)```', PAGE.read_text(), re.DOTALL):
         exec(compile(code, str(PAGE), 'exec'), scope)
-    parameter, verdict, causes = capsys.readouterr().out.splitlines()
+    parameter, verdict, causes, estimates, followed = capsys.readouterr().out.splitlines()
     value, std = map(float, parameter.split())
     assert abs(value - scope['machine'].values['coulomb_friction'][0]) < 5.0 * std + 0.02
     assert verdict == 'clean'
     assert causes == "[('brake_drag', (1,))]"
+    told = dict(item.split() for item in ast.literal_eval(estimates))
+    assert told.keys() == scope['machine'].values.keys()
+    for name, value in scope['machine'].values.items():
+        assert float(told[name]) == pytest.approx(value[0], abs=0.05)
+    assert followed == 'True'
 
 
 @pytest.fixture(scope='module')

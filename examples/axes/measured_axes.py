@@ -23,7 +23,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from par4_kinematics.errors import InputError
+from par4_kinematics import InputError
 
 VARIABLE = 'PAR4_AXES_DATA'
 HERE = Path(__file__).parent

@@ -20,23 +20,25 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from par4_dynamics.model import read_model
-from par4_kinematics.errors import Par4Error
-from par4_kinematics.interface import (
+from par4_dynamics import read_model
+from par4_kinematics import (
     AMPLIFIER_VOLTAGE,
     FEEDFORWARD_TORQUE,
+    JOINT_NAMES,
     JOINT_STATES,
     REFERENCE,
+    SECOND,
     START_DELAY,
+    Par4Error,
+    check_torque,
+    home_pose,
+    inverse_kinematics,
+    limits_not_given,
+    read_robot,
 )
-from par4_kinematics.limits import check_torque, limits_not_given
-from par4_kinematics.position import inverse_kinematics
-from par4_kinematics.robot import JOINT_NAMES, read_robot
 from par4_kinematics.ros.convert import read_trajectory, write_joint_state
 from par4_kinematics.ros.qos import qos_of
-from par4_kinematics.stamps import SECOND
-from par4_kinematics.workspace import home_pose
-from par4_sim.drives.reference import ReferenceQueue
+from par4_sim import ReferenceQueue
 from par4_sim.ros.compiled_limits import compiled_limits
 
 PERIOD = 2e-3

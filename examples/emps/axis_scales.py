@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from own_recipe import CONDITIONING
+from par4_dynamics import Effect
 from par4_dynamics.effects.cogging import Cogging
-from par4_dynamics.effects.effect import Effect
 from par4_dynamics.effects.torque_ripple import TorqueRipple
-from par4_identification.diagnosis.diagnosis import LIBRARY, Diagnosis, diagnose
+from par4_identification import LIBRARY, Diagnosis, diagnose
 from recording import Recording
 
 SHORTEST = 1e-3

@@ -11,14 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from own_recipe import CONDITIONING
-from par4_dynamics.model import build_model
-from par4_dynamics.parameters import Parameter
-from par4_dynamics.state import State, state_of_joints
-from par4_identification.diagnosis.diagnosis import Diagnosis
+from par4_dynamics import Parameter, State, build_model, state_of_joints
+from par4_identification import Diagnosis, Estimate, ordinary
 from par4_identification.diagnosis.evidence.holdout import Gain
 from par4_identification.diagnosis.evidence.projection import project
-from par4_identification.estimators.estimate import Estimate
-from par4_identification.estimators.ordinary import ordinary
 from published_recipe import COLUMNS, problem_of_columns, recipe_columns, recipe_motion
 from recording import Recording
 

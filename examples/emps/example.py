@@ -19,9 +19,8 @@ from rich.table import Table
 from axis_scales import diagnosis_of_axis
 from diagnosed import claims, error_as_diagnosed, steps
 from own_recipe import own_estimates, values_by_name
-from par4_identification.diagnosis.diagnosis import Diagnosis
-from par4_identification.estimators.estimate import Estimate
-from par4_kinematics.errors import InputError, Par4Error
+from par4_identification import Diagnosis, Estimate
+from par4_kinematics import InputError, Par4Error
 from par4_kinematics.files import write_yaml
 from published_recipe import BY_DIRECTION, COLUMNS, published_estimate
 from recording import VARIABLE, Recording, data_path, read_recording, write_bag

@@ -5,17 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from axis_simulation import simulated
-from par4_dynamics.base_terms import base_columns, base_terms
-from par4_identification.estimators.consistent import consistent
-from par4_identification.estimators.estimate import Estimate
-from par4_identification.estimators.instrumental import instrumental
-from par4_identification.estimators.ordinary import ordinary
-from par4_identification.estimators.problem import Problem, Series, problem_of, with_offsets
-from par4_identification.estimators.robust import robust
-from par4_identification.estimators.weighted import weighted
-from par4_identification.fitting.physical import physical_constraints
-from par4_identification.signals.conditioning import Conditioning
-from par4_identification.signals.rows import Run, runs_of_log
+from par4_dynamics import base_columns, base_terms
+from par4_identification import (
+    Conditioning,
+    Estimate,
+    Problem,
+    Run,
+    Series,
+    consistent,
+    instrumental,
+    ordinary,
+    physical_constraints,
+    problem_of,
+    robust,
+    runs_of_log,
+    weighted,
+    with_offsets,
+)
 from recording import Recording
 
 CONDITIONING = Conditioning(low_speed=0.005)

@@ -11,9 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.signal import butter, cheby1, filtfilt
 
-from par4_identification.estimators.estimate import Estimate
-from par4_identification.estimators.ordinary import ordinary
-from par4_identification.estimators.problem import Problem, Series, problem_of
+from par4_identification import Estimate, Problem, Series, ordinary, problem_of
 
 CUTOFF_HZ, ORDER = 100.0, 4
 """Of the Butterworth filter, run forward and backward, padded by three times its order."""

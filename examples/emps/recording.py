@@ -8,12 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from par4_identification.logs.log import Log, Reference
+from par4_identification import Log, Reference
 from par4_identification.signals.filtering import central_difference, second_difference
-from par4_kinematics.errors import InputError
-from par4_kinematics.interface import AMPLIFIER_VOLTAGE, JOINT_STATES, REFERENCE
-from par4_kinematics.robot import Axis
-from par4_sim.bags.bag_writer import BagWriter
+from par4_kinematics import AMPLIFIER_VOLTAGE, JOINT_STATES, REFERENCE, Axis, InputError
+from par4_sim import BagWriter
 
 VARIABLE = 'PAR4_EMPS_DATA'
 """Environment variable with the path of DATA_EMPS.mat."""

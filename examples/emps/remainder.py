@@ -13,10 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from axis_scales import SPACING, periods
 from diagnosed import columns_of_causes, moving
-from par4_identification.diagnosis.diagnosis import Diagnosis
-from par4_identification.estimators.estimate import Estimate
-from par4_identification.estimators.ordinary import ordinary
-from par4_identification.estimators.problem import Series
+from par4_identification import Diagnosis, Estimate, Series, ordinary
 from published_recipe import COLUMNS, problem_of_columns, recipe_columns, recipe_motion
 from recording import Recording
 

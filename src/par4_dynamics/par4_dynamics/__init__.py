@@ -10,6 +10,7 @@ What is named here is public; it is loaded when it is first used.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    'base_terms': ['base_columns', 'base_terms'],
     'effects.catalogue': ['CATALOGUE'],
     'effects.effect': [
         'Base', 'Effect', 'EffectParameter', 'Shape', 'Signature', 'Values', 'beyond'],

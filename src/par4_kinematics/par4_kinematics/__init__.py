@@ -13,10 +13,14 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     'errors': ['InputError', 'Par4Error', 'UnreachableError'],
     'geometry': ['Geometry'],
+    'interface': ['AMPLIFIER_VOLTAGE', 'FEEDFORWARD_TORQUE', 'JOINT_STATES', 'REFERENCE',
+                  'START_DELAY'],
+    'limits': ['check_torque', 'limits_not_given'],
     'motion': ['Motion'],
     'motion_file': ['named_motion', 'read_motion', 'write_motion'],
     'position': ['forward_kinematics', 'inverse_kinematics'],
-    'robot': ['Axis', 'Robot', 'read_machine', 'read_robot'],
+    'robot': ['JOINT_NAMES', 'Axis', 'Robot', 'read_machine', 'read_robot'],
+    'stamps': ['SECOND'],
     'velocity': ['condition_number', 'jacobian'],
     'workspace': ['home_pose', 'inside', 'reachable'],
 })

@@ -10,6 +10,9 @@ What is named here is public; it is loaded when it is first used.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    'bags.bag_writer': ['BagWriter'],
     'closed_loop.offline': ['simulate_to_bag'],
     'closed_loop.simulation': ['build_plant', 'build_simulation'],
+    'drives.reference': ['ReferenceQueue'],
+    'drives.reference_curve': ['ReferenceLimits'],
 })
