@@ -76,6 +76,16 @@ def test_a_controller_is_told_what_it_needs(controller):
     assert looks_ahead == (controller == 'predictive')
 
 
+@pytest.mark.parametrize('name', COMPOSITIONS)
+@pytest.mark.parametrize(('argument', 'text'), [
+    ('physics_step', '0.001'), ('real_time_factor', '0.63'), ('real_time_factor', '0')])
+def test_what_a_slow_simulation_proposes_can_be_given_to_it(name, argument, text):
+    simulation = session_of(name, **{argument: text}).nodes[0]
+    assert simulation.parameters[argument] == float(text)
+    default = session_of(name).nodes[0].parameters[argument]
+    assert default == getattr(SimulationParameters(), argument)
+
+
 def test_a_controller_of_positions_in_torque_mode_is_refused():
     assert SimulationParameters(drive_mode='torque').law == 'torque'
     with pytest.raises(InputError, match="'predictive' asked with drive_mode torque"):

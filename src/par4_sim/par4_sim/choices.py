@@ -9,6 +9,8 @@ from pathlib import Path
 
 FIDELITIES: tuple[str, ...] = ('accurate', 'fast', 'exact')
 """Simulated machines: `plant.py` says what they have in common."""
+STEP = 0.25e-3
+"""Default physics step of a simulation, s; drives run at the same rate."""
 STORAGES = ('mcap', 'sqlite3')
 """Formats of bags."""
 REPAIR = '--repair'

@@ -23,9 +23,9 @@ from par4_kinematics.adept import adept_motion
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.motion import Motion, check_limits
 from par4_kinematics.robot import Robot
+from par4_sim.choices import STEP
 from par4_sim.closed_loop.imposed import ImposedRun, imposed_run
 from par4_sim.description.chains import Fidelity, engine_bodies
-from par4_sim.plants.plant import STEP
 
 PARTS = {'rods': 'rod_mass', 'bars': 'bar_mass', 'theta inertia': 'theta_inertia'}
 """What (20) leaves out -> its entry in `bodies` of the robot file."""

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from par4_kinematics.errors import InputError
 from par4_kinematics.paths import at_home, refuse_unwritable
-from par4_sim.choices import FIDELITIES, LOOKED_AHEAD, POSITION_LAWS, PREDICTIVE
+from par4_sim.choices import FIDELITIES, LOOKED_AHEAD, POSITION_LAWS, PREDICTIVE, STEP
 
 CLOCK = '/clock'
 """Topic `par4_kinematics.interface.CLOCK`, whose module loads more than a table needs."""
@@ -148,6 +148,9 @@ SIMULATED = (
     Argument('machine', 'table1_full', 'model.yaml of the machine as it truly is',
              refuse=_model_file),
     Argument('fidelity', 'fast', 'how exactly the mechanism is simulated', FIDELITIES),
+    Argument('physics_step', STEP, 'of the physics and the drives, s; larger is faster and less '
+                                   'exact'),
+    Argument('real_time_factor', 1.0, 'simulated seconds a second; 0 = as fast as it can'),
     Argument('controller', POSITION_LAWS[0], 'of the simulated drives', POSITION_LAWS),
     Argument('noise', 0.0, 'of the recorded torque, N m rms'),
     Argument('seed', 0, 'of the noise, and of an excitation'),
@@ -207,8 +210,9 @@ class Composition:
 def _simulation(asked: Mapping[str, Value], **further: Value) -> NodePart:
     return NodePart('par4_sim', 'par4_simulation', {
         'robot_file': asked['robot_file'], 'model_file': asked['machine'],
-        'fidelity': asked['fidelity'], 'torque_noise': asked['noise'], 'seed': asked['seed'],
-        'window': asked['window'], 'controller': asked['controller'],
+        'fidelity': asked['fidelity'], 'physics_step': asked['physics_step'],
+        'real_time_factor': asked['real_time_factor'], 'torque_noise': asked['noise'],
+        'seed': asked['seed'], 'window': asked['window'], 'controller': asked['controller'],
         **({'controller_model': asked['model']} if 'model' in asked else {}), **further})
 
 

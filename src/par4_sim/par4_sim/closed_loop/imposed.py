@@ -14,12 +14,12 @@ from par4_dynamics.mechanism import LumpedBodies
 from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS, Geometry
 from par4_kinematics.motion import Motion
+from par4_sim.choices import STEP
 from par4_sim.description.chains import Fidelity
 from par4_sim.drives.reference import TARGET, interpolate
 from par4_sim.drives.reference_curve import COLUMNS
 from par4_sim.machines.friction import Friction
 from par4_sim.machines.machine import Machine
-from par4_sim.plants.plant import STEP
 
 START_SPEED = 1e-3
 """rad/s up to which a motion begins at rest. To begin at speed means a blow whose echo takes the

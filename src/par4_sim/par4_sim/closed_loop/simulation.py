@@ -14,7 +14,7 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.robot import Robot
 from par4_kinematics.workspace import home_pose
-from par4_sim.choices import FIDELITIES
+from par4_sim.choices import FIDELITIES, STEP
 from par4_sim.closed_loop.driven import can_be_driven, drive_plant, drive_samples
 from par4_sim.drives.control_loop import ControlLoop
 from par4_sim.drives.controller import Controller
@@ -30,7 +30,7 @@ from par4_sim.machines.noise import Noise, NoiseSource
 from par4_sim.machines.sensors import Sensors
 from par4_sim.plants.elastic import ElasticPlant, split_machine
 from par4_sim.plants.exact import ExactPlant
-from par4_sim.plants.plant import STEP, Plant
+from par4_sim.plants.plant import Plant
 
 RESTING = 0.05
 """Joint speed below which a machine that holds its place counts as resting, rad/s."""

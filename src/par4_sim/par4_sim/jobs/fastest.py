@@ -10,9 +10,8 @@ from rich.table import Table
 
 from par4_kinematics.limits import limits_not_given
 from par4_kinematics.motion_file import free_motion_path, write_motion
-from par4_sim.choices import OWN, TIME_OPTIMAL
+from par4_sim.choices import OWN, STEP, TIME_OPTIMAL
 from par4_sim.jobs.comparison import read_asked
-from par4_sim.plants.plant import STEP
 from par4_sim.report.results import Results, origin, results_into
 from par4_sim.report.terminal import print_table, say
 from par4_sim.tracking.case import pairs_of

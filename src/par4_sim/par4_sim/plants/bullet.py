@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from par4_kinematics.arrays import as_rows
 from par4_kinematics.errors import UnreachableError
 from par4_kinematics.geometry import LEGS
+from par4_sim.choices import STEP
 from par4_sim.description.chains import (
     PLATE_CHAINS,
     PLATE_SLIDES,
@@ -28,7 +29,6 @@ from par4_sim.description.robot_tree import passive_joint_positions
 from par4_sim.machines.machine import Machine
 from par4_sim.plants.engine import load_body, pybullet
 from par4_sim.plants.engine_friction import JointFriction
-from par4_sim.plants.plant import STEP
 
 ITERATIONS = {'accurate': 200, 'fast': 80}
 """Sweeps of the constraint solver in a step. They alternate in direction; only even numbers end on

@@ -37,6 +37,7 @@ from par4_kinematics.leg import (
 from par4_kinematics.linear_solve import factor_in_place, solve_factored, solve_in_place
 from par4_kinematics.position import inverse_kinematics
 from par4_kinematics.robot import JOINT_NAMES
+from par4_sim.choices import STEP
 from par4_sim.description.robot_tree import tree_joint_positions
 from par4_sim.machines.friction import (
     LOAD_COEFFICIENT,
@@ -50,7 +51,6 @@ from par4_sim.machines.friction import (
 )
 from par4_sim.machines.machine import LoadTorque, Machine
 from par4_sim.machines.platform_forces import add_pivot_force, platform_force_sample
-from par4_sim.plants.plant import STEP
 
 X, XD, Q, QD, MODE, BENDING = range(6)
 """Rows of the state (6, 4); bending: that of the contacts with presliding."""

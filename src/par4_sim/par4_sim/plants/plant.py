@@ -7,9 +7,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-STEP = 0.25e-3
-"""Default physics step, s; drives run at the same rate."""
-
 
 class Plant(Protocol):
     """A mechanism with friction that is stepped with actuator torques.

@@ -7,8 +7,7 @@ from typing import ClassVar
 
 from par4_kinematics.errors import InputError
 from par4_kinematics.ros.parameters import NodeParameters, parameter
-from par4_sim.choices import FIDELITIES, POSITION_LAWS, TORQUE_LAW
-from par4_sim.plants.plant import STEP
+from par4_sim.choices import FIDELITIES, POSITION_LAWS, STEP, TORQUE_LAW
 
 POSITION, TORQUE = 'position', 'torque'
 """Modes of the drives."""

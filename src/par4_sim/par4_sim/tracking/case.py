@@ -10,11 +10,10 @@ from par4_dynamics.model import Model, read_model
 from par4_kinematics.errors import InputError
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
-from par4_sim.choices import BAND, CYCLES, LEARNING, NO_FEEDFORWARD
+from par4_sim.choices import BAND, CYCLES, LEARNING, NO_FEEDFORWARD, STEP
 from par4_sim.drives.computed_torque import mean_inertia
 from par4_sim.drives.laws import KNOWING
 from par4_sim.machines.machine_effects import machine_of_model
-from par4_sim.plants.plant import STEP
 from par4_sim.report.words import in_words, listed
 from par4_sim.tracking.learning import Cycle, learn
 from par4_sim.tracking.metrics import Tracking, tracking_of

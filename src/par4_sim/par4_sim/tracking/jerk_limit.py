@@ -18,7 +18,7 @@ from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints
 from par4_kinematics.errors import InputError
 from par4_kinematics.robot import Robot
-from par4_sim.plants.plant import STEP
+from par4_sim.choices import STEP
 from par4_sim.tracking.way import LONGEST, Averaged, Profile, joints_over_time
 
 SHORTEST = 2.0 * STEP

@@ -26,8 +26,7 @@ from par4_dynamics.mechanism import joint_mass_matrix
 from par4_dynamics.model import Model
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
-from par4_sim.choices import CYCLES
-from par4_sim.plants.plant import STEP
+from par4_sim.choices import CYCLES, STEP
 from par4_sim.tracking.metrics import errors_of
 from par4_sim.tracking.run import TrackedRun, record_run
 

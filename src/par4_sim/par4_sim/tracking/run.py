@@ -10,8 +10,8 @@ from par4_dynamics.model import Model
 from par4_dynamics.state import state_of_joints
 from par4_kinematics.motion import Motion
 from par4_kinematics.robot import Robot
+from par4_sim.choices import STEP
 from par4_sim.closed_loop.simulation import build_simulation
-from par4_sim.plants.plant import STEP
 
 REST = 0.2
 """Seconds of rest before the motion: the drives settle."""

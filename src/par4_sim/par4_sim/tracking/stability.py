@@ -28,9 +28,9 @@ from par4_kinematics.geometry import LEGS
 from par4_kinematics.reach import unreached_legs
 from par4_kinematics.robot import Drives, Robot
 from par4_kinematics.workspace import reachable, workspace_grid
+from par4_sim.choices import STEP
 from par4_sim.drives.computed_torque import mean_inertia
 from par4_sim.machines.machine import Machine
-from par4_sim.plants.plant import STEP
 
 FREQUENCIES = 4000
 """Between 1 rad/s and half the sampling rate, evenly on a logarithmic scale."""

@@ -36,7 +36,7 @@ from par4_kinematics.errors import InputError
 from par4_kinematics.geometry import LEGS
 from par4_kinematics.motion import Motion, motion_of_joints
 from par4_kinematics.robot import Robot
-from par4_sim.plants.plant import STEP
+from par4_sim.choices import STEP
 from par4_sim.tracking.jerk_limit import jerk_limited
 from par4_sim.tracking.way import LONGEST, Profile, Way, joints_over_time
 
