@@ -9,6 +9,7 @@ import itertools
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 from importlib import import_module
 from types import SimpleNamespace
 from unittest import mock
@@ -17,6 +18,7 @@ import pytest
 from node_server import MODULES
 
 from par4_kinematics.errors import InputError
+from par4_kinematics.files import write_yaml
 from par4_kinematics.ros import parameters
 from par4_kinematics.ros.motion_parameters import MotionParameters
 from par4_kinematics.ros.node import Par4Node
@@ -35,17 +37,20 @@ def names_of(node: str) -> list[str]:
     return [field.name for field in dataclasses.fields(node_class.PARAMETERS)]
 
 
-def told(monkeypatch: pytest.MonkeyPatch, given: list[str], arguments: list[str]
-         ) -> tuple[list[str], list[str]]:
-    """Return what `par4_motion` warns of and what it notes, where these parameters are given."""
+def noted(monkeypatch: pytest.MonkeyPatch, given: list[str], arguments: list[str]) -> list[str]:
+    """Return what `par4_motion` notes where these parameters are given.
+
+    Raises:
+        InputError: it refuses them.
+    """
     node = mock.Mock()
+    node.get_name.return_value = 'par4_motion'
     node.get_parameters_by_prefix.return_value = given
     node.get_parameter.side_effect = lambda _: SimpleNamespace(value=1)
     monkeypatch.setattr(parameters.sys, 'argv', ['par4_motion', '--ros-args', *arguments])
     declare(node, MotionParameters)
-    log = node.get_logger.return_value
-    return tuple([call.args[0] for call in level.call_args_list]
-                 for level in (log.warning, log.info))
+    node.get_logger.return_value.warning.assert_not_called()
+    return [call.args[0] for call in node.get_logger.return_value.info.call_args_list]
 
 
 def test_a_path_at_home_is_meant_as_in_a_shell(monkeypatch, tmp_path):
@@ -60,31 +65,38 @@ def test_a_path_at_home_is_meant_as_in_a_shell(monkeypatch, tmp_path):
     assert told['par4_record']['output'] == str(tmp_path / 'bag')
 
 
-@pytest.mark.parametrize('prefix', ['', 'par4_motion:'])
-def test_a_misspelt_parameter_is_told_with_the_name_that_was_meant(monkeypatch, prefix):
-    warned, noted = told(monkeypatch, ['motoin'], ['-p', f'{prefix}motoin:=circle'])
-    assert warned == [
-        'unknown parameter motoin (did you mean motion?) ignored; known are robot_file, motion, '
-        'duration, seed, period, listeners']
-    assert not noted
+@pytest.mark.parametrize('arguments', [
+    ['-p', 'motions:=adept'], ['-p', 'par4_motion:motions:=adept'], ['--params-file', 'cell.yaml']])
+def test_a_misspelt_parameter_is_refused_with_the_name_that_was_meant(monkeypatch, arguments):
+    """The node said so and moved the robot all the same."""
+    with pytest.raises(InputError) as refused:
+        noted(monkeypatch, ['motions'], arguments)
+    assert str(refused.value) == (
+        'parameter motions (did you mean motion?): unknown; known are robot_file, motion, '
+        'duration, seed, period, listeners')
 
 
-def test_a_name_like_no_other_is_told_where_this_node_was_given_it(monkeypatch):
-    warned, noted = told(monkeypatch, ['colour', 'durations', 'shape'], ['-p', 'colour:=red'])
-    assert len(warned) == 1
-    assert warned[0].startswith(
-        'unknown parameter colour, durations (did you mean duration?) ignored; known are ')
-    assert noted == ['no parameters of this node, ignored: shape']
+def test_a_name_like_no_other_is_refused_where_this_node_alone_was_given_it(monkeypatch, tmp_path):
+    given = ['colour', 'durations', 'shape']
+    with pytest.raises(InputError, match=r'^parameter colour, durations .did you mean duration\?.: '
+                                         r'unknown; known are '):
+        noted(monkeypatch, given, ['-p', 'colour:=red'])
+    for part, said in (('/**', None), ('par4_feedforward', None), ('par4_motion', 'shape'),
+                       ('/robot_a/par4_motion', 'shape')):
+        write_yaml(tmp_path / 'file.yaml', {part: {'ros__parameters': {'shape': 1}}})
+        arguments = ['--params-file', str(tmp_path / 'file.yaml')]
+        with pytest.raises(InputError, match=f'^parameter {said}: ') if said else nullcontext():
+            assert noted(monkeypatch, ['shape'], arguments) == [
+                'no parameters of this node, ignored: shape']
 
 
-def test_what_ros_gives_and_what_other_nodes_of_a_file_take_is_no_warning(monkeypatch):
+def test_what_ros_gives_and_what_other_nodes_of_a_file_take_is_no_fault(monkeypatch):
     of_ros = ['use_sim_time', 'start_type_description_service',
               'qos_overrides./joint_states.subscription.depth']
-    assert told(monkeypatch, of_ros, ['-p', 'use_sim_time:=true']) == ([], [])
+    assert noted(monkeypatch, of_ros, ['-p', 'use_sim_time:=true']) == []
     foreign = sorted(set(names_of('par4_simulation')) - set(names_of('par4_motion')))
-    warned, noted = told(monkeypatch, foreign, ['--params-file', 'cell.yaml'])
-    assert not warned
-    assert noted == [f'no parameters of this node, ignored: {", ".join(foreign)}']
+    assert noted(monkeypatch, foreign, ['--params-file', 'cell.yaml']) == [
+        f'no parameters of this node, ignored: {", ".join(foreign)}']
 
 
 def test_no_parameter_of_a_node_looks_like_a_slip_of_another_ones():
@@ -94,11 +106,13 @@ def test_no_parameter_of_a_node_looks_like_a_slip_of_another_ones():
             assert not difflib.get_close_matches(name, names[own], 1, ALIKE), (name, own)
 
 
-def test_every_node_tells_a_misspelt_parameter(bench):
-    for node in MODULES:
-        bench.start(node, robot_fiel='reference')
-    bench.wait(lambda: all(f'[{node}]: unknown parameter robot_fiel' in bench.said()
-                           for node in MODULES), 'a warning of each node')
+@pytest.mark.parametrize('node', MODULES)
+def test_every_node_refuses_a_misspelt_parameter(bench, node):
+    assert bench.ended(bench.start(node, robot_fiel='reference', use_sim_time='true')) == 2
+    line, = (bench.folder / f'{node}_0.txt').read_text().splitlines()
+    meant = '' if node == 'par4_record' else ' (did you mean robot_file?)'
+    assert line.startswith(f'error: parameter robot_fiel{meant}: unknown; known are ')
+    assert [path.name for path in bench.folder.iterdir() if path.is_dir()] in ([], ['log'])
 
 
 def test_an_override_of_quality_of_service_that_no_topic_takes_is_told(bench):

@@ -9,7 +9,7 @@ import math
 import os
 import sys
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from par4_kinematics.errors import InputError
@@ -63,10 +63,11 @@ def declare(node: Node, parameters: type[Parameters]) -> Parameters:
     """Declare the fields of the dataclass on `node` and return the values the user gave them.
 
     The node must have been made with `automatically_declare_parameters_from_overrides`, so that
-    names that it does not know are noticed: `_tell_unknown` logs them.
+    names that it does not know are noticed.
 
     Raises:
-        InputError: a value of another type, out of range or not among the choices.
+        InputError: a value of another type, out of range or not among the choices; or a name that
+            is misspelt or was given to this node alone, which else would have its default.
     """
     fields = dataclasses.fields(parameters)
     given = {name: node.get_parameter(name).value for name in node.get_parameters_by_prefix('')}
@@ -74,7 +75,9 @@ def declare(node: Node, parameters: type[Parameters]) -> Parameters:
                      if name not in {field.name for field in fields}
                      and name not in _OF_ROS and not name.startswith(_OF_QOS))
     names = [field.name for field in fields]
-    _tell_unknown(node, unknown, names, ALIKE, ', '.join(names))
+    mistaken = _mistaken(node, unknown, names, ALIKE)
+    if mistaken:
+        raise InputError(f'parameter {", ".join(mistaken)}: unknown; known are {", ".join(names)}')
     values = {}
     for field in fields:
         value = _checked(field, given.get(field.name, field.default))
@@ -94,8 +97,11 @@ def tell_unknown_overrides(node: Node) -> None:
         ('publisher', node.publishers), ('subscription', node.subscriptions)) for own in all_own})
     known = [f'{side}.{policy}' for side in sides for policy in POLICIES]
     given = node.get_parameters_by_prefix(_OF_QOS.rstrip('.'))
-    _tell_unknown(node, sorted({f'{_OF_QOS}{name}' for name in given} - {*known}), known,
-                  ALIKE_OVERRIDES, f'{", ".join(sides)} with {", ".join(POLICIES)}')
+    mistaken = _mistaken(node, sorted({f'{_OF_QOS}{name}' for name in given} - {*known}), known,
+                         ALIKE_OVERRIDES)
+    if mistaken:
+        node.get_logger().warning(f'unknown parameter {", ".join(mistaken)} ignored; known are '
+                                  f'{", ".join(sides)} with {", ".join(POLICIES)}')
 
 
 def tell_files_of_others(node: Node) -> None:
@@ -104,14 +110,7 @@ def tell_files_of_others(node: Node) -> None:
     Where a part has nearly its name, that is said; files for other nodes may be given to all.
     """
     name = node.get_name()
-    for option, path in zip(sys.argv, sys.argv[1:]):
-        if option != '--params-file':
-            continue
-        try:
-            content = read_yaml(path)
-        except InputError:  # which ROS itself has understood
-            continue
-        parts = [str(part) for part in content] if isinstance(content, dict) else []
+    for path, parts in _parameter_files():
         if any(part.rpartition('/')[2] == name or '*' in part for part in parts):
             continue
         meant = difflib.get_close_matches(name, [part.rpartition('/')[2] for part in parts], 1,
@@ -122,28 +121,45 @@ def tell_files_of_others(node: Node) -> None:
             + (f' (is {name} meant by {meant[0]}?)' if meant else ''))
 
 
-def _tell_unknown(node: Node, unknown: Sequence[str], known: Sequence[str], alike: float,
-                  exist: str) -> None:
-    """Warn of names that are misspelt or were given to this node alone; note all others.
+def _parameter_files() -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield each parameter file on the command line with its parts, by the names of nodes."""
+    for option, path in zip(sys.argv, sys.argv[1:]):
+        if option != '--params-file':
+            continue
+        try:
+            content = read_yaml(path)
+        except InputError:  # which ROS itself has understood
+            continue
+        yield path, ({str(part): told for part, told in content.items()}
+                     if isinstance(content, dict) else {})
 
-    A parameter file may be one for several nodes, and then holds names of the others. `exist` says
-    which names are known, `alike` from which likeness on one is meant.
+
+def _mistaken(node: Node, unknown: Sequence[str], known: Sequence[str], alike: float) -> list[str]:
+    """Return the names that are misspelt or were given to this node alone; note all others.
+
+    A parameter file may be one for several nodes, and then holds names of the others. A name is
+    misspelt if its likeness to a known one is `alike` or more; which one is meant is told with it.
     """
     meant = {name: difflib.get_close_matches(name, known, 1, alike) for name in unknown}
-    of_others = [name for name in unknown if not meant[name] and not _on_command_line(name)]
-    mistaken = [f'{name} (did you mean {meant[name][0]}?)' if meant[name] else name
-                for name in unknown if name not in of_others]
-    if mistaken:
-        node.get_logger().warning(
-            f'unknown parameter {", ".join(mistaken)} ignored; known are {exist}')
+    of_others = [name for name in unknown if not meant[name] and not _given_alone(node, name)]
     if of_others:
         node.get_logger().info(f'no parameters of this node, ignored: {", ".join(of_others)}')
+    return [f'{name} (did you mean {meant[name][0]}?)' if meant[name] else name
+            for name in unknown if name not in of_others]
 
 
-def _on_command_line(name: str) -> bool:
-    """Return whether a parameter is given as `-p NAME:=VALUE` or `-p NODE:NAME:=VALUE`."""
+def _given_alone(node: Node, name: str) -> bool:
+    """Return whether this node alone is given a parameter.
+
+    So it is as `-p NAME:=VALUE` or `-p NODE:NAME:=VALUE`, and in the part of a parameter file that
+    has the name of the node.
+    """
     given = (argument.partition(':=') for argument in sys.argv)
-    return any(mark and left.rpartition(':')[2] == name for left, mark, _ in given)
+    if any(mark and left.rpartition(':')[2] == name for left, mark, _ in given):
+        return True
+    return any(part.rpartition('/')[2] == node.get_name() and isinstance(told, dict)
+               and name in (told.get('ros__parameters') or ())
+               for _, parts in _parameter_files() for part, told in parts.items())
 
 
 def _checked(field: dataclasses.Field[Any], value: Any) -> Any:
