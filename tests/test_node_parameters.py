@@ -17,6 +17,7 @@ from unittest import mock
 import pytest
 from node_server import MODULES
 
+from executables import NODES, SCRIPTS
 from par4_kinematics.errors import InputError
 from par4_kinematics.files import write_yaml
 from par4_kinematics.ros import parameters
@@ -174,6 +175,20 @@ def test_what_ros_does_not_understand_is_said_in_one_line(words, said, tmp_path)
     assert said in line
     assert done.returncode == 2
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize('name', NODES)
+def test_a_shell_that_asks_for_completion_starts_no_node(name):
+    """It hung: README's recipe waits for the end of what it asks."""
+    start = SCRIPTS[name]
+    done = subprocess.run(
+        [sys.executable, '-c',
+         f'from {start.module} import {start.attr}; raise SystemExit({start.attr}())'],
+        env=os.environ | {f'_{name.upper()}_COMPLETE': 'bash_source'}, capture_output=True,
+        text=True, check=False, timeout=20)
+    assert (done.returncode, done.stdout) == (2, '')
+    assert done.stderr == (f'error: {name}: a node takes ROS parameters and has no completion; see '
+                           f'{name} --help\n')
 
 
 @pytest.mark.parametrize('option', ['--help', '--config', '--version'])
