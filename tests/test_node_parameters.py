@@ -16,6 +16,7 @@ from unittest import mock
 
 import pytest
 from node_server import MODULES
+from ruamel.yaml import YAML
 
 from executables import NODES, SCRIPTS
 from par4_kinematics.errors import InputError
@@ -23,19 +24,30 @@ from par4_kinematics.files import write_yaml
 from par4_kinematics.ros import parameters
 from par4_kinematics.ros.motion_parameters import MotionParameters
 from par4_kinematics.ros.node import Par4Node
-from par4_kinematics.ros.parameters import ALIKE, declare, tell_unknown_overrides
+from par4_kinematics.ros.parameters import (
+    ALIKE,
+    NodeParameters,
+    declare,
+    page,
+    tell_unknown_overrides,
+)
 from par4_kinematics.ros.process import _initialise
 from par4_sim.cell.cell import COMPOSITIONS
 
 RECORD = 'from par4_identification_start import record; raise SystemExit(record())'
 
 
-def names_of(node: str) -> list[str]:
-    """Return the names of the parameters of a node."""
+def parameters_of(node: str) -> type[NodeParameters]:
+    """Return the dataclass of the parameters of a node."""
     node_class, = (value for value in vars(import_module(MODULES[node])).values()
                    if isinstance(value, type) and issubclass(value, Par4Node)
                    and value is not Par4Node)
-    return [field.name for field in dataclasses.fields(node_class.PARAMETERS)]
+    return node_class.PARAMETERS
+
+
+def names_of(node: str) -> list[str]:
+    """Return the names of the parameters of a node."""
+    return [field.name for field in dataclasses.fields(parameters_of(node))]
 
 
 def noted(monkeypatch: pytest.MonkeyPatch, given: list[str], arguments: list[str]) -> list[str]:
@@ -105,6 +117,24 @@ def test_no_parameter_of_a_node_looks_like_a_slip_of_another_ones():
     for own, other in itertools.permutations(MODULES, 2):
         for name in set(names[other]) - set(names[own]):
             assert not difflib.get_close_matches(name, names[own], 1, ALIKE), (name, own)
+
+
+@pytest.mark.parametrize('node', MODULES)
+def test_the_example_in_help_sets_what_there_is_and_not_to_its_default(node, monkeypatch):
+    """It was `-p robot_file:=reference`, which is what the node has without it."""
+    known = parameters_of(node)
+    example = page(known).partition('Example:\n  ')[2]
+    name, ros, *words = example.split()
+    assert (name, ros, {*words[::2]}) == (node, '--ros-args', {'-p'})
+    given = {word.partition(':=')[0]: YAML(typ='safe').load(word.partition(':=')[2])
+             for word in words[1::2]}
+    fake = mock.Mock()
+    fake.get_parameters_by_prefix.return_value = list(given)
+    fake.get_parameter.side_effect = lambda asked: SimpleNamespace(value=given[asked])
+    monkeypatch.setattr(parameters.sys, 'argv', example.split())
+    assert declare(fake, known) != known()
+    # by wall time a motion beside a simulation ends in an error
+    assert given.get('use_sim_time', node == 'par4_simulation')
 
 
 @pytest.mark.parametrize('node', MODULES)

@@ -19,6 +19,7 @@ class FeedforwardParameters(NodeParameters):
     """
 
     NAME: ClassVar[str] = 'par4_feedforward'
+    EXAMPLE: ClassVar[str] = '-p model_file:=identified/model.yaml -p use_sim_time:=true'
 
     robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
     model_file: str = parameter('table1', 'model.yaml: a path or a built-in name')

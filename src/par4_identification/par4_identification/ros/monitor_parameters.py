@@ -19,6 +19,7 @@ class MonitorParameters(NodeParameters):
     """
 
     NAME: ClassVar[str] = 'par4_monitor'
+    EXAMPLE: ClassVar[str] = '-p model_file:=identified/model.yaml -p use_sim_time:=true'
 
     robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
     model_file: str = parameter('table1', 'model.yaml of the healthy machine: a path or a '

@@ -20,6 +20,7 @@ class RecordParameters(NodeParameters):
     """
 
     NAME: ClassVar[str] = 'par4_record'
+    EXAMPLE: ClassVar[str] = '-p output:=node_bag -p use_sim_time:=true'
 
     output: str = parameter('recording', 'bag to write; it must not exist')
     duration: float = parameter(0.0, 's from the first message, on the ROS clock; 0 = until '

@@ -13,5 +13,6 @@ class KinematicsParameters(NodeParameters):
     """Publishes the pose of D for every valid joint state, with its stamp."""
 
     NAME: ClassVar[str] = 'par4_kinematics'
+    EXAMPLE: ClassVar[str] = '-p robot_file:=robot.yaml -p use_sim_time:=true'
 
     robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')

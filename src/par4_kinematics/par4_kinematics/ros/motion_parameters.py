@@ -19,6 +19,7 @@ class MotionParameters(NodeParameters):
     """
 
     NAME: ClassVar[str] = 'par4_motion'
+    EXAMPLE: ClassVar[str] = '-p motion:=adept -p duration:=5.0 -p use_sim_time:=true'
 
     robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
     motion: str = parameter('excitation', 'excitation, adept, circle or the path of a motion.yaml; '

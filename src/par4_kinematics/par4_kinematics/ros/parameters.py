@@ -27,9 +27,11 @@ class NodeParameters:
 
     Attributes:
         NAME: of the node.
+        EXAMPLE: ROS arguments with which it does something else than by default, for its help.
     """
 
     NAME: ClassVar[str]
+    EXAMPLE: ClassVar[str]
 
 
 Parameters = TypeVar('Parameters', bound=NodeParameters)
@@ -210,12 +212,12 @@ def check_those_of_ros(given: Mapping[str, Any]) -> None:
 
 def page(parameters: type[NodeParameters]) -> str:
     """Return the help of a node: how it is started, what it does, what it can be told."""
-    name, first = parameters.NAME, dataclasses.fields(parameters)[0]
+    name = parameters.NAME
     return (f'{name} --ros-args -p NAME:=VALUE ...\n'
             f'{name} --config  prints a parameter file with the defaults\n\n'
             f'{inspect.cleandoc(parameters.__doc__ or "")}\n\n'
             f'Parameters, with their defaults:\n{usage(parameters)}\n\n'
-            f'Example:\n  {name} --ros-args -p {first.name}:={_written(first.default)}')
+            f'Example:\n  {name} --ros-args {parameters.EXAMPLE}')
 
 
 def answered(parameters: type[NodeParameters], arguments: list[str]) -> bool:

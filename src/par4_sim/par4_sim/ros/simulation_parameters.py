@@ -24,6 +24,7 @@ class SimulationParameters(NodeParameters):
     """
 
     NAME: ClassVar[str] = 'par4_simulation'
+    EXAMPLE: ClassVar[str] = '-p fidelity:=exact -p torque_noise:=0.05'
 
     robot_file: str = parameter('reference', 'robot.yaml: a path or a built-in name')
     model_file: str = parameter('table1_full', 'the machine as it truly is, model.yaml: a '
