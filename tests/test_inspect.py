@@ -13,6 +13,8 @@ from test_commands import run
 
 from par4_dynamics.model import read_model
 from par4_identification.commands import bag as bag_command
+from par4_identification.commands import repair
+from par4_identification.commands.inspect import inspect
 from par4_identification.fitting.identification import identify
 from par4_identification.inspection.fitness import fitness_of
 from par4_identification.logs.log import Log
@@ -127,6 +129,16 @@ def test_it_is_told_in_tables_and_a_line_a_tool(bags):
     for tool in ('identify: yes, ', 'validate: yes, ', 'diagnose: yes, ', 'trend: yes, ',
                  'monitor: weakly, '):
         assert sum(line.startswith(tool) for line in told.out.splitlines()) == 1, tool
+
+
+def test_it_has_a_help_of_its_own_and_is_listed_in_that_of_the_command():
+    own = run(bag_command, '--inspect', '--help')
+    assert (own.code, own.err) == (0, '')
+    assert 'bag to look at; it stays as it is' in own.out
+    common = run(bag_command, '--help').out
+    for option in inspect.params:
+        assert option.opts[0] in common, option.name
+    assert 'bag that was cut off; it stays as it is' in run(repair, '--repair', '--help').out
 
 
 @pytest.mark.parametrize('content', [None, b'', b'schema: par4/robot/1'])

@@ -52,7 +52,12 @@ def make_bag(**options: Any) -> None:
     Files with different columns and a time of the same name are put beside each other.
 
     Says what it read and what looks wrong; the other tools then read the bag.
-    `par4_bag --inspect BAG` instead says what a bag holds and what each tool could do with it.
+
+    With `--inspect` it says instead what a bag holds and what each tool could do with it:
+
+    \b
+      par4_bag --inspect BAG [--robot NAME] [--namespace NAME] [--json]
+      par4_bag --inspect --help
     """
     with loading():
         from par4_identification.jobs import bag

@@ -38,7 +38,7 @@ def run(command: click.Command) -> NoReturn:
 
     An interrupt leaves nothing half written: results are put in place only when complete. A reader
     of what the command says may go away without harm; a disk too full for that is an error, but
-    not before the work is done. Every command answers `--version`.
+    not before the work is done. Every command answers `--version`, and `--help` wherever it stands.
     """
     with dropping() as output:
         code = _run(command)
@@ -54,6 +54,8 @@ def _run(command: click.Command) -> int:
     if all(parameter.name != 'version' for parameter in command.params):
         command = click.version_option(package_name='par4_sim', prog_name=command.name)(command)
     arguments = [_at_home(argument) for argument in sys.argv[1:]]
+    if '--help' in arguments:  # also where it stands in place of the value of an option
+        arguments = ['--help']
     try:
         _refuse_missing_values(command, arguments)
         _refuse_repeated(command, arguments)
