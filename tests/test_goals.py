@@ -31,6 +31,7 @@ from par4_kinematics.ros.motion_node import MotionNode, Played
 from par4_kinematics.ros.silence import Silence
 from par4_kinematics.splined import splined_motion
 from par4_kinematics.stamps import SECOND
+from par4_kinematics.standstill import Standstill
 
 MIDDLE_Q = 0.5 * (HOME_Q + AWAY_Q) + np.array((0.03, -0.02, 0.01, 0.0))
 
@@ -259,7 +260,8 @@ def following(monkeypatch) -> SimpleNamespace:
     node = SimpleNamespace(
         _robot_at=HOME_Q, _stamp_ns=0, _standstill=None, _braking=False, stopped=0,
         _arrivals={'joint_states': SimpleNamespace(age=0.1)}, get_logger=mock.Mock(),
-        _await_next=lambda: None, _silence=Silence(), _standing=None, _stop_asked=False,
+        _await_next=lambda: None, _silence=Silence(), _standing=None, _astray=None,
+        _before=Standstill(), _stop_asked=False,
         _fault=None, now_ns=lambda: 0)
     for name in ('_over', '_fail', '_abort', '_hold_to_reference', '_look_for_silence'):
         setattr(node, name, partial(getattr(MotionNode, name), node))

@@ -6,7 +6,7 @@ time is what a test says it is.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
@@ -19,7 +19,9 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 
 from node_bench import AWAY_Q, HOME_Q, ROBOT, joint_state, quintic_motion
+from par4_dynamics.model import read_model
 from par4_kinematics.adept import adept_motion
+from par4_kinematics.astray import LAG_NS, Astray
 from par4_kinematics.interface import JOINT_STATES
 from par4_kinematics.motion import Motion
 from par4_kinematics.motion_file import named_motion, write_motion
@@ -31,6 +33,7 @@ from par4_kinematics.ros.played import Played
 from par4_kinematics.ros.silence import Silence
 from par4_kinematics.stamps import SECOND
 from par4_kinematics.standing import Standing
+from par4_sim.tracking.run import feedforward_of, record_run
 
 LOOK = 0.02
 """Seconds of wall time between two looks of the node, and two joint states."""
@@ -43,6 +46,7 @@ class Cell:
         wall: time of the wall clock, s.
         now_ns: time of the node's clock, ns, which goes `pace` times as fast.
         follows: whether the robot does; else it stands.
+        led: where another takes it, q as a function of the time, ns, which it then follows instead.
         tells: whether it publishes joint states.
         stamped: whether these have stamps.
         told: what the node logged.
@@ -52,6 +56,7 @@ class Cell:
         self.node = node
         self.wall, self.now_ns, self.pace = 1e9, SECOND, 1.0
         self.follows = self.tells = self.stamped = True
+        self.led: Callable[[int], np.ndarray] | None = None
         self.q = HOME_Q
         self.told = mock.Mock()
         self._times, self._points = np.zeros(1), np.concatenate((HOME_Q, np.zeros(4)))[None]
@@ -83,7 +88,9 @@ class Cell:
                 return
             self.wall += LOOK
             self.now_ns += round(self.pace * LOOK * SECOND)
-            if self.follows:
+            if self.led is not None:
+                self.q = self.led(self.now_ns)
+            elif self.follows:
                 self.q = np.array([np.interp(self.now_ns / SECOND, self._times, column)
                                    for column in self._points[:, :4].T])
             if self.tells:
@@ -316,6 +323,50 @@ def test_another_that_could_move_the_robot_is_warned_of(cell, monkeypatch):
                                'move it at a time')
 
 
+def led_astray(cell: Cell, radians: float) -> None:
+    """Let another move the robot once it is on its way, to and fro about home."""
+    cell.node._motion = named_motion('excitation', ROBOT, 20.0)
+    cell.run_to_the_middle()
+    cell.led = lambda now_ns: HOME_Q + radians * np.sin(7.0 * now_ns / SECOND)
+
+
+@pytest.mark.parametrize(('senders', 'why'), [
+    (1, '/diagnostics may say why; see to the robot, then'),
+    (2, '2 publish reference, so that another moves the robot, too; let one move it at a time')])
+def test_a_robot_that_goes_another_way_ends_the_motion(cell, monkeypatch, senders, why):
+    led_astray(cell, 0.2)
+    monkeypatch.setattr(cell.node, '_senders', lambda: senders)
+    astray_ns = cell.now_ns
+    cell.run(5.0)
+    assert cell.node.finished
+    assert cell.now_ns < astray_ns + 4 * SECOND
+    said = str(cell.node.failure)
+    assert 'excitation aborted: the robot did not follow: arm_joint_' in said
+    assert 'rad from its reference' in said
+    assert why in said
+    np.testing.assert_array_equal(cell.last[4:], 0.0)
+
+
+def test_a_robot_that_warns_of_something_as_it_goes_another_way_is_quoted(cell, robot_node):
+    led_astray(cell, 0.2)
+    cell.node._on_diagnostics(diagnostics(robot_node, DiagnosticStatus.WARN, '9 late_points'))
+    cell.run(5.0)
+    assert 'from its reference; it says: 9 late_points; see' in str(cell.node.failure)
+
+
+@pytest.mark.parametrize(('senders', 'moves', 'begins'), [
+    (2, True, False), (1, True, True), (2, False, True)])
+def test_no_motion_begins_while_another_moves_the_robot(cell, monkeypatch, senders, moves, begins):
+    monkeypatch.setattr(cell.node, '_senders', lambda: senders)
+    if moves:
+        cell.led = lambda now_ns: HOME_Q + 0.05 * np.sin(3.0 * now_ns / SECOND)
+    cell.run(motion_node.DISCOVERY + 0.5)
+    assert (cell.node._played is not None) == begins
+    if not begins:
+        assert str(cell.node.failure) == ('away not begun: 2 publish reference and the robot '
+                                          'moves; let one move it at a time')
+
+
 def test_a_robot_that_stands_elsewhere_at_the_end_did_not_follow(cell):
     """One that goes only part of the way does not stand."""
     cell.node._look_for_arrival(played_of(cell, AWAY_Q + (0.0, 0.2, 0.0, 0.0)), 0)
@@ -389,6 +440,70 @@ def test_a_single_joint_that_stands_is_found():
     first = np.flatnonzero(gone[:, 2] > 0.1)[0]
     assert 0.5 < motion.t[first] - motion.t[middle] < 1.0
     assert JOINT_NAMES[int(np.argmax(gone[first]))] == 'arm_joint_2'
+
+
+def astray(motion: Motion, t: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return what `Astray` finds of joints at q (n, 4) at times t (n,), s, (n, 4)."""
+    watch, played = Astray(0.1), Played(
+        motion, 0, np.rint(motion.t * SECOND).astype(np.int64), (motion.q, motion.qd, motion.qdd))
+    return np.array([watch.take(row, *played.asked_since(at_ns, LAG_NS), at_ns) for at_ns, row in
+                     zip(np.rint(t * SECOND).astype(np.int64).tolist(), q, strict=True)])
+
+
+@pytest.mark.parametrize('name', ['adept', 'excitation'])
+@pytest.mark.parametrize('lag', [0.0, 0.03, 0.1])
+def test_joints_that_follow_late_are_not_astray(name, lag):
+    motion = named_motion(name, ROBOT)
+    t = motion.t + lag
+    assert astray(motion, t, motion.q).max() == 0.0
+    assert astray(motion, t, motion.q + (0.0, 0.099, 0.0, -0.099)).max() == 0.0
+
+
+@pytest.mark.parametrize(('name', 'law', 'share'), [
+    ('adept', 'loops', 0.3), ('excitation', 'loops', 0.3), ('adept', 'torque', 0.8)])
+def test_drives_that_follow_poorly_are_not_astray(name, law, share):
+    """Loops without feedforward at a fraction of their gains; torques with an error of a fifth."""
+    motion, known = named_motion(name, ROBOT), read_model('table1', ROBOT)
+    drives, torque = ROBOT.drives, None
+    if law == 'loops':
+        drives = drives.model_copy(update={gain: share * getattr(drives, gain) for gain in (
+            'position_gain', 'velocity_gain', 'integral_gain')})
+    else:
+        torque = share * feedforward_of(ROBOT, known, motion)
+    run = record_run(ROBOT.model_copy(update={'drives': drives}), known, motion, torque, law=law)
+    asked = np.array([np.interp(run.t, motion.t, column) for column in motion.q.T]).T
+    assert np.abs(asked - run.q).max() > 0.1, 'nothing poor is looked at'
+    assert astray(motion, run.t[::4], run.q[::4]).max() == 0.0
+
+
+def test_joints_that_come_and_go_are_astray_once_they_do_not_come_back():
+    watch, still = Astray(0.1), np.zeros(4)
+    away = np.array([0.0, 0.0, -0.3, 0.0])
+    for at_ns in range(0, SECOND, SECOND // 50):  # near every 0.48 s, as a drive that overshoots
+        near = at_ns % (24 * SECOND // 50) == 0
+        assert watch.take(still if near else away, still, still, at_ns).max() == 0.0
+    assert watch.take(away, still, still, 9 * SECOND).max() == 0.3
+
+
+def test_a_single_joint_state_after_many_were_lost_is_not_astray_for_long():
+    watch, still = Astray(0.1), np.zeros(4)
+    watch.take(still, still, still, 0)
+    assert watch.take(still + 0.3, still, still, SECOND).max() == 0.0
+    assert watch.take(still, still, still, 2 * SECOND).max() == 0.0
+
+
+def test_what_was_asked_within_a_time_is_between_its_bounds():
+    motion = quintic_motion(AWAY_Q)
+    played = Played(motion, SECOND, SECOND + np.rint(motion.t * SECOND).astype(np.int64),
+                    (motion.q, motion.qd, motion.qdd))
+    for at in (-1.0, 0.05, 0.2003, motion.duration, 9.0):
+        least, most = played.asked_since(SECOND + round(at * SECOND), LAG_NS)
+        q = np.array([np.interp(np.linspace(at - 0.1, at, 200), motion.t, column)
+                      for column in motion.q.T])
+        np.testing.assert_allclose(least, q.min(axis=1), atol=2e-3)
+        np.testing.assert_allclose(most, q.max(axis=1), atol=2e-3)
+        assert (least <= q.min(axis=1)).all()
+        assert (most >= q.max(axis=1)).all()
 
 
 def test_what_is_asked_at_a_time_lies_between_its_points():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from par4_kinematics.errors import InputError
-from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES
+from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, REFERENCE
 from par4_kinematics.robot import JOINT_NAMES
 from par4_kinematics.stamps import SECOND
 
@@ -20,8 +20,9 @@ def started_again(motion: str) -> InputError:
                       f'started again; play it anew')
 
 
-def check_start(motion: str, trouble: str, clocks: int, stamp_ns: int, now_ns: int) -> None:
-    """Refuse to begin a motion of a robot in trouble, or on another clock than the robot's.
+def check_start(motion: str, trouble: str, clocks: int, stamp_ns: int, now_ns: int,
+                movers: int) -> None:
+    """Refuse to begin a motion of a robot in trouble or in motion, or on another clock than its.
 
     Args:
         motion: its name.
@@ -29,6 +30,8 @@ def check_start(motion: str, trouble: str, clocks: int, stamp_ns: int, now_ns: i
         clocks: how many publish the clock of the node; 0 where that is the wall's.
         stamp_ns: of the newest joint state; 0 where there is none.
         now_ns: of the clock of the node.
+        movers: how many publish the reference of a robot that moves, this node among them; 0 where
+            it rests.
 
     Raises:
         InputError: says what is wrong, and names the parameter that is missing.
@@ -36,6 +39,9 @@ def check_start(motion: str, trouble: str, clocks: int, stamp_ns: int, now_ns: i
     if trouble:
         raise InputError(f'{motion} not begun: the robot says: {trouble}; see to it, then play it '
                          f'anew')
+    if movers > 1:
+        raise InputError(f'{motion} not begun: {movers} publish {REFERENCE.name} and the robot '
+                         f'moves; let one move it at a time')
     if clocks > 1:
         raise InputError(f'{clocks} publish {CLOCK.name}: end all but one simulation, or give each '
                          f'a ROS_DOMAIN_ID of its own; one that was killed counts for some 20 s '
@@ -85,6 +91,23 @@ def stands(motion: str, gone: np.ndarray, told: str) -> InputError:
     return InputError(f'{motion} aborted: the robot did not follow: {JOINT_NAMES[joint]} stands, '
                       f'while its reference went {gone[joint]:.2g} rad; {why}; see to the robot, '
                       f'then play it anew')
+
+
+def astray(motion: str, away: np.ndarray, senders: int, told: str) -> InputError:
+    """Return the fault of joints that are elsewhere than their references were of late.
+
+    Args:
+        motion: its name.
+        away: how far, (4,) rad.
+        senders: how many publish the reference.
+        told: what the robot tells of itself that is not well; empty where it tells nothing.
+    """
+    joint = int(np.argmax(away))
+    why = (f'{senders} publish {REFERENCE.name}, so that another moves the robot, too; let one '
+           f'move it at a time' if senders > 1 else f'it says: {told}; see to the robot' if told
+           else f'{DIAGNOSTICS.name} may say why; see to the robot')
+    return InputError(f'{motion} aborted: the robot did not follow: {JOINT_NAMES[joint]} is '
+                      f'{away[joint]:.2g} rad from its reference; {why}, then play it anew')
 
 
 def missed(motion: str, away: np.ndarray) -> InputError:

@@ -14,6 +14,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from par4_kinematics.acceleration import platform_motion
 from par4_kinematics.approach import with_approach
+from par4_kinematics.astray import LAG_NS, Astray
 from par4_kinematics.braking import ways_to_rest
 from par4_kinematics.errors import InputError, Par4Error
 from par4_kinematics.interface import CLOCK, DIAGNOSTICS, JOINT_STATES, REFERENCE
@@ -95,6 +96,8 @@ class MotionNode(Par4Node):
         self._silence = Silence()
         self._troubles = Troubles()
         self._standing: Standing | None = None
+        self._astray: Astray | None = None
+        self._before = Standstill()
         self._standstill: Standstill | None = None
         self._rests_between_ns = 0, 0
         self._ahead_ns = LEAD_NS
@@ -125,20 +128,36 @@ class MotionNode(Par4Node):
         self._stamp_ns = stamp_ns
         if self._standstill is not None:
             self._standstill.take(stamp_ns, self._robot_at)
-        if self._played is not None and not self._braking:
+        if self._played is None:
+            self._before.take(stamp_ns, self._robot_at)
+        elif not self._braking:
             self._hold_to_reference(self._played, self._robot_at)
 
     def _hold_to_reference(self, played: Played, robot_at: np.ndarray) -> None:
-        """Abort where a joint stands that should move, or is beyond the tolerance of a goal."""
+        """Abort where a joint stands that should move, goes another way than it should, or is
+        beyond the tolerance of a goal.
+        """
         _, (q, *_) = played.asked(self._stamp_ns)
-        if self._goals is not None and self._goals.bounded:
+        bounded = self._goals is not None and self._goals.bounded
+        if self._goals is not None and bounded:
             self._goals.hold_to_path(q)
-        if self._standing is None:
-            self._standing = Standing(robot_at, q, self._stamp_ns)
+        if self._standing is None or self._astray is None:
+            self._standing, self._astray = Standing(robot_at, q, self._stamp_ns), Astray(ARRIVED)
         gone = self._standing.take(robot_at, q, self._stamp_ns)
-        if gone.max() > ARRIVED and not self._stop_asked:
+        away = self._astray.take(robot_at, *played.asked_since(self._stamp_ns, LAG_NS),
+                                 self._stamp_ns)
+        if self._stop_asked:
+            return
+        if gone.max() > ARRIVED:
             self._abort(motion_faults.stands(played.motion.name, gone,
                                              self._trouble(DiagnosticStatus.WARN)))
+        elif away.max() > ARRIVED and not bounded:  # whoever gives a tolerance knows what he allows
+            self._abort(motion_faults.astray(played.motion.name, away, self._senders(),
+                                             self._trouble(DiagnosticStatus.WARN)))
+
+    def _senders(self) -> int:
+        """Return how many publish the reference, this node among them."""
+        return self.count_publishers(self.resolve_topic_name(REFERENCE.name))
 
     def _look_for_silence(self, now_ns: int) -> None:
         """Forget where a robot is that tells no more, and abort what is sent to it."""
@@ -156,6 +175,7 @@ class MotionNode(Par4Node):
 
     def clock_jumped_back(self) -> None:
         """Abort a motion that is being played: the robot is not where it was."""
+        self._before = Standstill()
         if self._played is not None and not self.finished:
             self._fail(motion_faults.started_again(self._played.motion.name))
 
@@ -192,7 +212,7 @@ class MotionNode(Par4Node):
                     raise InputError(f'{motion.name} not begun: {mixed}')
                 motion_faults.check_start(
                     motion.name, self._trouble(), self.clocks() if self.simulated_time else 0,
-                    self._stamp_ns, now_ns)
+                    self._stamp_ns, now_ns, 0 if self._before.reached(0) else self._senders())
                 self._played = self._begin(motion, robot_at, now_ns)
             except Par4Error as error:
                 self._fail(error)
@@ -277,7 +297,7 @@ class MotionNode(Par4Node):
         """Wait for the next goal, or for the client of the last one where the end was asked."""
         self._motion = self._played = None
         self._braking = self._stop_asked = False
-        self._fault = self._standing = self._standstill = None
+        self._fault = self._standing = self._astray = self._standstill = None
         self._patient_until = math.inf
 
     def _end_when_answered(self) -> None:
@@ -372,8 +392,7 @@ class MotionNode(Par4Node):
             self._ahead_ns = FAR_NS
         # a whole millisecond, so that samples of the usual rates fall on the points
         start_ns = (now_ns + lead_ns) // MILLISECOND * MILLISECOND
-        senders = self.count_publishers(self.resolve_topic_name(REFERENCE.name))
-        if senders > 1:
+        if (senders := self._senders()) > 1:
             self.get_logger().warning(f'{senders} publish {REFERENCE.name}: the robot follows what '
                                       f'comes last; let one move it at a time')
         self.get_logger().info(f'playing {motion.name}, {motion.duration:.3f} s')

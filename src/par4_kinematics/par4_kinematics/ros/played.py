@@ -45,6 +45,12 @@ class Played:
         return at_ns - self.start_ns, tuple(
             part[before] + share * (part[after] - part[before]) for part in self.points)
 
+    def asked_since(self, at_ns: int, span_ns: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least and the largest q within a span of time, ns, up to a time, (4,) each."""
+        first, last = np.searchsorted(self.times_ns, (at_ns - span_ns, at_ns))
+        q = self.points[0][max(0, first - 1):last + 1]
+        return q.min(axis=0), q.max(axis=0)
+
     def next_chunk(self) -> Trajectory:
         """Return the next points to send and count them as sent."""
         first, times_ns = self.sent, self.times_ns
