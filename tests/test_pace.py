@@ -52,3 +52,31 @@ def test_nothing_is_complained_of_before_it_is_known_or_where_no_pace_is_asked(m
     pace.measure(0, True)
     assert math.isnan(pace.factor)
     assert pace.complaint == ''
+
+
+def told(monkeypatch, *factors: float) -> list[bool]:
+    """Return whether there is a complaint after each second at so many x real time."""
+    pace, now, complaints = Pace(1.0, 'fast', 0.25e-3), 0.0, []
+    for second, factor in enumerate(factors):
+        monkeypatch.setattr('time.monotonic', lambda second=second: 50.0 + second)
+        now += factor * SECOND
+        pace.measure(round(now), False)
+        complaints.append(bool(pace.complaint))
+    return complaints
+
+
+def test_a_pace_about_the_one_that_counts_as_kept_is_told_once(monkeypatch):
+    """A busy machine: too slow for some seconds, then nearly kept, again and again."""
+    complaints = told(monkeypatch, *[0.9] * 6, *([0.99] * 6 + [0.9] * 6) * 10)
+    assert complaints[:5] == [False] * 5
+    assert complaints[5:] == [True] * len(complaints[5:])
+
+
+def test_a_complaint_ends_once_the_pace_was_regained_for_a_whole_window(monkeypatch):
+    slow = told(monkeypatch, *[0.9] * 10, *[0.97] * 30)
+    assert slow[-1], 'kept, but not well'
+    complaints = told(monkeypatch, *[0.9] * 10, *[1.0] * 20)
+    ended = complaints.index(False, 10) - 10
+    assert 5 <= ended <= 11
+    assert not any(complaints[10 + ended:])
+    assert not any(told(monkeypatch, *[0.96] * 30)), 'nor does one begin that is kept'

@@ -12,6 +12,9 @@ WINDOW = 5.0
 """Seconds of wall time over which the pace is measured."""
 KEPT = 0.95
 """Share of the pace asked for that counts as keeping it."""
+REGAINED = 0.98
+"""Share of it that a simulation which was too slow must have had for a whole window to count so
+again: on a busy machine it is too slow, and is not, every few seconds."""
 STEPS = (0.5e-3, 1e-3)
 """Physics steps, s, that are proposed where the default is too much work."""
 COST = {'exact': 0.0041, 'fast': 0.13, 'accurate': 0.13}
@@ -34,13 +37,15 @@ class Pace:
         self._asked, self._fidelity, self._step = asked, fidelity, step
         self._marks: deque[tuple[float, int, float]] = deque()
         self._share = 0.0
+        self._slow = False
+        self._regained: float | None = None
 
     def measure(self, now_ns: int, standing: bool) -> None:
         """Take the time of the newest sample; `standing` begins the window anew."""
         now = time.monotonic()
         if standing:
             self._marks.clear()
-            self.factor = math.nan
+            self.factor, self._slow = math.nan, False
             return
         self._marks.append((now, now_ns, self.physics))
         while len(self._marks) > 2 and now - self._marks[1][0] >= WINDOW:
@@ -49,14 +54,23 @@ class Pace:
         if now > since:
             self.factor = (now_ns - since_ns) / SECOND / (now - since)
             self._share = (self.physics - physics) / (now - since)
+        if now - since >= 0.9 * WINDOW:
+            self._judge(now)
+
+    def _judge(self, now: float) -> None:
+        """Note whether the simulation is too slow, by its pace over a whole window until now."""
+        if self.factor < REGAINED * self._asked:
+            self._regained = None
+            self._slow = self._slow or self.factor < KEPT * self._asked
+        elif self._regained is None:
+            self._regained = now
+        if self._regained is not None and now - self._regained >= WINDOW:
+            self._slow = False
 
     @property
     def complaint(self) -> str:
-        """What to do about a pace that is not kept over a whole window; empty where it is."""
-        whole = len(self._marks) > 1 and self._marks[-1][0] - self._marks[0][0] >= 0.9 * WINDOW
-        if not whole or self._asked == 0.0 or self.factor >= KEPT * self._asked:
-            return ''
-        return self._remedy()
+        """What to do about a pace that is not kept; empty where it is, or is not known yet."""
+        return self._remedy() if self._slow else ''
 
     def _remedy(self) -> str:
         if self.factor <= 0.0:
